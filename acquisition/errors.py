@@ -13,7 +13,7 @@ from drivers.errors import AcquisitionError, Busy, ConfigError, Refused, Unmeasu
 
 @contextmanager
 def as_config_error(place: str = "") -> Iterator[None]:
-    """Whatever a file or a plan is refused for inside is a ConfigError with the same sentence, after `place`."""
+    """Raise the refusal of a file or a plan inside the block as a ConfigError: `place`, then the same sentence."""
     try:
         yield
     except DataError as error:

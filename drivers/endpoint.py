@@ -16,7 +16,7 @@ _LOOPBACK = "loopback"
 
 
 def endpoints(url: str) -> frozenset[str]:
-    """`IP:port` of every address that the host name of a URL has, or the real path of a serial device.
+    """The `IP:port` of every address that the host name of a URL has, or the real path of a serial device.
 
     All addresses of this computer to itself, IPv4 or IPv6, are one: `localhost` may be any of them. A name that
     cannot be resolved now is kept as it is. Raises ConfigError for what is no address.

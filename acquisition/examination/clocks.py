@@ -42,7 +42,7 @@ def rate_of(first: ClockReading, second: ClockReading) -> tuple[float, float]:
 
 
 def examine_clock(chart: Chart, first: ClockReading, second: ClockReading, time_scale: float) -> None:
-    """`time_scale`: at which rate the clock should run, 1 but for simulators."""
+    """Hold a clock against the calendar. time_scale: the rate at which it should run, 1 but for simulators."""
     rate, spread = rate_of(first, second)
     shown = f"{rate:.3f} +- {spread:.3f} s a second"
     if second.device_s <= first.device_s:

@@ -26,7 +26,7 @@ _EARLIEST = datetime(2026, 11, 1, tzinfo=UTC)  # no computer that runs this prog
 
 
 def examine_computer(cell: Cell, chart: Chart, record: Path) -> None:
-    """`record`: the folder in which records are to be made. Writes into `chart`."""
+    """Examine the computer, into `chart`. record: the folder in which records are to be made."""
     _calendar(chart)
     _sqlite(chart)
     _room(chart, record)

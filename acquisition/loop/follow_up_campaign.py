@@ -126,7 +126,7 @@ def campaign_table(follow_up: FollowUp, like: Campaign | None = None) -> dict[st
 
 
 def campaign_text(follow_up: FollowUp, cell: Cell | None = None) -> str:
-    """`campaign.toml` with what its poses are expected to distinguish, and what none can, as comments.
+    """The text of `campaign.toml`, with what its poses are expected to distinguish, and what none can, as comments.
 
     cell: in which the poses were chosen, None where only the robot's own limits were known.
     """

@@ -59,7 +59,7 @@ class Individual:
 
     @classmethod
     def of(cls, role: str, who: Identity, accepted: Acceptance | None = None) -> Individual:
-        """The device that has reported who it is."""
+        """The device that reported `who`; accepted: by whom and why, where it stands beside another."""
         by, reason = ("", "") if accepted is None else (accepted.by, accepted.reason)
         return cls(role, who.maker, who.model, who.serial, who.firmware, who.protocol, by, reason)
 
@@ -101,7 +101,7 @@ class Individuals:
         return {row["id"]: Individual(**{name: row[name] for name in names}) for row in rows}
 
     def now(self) -> dict[str, Individual]:
-        """The last of each role."""
+        """The device of each role that was met last."""
         return {each.role: each for each in self.all().values()}
 
     def expect(self, others: Sequence[Individual]) -> None:

@@ -53,7 +53,7 @@ class Taught:
 
     @property
     def sides(self) -> tuple[float, float, float] | None:
-        """d12, d23, d31; None where one of them was not measured."""
+        """The sides d12, d23, d31 of the triangle, mm; None where one of them was not measured."""
         one, two, three = self.corners
         of = self.sides_mm.get
         d12, d23, d31 = of((one, two)), of((two, three)), of((one, three))

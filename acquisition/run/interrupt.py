@@ -60,4 +60,4 @@ def pausing_on_interrupt(
 
 
 def _heard_by_the_thread(number: int, frame: FrameType | None) -> None:
-    """Nothing: without a handler the interpreter would raise KeyboardInterrupt, or end."""
+    """Do nothing: without a handler the interpreter would raise KeyboardInterrupt, or end."""

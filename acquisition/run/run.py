@@ -239,7 +239,7 @@ class Run:
             raise StorageError(f"{self.folder}: less than {LEAST_FREE_BYTES // 1_000_000} MB free")
 
     def _moments(self, clock: Clock) -> Callable[[], Moment]:
-        """Campaign time goes on through a pause; the calendar is asked once, so its jumps do no harm."""
+        """The time of the campaign, which goes on through a pause. The calendar is asked once: its jumps do no harm."""
         row = self._store.campaign
         since = 0.0 if row["started_utc"] is None else clock.utc() - row["started_utc"]
         last = self._store.database.query("SELECT coalesce(max(t_s), 0) FROM event")[0][0]

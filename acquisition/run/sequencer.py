@@ -97,11 +97,11 @@ class Sequencer:
         self._bar = bars_of(cell)[0] if one and cell.instrument.declared.measures_lengths else None
         self._reason = ""  # of the last answer
         self._last: int | None = None  # planned reading of a pose that was measured last
-        self._link_faults = 0  # in a row, as all of these
+        self._link_faults = 0  # in a row, as the three below
         self._tries = 0
         self._refusals = 0
         self._given_up = 0
-        self._seen = False  # a target, about where the robot file has it
+        self._seen = False  # whether any target was found about where the robot file has it
 
     def run(self) -> None:
         """Measure what is left. Raises Pausing, Stopping, and the errors that pause a campaign."""
@@ -119,7 +119,7 @@ class Sequencer:
     # -- before the first pose ----------------------------------------------------------------------------
 
     def _meet(self) -> None:
-        """Robot and instrument answer, and are free to be used."""
+        """Make sure that robot and instrument answer, and are free to be used."""
         self._insist(self._rig.meet)
 
     def _measure_nests(self, reason: str) -> None:
@@ -127,7 +127,7 @@ class Sequencer:
         self._nests.measure(reason)
 
     def _warm_up(self) -> None:
-        """Again in every execution: a cell that is resumed next morning has cooled down."""
+        """Wait for the warm-up, in every execution: a cell that is resumed next morning has cooled down."""
         if self._campaign.warm_up_s > 0.0:
             now_s = self._store.moment().t_s or 0.0
             self._store.add_event("warm_up", until_t_s=now_s + self._campaign.warm_up_s)

@@ -67,7 +67,7 @@ class Pace:
 
 
 def status_of(store: Store, pace: Pace | None = None, trouble: str | None = None) -> RunStatus:
-    """`pace` None: it does not execute. `trouble`: why the record could not take a pause."""
+    """The status of a run. pace: None where it does not execute; trouble: why the record could not take a pause."""
     row, counts = store.campaign, store.counts()
     state = State.PAUSED if trouble else State(row["state"])
     skipped = counts.get("skipped", 0)

@@ -90,7 +90,7 @@ class Robot:
 
     @cached_property
     def units(self) -> tuple[str, ...]:
-        """In which every joint is read and written outside, "deg" or "mm"."""
+        """The units in which joints are read and written outside, "deg" or "mm"."""
         return tuple(UNITS[kind] for kind in self.kinds)
 
     @cached_property

@@ -40,7 +40,7 @@ class Span:
 
     @property
     def name(self) -> str:
-        """As it is shown to people."""
+        """The name of the side, for people."""
         return f"{self.one} to {self.other}"
 
 

@@ -88,8 +88,8 @@ def gears_to_carry(fitted: Identification, dataset: Dataset) -> list[int]:
 def with_gears(
     dataset: Dataset, named: Identification, joints: list[int], *, progress: Progress = silent
 ) -> Carried | None:
-    """`named` with a curve for each of the joints that left-out blocks confirm, and with names for the orders that are
-    far above their neighbours. None where no joint is confirmed."""
+    """The effects `named`, with a curve for each of the joints that left-out blocks confirm, and with names for the
+    orders that are far above their neighbours. None where no joint is confirmed."""
     if not joints:
         return None
     progress(f"curves of whole orders for the gears of {len(joints)} joints")

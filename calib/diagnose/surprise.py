@@ -1,7 +1,7 @@
 """The surprise of held-out readings: what the model misses there beside what noise and its parameters let expect.
 
-A held-out error above that of the fit says little by itself: of thirty readings a model with thirty parameters learns a
-half by heart, and where the arm was never measured its parameters reach far. Both are in the covariance of what is
+A held-out error above that of the fit says little by itself: of thirty readings a model with thirty parameters follows
+half of the noise, and where the arm was never measured its predictions are vague. Both are in the covariance of what is
 predicted. With the whitened residual r, columns J, the covariance C of the parameters and noise as large as the fit
 found it, s,
 

@@ -127,7 +127,7 @@ class Survey:
 
     @staticmethod
     def largest(moment: Array) -> float:
-        """Its largest magnitude."""
+        """The largest magnitude of some values."""
         return float(np.max(np.abs(moment)))
 
 

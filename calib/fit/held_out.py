@@ -18,7 +18,7 @@ def errors_on(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, esti
 
 
 def errors_by(design: Design, dataset: Dataset, rows: NDArray[np.bool_], estimate: Array) -> Array:
-    """As `errors_on`, by a model that is bound to the rows already: for many estimates of one model."""
+    """The errors of `errors_on`, by a model that is bound to the rows already: for many estimates of one model."""
     frames = design.frames(estimate, ())
     points = np.linalg.norm(dataset.points[rows].T - frames.p, axis=0)
     return np.where(dataset.pointed[rows], points, np.abs(_differences(frames, dataset, rows)))

@@ -35,7 +35,7 @@ class Axis:
 
 
 def unit_of(joint: int, conditions: Conditions) -> str:
-    """In which a joint is read, "deg" or "mm"."""
+    """The unit in which a joint is read, "deg" or "mm"."""
     return conditions.unit_names[joint - 1] if conditions.unit_names else "deg"
 
 

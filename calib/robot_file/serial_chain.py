@@ -73,7 +73,7 @@ class SerialChain:
         return out
 
     def _shown(self, k: int) -> float:
-        """deg or mm for one rad or m of joint k."""
+        """The number of deg or mm that is one rad or m of joint k."""
         return METRE if self.slides[k] else 1.0 / DEG
 
 

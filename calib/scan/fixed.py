@@ -26,7 +26,7 @@ class Candidate:
         return self.effect.label
 
     def scores(self, space: Space) -> FamilyScores:
-        """Its scores in a space."""
+        """The scores of the family in a space."""
         return FixedScores(self, space)
 
     def made(self, effect: Effect) -> bool:

@@ -44,7 +44,7 @@ class Harmonics:
         return bool(np.all(self.orders == np.round(self.orders)))
 
     def scores(self, space: Space) -> FamilyScores:
-        """Its scores in a space."""
+        """The scores of the family in a space."""
         return HarmonicScores(self, space)
 
     def made(self, effect: Effect) -> bool:

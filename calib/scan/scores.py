@@ -92,7 +92,7 @@ class Family(Protocol):
         ...
 
     def scores(self, space: Space) -> FamilyScores:
-        """Its scores in a space."""
+        """The scores of the family in a space."""
         ...
 
     def made(self, effect: Effect) -> bool:

@@ -34,7 +34,7 @@ class Shapes:
     limits: tuple[float, float]
 
     def scores(self, space: Space) -> FamilyScores:
-        """Its scores in a space."""
+        """The scores of the family in a space."""
         return ShapeScores(self, space)
 
     def made(self, effect: Effect) -> bool:

@@ -32,7 +32,7 @@ class Steps:
         return self.every[:: max(1, len(self.every) // self.scanned)]
 
     def scores(self, space: Space) -> FamilyScores:
-        """Its scores in a space."""
+        """The scores of the family in a space."""
         return StepScores(self, space)
 
     def made(self, effect: Effect) -> bool:

@@ -34,7 +34,7 @@ def missing(cells: Mask, selection: Sequence[int] | NDArray[np.int64]) -> Mask:
 
 
 def filling(cells: Mask, wanted: Mask, most: int, merit: Array) -> list[int]:
-    """At most `most` candidates that together fill the wanted cells (J, bins), the one that fills most first.
+    """The candidates, at most `most`, that together fill the wanted cells (J, bins), the one that fills most first.
 
     Among equals the one of higher merit (N,). Fewer than needed where `most` does not suffice.
     """

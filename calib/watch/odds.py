@@ -83,12 +83,12 @@ class Columns:
         return (along * self.strengths / (1.0 + self.strengths**2)) @ self.back.T
 
     def gain(self, residual: Array) -> Array:
-        """(d,) of residuals (d, q)."""
+        """The gain (d,) of residuals (d, q)."""
         return np.sum((residual @ self.directions) ** 2, axis=1)
 
     def evidence(self, residual: Array) -> Array:
-        """(d,) of residuals (d, q), of shifts and turns and of shifts alone as likely before; minus infinity where the
-        estimate is, by two standard errors, what physics forbids."""
+        """The evidence (d,) of residuals (d, q), of shifts and turns and of shifts alone as likely before; minus
+        infinity where the estimate is, by two standard errors, what physics forbids."""
         whole = self.whole(residual)
         return (
             whole if self.plain is None else np.logaddexp(whole, self.plain.evidence(residual)) - np.log(2.0)
@@ -122,7 +122,7 @@ class Named:
 
     @property
     def members(self) -> NDArray[np.bool_]:
-        """(d, c) the classes."""
+        """The members (d, c) of each class: the causes that carry some of the weight."""
         return self.weights > 0.0
 
 
@@ -140,7 +140,7 @@ class Odds:
         return cls(tuple(c for c in every if c.freedom), columns[0].shape[0])
 
     def p_values(self, residual: Array) -> Array:
-        """(d, 1 + c) of residuals (d, q) without any change: of all rows together, then of every cause."""
+        """The p-values (d, 1 + c) of residuals (d, q) without any change: of all rows together, then of every cause."""
         every = _beyond(np.sum(residual**2, axis=1), self.rows)
         each = [_beyond(cause.gain(residual), cause.freedom) for cause in self.causes]
         return np.column_stack([every, *each])
@@ -174,7 +174,7 @@ class Odds:
         return self.by(residual, self.evidence(residual), gain)
 
     def evidence(self, residual: Array) -> Array:
-        """(d, c) of residuals (d, q)."""
+        """The evidence (d, c) of every cause in residuals (d, q)."""
         return np.column_stack([cause.evidence(residual) for cause in self.causes])
 
     def by(self, residual: Array, evidence: Array, gain: Array) -> Named:

@@ -52,13 +52,13 @@ class Change:
 
     @classmethod
     def of(cls, seen: Seen, columns: Array, prior: Array) -> Change:
-        """columns (q, p), whitened by noise; prior (p,): usual sizes."""
+        """The change along columns (q, p), whitened by noise; prior (p,): usual sizes of the parameters."""
         weighed: Array = np.asarray(np.linalg.solve(seen.spread(), columns), dtype=np.float64)
         information = columns.T @ weighed + np.diag(prior**-2.0)
         return cls(weighed, np.asarray(np.linalg.inv(information), dtype=np.float64))
 
     def estimate(self, residual: Array) -> Array:
-        """(p,) of a residual (q,), by the derivative."""
+        """The change (p,) that a whitened residual (q,) shows, internal units."""
         return self.normal @ (self.weighed.T @ residual)
 
     def covariance_of(self, saved: SavedModel, seen: Seen, place: Sequence[int], size: int) -> Array:

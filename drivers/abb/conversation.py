@@ -84,7 +84,7 @@ class AbbConversation:
         self._numbers = itertools.cycle(range(1, 10000))  # four digits keep a reply within 80 characters
 
     def ping(self, *, again: bool = False) -> None:
-        """`again`: servers before open_abb's pull request 15 lose the first answer of a connection."""
+        """Ping. `again`: servers before open_abb's pull request 15 lose the first answer of a connection."""
         ask = (b"0 #", b"0 ", _PING, "ping_s", self.deadlines.ping_s)
         with self.lock, self.link.question("0"):
             try:

@@ -230,7 +230,7 @@ def _word(text: str, device: str) -> None:
 
 
 def _bodies(reply: mbp.Message) -> dict[str, int]:
-    """`names=base,T1 totals=16,9` as {"base": 16, "T1": 9}. Raises ProtocolError."""
+    """The bodies of a reply, `names=base,T1 totals=16,9` as {"base": 16, "T1": 9}. Raises ProtocolError."""
     names = reply.fields.get("names", "").split(",")
     totals = reply.fields.get("totals", "").split(",")
     if len(names) != len(totals) or not all(each.isdecimal() for each in totals) or "" in names:

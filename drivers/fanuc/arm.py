@@ -248,7 +248,7 @@ def _apart(one: JointReading, two: JointReading) -> float:
 
 
 def _speeds(text: str | None, url: str) -> tuple[float, ...]:
-    """`max_deg_s` of the address: the fastest speed of each joint. Raises ConfigError."""
+    """The `max_deg_s` of the address: the fastest speed of each joint. Raises ConfigError."""
     if text is None:
         return _MAX_DEG_S
     try:

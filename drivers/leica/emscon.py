@@ -317,7 +317,7 @@ class EmsconTracker:
             return InstrumentStatus(_STATES[ready.values[0]], t, p, h, ready.raw)
 
     def has_weather_station(self) -> bool:
-        """Without one the server goes on telling the weather that it had last. Raises LinkError."""
+        """Whether a weather station is there; without one the server repeats the last weather. Raises LinkError."""
         return self._ask(tpi.GET_SYSTEM_STATUS).values[7] != 0
 
     # -- packets ------------------------------------------------------------------------------------------

@@ -77,7 +77,7 @@ class ManualArm:
         self._here: JointReading | None = None  # None: it may have been moved since a person said where it is
 
     def attend(self, ask: Asking) -> None:
-        """From now on a person is asked through this."""
+        """Put questions to a person through `ask` from now on."""
         self._questions.attend = ask
 
     def connect(self) -> None:

@@ -54,7 +54,7 @@ class ManualMeter:
         self._armed = False
 
     def attend(self, ask: Asking) -> None:
-        """From now on a person is asked through this."""
+        """Put questions to a person through `ask` from now on."""
         self._questions.attend = ask
 
     def connect(self) -> None:

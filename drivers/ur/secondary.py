@@ -74,7 +74,7 @@ def split_packages(data: bytes) -> list[tuple[int, bytes]]:
 
 
 def parse_version(message: bytes) -> str | None:
-    """`3.15.8` from a version message, None for any other message. Raises ProtocolError."""
+    """The version, `3.15.8`, of a version message, None for any other message. Raises ProtocolError."""
     if len(message) < 10 or message[9] != _VERSION_MESSAGE:
         return None
     rest = message[10:]
@@ -143,7 +143,7 @@ def _read(link: TcpLink, deadlines: UrDeadlines) -> Factory:
 
 
 def _has_kinematics(firmware: str) -> bool:
-    """Before 3.6, sub-package 5 was something else."""
+    """Whether the software sends its kinematics: before 3.6, sub-package 5 was something else."""
     major, minor, *_ = map(int, firmware.split("."))
     return (major, minor) >= (3, 6)
 

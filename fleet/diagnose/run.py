@@ -49,7 +49,7 @@ class Run:
     def __init__(
         self, client: Client, order: Order, sources: Sequence[Source], tell: Callable[[str], None]
     ) -> None:
-        """sources: without a result yet; tell: hears sentences about workers."""
+        """A call for the data sets `sources`, which have no result yet. tell: hears sentences about workers."""
         self._client, self._order, self._tell = client, order, tell
         self._crew = Crew(client, order.expected)
         self._waiting = deque(sources)
@@ -96,7 +96,7 @@ class Run:
             self._tell(sentence)
 
     def _look(self) -> None:
-        """See who is there, and ask again for what somebody else holds."""
+        """See which workers are there, and claim again what another call holds. Raises EngineGone where none came."""
         self._see_who_is_there()
         self._looked = now = time.monotonic()
         if self._crew.lost and self._out:

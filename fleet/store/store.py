@@ -97,7 +97,7 @@ class Store:
         return bytes(found)
 
     def known(self, hashes: Sequence[str]) -> set[str]:
-        """Those of the hashes that the store has."""
+        """The hashes, of those given, that the store has."""
         with reading(self._engine) as connection:
             return set(already(connection, hashes))
 

@@ -54,7 +54,8 @@ class Work:
         self._engine = engine
 
     def claim(self, jobs: Sequence[Job], owner: str, now: datetime, for_s: float) -> list[Job]:
-        """Those of the jobs that are this owner's from now on: without a result, and nobody else's at this time.
+        """Claim jobs; those of the given ones that are this owner's from now on: without a result, and nobody
+        else's at this time.
 
         An owner claims its own again to have them for longer.
         """
@@ -87,7 +88,7 @@ class Work:
         return True
 
     def done(self, jobs: Sequence[Job]) -> set[Job]:
-        """Those of the jobs that have a result."""
+        """The jobs, of those given, that have a result."""
         with reading(self._engine) as connection:
             return self._done(connection, jobs)
 

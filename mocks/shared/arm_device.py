@@ -107,7 +107,7 @@ class ArmDevice:
         return tuple(q - behind for q, behind in zip(self.joints_deg(), self.trail_deg(), strict=True))
 
     def trail_deg(self) -> tuple[float, ...]:
-        """By which the servos are behind."""
+        """The angles by which the servos are behind."""
         return (0.0,) * len(self.limits_deg) if self.servos_behind_deg is None else self.servos_behind_deg()
 
     @property

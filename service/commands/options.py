@@ -34,6 +34,14 @@ Model = Annotated[
     Path | None,
     typer.Option("--model", metavar="M.json", help="Save the model, to predict and correct with."),
 ]
+Level = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        max=3,
+        help="1 joints, 2 geometry, 3 and gravity; instead of what the header's [model] frees.",
+    ),
+]
 PriorFile = Annotated[
     Path | None,
     typer.Option(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -26,15 +26,14 @@ StoreOption = Annotated[
         help=f"{_ADDRESS}; or in {VARIABLE}, which other users do not see. Default: {DEFAULT.as_posix()}.",
     ),
 ]
-StoreArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="URL",
-        envvar=VARIABLE,
-        show_envvar=False,
-        help=f"{_ADDRESS}; or in {VARIABLE}, which other users do not see.",
-    ),
-]
+_PLANT: dict[str, Any] = {
+    "metavar": "URL",
+    "envvar": VARIABLE,
+    "show_envvar": False,
+    "help": f"{_ADDRESS}; or in {VARIABLE}, which other users do not see.",
+}
+StoreArgument = Annotated[str, typer.Argument(**_PLANT)]
+PlantStore = Annotated[str, typer.Option("--store", **_PLANT)]
 
 
 def opened(address: str | None, *, make: bool = False) -> Store:

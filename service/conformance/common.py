@@ -26,7 +26,7 @@ class Heard:
 
 
 def refuses_wrong_addresses(make: Callable[[str], object]) -> None:
-    """Before anything is opened. Raises Broken."""
+    """The promise that a wrong address is refused before anything is opened. Raises Broken."""
     for url in WRONG_ADDRESSES:
         refused(ConfigError, f"the address {url}", lambda url=url: make(url))
 

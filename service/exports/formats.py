@@ -136,7 +136,7 @@ def _origin(pose: Array) -> str:
 
 
 def _xyz_rpy(pose: Array) -> list[float]:
-    """m and rad."""
+    """The attributes of an `origin`, in m and rad."""
     angles = [math.radians(angle) for angle in wpr(pose, [0.0, 0.0, 0.0])]
     return [value + 0.0 for value in (*(pose[:3, 3] / _METRE), *angles)]
 

@@ -97,7 +97,9 @@ class Senders:
     """
 
     def __init__(self, shared: Tokens, file: Path | None = None) -> None:
-        """shared: of the start; file: of the cells' own. Raises DataError for a file that cannot be used."""
+        """The tokens that may send: `shared`, those of the start, and those of the cells' own in `file`. Raises
+        DataError for a file that cannot be used.
+        """
         self._shared, self._file = shared, file
         self._lock = threading.Lock()
         self._stamp, self._known = self._stamped(), {}

@@ -59,7 +59,7 @@ class About:
     responsible: str = "not stated"
 
     def refuse_unusable(self) -> About:
-        """Itself. Raises DataError naming what a certificate cannot hold."""
+        """The same entries, once they are known to fit a certificate. Raises DataError naming one that does not."""
         for each in fields(self):
             if not getattr(self, each.name).strip():
                 raise DataError("is empty.", do="Give it, or leave it out.", key=each.name)

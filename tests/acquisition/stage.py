@@ -7,12 +7,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from acquisition import Event, Outcome, Run
 from acquisition.errors import StorageError
-from acquisition.record.event import Event
-from acquisition.record.store import Store
-from acquisition.run.outcome import Outcome
-from acquisition.run.run import Run
-from drivers.errors import AcquisitionError
+from acquisition.record import Store
+from drivers import AcquisitionError
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 
 

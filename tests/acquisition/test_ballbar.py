@@ -12,23 +12,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from acquisition import Event, Run, export
+from acquisition.campaign import make_plan
 from acquisition.campaign.check import check_plan
-from acquisition.campaign.plan import make_plan
-from acquisition.cell.workspace import targets_at
+from acquisition.cell import targets_at
 from acquisition.errors import NotResumed, RecordError
-from acquisition.record.event import Event
-from acquisition.record.export import export
-from acquisition.record.merge import export_together
-from acquisition.run.run import Run
-from calib.data.read import read_dataset
-from calib.fit.identify import identify
-from drivers.errors import ConfigError, LinkLost, NotReady, OutOfRange
-from drivers.interfaces import Answer, LengthReading
+from acquisition.record import export_together
+from calib import identify, read_dataset
+from drivers import Answer, ConfigError, LengthReading, LinkLost, NotReady, OutOfRange
+from tests.acquisition.bars import OFF_DEG, TWO_STAGES, Bar, made
 from tests.acquisition.fakes import (
     BALLBAR,
     HEXAPOD,
-    Bench,
-    Crash,
     FakeBar,
     JumpingClock,
     SeatingOperator,
@@ -37,49 +32,11 @@ from tests.acquisition.fakes import (
     devices_of,
 )
 
-# The legs are then off by 0.8 mm on the average, by 2.5 mm at most.
-OFF_DEG = (0.1, -0.15, 0.2, -0.1, 0.25, 0.1)
-TWO_STAGES = {"kind": "hexapod", "set": "calibration", "count": 24}  # a fit determines the robot by these
-
-
-class Bar:
-    """A ballbar campaign on fakes."""
-
-    def __init__(
-        self,
-        folder: Path,
-        *answers: Answer,
-        off_deg: tuple[float, ...] = (0.0,) * 6,
-        cell: dict[str, Any] = BALLBAR,
-        **campaign: Any,
-    ):
-        self.folder = folder
-        self.bench = Bench(a_cell(**cell), off_deg=off_deg)
-        self.run = Run.create(
-            folder, self.bench.cell, a_campaign(**({"block": HEXAPOD} | campaign)), simulated=True
-        )
-        self.operator = SeatingOperator(self.bench, answers)
-        self.events: list[Event] = []
-
-    def execute(self) -> str:
-        devices = devices_of(self.bench, self.operator)
-        return self.run.execute(devices, JumpingClock(), self.events.append).state.value
-
-    def events_of(self, kind: str) -> list[Any]:
-        return [dict(event.data) for event in self.events if event.kind == kind]
-
 
 @pytest.fixture
 def bars(tmp_path: Path) -> Iterator[Any]:
-    made: list[Bar] = []
-
-    def make(*answers: Answer, **options: Any) -> Bar:
-        made.append(Bar(tmp_path / str(len(made)), *answers, **options))
-        return made[-1]
-
-    yield make
-    for bar in made:
-        bar.run.close()
+    with made(Bar, tmp_path) as make:
+        yield make
 
 
 def test_every_pose_of_the_plan_has_six_legs_as_long_as_the_bar() -> None:
@@ -143,16 +100,7 @@ def test_a_redo_goes_back_with_the_bar_off(bars: Any) -> None:
 
 def test_after_a_crash_the_bar_is_taken_off_first(bars: Any) -> None:
     bar = bars()
-
-    def crash() -> None:
-        bar.run._store.database._connection.close()
-        raise Crash
-
-    bar.bench.faults[9] = crash  # while the third leg is measured
-    with pytest.raises(Crash):
-        bar.execute()
-    bar.run.close()
-    bar.run = Run.open(bar.folder)
+    bar.crash_at(9)  # while the third leg is measured
     assert (bar.run.status().state, bar.run.status().done) == ("paused", 2)
     assert bar.bench.spanned is not None  # it hangs there still
     bar.run.resume()

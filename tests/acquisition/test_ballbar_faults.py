@@ -9,11 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.campaign.plan import make_plan
+from acquisition.campaign import make_plan
 from acquisition.record.readings import readings_of
-from drivers.errors import LinkLost, NotReady
-from drivers.interfaces import Answer
-from tests.acquisition.test_ballbar import Bar
+from drivers import Answer, LinkLost, NotReady
+from tests.acquisition.bars import Bar
 
 
 @pytest.fixture

@@ -14,22 +14,19 @@ from xml.etree import ElementTree
 
 import pytest
 
+from acquisition import Event, export
+from acquisition.campaign import make_plan
 from acquisition.campaign.check import check_plan
 from acquisition.campaign.forecast import Forecast
-from acquisition.campaign.plan import make_plan
 from acquisition.cell.bars import bar_between, bars_of
-from acquisition.record.event import Event
-from acquisition.record.export import export
 from acquisition.record.readings import readings_of
+from acquisition.run import PROMPT
 from acquisition.run.ballbar.distances import STAGE_1, BallbarChecks
-from acquisition.run.run import PROMPT, Run
-from calib.data import read_dataset
-from calib.saved import load_model
-from drivers.errors import ConfigError
-from drivers.interfaces import Answer, LengthReading, Prompt
+from calib import load_model, read_dataset
+from drivers import Answer, ConfigError, LengthReading, Prompt
+from tests.acquisition.bars import OFF_DEG, TWO_STAGES, Bar, made
 from tests.acquisition.fakes import BALLBAR as FIXTURE
-from tests.acquisition.fakes import HEXAPOD, Crash, JumpingClock, a_campaign, a_cell, devices_of
-from tests.acquisition.test_ballbar import OFF_DEG, TWO_STAGES, Bar
+from tests.acquisition.fakes import HEXAPOD, JumpingClock, a_campaign, a_cell, devices_of
 
 # Base balls as far apart as the bar of 300 mm.
 BALLBAR = FIXTURE | {
@@ -41,15 +38,8 @@ SIDES = [("T1", "T2"), ("T1", "T3"), ("T2", "T3"), ("B1", "B2"), ("B1", "B3"), (
 
 @pytest.fixture
 def bars(tmp_path: Path) -> Iterator[Any]:
-    made: list[Bar] = []
-
-    def make(*answers: Answer, **options: Any) -> Bar:
-        made.append(Bar(tmp_path / str(len(made)), *answers, cell=BALLBAR, **options))
-        return made[-1]
-
-    yield make
-    for bar in made:
-        bar.run.close()
+    with made(Bar, tmp_path, cell=BALLBAR) as make:
+        yield make
 
 
 def test_every_side_has_the_bar_that_fits() -> None:
@@ -123,17 +113,8 @@ def test_a_bar_that_nobody_builds_leaves_its_readings_out(bars: Any) -> None:
 
 def test_resuming_takes_none_of_them_again(bars: Any) -> None:
     bar: Bar = bars(block=[GEOMETRY, *HEXAPOD])
-
-    def crash() -> None:
-        bar.run._store.database._connection.close()
-        raise Crash
-
-    bar.bench.faults[9] = crash  # while the third distance is measured
-    with pytest.raises(Crash):
-        bar.execute()
+    bar.crash_at(9)  # while the third distance is measured
     assert bar.bench.log[-1] == "measure T3 T2"
-    bar.run.close()
-    bar.run = Run.open(bar.folder)
     assert bar.run.status().done == 2
     bar.run.resume()
     before = len(bar.bench.log)

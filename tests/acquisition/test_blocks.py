@@ -12,19 +12,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from acquisition import Cell, Run, export
+from acquisition.campaign import Visit, make_plan
 from acquisition.campaign.blocks.sphere import cap
 from acquisition.campaign.check import check_plan
-from acquisition.campaign.plan import Visit, make_plan
-from acquisition.cell.cell import Cell
-from acquisition.cell.workspace import facing, targets_at
+from acquisition.cell import targets_at
+from acquisition.cell.workspace import facing
 from acquisition.errors import UnsafePlan
-from acquisition.record.export import export
-from acquisition.run.run import Run
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
+from calib import Dataset, read_dataset
 from calib.fit.circle_points import find_sweeps, starts
 from calib.validation.iso9283 import pose_repeatability, repeated_poses
-from drivers.errors import ConfigError
+from drivers import ConfigError
 from tests.acquisition.fakes import Bench, JumpingClock, a_campaign, a_cell, devices_of
 
 CELL = a_cell()

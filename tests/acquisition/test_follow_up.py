@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 
 from acquisition import Cell, campaign_from, checked_plan, read_campaign, read_cell
-from acquisition.loop import rehearsal
-from acquisition.loop.follow_up_campaign import campaign_table, campaign_text, in_cell
-from calib.data.read import read_dataset
-from calib.diagnose.diagnosis import Diagnosis, diagnose
-from calib.diagnose.follow_up import POSES, FollowUp, choose, later_visits
-from calib.errors import DataError
+from acquisition.loop import campaign_table, campaign_text, in_cell, rehearsal
+from calib import DataError, Diagnosis, read_dataset
+from calib.diagnose import POSES, FollowUp, diagnose, later_visits
+from calib.diagnose.follow_up import choose
 from calib.units import DEG
-from drivers.errors import ConfigError
+from drivers import ConfigError
 from tests.end_to_end.simulated import EXAMPLE
 from tests.service.campaigns import write_narrow_data
 

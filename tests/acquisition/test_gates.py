@@ -14,18 +14,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from acquisition import Devices, Event, Outcome, Run, export
 from acquisition.campaign.blocks.block import Settle
 from acquisition.campaign.campaign import campaign_of_record
-from acquisition.cell.devices import Devices
 from acquisition.record.drift import Drift, drift_of
-from acquisition.record.event import Event
-from acquisition.record.export import export
-from acquisition.run.outcome import Outcome
 from acquisition.run.rig.settling import TRIES, until_still
-from acquisition.run.run import Run
-from calib.data.read import read_dataset
-from drivers.errors import ConfigError, NoisyMeasurement
-from drivers.interfaces import Answer, JointReading, PointReading
+from calib import read_dataset
+from drivers import Answer, ConfigError, JointReading, NoisyMeasurement, PointReading
 from tests.acquisition.fakes import (
     Bench,
     FakeArm,

@@ -13,14 +13,13 @@ from typing import Any
 
 import pytest
 
+from acquisition import Outcome, export
 from acquisition.errors import OtherIndividual
-from acquisition.record.export import export
-from acquisition.record.individuals import Acceptance, Individual, individuals_of
-from acquisition.record.merge import export_together
-from acquisition.run.outcome import Outcome
+from acquisition.record import Acceptance, export_together
+from acquisition.record.individuals import Individual, individuals_of
 from acquisition.run.run import Run
-from calib.data.read import read_dataset
-from drivers.errors import ConfigError, LinkLost
+from calib import read_dataset
+from drivers import ConfigError, LinkLost
 from service.report.scope import devices_of
 from tests.acquisition.stage import Stage
 from tests.service.campaigns import read_rows

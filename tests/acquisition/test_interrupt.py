@@ -11,11 +11,9 @@ from typing import cast
 
 import pytest
 
-from acquisition.run.clock import ScaledClock
-from acquisition.run.interrupt import pausing_on_interrupt
+from acquisition import Run, ScaledClock, pausing_on_interrupt
 from acquisition.run.orders.control import Control, Pausing, Stopping
-from acquisition.run.run import Run
-from drivers.errors import AcquisitionError, CannotStop
+from drivers import AcquisitionError, CannotStop
 from tests.acquisition.fakes import JumpingClock
 from tests.acquisition.stage import ALL, Stage
 from tests.drivers.waiting import PATIENCE_S, until

@@ -5,9 +5,8 @@ from __future__ import annotations
 from contextlib import closing
 from pathlib import Path
 
-from acquisition.run.orders.lease import Lease
-from acquisition.run.run import Run
-from drivers.operator import RemoteOperator
+from acquisition import Lease, Run
+from drivers import RemoteOperator
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import until
 from tests.service.lease_clock import LeaseClock

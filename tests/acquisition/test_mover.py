@@ -16,12 +16,11 @@ from typing import Any
 
 import pytest
 
+from acquisition import Run
 from acquisition.errors import RobotInUse
 from acquisition.run.orders.mover import Mover
-from acquisition.run.run import Run
+from drivers import ConfigError, Identity
 from drivers.endpoint import endpoints
-from drivers.errors import ConfigError
-from drivers.interfaces import Identity
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 
 ROOT = Path(__file__).parents[2]

@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from acquisition.campaign import Visit, draw_poses, make_plan, setup_of
 from acquisition.campaign.check import check_plan
-from acquisition.campaign.observability import setup_of
-from acquisition.campaign.plan import Visit, make_plan
-from acquisition.campaign.poses import draw_poses
 from acquisition.cell.workspace import facing
-from calib.arm.kinematics import forward
+from calib import forward
 from calib.selection import candidates_of
 from calib.units import DEG
-from drivers.errors import ConfigError
+from drivers import ConfigError
 from tests.acquisition.fakes import a_campaign, a_cell
 
 

@@ -7,12 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from acquisition import Event
 from acquisition.errors import NotResumed
-from acquisition.record.database import FILE
-from acquisition.record.event import Event
-from drivers.errors import AcquisitionError
-from drivers.interfaces import Answer
-from drivers.operator import RemoteOperator, UnknownPrompt
+from acquisition.record import FILE
+from drivers import AcquisitionError, Answer, RemoteOperator, UnknownPrompt
 from tests.acquisition.fakes import FakeArm, devices_of
 from tests.acquisition.stage import ALL, CONNECT, NESTS, Stage
 from tests.drivers.waiting import PATIENCE_S, in_thread, until

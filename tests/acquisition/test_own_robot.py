@@ -12,15 +12,14 @@ import numpy as np
 import pytest
 import tomli_w
 
-from acquisition.campaign.campaign import campaign_from
-from acquisition.campaign.plan import make_plan
-from acquisition.cell.cell import cell_from, cell_of_record, read_cell
-from acquisition.record.export import planned_header
-from calib.arm import load_robot
-from calib.data.header import header_of
-from calib.errors import DataError
+from acquisition import campaign_from, read_cell
+from acquisition.campaign import make_plan
+from acquisition.cell import cell_from, cell_of_record
+from acquisition.record import planned_header
+from calib import DataError, load_robot
+from calib.data import header_of
 from calib.text import read_toml
-from drivers.errors import ConfigError
+from drivers import ConfigError
 from tests.acquisition.fakes import CAMPAIGN, CELL, changed
 from tests.calib.machines import SCARA, TRACK
 

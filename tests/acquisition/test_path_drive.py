@@ -15,13 +15,11 @@ from typing import Any
 
 import pytest
 
-from acquisition import Devices, Outcome, Run, read_cell
-from acquisition.campaign.campaign import campaign_from
+from acquisition import Devices, Event, Outcome, Run, campaign_from, read_cell
 from acquisition.errors import NotResumed
-from acquisition.record.event import Event
-from acquisition.record.streams import export_streams, read_stream
-from drivers.errors import LinkLost
-from drivers.interfaces import Identity, JointReading, Sample
+from acquisition.record import export_streams
+from acquisition.record.streams import read_stream
+from drivers import Identity, JointReading, LinkLost, Sample
 from tests.acquisition.fakes import Bench, Crash, FakeArm, FakeMeter, JumpingClock
 
 CELL = Path(__file__).parents[2] / "examples" / "ur5_leica" / "cell.toml"

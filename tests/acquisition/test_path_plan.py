@@ -7,15 +7,12 @@ from typing import Any
 
 import pytest
 
-from acquisition.campaign.campaign import Campaign, campaign_from
+from acquisition import Campaign, Cell, campaign_from, checked_plan, read_cell
 from acquisition.campaign.forecast import Forecast
-from acquisition.cell.cell import Cell, read_cell
 from acquisition.errors import UnsafePlan
-from acquisition.record.store import Store
+from acquisition.record import Store
 from acquisition.run.rig.recorder import Feed
-from acquisition.run.run import checked_plan
-from drivers.errors import ConfigError
-from drivers.interfaces import Sample
+from drivers import ConfigError, Sample
 from tests.acquisition.fakes import a_cell
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

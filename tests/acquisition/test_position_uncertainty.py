@@ -12,15 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from acquisition import Run, export
 from acquisition.cell.position_uncertainty import MADE_MM, TAUGHT_MM
 from acquisition.cell.world_frame import from_nests
 from acquisition.errors import NestsDisagree
-from acquisition.record.export import export
-from acquisition.record.merge import export_together
-from acquisition.run.run import Run
-from calib.data.header import Header
-from calib.data.plausible import assumed_in_words
-from calib.data.read import read_dataset
+from acquisition.record import export_together
+from calib import read_dataset
+from calib.data import Header, assumed_in_words
 from service.cli import main
 from tests.acquisition.fakes import (
     BALLBAR,

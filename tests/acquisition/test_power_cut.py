@@ -17,10 +17,9 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.record.database import FILE
-from acquisition.run.run import Run
-from drivers.errors import BeamBroken, LinkLost
-from drivers.interfaces import Answer
+from acquisition import Run
+from acquisition.record import FILE
+from drivers import Answer, BeamBroken, LinkLost
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.acquisition.platter import Disk, Mark, Platter, connect, mark_of
 

@@ -13,15 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.campaign.plan import make_plan
+from acquisition import State, read_status
+from acquisition.campaign import make_plan
 from acquisition.errors import RecordError, RecordInUse, StorageError
+from acquisition.record import FILE, Store, sha256_of
 from acquisition.record.attempts import Attempts
-from acquisition.record.database import FILE, sha256_of
 from acquisition.record.event import Moment
 from acquisition.record.schema import SCRIPTS
-from acquisition.record.states import State
-from acquisition.record.store import Store
-from acquisition.run.status import read_status
 from tests.acquisition.fakes import a_campaign, a_cell, new_store
 
 

@@ -11,12 +11,11 @@ from typing import Any, cast
 
 import pytest
 
-from acquisition.campaign.campaign import campaign_from
-from acquisition.record.store import Store
+from acquisition import campaign_from
+from acquisition.record import Store
 from acquisition.run.rig.recorder import Recorder
 from acquisition.run.rig.rig import Rig
-from drivers.errors import LinkTimeout, MotionStopped
-from drivers.interfaces import Identity, Sample
+from drivers import Identity, LinkTimeout, MotionStopped, Sample
 from tests.acquisition.fakes import a_cell
 
 

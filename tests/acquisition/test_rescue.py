@@ -16,17 +16,11 @@ from pathlib import Path
 
 import pytest
 
+from acquisition import Event, Run, export, read_status
 from acquisition.errors import DamagedRecord, RecordError, RecordInUse, StorageError
-from acquisition.record.database import FILE
-from acquisition.record.event import Event
-from acquisition.record.export import export
-from acquisition.record.rescue import rescue
-from acquisition.record.salvage import salvage
-from acquisition.record.store import Store
-from acquisition.run.run import Run
-from acquisition.run.status import read_status
-from calib.data.read import read_dataset
-from drivers.errors import ConfigError
+from acquisition.record import FILE, Store, rescue, salvage
+from calib import read_dataset
+from drivers import ConfigError
 from service.cli import main
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.service.campaigns import read_rows

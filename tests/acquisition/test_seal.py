@@ -15,16 +15,12 @@ from typing import Any
 
 import pytest
 
+from acquisition import Run, export, read_status
 from acquisition.errors import DamagedRecord
-from acquisition.record.database import FILE
-from acquisition.record.export import export
-from acquisition.record.merge import export_together
+from acquisition.record import FILE, Store, export_together
 from acquisition.record.schema import SCRIPTS
 from acquisition.record.seal import checksum
-from acquisition.record.store import Store
 from acquisition.record.verification import expected_temperature, first_reading_s, read_landings
-from acquisition.run.run import Run
-from acquisition.run.status import read_status
 from service.cli import main
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.service.campaigns import read_rows

@@ -11,17 +11,11 @@ from concurrent.futures import Future
 
 import pytest
 
-from acquisition.cell.devices import Devices
+from acquisition import Devices
 from acquisition.errors import StorageError
 from acquisition.run.orders.noting import Noting
 from acquisition.run.rig.rig import PRESS
-from drivers.errors import (
-    AcquisitionError,
-    CannotStop,
-    LinkLost,
-    LinkTimeout,
-    ProtectiveStop,
-)
+from drivers import AcquisitionError, CannotStop, LinkLost, LinkTimeout, ProtectiveStop
 from tests.acquisition.fakes import FakeArm, FakeMeter, devices_of
 from tests.acquisition.stage import Stage
 from tests.drivers.waiting import PATIENCE_S, in_thread

@@ -15,11 +15,10 @@ from pathlib import Path
 import apsw
 import pytest
 
+from acquisition import Event, Outcome, Run
 from acquisition.errors import ClockJumped, RecordTaken, RobotInUse, StorageError
-from acquisition.record.database import FILE, LOCK
-from acquisition.record.event import Event
-from acquisition.run.outcome import Outcome
-from acquisition.run.run import Run
+from acquisition.record import FILE
+from acquisition.record.database import LOCK
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.acquisition.platter import Disk, Op, connect
 

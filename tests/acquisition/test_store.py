@@ -15,17 +15,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.campaign.plan import make_plan
+from acquisition import State
+from acquisition.campaign import make_plan
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import IllegalTransition, StorageError
+from acquisition.record import FILE, Store
 from acquisition.record.attempts import Attempts
-from acquisition.record.database import FILE
 from acquisition.record.planned import Planned
-from acquisition.record.states import TRANSITIONS, State, check_transition
-from acquisition.record.store import Store
+from acquisition.record.states import TRANSITIONS, check_transition
 from acquisition.run.status import status_of
-from drivers.errors import LinkLost
-from drivers.interfaces import JointReading, PointReading, Prompt
+from drivers import JointReading, LinkLost, PointReading, Prompt
 from tests.acquisition.fakes import a_campaign, a_cell, new_store
 from tests.drivers.waiting import PATIENCE_S, in_thread
 

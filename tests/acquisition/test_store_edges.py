@@ -12,12 +12,11 @@ from pathlib import Path
 
 import pytest
 
+from acquisition import State
 from acquisition.errors import RecordTaken, StorageError
-from acquisition.record import seal
+from acquisition.record import Store, seal
 from acquisition.record.attempts import Attempts
-from acquisition.record.states import State
-from acquisition.record.store import Store
-from drivers.interfaces import Prompt
+from drivers import Prompt
 from tests.acquisition.fakes import new_store
 from tests.acquisition.test_store import WORLD, poses
 from tests.drivers.waiting import PATIENCE_S, in_thread, until

@@ -13,20 +13,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.campaign.plan import make_plan
-from acquisition.cell.devices import Devices
-from acquisition.cell.workspace import targets_at
-from acquisition.record.export import export
+from acquisition import Devices, export
+from acquisition.campaign import make_plan
+from acquisition.cell import targets_at
 from acquisition.record.readings import readings_of, touches_of
 from acquisition.record.touches import Taught
-from acquisition.run.run import Run
-from calib.data import read_dataset
-from calib.errors import DataError
+from calib import DataError, read_dataset
 from calib.units import DEG
-from drivers.errors import ConfigError
-from drivers.interfaces import Answer
-from tests.acquisition.fakes import HEXAPOD, Bench, Crash, FakeArm, FakeBar, JumpingClock, a_campaign, a_cell
-from tests.acquisition.test_ballbar import OFF_DEG, Bar
+from drivers import Answer, ConfigError
+from tests.acquisition.bars import OFF_DEG, Bar, made
+from tests.acquisition.fakes import HEXAPOD, Bench, FakeArm, FakeBar, JumpingClock, a_campaign, a_cell
 from tests.acquisition.test_ballbar_geometry import BALLBAR, SIDES
 
 TOUCHED = {"kind": "ballbar_geometry", "touch_with": "T1"}
@@ -82,15 +78,8 @@ class Touching(Bar):
 
 @pytest.fixture
 def bars(tmp_path: Path) -> Iterator[Any]:
-    made: list[Touching] = []
-
-    def make(*answers: Answer, **options: Any) -> Touching:
-        made.append(Touching(tmp_path / str(len(made)), *answers, **options))
-        return made[-1]
-
-    yield make
-    for bar in made:
-        bar.run.close()
+    with made(Touching, tmp_path) as make:
+        yield make
 
 
 def told_again(bar: Touching, words: str) -> list[str]:
@@ -237,18 +226,9 @@ def _values(reading: Any, length_mm: float) -> list[Any]:
 
 def test_resuming_asks_for_no_touch_again_and_keeps_the_poses(bars: Any) -> None:
     bar: Touching = bars()
-
-    def crash() -> None:
-        bar.run._store.database._connection.close()
-        raise Crash
-
-    bar.bench.faults[22] = crash  # in the middle of the legs
-    with pytest.raises(Crash):
-        bar.execute()
+    bar.crash_at(22)  # in the middle of the legs
     assert re.match("measure B. T", bar.bench.log[-1])
     (taught,) = bar.events_of("taught")
-    bar.run.close()
-    bar.run = Run.open(bar.folder)
     bar.run.resume()
     assert bar.execute() == "succeeded"
     assert bar.hands is not None

@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from calib.arm.robot import load_robot
-from calib.motion.alignment import Aligned, align
-from calib.motion.streams import JointStream, PointStream
+from calib import load_robot
+from calib.motion import Aligned, JointStream, PointStream, align
 from service.results.files.alignment import aligned_of
 from service.results.files.alignment_order import Order
 from tests.benchmarks.clock import line

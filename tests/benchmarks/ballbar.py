@@ -27,17 +27,14 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.campaign.campaign import campaign_from
-from acquisition.campaign.plan import Visit
-from acquisition.cell.cell import Cell
+from acquisition import Cell, campaign_from, checked_plan
+from acquisition.campaign import Visit
 from acquisition.cell.workspace import is_allowed
-from acquisition.run.run import checked_plan
+from calib import identify, read_dataset
 from calib.arm.start import align
 from calib.convert import IMPORTERS
-from calib.data.read import read_dataset
-from calib.fit.identify import identify
-from calib.fit.placing import base_model_of, place_nominal
-from calib.model.model import RobotModel
+from calib.fit import base_model_of, place_nominal
+from calib.model import RobotModel
 from calib.validation.branch import branches
 from mocks.world import ArmState
 from tests.benchmarks.clock import line

@@ -25,12 +25,9 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.cell.devices import Devices
-from acquisition.record.event import Event
-from acquisition.record.export import export
-from acquisition.run.run import Run
+from acquisition import Devices, Event, Run, export
 from calib.array import Array
-from drivers.interfaces import JointReading, PointReading
+from drivers import JointReading, PointReading
 from tests.acquisition.fakes import Bench, FakeArm, FakeMeter, JumpingClock, a_campaign, a_cell
 from tests.benchmarks.clock import line
 from tests.end_to_end.killing import kill_and_resume

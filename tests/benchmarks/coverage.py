@@ -16,13 +16,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
 
-from calib.arm.robot import load_robot
-from calib.data.dataset import Dataset
-from calib.data.header import Header
-from calib.data.noise import Noise
-from calib.fit.identification import Identification
-from calib.fit.identify import identify
-from calib.fit.placing import base_model_of
+from calib import Dataset, Identification, identify, load_robot
+from calib.data import Header, Noise
+from calib.fit import base_model_of
 from calib.units import to_internal
 from tests.benchmarks.arm import tool_frames, torques
 from tests.benchmarks.clock import line

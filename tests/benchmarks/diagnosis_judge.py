@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from unittest import mock
 
+from calib import Diagnosis
+from calib.diagnose import diagnose, select
 from calib.diagnose import diagnosis as end_to_end
-from calib.diagnose import select
-from calib.diagnose.diagnosis import Diagnosis, diagnose
 from calib.effects import Survey, offers
-from calib.scan.scores import Family
+from calib.scan import Family
 from tests.benchmarks.diagnosis_sets import Draw, load
 from tests.benchmarks.diagnosis_truth import Shown, Truth, truth_of
 

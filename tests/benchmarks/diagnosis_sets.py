@@ -14,8 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
+from calib import Dataset, read_dataset
 from calib.effects.transmission.coupling import pairs
 from mocks.campaign import DEFAULT_FIT, Campaign, make_campaign, plan, write_campaign
 from mocks.world import DEPARTURES, OUTSIDE, ArmState, Session, World, stream

@@ -20,15 +20,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib import Dataset, Identification, identify
 from calib.array import Array
-from calib.data.dataset import Dataset
 from calib.effects import Survey, offers
-from calib.fit.identification import Identification
-from calib.fit.identify import identify
-from calib.model.model import Design
+from calib.model import Design
+from calib.scan import Family, Scores, Space
 from calib.scan.harmonics import HarmonicScores
-from calib.scan.scores import Family, Scores
-from calib.scan.space import Space
 from mocks.campaign import Campaign
 from mocks.world import Effect, World, displacement
 

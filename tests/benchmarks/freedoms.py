@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from calib import Robot, forward
 from calib.arm.inverse_kinematics import arm_of
-from calib.arm.kinematics import forward
-from calib.arm.robot import Robot
 from calib.array import Array
 from tests.benchmarks.clock import line, seconds
 from tests.calib.level import built, random_postures

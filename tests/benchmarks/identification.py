@@ -14,14 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
+from calib import Dataset, identify, read_dataset
 from calib.array import Array
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
-from calib.fit.identify import identify
+from calib.fit import base_model_of, readings_of
 from calib.fit.least_squares import jacobian
-from calib.fit.placing import base_model_of
-from calib.fit.readings import readings_of
-from calib.model.model import Design
+from calib.model import Design
 from mocks.campaign import make_campaign, write_campaign
 from tests.benchmarks.by_hand import identify_by_hand
 from tests.benchmarks.clock import line, seconds

@@ -13,19 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.arm.inverse_kinematics import BRANCHES, inverse_kinematics
-from calib.arm.kinematics import forward
-from calib.arm.robot import Robot, load_robot
+from calib import Robot, StatedConditions, correct, forward, inverse_kinematics, load_robot
+from calib.arm import BRANCHES
 from calib.array import Array
-from calib.compensate import correct, correct_poses, postures_of
-from calib.data.groups import DEFAULT_GROUPS
-from calib.model import base_model
-from calib.model.model import RobotModel
-from calib.model.stated import StatedConditions
-from calib.units import to_internal
+from calib.compensate import correct_poses, postures_of
 from calib.validation.branch import branches
 from tests.benchmarks.clock import line, seconds
 from tests.benchmarks.peers.environment import Absent, Peer
+from tests.calib.errant import only_geometry
 
 POSES, TARGETS, ALONE = 10_000, 1_000, 100  # one by one is timed on the first `ALONE`
 WANTED = 50.0
@@ -102,7 +97,7 @@ def _against_the_toolbox(robot: Robot) -> bool:
 
 
 def _compensation(robot: Robot) -> bool:
-    model, estimate = _errant(robot)
+    model, estimate = only_geometry(robot, 3)
     joints = np.random.default_rng(2).uniform(-2.0, 2.0, (TARGETS, 6))
     poses, asked = forward(robot, joints), branches(robot, joints) or []
     stated = StatedConditions()
@@ -137,13 +132,3 @@ def _ratio(name: str, count: int, together: float, alone: float) -> bool:
         ratio >= WANTED,
     )
     return ratio >= WANTED
-
-
-def _errant(robot: Robot) -> tuple[RobotModel, Array]:
-    """The base model of a robot that is tenths of a millimetre and hundredths of a degree wrong."""
-    rng = np.random.default_rng(3)
-    effects = base_model.build(DEFAULT_GROUPS, robot, ("main",), ({"T1": False},))
-    model = RobotModel(robot, effects, {"main": {"T1": (0.0, 0.0, 100.0)}})
-    sizes = {"mm": 0.25, "deg": 0.04}
-    estimate = [to_internal(rng.normal() * sizes.get(p.unit, 0.1), p.unit) for p in model.parameters]
-    return model, np.array(estimate)

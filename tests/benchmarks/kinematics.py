@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib.arm.kinematics import forward
-from calib.arm.robot import load_robot
+from calib import forward, load_robot
 from tests.benchmarks.clock import line, seconds
 
 CONFIGURATIONS = 10_000

@@ -17,10 +17,9 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 import truepose
+from calib import Dataset, Robot, read_dataset
 from calib.arm.jacobian import LEVER_MM, joint_scale
-from calib.arm.robot import Robot
 from calib.array import Array
-from calib.data import Dataset, read_dataset
 from calib.units import DEG
 from tests.calib.chain import chain, six
 from tests.calib.machines import machine

@@ -19,9 +19,8 @@ import numpy as np
 import tomli_w
 from scipy.spatial.transform import Rotation
 
+from calib import DataError, read_dataset
 from calib.arm.robot import BUILT_IN
-from calib.data.read import read_dataset
-from calib.errors import DataError
 from mocks.campaign import make_campaign
 from mocks.world import ROBOTS
 from tests.benchmarks.clock import line

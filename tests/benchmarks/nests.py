@@ -20,17 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.campaign.campaign import read_campaign
-from acquisition.campaign.plan import Visit
-from acquisition.cell.cell import Cell, read_cell
-from acquisition.run.run import checked_plan
+from acquisition import Cell, checked_plan, read_campaign, read_cell
+from acquisition.campaign import Visit
+from calib import Dataset, Diagnosis, Identification, read_dataset
 from calib.arm.kinematics import statics
 from calib.arm.start import align
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
-from calib.diagnose.diagnosis import Diagnosis, diagnose
-from calib.fit.identification import Identification
-from calib.model.model import Design, RobotModel
+from calib.diagnose import diagnose
+from calib.model import Design, RobotModel
 from mocks.world import ArmState, World
 from tests.benchmarks.clock import line
 from tests.calib.campaigns import Row, conditions_of, write_files

@@ -18,22 +18,17 @@ from pathlib import Path
 import numpy as np
 import openpyxl
 
-from calib.arm.robot import load_robot
+from calib import DataError, load_robot
 from calib.convert import IMPORTERS
-from calib.errors import DataError
 from calib.foreign import propose
 from calib.robot_file import import_dh, import_urdf
-from calib.text.columns import Columns
-from calib.text.csv_text import rows_of
-from calib.text.json_text import parse_json
-from calib.text.toml_text import parse_toml
+from calib.text import Columns, parse_json, parse_toml, rows_of
 from calib.watch import read_history
+from drivers import ProtocolError
 from drivers.bridge import mbp
-from drivers.errors import ProtocolError
 from drivers.manual.typed import Mistyped
 from drivers.manual.typed import rows_of as rows_typed
-from service.programs import KnownFrames
-from service.programs.read import parse
+from service.programs import KnownFrames, parse
 from tests.benchmarks.clock import line, seconds
 
 MOST = 1.35

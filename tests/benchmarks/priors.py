@@ -21,16 +21,12 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2
 
+from calib import Dataset, Identification, identify, save_model
 from calib.array import Array
-from calib.data.dataset import Dataset
-from calib.data.noise import Noise
-from calib.fit.identification import Identification
-from calib.fit.identify import identify
+from calib.data import Noise
+from calib.fit import base_model_of, expanded
 from calib.fit.of_type import TypePrior
-from calib.fit.placing import base_model_of
-from calib.fit.uncertainty import expanded
 from calib.prior import FEWEST, Member, learn, load_prior, save_prior
-from calib.saved import save_model
 from calib.units import to_internal
 from mocks.world.robots import THESIS_COMPLIANCE
 from tests.benchmarks.clock import line

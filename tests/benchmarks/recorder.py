@@ -13,12 +13,10 @@ import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from acquisition.campaign.campaign import campaign_from
-from acquisition.cell.cell import cell_from, read_cell
-from acquisition.record.event import Event
-from acquisition.run.run import Run
+from acquisition import Event, Run, campaign_from, read_cell
+from acquisition.cell import cell_from
 from calib.text import parse_toml
-from drivers.operator import RehearsalOperator
+from drivers import RehearsalOperator
 from service.simulated_cell import simulated_cell
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "ur5_leica" / "path_cell.toml"

@@ -13,9 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.comparison.away import away
-from calib.comparison.comparison import NOMINAL, Comparison, Plan, compare, mae
-from calib.regression.regression import Wanted
+from calib.comparison import NOMINAL, Comparison, Plan, away, compare, mae
+from calib.regression import Wanted
 from tests.benchmarks.clock import line
 from tests.calib.ur5_path import simulate
 

@@ -10,10 +10,9 @@ import tempfile
 import time
 from pathlib import Path
 
+from calib import read_dataset, save_model
 from calib.convert.ipa_ur10 import read
-from calib.data.read import read_dataset
-from calib.diagnose.diagnosis import diagnose
-from calib.saved import save_model
+from calib.diagnose import diagnose
 from service.garbage import left_alone
 from service.report import diagnosis_report
 from service.results.models import documents

@@ -18,12 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from calib.arm.kinematics import forward
-from calib.arm.robot import Robot, load_robot
+from calib import Robot, forward, load_robot
 from calib.array import Array
 from calib.data import Meaning
-from calib.robot_file import Draft, DraftLink, held_against, written_robot
-from calib.robot_file.handful import Handful
+from calib.robot_file import Draft, DraftLink, Handful, held_against, written_robot
 from calib.units import DEG
 from tests.benchmarks.clock import at_most, line
 

@@ -13,14 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.data.dataset import Dataset
+from calib import Dataset, SavedModel
 from calib.diagnose import diagnose
-from calib.model.model import Design
-from calib.saved import SavedModel, as_saved
+from calib.model import Design
+from calib.saved import as_saved
 from calib.units import DEG
 from calib.watch import Visits, keep_up, later, plan, planned
-from mocks.world import ArmState, World
-from mocks.world.effect import Effect
+from mocks.world import ArmState, Effect, World
 from mocks.world.poses import approach_point, random_pose
 from tests.benchmarks.clock import line
 from tests.benchmarks.watch import calibrated, world_of

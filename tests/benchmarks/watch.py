@@ -17,20 +17,16 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
+from calib import DataError, Dataset, SavedModel, read_dataset
 from calib.diagnose import diagnose
-from calib.errors import DataError
-from calib.model.model import Design
-from calib.saved import SavedModel, as_saved
+from calib.model import Design
+from calib.saved import as_saved
 from calib.units import DEG
-from calib.watch import Seen, Visits, cause_to_update, judge, plan
-from calib.watch.judge import RATE, odds_of
-from calib.watch.planning.planned import planned
+from calib.watch import RATE, Seen, Visits, cause_to_update, judge, plan, planned
+from calib.watch.judge import odds_of
 from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
-from mocks.world import ArmState, Session, World
+from mocks.world import ArmState, Effect, Session, World
 from mocks.world.dataset import header_of, row_of
-from mocks.world.effect import Effect
 from mocks.world.poses import approach_point, random_pose
 from tests.benchmarks.clock import line
 from tests.benchmarks.diagnosis_sets import visits

@@ -14,15 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calib.arm import inverse_kinematics
+from calib import Dataset, SavedModel, identify, inverse_kinematics
 from calib.array import Array
-from calib.data.dataset import Dataset
-from calib.fit import identify
 from calib.model import Design
-from calib.saved import SavedModel, as_saved
+from calib.saved import as_saved
 from calib.units import DEG
-from calib.watch import SEEN, Plan, Seen, Visits, plan, planned
-from calib.watch.judge import RATE, odds_of
+from calib.watch import RATE, SEEN, Plan, Seen, Visits, plan, planned
+from calib.watch.judge import odds_of
 from tests.benchmarks.clock import line
 from tests.benchmarks.coverage import (
     BASE_TARGETS,

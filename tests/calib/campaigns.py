@@ -12,13 +12,11 @@ from typing import Any
 import numpy as np
 import tomli_w
 
+from calib import Dataset, Robot, load_robot, read_dataset
 from calib.arm.kinematics import statics
-from calib.arm.robot import Robot, load_robot
 from calib.array import Array
-from calib.data.conditions import Conditions
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
-from calib.model.model import RobotModel
+from calib.data import Conditions
+from calib.model import RobotModel
 from mocks.campaign import Campaign, make_campaign
 
 Row = dict[str, Any]

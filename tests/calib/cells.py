@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
+from calib import Dataset, read_dataset
 from tests.benchmarks.arm import tool_frames, torques
 from tests.benchmarks.coverage import BASE_TARGETS, RANGE, ROBOT, TARGETS
 from tests.calib.campaigns import Row, write_files

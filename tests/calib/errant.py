@@ -10,18 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from calib.arm.kinematics import gravity_torques
-from calib.arm.robot import Robot, load_robot
+from calib import Robot, StatedConditions, load_robot
+from calib.arm import gravity_torques
 from calib.array import Array
-from calib.data.groups import DEFAULT_GROUPS
+from calib.data import DEFAULT_GROUPS
 from calib.effects.geometry.shift import base_shift, tool_shift
 from calib.effects.instrument.drift import drift_rotation, drift_translation
 from calib.effects.thermal.thermal_growth import thermal_growth
 from calib.effects.transmission.backlash import backlash
 from calib.effects.transmission.periodic import periodic
-from calib.model import base_model
-from calib.model.model import RobotModel
-from calib.model.stated import StatedConditions
+from calib.model import RobotModel, base_model
 from calib.units import to_internal
 from tests.calib.chain import chain
 
@@ -44,6 +42,16 @@ EFFECTS = {
     "drift_translation.x": 3.0,
     "drift_rotation.rz": 0.5,
 }
+
+
+def only_geometry(robot: Robot, seed: int) -> tuple[RobotModel, Array]:
+    """The base model of a robot, its parameters drawn: tenths of a millimetre and hundredths of a degree."""
+    rng = np.random.default_rng(seed)
+    effects = base_model.build(DEFAULT_GROUPS, robot, ("main",), ({"T1": False},))
+    model = RobotModel(robot, effects, {"main": {"T1": (0.0, 0.0, 100.0)}})
+    sizes = {"mm": 0.25, "deg": 0.04}
+    estimate = [to_internal(rng.normal() * sizes.get(p.unit, 0.1), p.unit) for p in model.parameters]
+    return model, np.array(estimate)
 
 
 def real_robot(seed: int, robot: Robot = ROBOT) -> tuple[RobotModel, Array]:

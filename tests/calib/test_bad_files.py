@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from calib.data.read import read_dataset
-from calib.errors import DataError
+from calib import DataError, read_dataset
 from tests.calib.campaigns import write_files
 from tests.calib.test_bad_input import CAMPAIGN, named
 

@@ -11,9 +11,7 @@ from typing import Any
 
 import pytest
 
-from calib.data.read import read_dataset
-from calib.errors import DataError
-from calib.fit.identify import identify
+from calib import DataError, identify, read_dataset
 from mocks.campaign import make_campaign
 from tests.calib.campaigns import Row, write_files
 from tests.calib.cells import POSE, Cell

@@ -16,8 +16,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from calib.data.read import read_dataset
-from calib.fit.identify import identify
+from calib import identify, read_dataset
 from calib.units import to_display
 from tests.certified.digits import PROBLEMS, count, table
 from tests.reference.adjustment import adjust

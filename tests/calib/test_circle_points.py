@@ -11,11 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from calib.arm.robot import load_robot
-from calib.data.dataset import Dataset
+from calib import Dataset, identify, load_robot
 from calib.fit import placing
 from calib.fit.circle_points import find_sweeps, fit_axes, starts
-from calib.fit.identify import identify
 from tests.benchmarks.arm import tool_frames
 from tests.calib.cells import ALL, NOISE, POSE, Cell
 from tests.calib.test_kinds_of_reading import miss

@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.arm.inverse_kinematics.near import nominal_inverse
-from calib.arm.kinematics import gravity_torques
-from calib.arm.robot import Robot, load_robot
+from calib import Correction, DataError, Robot, StatedConditions, correct, load_robot
+from calib.arm import gravity_torques
+from calib.arm.inverse_kinematics import nominal_inverse
 from calib.array import Array
-from calib.compensate import Correction, Status, correct
-from calib.errors import DataError
-from calib.model.model import RobotModel
-from calib.model.stated import FLANGE, StatedConditions, conditions_at, nominal_poses
+from calib.compensate import Status
+from calib.model import FLANGE, RobotModel, conditions_at
+from calib.model.stated import nominal_poses
 from tests.calib.chain import chain
 from tests.calib.errant import (
     ROBOT,

@@ -10,15 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib import Robot, StatedConditions, correct, load_robot
 from calib.arm.freedoms import Freedoms
 from calib.arm.jacobian import joint_scale, nominal_jacobian
-from calib.arm.robot import Robot, load_robot
 from calib.array import Array
-from calib.compensate import Status, correct, nominal_of
-from calib.data.groups import DEFAULT_GROUPS
-from calib.model import base_model
-from calib.model.model import RobotModel
-from calib.model.stated import StatedConditions
+from calib.compensate import Status, nominal_of
+from calib.data import DEFAULT_GROUPS
+from calib.model import RobotModel, base_model
 from calib.units import to_internal
 from tests.calib.chain import chain
 from tests.calib.level import built, random_postures

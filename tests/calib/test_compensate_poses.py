@@ -11,19 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.arm.inverse_kinematics import BRANCHES
-from calib.arm.kinematics import forward
-from calib.arm.robot import Robot, load_robot
+from calib import DataError, Robot, StatedConditions, correct, forward, load_robot
+from calib.arm import BRANCHES
 from calib.array import Array
-from calib.compensate import Status, correct, correct_poses, model_sides, nominal_of, postures_of
-from calib.data.groups import DEFAULT_GROUPS
-from calib.errors import DataError
-from calib.model import base_model
-from calib.model.model import RobotModel
-from calib.model.stated import StatedConditions
-from calib.units import to_internal
+from calib.compensate import Status, correct_poses, model_sides, nominal_of, postures_of
 from calib.validation.branch import branches
-from tests.calib.errant import ROBOT, STATED, WIDE, landing, random_targets, real_robot
+from tests.calib.errant import ROBOT, STATED, WIDE, landing, only_geometry, random_targets, real_robot
 
 TOOL = np.array(
     [[0.0, 0.0, 1.0, 30.0], [0.0, 1.0, 0.0, -40.0], [-1.0, 0.0, 0.0, 160.0], [0.0, 0.0, 0.0, 1.0]]
@@ -59,7 +52,7 @@ def test_the_tool_lands_in_the_poses_that_were_asked_for(seed: int) -> None:
 @pytest.mark.parametrize("name", ["abb-irb120", "fanuc-lrmate200ic", "ur5", "ur10"])
 def test_98_percent_within_a_nanometre_after_four_iterations_and_all_in_the_end(name: str) -> None:
     robot = load_robot(name)
-    model, estimate = _only_geometry(robot, 3)
+    model, estimate = only_geometry(robot, 3)
     joints = np.random.default_rng(2).uniform(-2.0, 2.0, (1000, 6))
     poses, asked = forward(robot, joints), names_of(robot, joints)
     limits = np.tile([-10.0, 10.0], (6, 1))
@@ -69,16 +62,6 @@ def test_98_percent_within_a_nanometre_after_four_iterations_and_all_in_the_end(
     assert np.max(done.correction.landed[good]) <= 1e-6
     after_four = correct(model, estimate, joints[good], StatedConditions(), limits=limits, most_iterations=4)
     assert np.mean(after_four.landed <= 1e-6) >= 0.98
-
-
-def _only_geometry(robot: Robot, seed: int) -> tuple[RobotModel, Array]:
-    """The base model of a robot, its parameters drawn: tenths of a millimetre and hundredths of a degree."""
-    rng = np.random.default_rng(seed)
-    effects = base_model.build(DEFAULT_GROUPS, robot, ("main",), ({"T1": False},))
-    model = RobotModel(robot, effects, {"main": {"T1": (0.0, 0.0, 100.0)}})
-    sizes = {"mm": 0.25, "deg": 0.04}
-    estimate = [to_internal(rng.normal() * sizes.get(p.unit, 0.1), p.unit) for p in model.parameters]
-    return model, np.array(estimate)
 
 
 def test_without_branches_the_nearest_to_the_seed_is_meant() -> None:
@@ -120,7 +103,7 @@ def test_out_of_reach_is_refused_and_leaves_the_others_alone() -> None:
 def test_limits_are_judged_as_the_controller_counts() -> None:
     """LR Mate: J3 counts from the horizontal; model theta_3 = -(J2 + J3)."""
     robot = load_robot("fanuc-lrmate200ic")
-    model, estimate = _only_geometry(robot, 1)
+    model, estimate = only_geometry(robot, 1)
     counted = np.radians([[10.0, 100.0, 60.0, 20.0, -50.0, 30.0]])
     joints = robot.model_angles(counted, "fanuc-j23")
     assert joints[0, 2] < robot.lower[2]  # taken for model angles it would be beyond

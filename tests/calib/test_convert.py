@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib import DataError, read_dataset
 from calib.convert import IMPORTERS, Table
 from calib.convert.ipa_ur10 import read
-from calib.data.read import read_dataset
-from calib.errors import DataError
 from tests.fuzz import formats
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "ur10_leica"

@@ -16,9 +16,7 @@ import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
-from calib.errors import DataError
+from calib import DataError, Dataset, read_dataset
 from calib.units import DEG
 from mocks.campaign import make_campaign
 from mocks.world.dataset import csv_text

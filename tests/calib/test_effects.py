@@ -16,19 +16,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.arm.robot import Robot
+from calib import Robot
 from calib.array import Array
-from calib.data.conditions import Conditions
-from calib.data.groups import GROUPS
+from calib.data import GROUPS, Conditions
 from calib.effects import LIBRARY, Survey, kind_of, offers
 from calib.effects.geometry.shift import tool_shift
 from calib.effects.transmission.backlash import backlash
 from calib.effects.transmission.gear_orders import BANDS, curve_of, gear_orders
 from calib.effects.transmission.periodic import periodic
-from calib.model import base_model, regressors
-from calib.model.check import check_effect
-from calib.model.effect import Effect, Parameter, Term
-from calib.model.model import Design
+from calib.model import Design, Effect, base_model, check_effect, regressors
+from calib.model.effect import Parameter, Term
 from calib.model.regressors import Constant, JointAngle, Temperature
 from calib.scan import Candidate, Family, Harmonics, Shapes, Steps
 from calib.units import FACTORS, to_internal

@@ -12,13 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.data.read import read_dataset
-from calib.diagnose.diagnosis import diagnose
+from calib import identify, read_dataset
+from calib.diagnose import diagnose
 from calib.effects import Survey, offers
 from calib.effects.elasticity.joint_compliance import joint_compliance
 from calib.effects.instrument.base_target import base_target_shift
-from calib.fit.identify import identify
-from calib.model.model import Design
+from calib.model import Design
 from tests.calib.campaigns import simulate, write_files
 from tests.calib.cells import NOISE, Cell
 

@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.arm.robot import Load, Robot
-from calib.data.conditions import Conditions
+from calib import Robot, identify
+from calib.arm import Load
+from calib.data import Conditions
 from calib.effects import Survey, offers
 from calib.effects.elasticity.joint_compliance import joint_compliance
-from calib.fit.identify import identify
-from calib.model.effect import Effect
-from calib.model.model import Design
-from calib.scan.fixed import Candidate
+from calib.model import Design, Effect
+from calib.scan import Candidate
 from calib.units import to_internal
 from mocks.world import ROBOTS
 from tests.calib.campaigns import simulate, situation

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib import Dataset
 from calib.array import Array
-from calib.data.dataset import Dataset
 from calib.effects.elasticity.bearing_tilt import bearing_tilt
 from calib.effects.elasticity.cubic_stiffness import cubic_stiffness
 from calib.effects.elasticity.joint_compliance import joint_compliance
@@ -37,16 +37,13 @@ from calib.effects.transmission.encoder_scale import encoder_scale
 from calib.effects.transmission.lost_motion import lost_motion
 from calib.effects.transmission.periodic import periodic
 from calib.effects.transmission.settling import settling
-from calib.fit.placing import base_model_of
-from calib.model.effect import Effect, effect
+from calib.fit import base_model_of
+from calib.model import Design, Effect, Regressor, RobotModel, effect
 from calib.model.gravity_regressors import Torque
-from calib.model.model import Design, RobotModel
-from calib.model.regressors import Constant, Regressor
+from calib.model.regressors import Constant
 from calib.units import DEG
 from mocks.campaign import Campaign
-from mocks.world import scaled
-from mocks.world.catalogue import LAWS
-from mocks.world.scaling import displacement
+from mocks.world import LAWS, displacement, scaled
 from tests.calib.campaigns import simulate, true_points
 
 Amplitudes = Mapping[str, float]

@@ -10,13 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib import Identification, identify, read_dataset
 from calib.array import Array
-from calib.data.read import read_dataset
 from calib.fit.ending import Ending
-from calib.fit.identification import Identification
-from calib.fit.identify import fit_plain, identify
+from calib.fit.identify import fit_plain
 from calib.fit.least_squares import Linearisation, solve
-from calib.model.model import Design
+from calib.model import Design
 from mocks.campaign import make_campaign, write_campaign
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib.fit.statistics import statistics_of
-from calib.fit.uncertainty import expanded
+from calib.fit import expanded, statistics_of
 
 
 def test_statistics_of_a_hundred_and_one_errors() -> None:

@@ -12,13 +12,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib.data.header import header_of
-from calib.data.read import dataset_of
-from calib.errors import DataError
+from calib import DataError
+from calib.data import dataset_of, header_of
 from calib.foreign import converted, propose, read_map, text_of
 from calib.foreign.files.number import notation_of
-from calib.text.columns import Columns
-from calib.text.toml_text import parse_toml
+from calib.text import Columns, parse_toml
 from calib.units import DEG
 from tests.calib.exports import CASES, ROBOT, TRUTH, Case, N, outcome
 

@@ -9,18 +9,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calib import Dataset, Diagnosis, identify, load_model, save_model
 from calib.array import Array
-from calib.data.dataset import Dataset
+from calib.diagnose import diagnose
 from calib.diagnose.carriers import gears_to_carry
-from calib.diagnose.diagnosis import Diagnosis, diagnose
 from calib.diagnose.normal import BLOCKS, Normal, blocks_of
 from calib.effects import Survey, offers
 from calib.effects.transmission.gear_orders import mostly
-from calib.fit.identify import identify
-from calib.model.model import Design
-from calib.saved.model_file import load_model, save_model
-from calib.scan.scores import Scores
-from calib.scan.space import Space
+from calib.model import Design
+from calib.scan import Scores, Space
 from calib.units import DEG
 from tests.calib.campaigns import simulate
 

@@ -9,11 +9,8 @@ from typing import Any
 
 import pytest
 
-from calib.data.dataset import Dataset
-from calib.data.header import header_of
-from calib.data.read import read_dataset
-from calib.errors import DataError
-from calib.fit.identify import identify
+from calib import DataError, Dataset, identify, read_dataset
+from calib.data import header_of
 from mocks.campaign import make_campaign, write_campaign
 from tests.calib.cells import NOISE, Cell
 from tests.calib.test_kinds_of_reading import miss

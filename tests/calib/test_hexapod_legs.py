@@ -11,13 +11,10 @@ import numpy as np
 import pytest
 
 from acquisition.cell.reach import configurations
-from calib.arm import forward
+from calib import DataError, forward, identify, read_dataset
 from calib.arm.start import align
 from calib.convert import IMPORTERS
 from calib.convert.hexapod_legs import solved_poses
-from calib.data import read_dataset
-from calib.errors import DataError
-from calib.fit import identify
 from mocks.world import ArmState
 from tests.calib.campaigns import write_files
 from tests.calib.test_spans import _CELL, _VISITS, BALLS, LEGS, SIDES, TRUTH, dataset, header_of, span

@@ -13,12 +13,9 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from calib.arm.kinematics import Chain, Placement, forward, nominal_values, propagate
-from calib.arm.robot import load_robot
+from calib import DataError, forward, identify, load_robot, read_dataset
+from calib.arm import Chain, Placement, nominal_values, propagate
 from calib.arm.start import base_and_tool
-from calib.data.read import read_dataset
-from calib.errors import DataError
-from calib.fit.identify import identify
 from calib.units import DEG
 from tests.benchmarks.coverage import BASE_TARGETS, RANGE
 from tests.benchmarks.misread import files_of, mistakes, odd_sets, refusal

@@ -11,16 +11,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib.arm.kinematics import forward
-from calib.arm.robot import load_robot
+from calib import DataError, Dataset, Identification, forward, identify, load_robot, read_dataset
 from calib.arm.start import base_and_tool
 from calib.array import Array
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
-from calib.errors import DataError
-from calib.fit.identification import Identification
-from calib.fit.identify import identify
-from calib.fit.placing import base_model_of
+from calib.fit import base_model_of
 from mocks.campaign import make_campaign
 from mocks.world import ROBOTS
 from tests.calib.campaigns import Row, exact, move_rows, simulate, true_points, write_files

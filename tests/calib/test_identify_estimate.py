@@ -13,14 +13,11 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from calib.arm.kinematics import Frames
+from calib import Dataset, Identification, identify, read_dataset
+from calib.arm import Frames
 from calib.array import Array
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
-from calib.fit.identification import Identification
-from calib.fit.identify import identify
 from calib.fit.least_squares import usual_sizes
-from calib.model.model import Design
+from calib.model import Design
 from calib.units import to_internal
 from mocks.campaign import make_campaign
 from tests.calib.campaigns import simulate, write_files

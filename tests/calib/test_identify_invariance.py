@@ -11,11 +11,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib import Dataset, Identification, identify, read_dataset
 from calib.array import Array
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
-from calib.fit.identification import Identification
-from calib.fit.identify import identify
 from mocks.campaign import Campaign, make_campaign
 from tests.calib.campaigns import Row, move_rows, simulate, true_points, write_files
 

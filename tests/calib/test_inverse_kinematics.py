@@ -12,22 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calib.arm.inverse_kinematics import (
-    BRANCHES,
-    Reached,
-    arm_of,
-    branch_index,
-    inverse_kinematics,
-    nearest_branch,
-    nearest_turns,
-    within_limits,
-)
+from calib import DataError, Robot, forward, inverse_kinematics, load_robot
+from calib.arm import BRANCHES, Reached, nearest_branch, nearest_turns, within_limits
+from calib.arm.inverse_kinematics import arm_of, branch_index
 from calib.arm.inverse_kinematics.structure import structure_of
 from calib.arm.inverse_kinematics.zero_pose import ZeroPose
-from calib.arm.kinematics import forward
-from calib.arm.robot import Convention, Robot, load_robot
+from calib.arm.robot import Convention
 from calib.array import Array
-from calib.errors import DataError
 from calib.validation.branch import branches
 from tests.calib.chain import chain
 

@@ -14,12 +14,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib import Dataset, Identification, identify
 from calib.arm.start import align
-from calib.data.dataset import Dataset
-from calib.fit.identification import Identification
-from calib.fit.identify import identify
-from calib.fit.readings import readings_of
-from calib.model.model import Design, RobotModel
+from calib.fit import readings_of
+from calib.model import Design, RobotModel
 from tests.benchmarks.coverage import ROBOT
 from tests.calib.cells import ALL, NOISE, POSE, Cell
 from tests.calib.chain import chain

@@ -16,12 +16,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.arm.kinematics import Chain, Placement, forward, gravity_torques, nominal_values, propagate
-from calib.arm.robot import Robot, load_robot
+from calib import Robot, forward, load_robot
+from calib.arm import Chain, Placement, gravity_torques, nominal_values, propagate
 from calib.array import Array
-from calib.data.conditions import Conditions
-from calib.model import base_model
-from calib.model.model import Design, RobotModel
+from calib.data import Conditions
+from calib.model import Design, RobotModel, base_model
 from tests.calib.campaigns import conditions_of
 from tests.calib.chain import chain
 

@@ -13,17 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.arm.robot import Robot
-from calib.data import Conditions, Dataset, read_dataset
-from calib.diagnose import Diagnosis, diagnose
+from calib import DataError, Dataset, Diagnosis, Robot, StatedConditions, load_model, read_dataset, save_model
+from calib.data import Conditions
+from calib.diagnose import diagnose
 from calib.effects import LIBRARY, Survey, offers, words_of
-from calib.errors import DataError
-from calib.fit.held_out import errors_on
-from calib.model.check import check_effect
-from calib.model.model import RobotModel
-from calib.model.stated import StatedConditions, conditions_at
-from calib.saved import load_model, save_model
-from calib.scan.fixed import Candidate
+from calib.fit import errors_on
+from calib.model import RobotModel, check_effect, conditions_at
+from calib.scan import Candidate
 from tests.benchmarks.machines import CASES, NOISE_MM, simulated
 from tests.calib.machines import machine
 

@@ -11,20 +11,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from calib import effects
-from calib.arm.robot import load_robot
-from calib.data.dataset import Dataset
-from calib.diagnose.diagnosis import diagnose
-from calib.diagnose.follow_up import Rival, later_visits, separating
+from calib import Dataset, effects, identify, load_robot
+from calib.diagnose import Rival, diagnose, later_visits, separating
 from calib.diagnose.refine import refine
 from calib.diagnose.select import refit
-from calib.effects import LIBRARY, Survey, check_of, offers
-from calib.effects.kind import Kind
+from calib.effects import LIBRARY, Kind, Survey, check_of, offers
 from calib.effects.thermal.warm_up import warm_up
-from calib.fit.identify import identify
-from calib.model.check import check_effect
-from calib.model.effect import Effect, effect
-from calib.model.model import Design
+from calib.model import Design, Effect, check_effect, effect
 from calib.model.regressors import Cosine, Side, Sine
 from calib.scan import Candidate, Harmonics, Scores, Space
 from calib.scan.fixed import FixedScores

@@ -11,12 +11,11 @@ from typing import Any
 
 import pytest
 
-from calib.arm.robot import BUILT_IN, load_robot
+from calib import DataError, identify, load_model, load_robot, save_model
+from calib.arm.robot import BUILT_IN
 from calib.compensate import Bounds
-from calib.errors import DataError
-from calib.fit.identify import identify
+from calib.saved import SIMULATED
 from calib.saved.model_checks import content_hash
-from calib.saved.model_file import SIMULATED, load_model, save_model
 from tests.calib.campaigns import simulate
 
 Document = dict[str, Any]

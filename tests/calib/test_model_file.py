@@ -10,13 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib import DataError, identify, load_model, read_dataset, save_model
 from calib.arm.robot import BUILT_IN
-from calib.data.read import read_dataset
-from calib.diagnose.diagnosis import diagnose
-from calib.errors import DataError
-from calib.fit.identify import identify
-from calib.model.model import Design
-from calib.saved.model_file import load_model, save_model
+from calib.diagnose import diagnose
+from calib.model import Design
 from mocks.campaign import make_campaign
 from tests.calib.campaigns import simulate, write_files
 

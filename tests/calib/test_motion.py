@@ -12,16 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.arm.robot import load_robot
-from calib.data.read import read_dataset
-from calib.errors import DataError
-from calib.fit.held_out import errors_on
-from calib.fit.identify import identify
-from calib.motion.alignment import Aligned, align
-from calib.motion.path_error import by_speed
-from calib.motion.poses import Origin, data_set, scatter
-from calib.motion.still import standstills
-from calib.motion.streams import JointStream, PointStream
+from calib import DataError, identify, load_robot, read_dataset
+from calib.fit import errors_on
+from calib.motion import Aligned, JointStream, Origin, PointStream, align, by_speed, data_set, standstills
+from calib.motion.poses import scatter
 from tests.calib.bending import gears
 from tests.calib.moving import TOOL, Moving, simulate, tool_points
 

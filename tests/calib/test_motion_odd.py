@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.arm.robot import load_robot
-from calib.errors import DataError
+from calib import DataError, load_robot
 from calib.motion import JointStream, PointStream, align, read_joints, read_points
 from calib.motion.arm import Arm
 from calib.motion.solve import Solve

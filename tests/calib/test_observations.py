@@ -12,11 +12,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib import load_robot
 from calib.arm.kinematics import ANCHOR, FRAME, LENGTH_ZERO
-from calib.arm.robot import load_robot
 from calib.data.noise import whitener
-from calib.model.effect import effect
-from calib.model.model import Design, RobotModel
+from calib.model import Design, RobotModel, effect
 from calib.model.observations import Observations
 from calib.model.regressors import Constant
 from tests.calib.campaigns import conditions_of

@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.data.read import read_dataset
-from calib.diagnose.diagnosis import diagnose
-from calib.errors import DataError
-from calib.fit.identify import identify
+from calib import DataError, identify, read_dataset
+from calib.diagnose import diagnose
 from calib.units import to_internal
 from mocks.campaign import make_campaign
 from tests.benchmarks.misread import odd_sets

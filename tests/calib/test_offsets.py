@@ -12,11 +12,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib import DataError, Identification, identify
 from calib.arm.start import align
-from calib.errors import DataError
-from calib.fit.identification import Identification
-from calib.fit.identify import identify
-from calib.fit.offsets import Offset, judge_points, offsets_of
+from calib.fit import Offset, judge_points, offsets_of
 from tests.benchmarks.nests import data_sets, example, judged_mm, study, truth_of
 from tests.calib.cells import NOISE, POSE, Cell
 

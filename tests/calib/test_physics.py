@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.arm.robot import load_robot
-from calib.diagnose.diagnosis import Diagnosis, diagnose
+from calib import Diagnosis, identify, load_robot
+from calib.diagnose import diagnose
 from calib.diagnose.select import refit
 from calib.effects.elasticity.pedestal import pedestal
 from calib.effects.geometry.parallel_twist import parallel_twist
@@ -19,11 +19,8 @@ from calib.effects.transmission.backlash import backlash
 from calib.effects.transmission.lost_motion import lost_motion
 from calib.effects.transmission.periodic import periodic
 from calib.effects.transmission.settling import settling
-from calib.fit.identify import identify
-from calib.scan.fixed import Candidate
+from calib.scan import Candidate, Scores, Space
 from calib.scan.physics import bounds_of, impossible
-from calib.scan.scores import Scores
-from calib.scan.space import Space
 from mocks.world import ArmState, Session, World
 from mocks.world.poses import approach_point
 from tests.benchmarks.diagnosis_sets import load, measured

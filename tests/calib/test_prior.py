@@ -11,16 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.data.dataset import Dataset
-from calib.data.noise import Noise
-from calib.errors import DataError
-from calib.fit.identify import identify
+from calib import DataError, Dataset, choose, identify, save_model
+from calib.data import Noise
 from calib.fit.of_type import MOST_OUTSIDE, Found, TypePrior
 from calib.prior import Member, learn, load_prior, save_prior
 from calib.prior.reml import hierarchy
-from calib.saved import as_saved, save_model
+from calib.saved import as_saved
 from calib.saved.model_checks import content_hash
-from calib.selection import Setup, beside_type, candidates_of, choose, curve_of
+from calib.selection import Setup, beside_type, candidates_of, curve_of
 from calib.units import to_internal
 from tests.benchmarks.coverage import RANGE, ROBOT, TARGETS
 from tests.benchmarks.priors import CELLS, Type, a_type, data_of, first_poses, learnt

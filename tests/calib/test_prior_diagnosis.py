@@ -9,17 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.arm.robot import load_robot
+from calib import Dataset, Diagnosis, identify, load_robot
 from calib.arm.robot_hash import robot_hash
-from calib.data.dataset import Dataset
-from calib.diagnose import Diagnosis, diagnose
-from calib.diagnose.named import Found as Named
+from calib.diagnose import Found as Named
+from calib.diagnose import diagnose
 from calib.diagnose.type_sizes import in_type
 from calib.effects import Survey, offers
-from calib.fit.identify import fit_plain, identify
+from calib.fit.identify import fit_plain
 from calib.fit.of_type import Beside, Found, Share, TypePrior
-from calib.scan.scores import Scores
-from calib.scan.space import Space
+from calib.scan import Scores, Space
 from tests.calib.campaigns import simulate
 
 GROUPS = ("geometry", "parallel_twist", "compliance")

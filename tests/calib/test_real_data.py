@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib import Dataset, Diagnosis, read_dataset
+from calib.convert import Table
 from calib.convert.ipa_ur10 import read
-from calib.convert.table import Table
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
-from calib.diagnose.diagnosis import Diagnosis, diagnose
+from calib.diagnose import diagnose
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "ur10_leica"
 pytestmark = pytest.mark.skipif(

@@ -12,9 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.arm.robot import load_robot
+from calib import Dataset, Identification, identify, load_robot
 from calib.array import Array
-from calib.data.dataset import Dataset
 from calib.diagnose import select
 from calib.diagnose.refine import refine
 from calib.diagnose.select import leave_one_out, refit
@@ -25,16 +24,12 @@ from calib.effects.thermal.thermal_growth import thermal_growth
 from calib.effects.thermal.warm_up import warm_up
 from calib.effects.transmission.backlash import backlash
 from calib.effects.transmission.periodic import periodic
-from calib.fit.identification import Identification
-from calib.fit.identify import identify
 from calib.fit.least_squares import Linearisation, solve
-from calib.model.effect import Effect
-from calib.model.model import Design
+from calib.model import Design, Effect
+from calib.scan import Scores, Space
 from calib.scan.evidence import evidence_of, p_value
 from calib.scan.harmonics import HarmonicScores
-from calib.scan.scores import Scores
 from calib.scan.shapes import ShapeScores
-from calib.scan.space import Space
 from calib.scan.steps import StepScores
 from calib.scan.trigsums import TrigSums
 from tests.calib.campaigns import simulate

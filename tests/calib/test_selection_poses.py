@@ -8,14 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.arm.robot import load_robot
+from calib import DataError, StatedConditions, choose, load_robot
 from calib.array import Array
-from calib.data.noise import Noise
-from calib.errors import DataError
-from calib.fit.uncertainty import expanded
-from calib.model.model import Design
-from calib.model.stated import StatedConditions, conditions_at
-from calib.selection import Curve, Setup, candidates_of, choose, curve_of
+from calib.data import Noise
+from calib.fit import expanded
+from calib.model import Design, conditions_at
+from calib.selection import Curve, Setup, candidates_of, curve_of
 from calib.selection.bound import optimum
 from calib.selection.coverage import cells_of, filling, missing
 from calib.selection.exchange import best_of_starts, log_det

@@ -14,10 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.data import Dataset, read_dataset
-from calib.errors import DataError
-from calib.fit import identify, offsets_of
-from calib.fit.identification import Identification
+from calib import DataError, Dataset, Identification, identify, read_dataset
+from calib.fit import offsets_of
 from calib.model.ties import ties
 from service.results.models.positions import by_the_bar
 from tests.benchmarks.nests import example, header_of, legs_of, truth_of

@@ -12,19 +12,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib import identify
 from calib.array import Array
-from calib.convert.table import Table
+from calib.convert import Table
+from calib.diagnose import diagnose
 from calib.diagnose.claims import against_own_noise, chance_by_pose
-from calib.diagnose.diagnosis import diagnose
 from calib.diagnose.null import Chance, draws
 from calib.diagnose.places import LENGTHS, likely
 from calib.diagnose.power import visible
 from calib.diagnose.repeats import p_beyond_repeats
 from calib.diagnose.structure import left_over, log_p_of
 from calib.effects import Survey, offers
-from calib.fit.identify import identify
-from calib.scan.scores import Scores
-from calib.scan.space import Space
+from calib.scan import Scores, Space
 from mocks.world import ArmState, Effect, Session, World
 from mocks.world.arm import Arm
 from mocks.world.effect import Values

@@ -11,17 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib import Dataset, identify, read_dataset
 from calib.array import Array
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
 from calib.data.visits import moves_before_the_last
-from calib.diagnose.diagnosis import diagnose
+from calib.diagnose import diagnose
 from calib.diagnose.places import BASE, TIME
 from calib.diagnose.structure import left_over
 from calib.diagnose.surprise import surprise_of
 from calib.effects.geometry.shift import tool_shift
-from calib.fit.identify import identify
-from calib.scan.space import Space
+from calib.scan import Space
 from calib.units import DEG
 from service.results.models.documents import of_diagnosis
 from service.wording import verdict_in_words

@@ -12,9 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.data.dataset import Dataset
-from calib.errors import DataError
-from calib.fit.identify import identify
+from calib import DataError, Dataset, identify
 from calib.sweeps import JointSweep, analyse
 from calib.units import DEG
 from service.cli import main

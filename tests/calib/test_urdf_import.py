@@ -15,11 +15,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib import DataError, forward, load_robot
 from calib.arm.inverse_kinematics import arm_of
-from calib.arm.kinematics import forward, statics
-from calib.arm.robot import load_robot
+from calib.arm.kinematics import statics
 from calib.array import Array
-from calib.errors import DataError
 from calib.robot_file import import_urdf
 
 QUARTER = float(np.pi / 2.0)

@@ -9,11 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.campaign.campaign import campaign_from
-from acquisition.run.run import checked_plan
-from calib.data import Dataset, read_dataset
-from calib.fit import identify
-from calib.validation import judge, judge_repeats, over_the_fixture, sphere_tests
+from acquisition import campaign_from, checked_plan
+from calib import Dataset, identify, judge, read_dataset
+from calib.validation import judge_repeats, over_the_fixture, sphere_tests
 from tests.calib.campaigns import Row, write_files
 from tests.calib.test_spans import _CELL, LEGS, TRUTH, header_of, legs_of
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib.arm.kinematics import forward
-from calib.arm.robot import load_robot
+from calib import forward, load_robot
 from calib.array import Array
 from calib.units import DEG
 from calib.validation.branch import branches

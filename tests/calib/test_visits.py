@@ -15,27 +15,21 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib.arm.robot import load_robot
+from calib import Dataset, Identification, identify, load_robot, read_dataset
 from calib.array import Array
-from calib.data.conditions import Conditions
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
+from calib.data import Conditions
 from calib.data.visits import visits_of, with_visits
 from calib.diagnose.places import along, directions, drivers
-from calib.effects import offers
+from calib.effects import Survey, offers
 from calib.effects.geometry.shift import change_points
-from calib.effects.survey import Survey
-from calib.fit.identification import Identification
-from calib.fit.identify import fit, identify
+from calib.fit import readings_of
+from calib.fit.identify import fit
 from calib.fit.least_squares import jacobian
-from calib.fit.readings import linearised, readings_of
-from calib.model.model import Design
+from calib.fit.readings import linearised
+from calib.model import Design
 from calib.model.observations import Observations
 from calib.model.shared import Shared
-from calib.scan.fixed import Candidate
-from calib.scan.harmonics import Harmonics
-from calib.scan.space import Space
-from calib.scan.steps import Steps
+from calib.scan import Candidate, Harmonics, Space, Steps
 from tests.benchmarks.diagnosis_complete import campaign as complete_campaign
 from tests.benchmarks.nests import LEG_SIGMA_MM, example, header_of, legs_of, truth_of
 from tests.calib.campaigns import conditions_of, simulate, write_files

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from acquisition.cell.world_frame import from_nests
+from calib import DataError, Dataset, SavedModel, identify, read_dataset
 from calib.array import Array
-from calib.data import Dataset, Noise, read_dataset
-from calib.errors import DataError
-from calib.fit import identify
+from calib.data import Noise
 from calib.model import Design
-from calib.saved import SavedModel, as_saved
+from calib.saved import as_saved
 from calib.units import DEG
 from calib.watch import (
     DOUBTFUL,
@@ -26,6 +25,7 @@ from calib.watch import (
     cause_to_update,
     judge,
     plan,
+    planned,
     read_history,
     refuse_unlike,
     times_as_uncertain,
@@ -34,7 +34,6 @@ from calib.watch.cause import _fit, fitted
 from calib.watch.frame import frame_covariance
 from calib.watch.judge import odds_of
 from calib.watch.mean import WEIGHT, mean_of
-from calib.watch.planning.planned import planned
 from mocks.world import ArmState, World
 from mocks.world.poses import approach_point, random_pose
 from tests.benchmarks.coverage import KINDS, Kind, simulate

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib import DataError, SavedModel, identify
 from calib.data import Header, Noise
 from calib.effects.thermal.arm_growth import arm_growth
-from calib.errors import DataError
-from calib.fit import identify
 from calib.model import Design, RobotModel
-from calib.saved import SavedModel, as_saved
+from calib.saved import as_saved
 from calib.units import DEG
 from calib.watch import (
     REPEATS,

@@ -7,16 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.data import Dataset
+from calib import DataError, Dataset, SavedModel, identify
 from calib.effects.instrument.drift import drift_translation
 from calib.effects.thermal.arm_growth import arm_growth
 from calib.effects.thermal.warm_up import warm_up
-from calib.errors import DataError
-from calib.fit import identify
-from calib.model import Design, RobotModel
-from calib.model.effect import Effect, effect
+from calib.model import Design, Effect, RobotModel, effect
 from calib.model.regressors import Constant
-from calib.saved import SavedModel, as_saved
+from calib.saved import as_saved
 from calib.units import DEG
 from calib.watch import Seen, Visits, cause_to_update, judge, keep_up, later, planned, warms_up
 from tests.benchmarks.coverage import RANGE, ROBOT, Kind, header_of, simulate

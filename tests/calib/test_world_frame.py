@@ -15,15 +15,9 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from calib.arm.world_frame import (
-    WorldFrame,
-    by_three_two_one,
-    corrected_triangle,
-    fitted,
-    frame_of,
-    of_base_points,
-)
-from calib.errors import DataError
+from calib import DataError
+from calib.arm import WorldFrame, by_three_two_one, frame_of, of_base_points
+from calib.arm.world_frame import corrected_triangle, fitted
 
 FILE = json.loads(
     (Path(__file__).parent.parent / "vectors" / "world_frame_correction.json").read_text("utf-8")

@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from calib.arm.robot import load_robot
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
+from calib import Dataset, load_robot, read_dataset
 from tests.calib.campaigns import Row, write_files
 from tests.calib.chain import chain
 

@@ -15,13 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
+from calib import Dataset, read_dataset
+from calib.fit import base_model_of, readings_of
 from calib.fit.ending import Ending
 from calib.fit.least_squares import Linearisation, Solution, solve
-from calib.fit.placing import base_model_of
-from calib.fit.readings import readings_of
-from calib.model.model import Design, RobotModel
+from calib.model import Design, RobotModel
 from calib.units import to_display
 
 FOLDER = Path(__file__).parent

@@ -13,13 +13,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from drivers import (
-    CTrack,
-    FaroTracker,
-    LeicaTracker,
-    LinkError,
-    Qc20w,
-)
+from drivers import CTrack, FaroTracker, LeicaTracker, LinkError, Qc20w
 from mocks.faultproxy import FAULTS
 from service.conformance import Rig
 from service.conformance.faults import CLASSES, LOUD, MANY, booting, clock_steps, many_questions, one_fault

@@ -19,16 +19,14 @@ import pytest
 from acquisition import read_cell
 from acquisition.campaign import campaign
 from acquisition.campaign.blocks import KINDS, SHARED
-from calib.arm.robot import BUILT_IN, load_robot
-from calib.data import read_dataset
-from calib.data.header import read_header
-from calib.fit import identify
+from calib import identify, load_robot, read_dataset, save_model
+from calib.arm.robot import BUILT_IN
+from calib.data import read_header
 from calib.foreign import read_map
 from calib.foreign.map import map_file
 from calib.foreign.map.map_file import is_quantity
 from calib.robot_file import SCHEMA
-from calib.saved import save_model
-from calib.text.columns import Columns
+from calib.text import Columns
 from drivers import INSTRUMENTS, ROBOTS
 from mocks.cell_file import CellFile
 from tests.calib.machines import machine

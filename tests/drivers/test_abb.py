@@ -8,15 +8,7 @@ from typing import Any
 
 import pytest
 
-from drivers import (
-    AbbArm,
-    AbbDeadlines,
-    EmergencyStop,
-    JointLimit,
-    LinkTimeout,
-    ProtectiveStop,
-    open_robot,
-)
+from drivers import AbbArm, AbbDeadlines, EmergencyStop, LinkTimeout, ProtectiveStop
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from tests.drivers.waiting import PATIENCE_S, under_way, until
@@ -37,15 +29,6 @@ def connected(cell: CellThread, **options: Any) -> AbbArm:
 def stock() -> Iterator[CellThread]:
     with CellThread(FAST, stock=True) as cell:
         yield cell
-
-
-def test_says_what_it_is(fast: CellThread) -> None:
-    arm = open_robot("abb", fast.url("abb"))
-    arm.connect()
-    identity = arm.identify()
-    arm.disconnect()
-    assert identity.model == "IRB 120-3/0.6"
-    assert identity.protocol == "calsrv"
 
 
 def test_sides_of_approach_follow_the_last_motion_of_each_joint(fast: CellThread) -> None:
@@ -96,15 +79,6 @@ def test_controller_stops_by_itself(slow: CellThread) -> None:
     slow.do("motors", on=True)  # wakes the task in its own loop
     with pytest.raises(ProtectiveStop):
         move.result(PATIENCE_S)
-    arm.disconnect()
-
-
-def test_controller_refuses_its_own_limit_and_nothing_moves(fast: CellThread) -> None:
-    arm = connected(fast)
-    arm.arm()
-    with pytest.raises(JointLimit):
-        arm.move_to((170.0, 0, 0, 0, 0, 0))
-    assert fast.do("state")["joints_deg"] == (0.0,) * 6
     arm.disconnect()
 
 

@@ -22,11 +22,8 @@ from drivers import (
     LinkLost,
     LinkTimeout,
     MotionStopped,
-    NotArmed,
     NotReached,
-    ProtectiveStop,
     WireLog,
-    open_robot,
 )
 from mocks.abb.simple import LAST, START, STOP, SimpleMessageServers
 from mocks.cell import CellThread
@@ -47,25 +44,6 @@ def connected(cell: CellThread, **options: Any) -> AbbSimpleArm:
 def servers(cell: CellThread) -> SimpleMessageServers:
     assert cell.cell is not None
     return cell.cell.abb_simple
-
-
-def test_says_what_it_is(fast: CellThread) -> None:
-    arm = open_robot("abb-simple", fast.url("abb-simple"))
-    arm.connect()
-    assert arm.can_stop
-    assert arm.identify().protocol == "simple_message"
-    assert arm.status().mode == "auto"
-    arm.disconnect()
-
-
-def test_nothing_moves_on_connect(fast: CellThread) -> None:
-    arm = connected(fast)
-    with pytest.raises(NotArmed):
-        arm.move_to((1.0,) * 6)
-    assert [point.sequence for point in servers(fast).received] == [STOP]
-    arm.disconnect()
-    with pytest.raises(LinkError):
-        arm.position()
 
 
 def test_a_move_keeps_both_caps_and_reads_back_in_single_precision(fast: CellThread) -> None:
@@ -135,15 +113,6 @@ def test_disconnect_from_another_thread_ends_a_pending_move_and_the_robot_stops(
     assert max(slow.do("state")["joints_deg"]) < 60.0
     with pytest.raises(LinkLost):
         arm.arm()
-
-
-def test_a_limit_of_the_controller_stops_its_program(fast: CellThread) -> None:
-    arm = connected(fast)
-    arm.arm()
-    with pytest.raises(ProtectiveStop, match="50027"):
-        arm.move_to((170.0, 0, 0, 0, 0, 0))
-    assert fast.do("state")["joints_deg"] == (0.0,) * 6
-    arm.disconnect()
 
 
 def test_second_client_is_told_and_nothing_it_sent_moves_the_robot(fast: CellThread) -> None:

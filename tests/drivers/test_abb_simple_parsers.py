@@ -10,13 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import ProtocolError
-from drivers.abb.simple_packets import (
-    ANSWER_SIZE,
-    STATE_SIZE,
-    encode_point,
-    parse_reply,
-    parse_state,
-)
+from drivers.abb.simple_packets import ANSWER_SIZE, STATE_SIZE, encode_point, parse_reply, parse_state
 from mocks.abb.simple import f32, i32, message, point
 
 ANGLES = st.floats(-17.0, 17.0, width=32)

@@ -14,12 +14,9 @@ from drivers import (
     Busy,
     CommandRefused,
     FanucArm,
-    JointLimit,
     LinkLost,
-    NotArmed,
     NotReady,
     ProtocolError,
-    open_robot,
 )
 from mocks.cell import CellThread
 from tests.drivers.fanuc_cells import FAR, FAST, QUICK, SLOW, WIRES, arm_of, cell_of
@@ -57,18 +54,6 @@ def slow(wire: str) -> Iterator[tuple[CellThread, FanucArm]]:
 # -- every wire ----------------------------------------------------------------------------------------------
 
 
-def test_says_what_it_is(wire: str) -> None:
-    with cell_of(wire, FAST) as cell:
-        arm = open_robot("fanuc", cell.url(WIRES[wire][0]) + WIRES[wire][1])
-        assert isinstance(arm, FanucArm)
-        arm.connect()
-        identity = arm.identify()
-        arm.disconnect()
-    assert arm.dialect == identity.protocol == wire
-    assert identity.maker == "Fanuc"
-    assert identity.model == ("LR Mate 200iC" if wire == "mappdk-cal" else "")
-
-
 def test_angles_are_the_controllers(fast: tuple[CellThread, FanucArm]) -> None:
     """Joint 3 is counted from the horizontal: the arm of the model turns by other angles."""
     cell, arm = fast
@@ -78,16 +63,6 @@ def test_angles_are_the_controllers(fast: tuple[CellThread, FanucArm]) -> None:
     assert arm.position().joints_deg == pytest.approx(POSE, abs=reached.resolution_deg)
     assert cell.do("state")["joints_deg"] == pytest.approx(POSE_OF_MODEL, abs=reached.resolution_deg)
     assert reached.raw
-
-
-def test_controller_refuses_its_own_limit_and_nothing_moves(fast: tuple[CellThread, FanucArm]) -> None:
-    cell, arm = fast
-    arm.arm()
-    with pytest.raises(JointLimit):
-        arm.move_to((0.0, 0.0, -143.0, 0.0, 0.0, 0.0))
-    assert cell.do("state")["joints_deg"] == (0.0,) * 6
-    with pytest.raises(NotArmed):
-        arm.move_to(POSE)
 
 
 @pytest.mark.parametrize("wire", STOPPABLE)

@@ -7,11 +7,7 @@ import json
 
 import pytest
 
-from drivers import (
-    FanucDeadlines,
-    ProtectiveStop,
-    WireLog,
-)
+from drivers import FanucDeadlines, ProtectiveStop, WireLog
 from tests.drivers.fanuc_cells import FAR, SLOW, arm_of, cell_of
 from tests.drivers.waiting import PATIENCE_S, under_way
 

@@ -8,15 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from drivers import (
-    BeamBroken,
-    CommandRefused,
-    ConfigError,
-    LeicaTracker,
-    NotReady,
-    OutOfRange,
-    TargetNotSeen,
-)
+from drivers import BeamBroken, CommandRefused, ConfigError, LeicaTracker, NotReady, OutOfRange, TargetNotSeen
 from mocks.cell import CellThread
 from mocks.leica.device import LeicaDevice
 from mocks.shared.at_rest import hidden_by

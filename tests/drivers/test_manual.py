@@ -8,10 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.errors import CannotStop, JointLimit, LeftOut, NoOperator, NotArmed
-from drivers.interfaces import Entry
-from drivers.manual.arm import ManualArm
-from drivers.manual.meter import ManualMeter
+from drivers import CannotStop, Entry, JointLimit, LeftOut, ManualArm, ManualMeter, NoOperator, NotArmed
 from drivers.manual.prediction import ENOUGH
 from drivers.manual.typed import Mistyped, rows_of
 

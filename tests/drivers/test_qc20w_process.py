@@ -9,8 +9,7 @@ import sys
 
 import pytest
 
-from drivers import CTrack, EmsconTracker, LeicaTracker, Qc20w
-from drivers.interfaces import Device
+from drivers import CTrack, Device, EmsconTracker, LeicaTracker, Qc20w
 from tests.drivers.waiting import PATIENCE_S
 
 

@@ -5,19 +5,15 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pytest
 
 from drivers import (
-    AbbDeadlines,
-    AbbSimpleDeadlines,
     CannotStop,
     ConfigError,
     EmergencyStop,
     EnableLost,
-    FanucDeadlines,
     JointLimit,
     LinkError,
     LinkTimeout,
@@ -27,84 +23,12 @@ from drivers import (
     NotReady,
     ProtectiveStop,
     RobotArm,
-    UrDeadlines,
     WrongMode,
     open_robot,
 )
 from mocks.cell import CellThread
-from mocks.cell_file import CellFile
+from tests.drivers.robot_bench import BENCHES, FANUC_WIRES, REPORTING, STOPPABLE, Bench
 from tests.drivers.waiting import PATIENCE_S, under_way
-
-
-@dataclass(frozen=True)
-class Bench:
-    """One driver on one wire. `patient`: waits that a busy machine keeps; `quick`: for an end of a move that is to fail
-    by them; `hasty`: for a connection that is."""
-
-    driver: str
-    device: str
-    patient: Any
-    quick: Any
-    hasty: Any
-    query: str = ""
-    robot: str = "abb-irb120"
-    stock: bool = False
-    far: tuple[float, ...] = (90.0, 60.0, 30.0, 40.0, 50.0, 60.0)
-    more: dict[str, Any] = field(default_factory=dict)
-
-    def cell(self, time_scale: float) -> CellThread:
-        file = CellFile(robot=self.robot, time_scale=time_scale, effects=("none",))
-        return CellThread(file, stock=self.stock, devices=(self.driver,))
-
-    def arm(self, cell: CellThread, **options: Any) -> Any:
-        """The driver on its simulator, connected."""
-        given = {"deadlines": self.patient, **self.more, **options}
-        arm = open_robot(self.driver, cell.url(self.device) + self.query, **given)
-        arm.connect()
-        return arm
-
-
-ABB = Bench("abb", "abb", AbbDeadlines(), AbbDeadlines(), AbbDeadlines(ping_s=0.4))
-SIMPLE = AbbSimpleDeadlines()
-WAITS = FanucDeadlines(connect_s=30, reply_s=30, stop_s=30, settle_s=30, move_margin_s=60, gap_s=0.001)
-FANUC = Bench(
-    "fanuc",
-    "fanuc",
-    WAITS,
-    replace(WAITS, settle_s=0.2),
-    FanucDeadlines(connect_s=0.3),
-    robot="fanuc-lrmate200ic",
-)
-PATIENT = UrDeadlines(connect_s=30.0, reply_s=30.0, start_s=30.0, stop_s=30.0, settle_s=30.0)
-UR = Bench(
-    "ur",
-    "ur",
-    PATIENT,
-    PATIENT,
-    PATIENT,
-    robot="ur5",
-    far=(90.0, -60.0, 30.0, 40.0, 50.0, 60.0),
-    more={"watchdog_s": 30.0},
-)
-BENCHES = {
-    "abb": ABB,
-    "abb-stock": replace(ABB, stock=True),
-    "abb-simple": Bench(
-        "abb-simple",
-        "abb-simple",
-        SIMPLE,
-        replace(SIMPLE, settle_s=0.3, still_s=0.2),
-        replace(SIMPLE, reply_s=0.4, takeover_s=0.2),
-    ),
-    "mappdk": replace(FANUC, stock=True),
-    "mappdk-cal": FANUC,
-    "modbus-hmi": replace(FANUC, device="fanuc-modbus-hmi", query="?modbus=hmi"),
-    "modbus-io": replace(FANUC, device="fanuc-modbus-io", query="?modbus=io"),
-    "ur-rtde": UR,
-    "ur-realtime": replace(UR, query="?feed=realtime"),
-}
-STOPPABLE = ["abb", "abb-simple", "mappdk-cal", "modbus-hmi", "modbus-io"]  # of a UR: test_ur_stop.py
-REPORTING = [*STOPPABLE, "abb-stock", "mappdk"]  # the end of a move; a UR's is seen in its states: test_ur.py
 
 
 @pytest.fixture(params=list(BENCHES))
@@ -125,15 +49,16 @@ def slow(bench: Bench) -> Iterator[CellThread]:
         yield cell
 
 
-def test_is_a_robot_arm_and_warns_once(
+def test_is_a_robot_arm_says_what_it_is_and_warns_once(
     bench: Bench, fast: CellThread, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.WARNING):
         arm = bench.arm(fast)
         arm.connect()
-        arm.identify()
+        identity = arm.identify()
         arm.disconnect()
     assert isinstance(arm, RobotArm)
+    assert (identity.maker, identity.model, identity.protocol) == bench.identity
     assert sum("unverified" in record.message for record in caplog.records) == 1
 
 
@@ -161,6 +86,29 @@ def test_limits_of_the_cell_are_checked_before_anything_is_sent(bench: Bench, fa
     assert fast.do("state")["joints_deg"] == (0.0,) * 6
     arm.move_to((90, 0, 0, 0, 0, 0))
     arm.disconnect()
+
+
+@pytest.mark.parametrize(
+    ("wire", "beyond", "error"),
+    [
+        ("abb", (170.0, 0, 0, 0, 0, 0), JointLimit),
+        ("abb-simple", (170.0, 0, 0, 0, 0, 0), ProtectiveStop),
+        *((wire, (0, 0, -143.0, 0, 0, 0), JointLimit) for wire in FANUC_WIRES),
+    ],
+)
+def test_controller_refuses_its_own_limit_and_nothing_moves(
+    wire: str, beyond: tuple[float, ...], error: type[Exception]
+) -> None:
+    bench = BENCHES[wire]
+    with bench.cell(5000.0) as cell:
+        arm = bench.arm(cell)
+        arm.arm()
+        with pytest.raises(error, match="50027" if wire == "abb-simple" else None):
+            arm.move_to(beyond)
+        assert cell.do("state")["joints_deg"] == (0.0,) * 6
+        with pytest.raises(NotArmed):
+            arm.move_to((1.0,) * 6)
+        arm.disconnect()
 
 
 @pytest.mark.parametrize("bench", [BENCHES[name] for name in STOPPABLE], ids=STOPPABLE)
@@ -238,7 +186,7 @@ ESTOP, SUPERVISED = {"what": "estop"}, {"what": "supervise"}
         (BENCHES["abb-simple"], SUPERVISED, ProtectiveStop),
         *(
             (BENCHES[wire], order, (EnableLost, WrongMode, ProtectiveStop))
-            for wire in ("mappdk", "mappdk-cal", "modbus-hmi", "modbus-io")
+            for wire in FANUC_WIRES
             for order in (MANUAL, MOTORS_OFF)
         ),
     ],

@@ -28,7 +28,6 @@ from drivers import (
     UrArm,
     UrDeadlines,
     WrongMode,
-    open_robot,
 )
 from mocks.cell import CellThread
 from mocks.ur.servo import COUNT_RAD
@@ -43,16 +42,6 @@ ROBOT, DEVICES = "ur5", ("ur",)
 @pytest.fixture(params=["", "?feed=realtime"])
 def feed(request: pytest.FixtureRequest) -> str:
     return request.param
-
-
-def test_says_what_it_is(fast: CellThread) -> None:
-    arm = open_robot("ur", fast.url("ur"))
-    arm.connect()
-    identity = arm.identify()
-    arm.disconnect()
-    assert (identity.model, identity.firmware, identity.protocol) == ("UR5", "3.15.8", "rtde")
-    assert identity.serial == "20155301234"
-    assert arm.can_stop
 
 
 def test_which_arm_it_is_without_its_serial_number(fast: CellThread) -> None:
@@ -71,16 +60,6 @@ def test_which_arm_it_is_without_its_serial_number(fast: CellThread) -> None:
     ur.checksum = (0,) * 6
     assert new.identify().serial == ""
     ur.serial, ur.checksum = "20155301234", None
-
-
-def test_nothing_moves_on_connect(fast: CellThread, feed: str) -> None:
-    arm = connected(fast, feed)
-    with pytest.raises(NotArmed):
-        arm.move_to((1.0,) * 6)
-    assert fast.do("state")["joints_deg"] == (0.0,) * 6
-    arm.disconnect()
-    with pytest.raises(LinkError):
-        UrArm("tcp://127.0.0.1:30004").position()
 
 
 def test_goes_there_and_reads_back_in_encoder_counts(fast: CellThread, feed: str) -> None:

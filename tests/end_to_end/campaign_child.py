@@ -11,10 +11,7 @@ import json
 import sys
 from pathlib import Path
 
-from acquisition.campaign.campaign import read_campaign
-from acquisition.cell.cell import read_cell
-from acquisition.record.event import Event
-from acquisition.run.run import Run
+from acquisition import Event, Run, read_campaign, read_cell
 from service.simulated_cell import SimulatedDevices
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib.data.dataset import Dataset
-from calib.fit.identify import identify
+from calib import Dataset, identify
 
 
 def rms_held_out(dataset: Dataset) -> float:

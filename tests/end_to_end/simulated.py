@@ -14,10 +14,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from acquisition.cell.cell import Cell
-from acquisition.cell.devices import Devices, open_devices
-from acquisition.loop.loop import Equipment
-from drivers.interfaces import Operator
+from acquisition import Cell, Devices, open_devices
+from acquisition.loop import Equipment
+from drivers import Operator
 from mocks.cell import CellThread
 from mocks.cell_file import read_cell as read_mock_cell
 from mocks.shared.clock import SteppedClock

@@ -9,16 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.campaign.campaign import read_campaign
-from acquisition.cell.cell import read_cell
+from acquisition import Event, Run, export, read_campaign, read_cell, read_status
 from acquisition.errors import RecordError
-from acquisition.record.event import Event
-from acquisition.record.export import export
-from acquisition.run.run import Run
-from acquisition.run.status import read_status
-from calib.data.read import read_dataset
-from calib.fit.identify import identify
-from drivers.errors import SafetyStop
+from calib import identify, read_dataset
+from drivers import SafetyStop
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 from tests.end_to_end.simulated import campaign_file, cell_file, simulated_cell
 

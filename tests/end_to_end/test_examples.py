@@ -12,24 +12,19 @@ import numpy as np
 import pytest
 import tomli_w
 
-from acquisition.campaign.campaign import Campaign, campaign_from, read_campaign
+from acquisition import Campaign, Cell, Run, campaign_from, checked_plan, export, read_campaign, read_cell
 from acquisition.campaign.forecast import Forecast
-from acquisition.cell.cell import Cell, cell_from, read_cell
+from acquisition.cell import cell_from
+from acquisition.record import Store
 from acquisition.record.drift import drift_of
-from acquisition.record.export import export
-from acquisition.record.store import Store
-from acquisition.run.run import Run, checked_plan
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
-from calib.diagnose.diagnosis import diagnose
+from calib import Dataset, identify, read_dataset
+from calib.diagnose import diagnose
+from calib.fit import errors_on, offsets_of
 from calib.fit.circle_points import find_sweeps, starts
-from calib.fit.held_out import errors_on
-from calib.fit.identify import identify
-from calib.fit.offsets import offsets_of
-from calib.text.toml_text import read_toml
+from calib.text import read_toml
 from calib.validation import sphere_tests
 from calib.validation.iso9283 import pose_repeatability, repeated_poses
-from drivers.operator import RehearsalOperator
+from drivers import RehearsalOperator
 from mocks.cell import make_world
 from mocks.cell_file import read_cell as read_mock_cell
 from mocks.world import World

@@ -7,12 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.campaign.campaign import read_campaign
-from acquisition.cell.cell import read_cell
-from acquisition.loop.loop import close_loop
-from acquisition.record.export import export
-from acquisition.run.run import Run
-from calib.data.read import read_dataset
+from acquisition import Run, export, read_campaign, read_cell
+from acquisition.loop import close_loop
+from calib import read_dataset
 from tests.end_to_end.fits import rms_held_out
 from tests.end_to_end.simulated import campaign_file, cell_file, stepped_cell
 

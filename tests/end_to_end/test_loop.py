@@ -16,12 +16,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition import read_status
-from acquisition.campaign.campaign import campaign_from
-from acquisition.loop import rehearsal
-from acquisition.loop.loop import Compute, LoopEnded, LoopResult, close_loop, here
-from acquisition.record.event import Event
-from acquisition.run.run import Run
+from acquisition import Event, Run, campaign_from, read_status
+from acquisition.loop import Compute, LoopEnded, LoopResult, close_loop, rehearsal
+from acquisition.loop.loop import here
 from tests.end_to_end.simulated import stepped_cell
 
 

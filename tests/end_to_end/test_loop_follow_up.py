@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 
 from acquisition import read_status
-from acquisition.loop import rehearsal
-from acquisition.loop.loop import LoopResult, close_loop
+from acquisition.loop import LoopResult, close_loop, rehearsal
 from acquisition.record.verification import read_landings, world_of
-from calib.data.read import read_dataset
-from calib.diagnose.follow_up import POSES, SEPARATES
+from calib import read_dataset
+from calib.diagnose import POSES, SEPARATES
 from service.cli import main
 from tests.end_to_end.simulated import stepped_cell
 

@@ -12,16 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import read_cell
-from acquisition.campaign.campaign import campaign_from
-from acquisition.campaign.plan import make_plan
+from acquisition import campaign_from, read_cell
+from acquisition.campaign import make_plan
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import RecordError
 from acquisition.loop.corrected import APPROACH_DEG, campaign_of, clear
 from acquisition.loop.rehearsal import campaign_table
+from acquisition.record import Store
 from acquisition.record.attempts import Attempts
 from acquisition.record.event import Moment
-from acquisition.record.store import Store
 from acquisition.record.verification import (
     JudgedLandings,
     Landings,
@@ -34,10 +33,10 @@ from acquisition.record.verification import (
     verification_of,
     world_of,
 )
-from calib.arm.kinematics import forward
+from calib import forward
 from calib.effects.instrument.drift import drift_translation
-from calib.model.model import RobotModel
-from drivers.interfaces import JointReading, PointReading
+from calib.model import RobotModel
+from drivers import JointReading, PointReading
 from tests.end_to_end.simulated import EXAMPLE
 
 CELL = read_cell(EXAMPLE / "cell.toml")

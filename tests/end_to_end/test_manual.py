@@ -15,15 +15,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.campaign.campaign import campaign_from
-from acquisition.cell.cell import Cell, cell_from
+from acquisition import Cell, Run, campaign_from, export
+from acquisition.cell import cell_from
+from acquisition.record import Store
 from acquisition.record.drift import drift_of
-from acquisition.record.export import export
-from acquisition.record.store import Store
-from acquisition.run.run import Run
-from calib.data.read import read_dataset
+from calib import read_dataset
 from calib.diagnose import diagnose
-from calib.text.toml_text import read_toml
+from calib.text import read_toml
 from tests.calib.machines import TRACK
 from tests.end_to_end.fits import rms_held_out
 from tests.end_to_end.simulated import ROOT, campaign_file, stepped_cell

@@ -17,14 +17,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.campaign.campaign import read_campaign
-from acquisition.cell.cell import read_cell
-from acquisition.record.database import FILE
-from acquisition.record.event import Event
-from acquisition.record.store import Store
+from acquisition import Event, Run, read_campaign, read_cell
+from acquisition.record import FILE, Store
 from acquisition.record.streams import read_stream
-from acquisition.run.run import Run
-from drivers.operator import RehearsalOperator
+from drivers import RehearsalOperator
 from mocks.cell import Cell as SimulatedCell
 from mocks.cell_file import read_cell as read_mock_cell
 from service.cli import main

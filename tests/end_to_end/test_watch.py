@@ -16,12 +16,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.data import read_dataset
+from calib import identify, load_model, read_dataset, save_model
 from calib.effects.thermal.warm_up import warm_up
-from calib.fit import identify
-from calib.model import Design
-from calib.model.stated import conditions_at
-from calib.saved import load_model, save_model
+from calib.model import Design, conditions_at
 from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
 from mocks.world import ArmState, World
 from mocks.world.dataset import header_of, row_of

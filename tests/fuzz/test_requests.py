@@ -17,10 +17,8 @@ from hypothesis import given, note
 from hypothesis import strategies as st
 
 from acquisition import read_cell
-from calib.data.read import read_dataset
-from calib.fit.identify import identify
-from calib.saved.model_file import save_model
-from calib.text.files import replace_file
+from calib import identify, read_dataset, save_model
+from calib.text import replace_file
 from mocks.campaign import make_campaign
 from service.files import as_json
 from service.http.access.roles import Tokens

@@ -12,9 +12,8 @@ from pathlib import Path
 
 import tomli_w
 
-from calib.data import read_dataset
+from calib import load_model, read_dataset, save_model
 from calib.diagnose import diagnose
-from calib.saved import load_model, save_model
 from calib.text import parse_toml
 from mocks.campaign import make_campaign, write_campaign
 from service.files import as_json

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calib.arm.kinematics import forward
-from calib.saved.model_file import SavedModel
+from calib import SavedModel, forward
 from tests.service.robot_programs import model_of
 
 PULSES = (1435.2, -1300.5, 1511.0, -900.25, 880.0, 455.5)

@@ -6,15 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.arm.kinematics import gravity_torques
-from calib.arm.robot import load_robot
+from calib import SavedModel, load_robot
+from calib.arm import gravity_torques
 from calib.array import Array
-from calib.data.groups import DEFAULT_GROUPS
-from calib.model import base_model
-from calib.model.model import RobotModel
-from calib.saved.model_file import SavedModel
-from calib.units import to_internal
 from tests.calib.chain import chain
+from tests.calib.errant import only_geometry
 
 EXT = "[9E9,9E9,9E9,9E9,9E9,9E9]"
 
@@ -121,14 +117,10 @@ COUPLING = {"fanuc-lrmate200ic": "fanuc-j23"}
 def model_of(name: str, seed: int = 3, scale: float = 1.0) -> SavedModel:
     """The base model of a robot, tenths of a millimetre and hundredths of a degree wrong, times `scale`."""
     robot = load_robot(name)
-    rng = np.random.default_rng(seed)
-    effects = base_model.build(DEFAULT_GROUPS, robot, ("main",), ({"T1": False},))
-    model = RobotModel(robot, effects, {"main": {"T1": (0.0, 0.0, 100.0)}})
-    sizes = {"mm": 0.25, "deg": 0.04}
-    estimate = [scale * to_internal(rng.normal() * sizes.get(p.unit, 0.1), p.unit) for p in model.parameters]
+    model, estimate = only_geometry(robot, seed)
     return SavedModel(
         model=model,
-        estimate=np.array(estimate),
+        estimate=scale * estimate,
         covariance=np.zeros((len(estimate), len(estimate))),
         loads=robot.loads,
         gravity=(0.0, 0.0, -9.81),

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from drivers.errors import MotionStopped
-from drivers.interfaces import JointReading
+from drivers import JointReading, MotionStopped
 from tests.acquisition.fakes import Bench, FakeArm
 
 

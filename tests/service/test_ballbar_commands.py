@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.campaign.campaign import campaign_from
-from acquisition.run.run import checked_plan
+from acquisition import campaign_from, checked_plan
 from service.cli import main
 from tests.benchmarks.nests import example, header_of, legs_of, sides_of, truth_of
 from tests.calib.campaigns import write_files

@@ -20,8 +20,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.record.database import FILE
-from acquisition.record.store import Store
+from acquisition.record import FILE, Store
 from service.cli import main
 from service.printed.terminal import duration
 from tests.drivers.waiting import PATIENCE_S

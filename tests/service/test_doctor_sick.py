@@ -13,8 +13,7 @@ from acquisition import Devices, open_devices
 from acquisition.examination import Examination, Finding, examine
 from acquisition.examination.clocks import ClockReading, examine_clock, rate_of
 from acquisition.examination.finding import Chart
-from drivers import FaroTracker, Identity, JointReading, RobotStatus
-from drivers.interfaces import RobotArm
+from drivers import FaroTracker, Identity, JointReading, RobotArm, RobotStatus
 from mocks.faultproxy import FaultProxy
 from tests.service.benches import Bench, bench, faults, level_of
 

@@ -17,14 +17,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib.arm.robot import load_robot
+from calib import DataError, SavedModel, StatedConditions, load_robot
 from calib.array import Array
 from calib.compensate import carried, constant_slots
 from calib.effects.thermal.thermal_growth import thermal_growth
 from calib.effects.transmission.backlash import backlash
-from calib.errors import DataError
-from calib.model.stated import StatedConditions
-from calib.saved.model_file import SavedModel
 from service.cli import main
 from service.exports import FORMATS, Export
 from tests.calib.chain import chain, shift, turn

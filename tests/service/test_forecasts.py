@@ -11,9 +11,8 @@ from typing import Any
 
 import pytest
 
-from acquisition import Devices, Lease, checked_plan
+from acquisition import Devices, Lease, Run, checked_plan
 from acquisition.run import Forecast, forecast_of
-from acquisition.run.run import Run
 from service.http.runs.book import Book
 from service.http.runs.forecasts import Forecasts
 from service.http.wire.problems import Problem

@@ -13,11 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.run.orders.lease import Lease
-from acquisition.run.outcome import Outcome
-from acquisition.run.run import Run
-from drivers.interfaces import Answer
-from drivers.operator import RemoteOperator
+from acquisition import Lease, Outcome, Run
+from drivers import Answer, RemoteOperator
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import PATIENCE_S, until
 from tests.service.lease_clock import LeaseClock

@@ -14,11 +14,10 @@ from typing import Any
 
 import pytest
 
-from acquisition.campaign.campaign import Campaign
-from acquisition.loop.loop import Compute, Equipment, LoopResult, Say, measure
-from acquisition.record.states import State
-from acquisition.run.orders.lease import Lease
-from drivers.errors import ConfigError
+from acquisition import Campaign, Lease, State
+from acquisition.loop import Compute, Equipment, LoopResult, Say
+from acquisition.loop.loop import measure
+from drivers import ConfigError
 from service.http.runs import loop_work
 from service.http.runs.book import Book
 from service.http.runs.loop_status import LoopStatus

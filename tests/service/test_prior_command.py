@@ -8,9 +8,7 @@ from pathlib import Path
 import pytest
 
 import truepose
-from calib.data import read_dataset
-from calib.fit import identify
-from calib.saved import save_model
+from calib import identify, read_dataset, save_model
 from mocks.campaign import make_campaign
 from service.cli import main
 from tests.benchmarks.priors import CELLS, a_type, learnt

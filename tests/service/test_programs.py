@@ -13,11 +13,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib.arm.inverse_kinematics.near import nominal_inverse
-from calib.arm.kinematics import forward
+from calib import SavedModel, StatedConditions, forward
+from calib.arm.inverse_kinematics import nominal_inverse
 from calib.array import Array
-from calib.model.stated import StatedConditions
-from calib.saved.model_file import SavedModel
 from service.programs import Compensation, KnownFrames, compensate, named_frames, read_program
 from service.programs.compensation import CORRECTED, EMPTY, REFUSED
 from tests.service.robot_programs import LS, PROGRAMS, RAPID, SCRIPT, TABLE, model_of, real_flange, write

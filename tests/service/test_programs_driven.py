@@ -12,17 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.arm.inverse_kinematics import BRANCHES
-from calib.arm.inverse_kinematics.near import nominal_inverse
-from calib.arm.kinematics import forward
-from calib.arm.robot import load_robot
+from calib import SavedModel, StatedConditions, forward, load_model, load_robot
+from calib.arm import BRANCHES
+from calib.arm.inverse_kinematics import nominal_inverse
 from calib.array import Array
 from calib.fit.uncertainty import predict_with_covariance
-from calib.model.stated import StatedConditions, conditions_at
-from calib.saved.model_file import SavedModel, load_model
+from calib.model import conditions_at
 from calib.validation.branch import branches
 from mocks.campaign import Campaign, make_campaign, write_campaign
-from mocks.world.arm import ArmState
+from mocks.world import ArmState
 from service.cli import main
 from service.programs.frames import quaternion
 from tests.calib.singular import least_singular_value

@@ -9,11 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from calib.arm.robot import load_robot
-from calib.errors import DataError
-from service.programs import KnownFrames
+from calib import DataError, load_robot
+from service.programs import KnownFrames, parse, read_program
 from service.programs.program import Program
-from service.programs.read import parse, read_program
 from tests.service.robot_programs import EXT, LS, RAPID, SCRIPT, model_of
 from tests.service.test_programs import corrected
 

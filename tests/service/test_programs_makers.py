@@ -12,10 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.compensate import correct
-from calib.errors import DataError
-from calib.model.stated import StatedConditions
-from calib.saved.model_file import SavedModel
+from calib import DataError, SavedModel, StatedConditions, correct
 from service.programs import (
     Compensation,
     KnownFrames,

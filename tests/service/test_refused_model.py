@@ -8,15 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
-from calib.diagnose.diagnosis import Diagnosis
-from calib.diagnose.diagnosis import diagnose as found_by
+from calib import Dataset, Diagnosis, Identification, read_dataset
+from calib import identify as fitted_by
+from calib.diagnose import diagnose as found_by
+from calib.fit import left_out, silent
 from calib.fit.ending import Ending
-from calib.fit.identification import Identification
-from calib.fit.identify import identify as fitted_by
-from calib.fit.identify import silent
-from calib.fit.left_out import left_out
 from mocks.campaign import make_campaign, write_campaign
 from service import job, job_folder
 from service.cli import main

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from calib.data import read_dataset
-from calib.errors import DataError
+from calib import DataError, read_dataset
 from service.cli import main
 from service.report.paper import hash_of, number_of, paper_of
 from tests.service.campaigns import write_data

@@ -14,21 +14,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
-from calib.diagnose import ACTS_ON, EACH_POSE, QUICK, TOGETHER, Structure
+from calib import Dataset, Identification, identify, read_dataset
+from calib.diagnose import ACTS_ON, EACH_POSE, QUICK, TOGETHER, Structure, errors_without
 from calib.diagnose.places import drivers
 from calib.diagnose.select import refit
-from calib.diagnose.without import errors_without
 from calib.effects import Survey, offers
 from calib.effects.transmission.gear_orders import BANDS, gear_orders
-from calib.fit.identification import Identification
-from calib.fit.identify import identify
-from calib.fit.statistics import statistics_of
-from calib.model.effect import Effect, effect
+from calib.fit import statistics_of
+from calib.model import Effect, effect
 from calib.model.regressors import Side
-from calib.scan import Candidate, Harmonics, Shapes
-from calib.scan.space import Space
+from calib.scan import Candidate, Harmonics, Shapes, Space
 from calib.units import DEG
 from service.report.figures import drawing, structure
 from service.report.figures.drawing import FITTED

@@ -17,10 +17,7 @@ import httpx2
 import pytest
 from fastapi.testclient import TestClient
 
-from calib import watch
-from calib.data import read_dataset
-from calib.fit import identify
-from calib.saved import save_model
+from calib import identify, read_dataset, save_model, watch
 from fleet.store import dataset_texts
 from service.http.access.roles import Tokens
 from service.http.access.settings import Settings

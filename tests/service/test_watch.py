@@ -9,11 +9,9 @@ from pathlib import Path
 import pytest
 
 from acquisition import Run, read_campaign, read_cell, read_status
+from acquisition.campaign import make_plan
 from acquisition.campaign.check import check_plan
-from acquisition.campaign.plan import make_plan
-from calib.data import read_dataset
-from calib.fit import identify
-from calib.saved import load_model, save_model
+from calib import identify, load_model, read_dataset, save_model
 from calib.saved.model_checks import content_hash
 from service.cli import main
 from tests.service.campaigns import Rows, edit_rows, edit_text, write_data

@@ -11,14 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.campaign import make_plan, read_campaign
-from acquisition.cell import read_cell, targets_at
-from calib.data import read_dataset
+from acquisition import read_campaign, read_cell
+from acquisition.campaign import make_plan
+from acquisition.cell import targets_at
+from calib import DataError, identify, load_model, read_dataset, save_model
 from calib.effects.thermal.warm_up import warm_up
-from calib.errors import DataError
-from calib.fit import identify
-from calib.saved import as_saved, load_model, save_model
-from drivers.errors import ConfigError
+from calib.saved import as_saved
+from drivers import ConfigError
 from service.cli import main
 from service.results.watch_plan import Planned, PlanQuestion
 from tests.acquisition.fakes import BALLBAR, a_campaign, a_cell

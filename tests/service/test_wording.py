@@ -9,10 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calib.diagnose.outlying import ACTS_ON
-from calib.diagnose.structure import Structure
-from calib.diagnose.surprise import Surprise
-from calib.fit.statistics import ErrorStatistics
+from calib.diagnose import ACTS_ON, Structure, Surprise
+from calib.fit import ErrorStatistics
 from service.files import as_json
 from service.results.models.documents import reading
 from service.wording import chance, counted, grouped, structure_in_words, verdict_in_words, with_uncertainty

@@ -182,7 +182,7 @@ def read_approach(table: TomlTable, default: Approach) -> Approach:
 
 
 def read_settle(table: TomlTable, default: Settle) -> Settle:
-    """`settle_s` and `settle_check` of a campaign or a block. Raises ConfigError."""
+    """Read `settle_s` and `settle_check` of a campaign or a block. Raises ConfigError."""
     return Settle(
         table.number("settle_s", default.seconds, low=0.0, high=3600.0),
         table.flag("settle_check", default.check),

@@ -131,7 +131,7 @@ def _in_turn(good: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _spread(some: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """At most so many of the poses, evenly spread."""
+    """Some of the poses, at most so many, evenly spread."""
     if count >= len(some):
         return some
     return some[np.round(np.linspace(0, len(some) - 1, count)).astype(int)]

@@ -100,7 +100,7 @@ def read(table: TomlTable, folder: Path | None) -> Poses:
 
 
 def _sides(table: TomlTable, source: Source) -> tuple[tuple[int, ...], ...]:
-    """`approach_sides` beside `joints_deg`: +1 from below or -1 from above, for every joint of every pose."""
+    """Read `approach_sides` beside `joints_deg`: +1 from below or -1 from above, for every joint of every pose."""
     if "approach_sides" not in table.values:
         return ()
     shape = [len(pose) for pose in source.joints_deg]
@@ -117,7 +117,7 @@ def _sides(table: TomlTable, source: Source) -> tuple[tuple[int, ...], ...]:
 
 
 def read_source(table: TomlTable, folder: Path | None, count: int | None = None) -> Source:
-    """`select`, `count`, `file` and `joints_deg`; `count`: how many unless the file says. Raises ConfigError."""
+    """Read `select`, `count`, `file` and `joints_deg`; `count`: how many unless the file says. Raises ConfigError."""
     select = table.text("select", "random", (*DRAWN, "file", "list"))
     poses: tuple[Joints, ...] = ()
     if select == "list":

@@ -58,7 +58,7 @@ class OffsetWrist:
 
     @classmethod
     def of(cls, zero: ZeroPose) -> OffsetWrist | None:
-        """None where axes 4 and 5 do not meet squarely, or the arm before them is of another kind."""
+        """The arm of a zero pose; None where axes 4 and 5 do not meet squarely, or the arm is of another kind."""
         axes, points = zero.axes, zero.points
         if not (square(axes[0], axes[1]) and parallel(axes[1], axes[2]) and square(axes[3], axes[4])):
             return None

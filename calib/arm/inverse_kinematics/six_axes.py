@@ -38,7 +38,7 @@ class SixAxes:
 
     @property
     def kind(self) -> str:
-        """Its structure, in closed form."""
+        """The structure of the arm, solved in closed form."""
         return f"in closed form, {self.structure.kind}"
 
     @classmethod

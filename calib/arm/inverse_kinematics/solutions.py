@@ -78,7 +78,7 @@ class Solutions:
         turns: tuple[bool, ...],
         n: int,
     ) -> Solutions:
-        """From N joints and masks of states, which broadcast to (branch, ..., n); the weightiest state last."""
+        """Solutions of N joints and masks of states, which broadcast to (branch, ..., n); the weightiest state last."""
         shape = np.broadcast_shapes(
             *(np.shape(joint) for joint in joints), *(mask.shape for _, mask in states)
         )

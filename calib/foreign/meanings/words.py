@@ -110,7 +110,7 @@ def meaning_of(name: str) -> Meaning:
 
 
 def _unglued(token: str) -> list[str]:
-    """`posx` -> pos x; `xist` -> x ist; `xmeas` -> x meas."""
+    """The words of a name that are written as one: `posx` -> pos x; `xist` -> x ist; `xmeas` -> x meas."""
     for word in sorted(_FILL | _NOMINAL | _MEASURED | _OWN | {"dev"}, key=len, reverse=True):
         if len(word) >= 3 and len(token) == len(word) + 1:
             if token.startswith(word) and token[-1] in "xyz":

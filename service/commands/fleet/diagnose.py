@@ -13,7 +13,7 @@ from fleet.diagnose import EngineGone
 from fleet.errors import StoreGone
 from service import exit_codes
 from service.commands import options
-from service.commands.stores import VARIABLE
+from service.commands.stores import VARIABLE, PlantStore
 from service.files import STANDARD_OUTPUT
 from service.printed.fleet_tables import FleetProgress, shown
 from service.printed.terminal import Terminal
@@ -30,15 +30,7 @@ def diagnose_command(
             help="Data sets, and folders of them; their headers lie beside them. Without any: those of the store.",
         ),
     ] = None,
-    store: Annotated[
-        str,
-        typer.Option(
-            metavar="URL",
-            envvar=VARIABLE,
-            show_envvar=False,
-            help=f"Of the results: sqlite:///FILE or postgresql://USER@HOST/NAME; or in {VARIABLE}.",
-        ),
-    ] = "",
+    store: PlantStore = "",
     scheduler: Annotated[
         str,
         typer.Option(

@@ -13,7 +13,7 @@ import typer
 from service import exit_codes
 from service.commands import serving
 from service.commands.serve import refuse_host
-from service.commands.stores import VARIABLE
+from service.commands.stores import PlantStore
 from service.json_log import json_log
 from service.private import owner_only
 from service.token_file import lasting_tokens
@@ -21,15 +21,7 @@ from service.token_file import lasting_tokens
 
 @owner_only()
 def serve_command(
-    store: Annotated[
-        str,
-        typer.Option(
-            metavar="URL",
-            envvar=VARIABLE,
-            show_envvar=False,
-            help=f"sqlite:///FILE or postgresql://USER@HOST/NAME; or in {VARIABLE}, which other users do not see.",
-        ),
-    ],
+    store: PlantStore,
     token_file: Annotated[
         Path,
         typer.Option(

@@ -28,14 +28,7 @@ def identify_command(
     json: options.Json = None,
     model: options.Model = None,
     report: options.Report = None,
-    level: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            max=3,
-            help="1 joints, 2 geometry, 3 and gravity; instead of what the header's [model] frees.",
-        ),
-    ] = None,
+    level: options.Level = None,
     preliminary: Annotated[
         Path | None,
         typer.Option(

@@ -21,14 +21,7 @@ from service.results.models import sweeps_document
 
 def sweeps_command(
     data: options.Data,
-    level: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            max=3,
-            help="Of the arm whose axes are compared; instead of what the header's [model] frees.",
-        ),
-    ] = None,
+    level: options.Level = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="FILE.svg", help="Draw the tangential error of every joint.")
     ] = None,

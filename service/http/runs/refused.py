@@ -22,7 +22,7 @@ def other_cell() -> Problem:
 
 
 def other_devices(*, simulated: bool) -> Problem:
-    """simulated: whether the run was measured so."""
+    """The refusal of devices that are not those of the run. simulated: whether the run was measured so."""
     return Problem(
         409,
         f"The run was measured on {'simulated' if simulated else 'real'} devices, which this service does not use.",

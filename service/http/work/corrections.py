@@ -46,7 +46,9 @@ def corrected(
 def corrected_program(
     model_file: Path, model_id: str, name: str, content: bytes, order: Mapping[str, Any]
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """As `corrected`, for a program of this name and content. `order`: the form of the request. Raises DataError."""
+    """Correct, as `corrected`, a program of this name and content. `order`: the form of the request. Raises
+    DataError.
+    """
     saved = load_model(model_file, bounds=Bounds(order["largest_deg"], order["largest_mm"]))
     file = Path(name)
     known = KnownFrames(named_frames("tool", order["tool"]), named_frames("frame", order["frame"]))
@@ -100,7 +102,7 @@ def _as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _rows(text: str) -> list[dict[str, Any]]:
-    """Its rows, numbers as numbers; ids and configurations stay text."""
+    """The rows of a table, numbers as numbers; ids and configurations stay text."""
     return [
         {name: _value(name, cell) for name, cell in row.items() if name is not None}
         for row in csv.DictReader(io.StringIO(text))

@@ -13,7 +13,7 @@ Corrected = tuple[dict[str, Any], list[dict[str, Any]]]
 
 
 def corrected(model_file: Path, model_id: str, order: Mapping[str, Any]) -> Corrected:
-    """As `corrections.corrected`."""
+    """Correct targets in a worker, as `corrections.corrected`."""
     from service.http.work import corrections
 
     return corrections.corrected(model_file, model_id, order)
@@ -22,7 +22,7 @@ def corrected(model_file: Path, model_id: str, order: Mapping[str, Any]) -> Corr
 def corrected_program(
     model_file: Path, model_id: str, name: str, content: bytes, order: Mapping[str, Any]
 ) -> Corrected:
-    """As `corrections.corrected_program`."""
+    """Correct a program in a worker, as `corrections.corrected_program`."""
     from service.http.work import corrections
 
     return corrections.corrected_program(model_file, model_id, name, content, order)
@@ -31,7 +31,7 @@ def corrected_program(
 def exported(
     model_file: Path, model_id: str, kind: str, conditions: str, robot_hash: str, bounds: Bounds
 ) -> dict[str, Any]:
-    """As `exporting.exported`."""
+    """Export a model in a worker, as `exporting.exported`."""
     from service.http.work import exporting
 
     return exporting.exported(model_file, model_id, kind, conditions, robot_hash, bounds)

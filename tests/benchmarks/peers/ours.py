@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
-from calib.data.dataset import Dataset
-from calib.data.read import read_dataset
+from calib import Dataset, read_dataset
 from tests.benchmarks.peers.arm import SIGMA_MM, TARGET_MM, Array
 
 GROUPS = ("base", "geometry", "parallel_twist", "tool")

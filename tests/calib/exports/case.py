@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from calib.arm.kinematics import forward
-from calib.arm.robot import load_robot
+from calib import forward, load_robot
 from calib.array import Array
 from calib.units import DEG
 

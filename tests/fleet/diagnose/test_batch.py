@@ -14,12 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.data import Dataset
-from calib.diagnose import Diagnosis, diagnose
-from calib.errors import DataError
-from fleet.diagnose.batch import Order, work_off
-from fleet.diagnose.errors import EngineGone
-from fleet.diagnose.source import Source, in_files
+from calib import DataError, Dataset, Diagnosis
+from calib.diagnose import diagnose
+from fleet.diagnose import EngineGone, Order, Source, in_files
+from fleet.diagnose.batch import work_off
 from fleet.errors import StoreGone
 from fleet.store import Store, utc_now
 from tests.drivers.waiting import in_thread, until

@@ -10,10 +10,8 @@ from typing import Any
 
 import pytest
 
-from fleet.diagnose import batch, call
-from fleet.diagnose.batch import Order, work_off
-from fleet.diagnose.source import in_files
-from fleet.diagnose.tally import Tally
+from fleet.diagnose import Order, Tally, batch, call, in_files
+from fleet.diagnose.batch import work_off
 from fleet.store import Store
 from service import exit_codes
 from service.cli import main

@@ -13,13 +13,9 @@ import psutil
 import pytest
 from distributed import Client, Worker, WorkerPlugin
 
-from fleet.diagnose import batch
-from fleet.diagnose.batch import Order
+from fleet.diagnose import Order, Source, Tally, batch, in_files, this_program
 from fleet.diagnose.engine import local
-from fleet.diagnose.program import this_program
 from fleet.diagnose.run import Run
-from fleet.diagnose.source import Source, in_files
-from fleet.diagnose.tally import Tally
 from fleet.store import Store
 from tests.drivers import waiting
 from tests.fleet.diagnose.noted import Noting

@@ -12,13 +12,9 @@ from urllib.parse import urlsplit
 import pytest
 from dask import config
 
-from calib.errors import DataError
-from fleet.diagnose import Source, in_store
-from fleet.diagnose.batch import Order
-from fleet.diagnose.call import diagnose_all
+from calib import DataError
+from fleet.diagnose import EngineGone, Order, Source, Tally, diagnose_all, in_store
 from fleet.diagnose.engine import connected
-from fleet.diagnose.errors import EngineGone
-from fleet.diagnose.tally import Tally
 from fleet.store import Document, Store, dataset_content
 from tests.drivers.nobody import nobody_listens
 from tests.fleet.diagnose.certificates import make_certificates

@@ -32,7 +32,7 @@ _HEADERS = {
 
 @cache
 def page_hash() -> str:
-    """By which an open page knows, when the service is back, whether it is still its page."""
+    """The hash by which an open page knows, when the service is back, whether it is still its page."""
     texts = (path.read_bytes() for path in sorted(FOLDER.iterdir()) if path.is_file())
     return hashlib.sha256(b"".join(texts)).hexdigest()[:12]
 

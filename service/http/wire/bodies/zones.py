@@ -48,7 +48,7 @@ class ZoneAsked(Body):
 
     @property
     def zone(self) -> Zone:
-        """As the judgement has it."""
+        """The zone as the judgement has it."""
         (a, b, c), (d, e, f) = self.low_mm, self.high_mm
         return Zone(self.name, (a, b, c), (d, e, f), self.accept_rms_mm or None, self.accept_max_mm or None)
 
