@@ -1,7 +1,7 @@
 """`kill -9` at random moments of a campaign on a simulated cell: nothing acknowledged is lost, nothing is twice.
 
 The children acknowledge a reading by a line on their standard output, written after the reading is durable.
-`TRUEPOSE_KILLS` sets how often (20); `python -m tests.benchmarks.campaign` does it 200 times.
+`TRUEPOSE_KILLS` sets how often (8; 20 in `make long`); `python -m tests.benchmarks.campaign` does it 200 times.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tests.end_to_end.killing import kill_and_resume
 from tests.end_to_end.simulated import campaign_file, cell_file
 
 BY_HAND = 3
-KILLS = int(os.environ.get("TRUEPOSE_KILLS", "20"))
+KILLS = int(os.environ.get("TRUEPOSE_KILLS", "8"))
 
 
 @pytest.mark.timeout(600 + 6 * KILLS)

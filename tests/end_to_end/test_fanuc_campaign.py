@@ -36,7 +36,7 @@ def fanuc_cell(folder: Path) -> Path:
 def test_measured_exported_identified(tmp_path: Path) -> None:
     cell = read_cell(fanuc_cell(tmp_path))
     campaign = read_campaign(
-        campaign_file(tmp_path, calibration=24, validation=6, warm_up_s=0.0, reference_every=0)
+        campaign_file(tmp_path, calibration=14, validation=4, warm_up_s=0.0, reference_every=0)
     )
     with stepped_cell(cell) as equipment, Run.create(tmp_path / "r", cell, campaign, simulated=True) as run:
         outcome = run.execute(equipment.devices, equipment.clock)
@@ -44,7 +44,7 @@ def test_measured_exported_identified(tmp_path: Path) -> None:
     out = export(tmp_path / "r", tmp_path / "data.csv")
     with out.open(encoding="utf-8") as lines:
         rows = list(csv.DictReader(lines))
-    assert len(rows) == 30 * 3
+    assert len(rows) == 18 * 3
     for row in rows:
         for k in range(1, 7):
             assert float(row[f"j{k}_read_deg"]) == pytest.approx(float(row[f"j{k}_deg"]), abs=0.0006)
@@ -59,9 +59,9 @@ def test_the_loop_is_closed_on_coupled_joints(tmp_path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace('effects = ["none"]', 'effects = ["backlash:j3"]'), encoding="utf-8")
     cell = read_cell(path)
-    campaign = read_campaign(campaign_file(tmp_path, calibration=50, validation=15, warm_up_s=0.0))
+    campaign = read_campaign(campaign_file(tmp_path, calibration=30, validation=10, warm_up_s=0.0))
     with stepped_cell(cell) as equipment:
-        result = close_loop(equipment, campaign, tmp_path / "loop", poses=10)
+        result = close_loop(equipment, campaign, tmp_path / "loop", poses=6)
     assert [found.effect.label for found in result.diagnosis.effects] == ["backlash:j3"]
     assert result.verification.uncorrected is not None
     assert result.verification.uncorrected.rms > 1.0

@@ -37,11 +37,11 @@ settle_s = 0.0
 [[block]]
 set = "calibration"
 select = "random"
-count = 16
+count = 8
 [[block]]
 set = "validation"
 select = "random"
-count = 4
+count = 2
 """
 node = shutil.which("node")
 
@@ -83,8 +83,8 @@ def run(command: list[str | Path], folder: Path, service: Served) -> str:
 def test_the_python_page_runs_a_campaign(service: Served, tmp_path: Path) -> None:
     program = taken_from("python.md", tmp_path)
     told = run([sys.executable, program, "campaign.toml"], tmp_path, service)
-    assert "checked: Checked only: 23 visits, 60 readings; nothing has moved." in told
-    assert "succeeded: 60 of 60" in told
+    assert "checked: Checked only: 13 visits, 30 readings; nothing has moved." in told
+    assert "succeeded: 30 of 30" in told
     assert re.search(r"0\.\d{3} mm, (not )?accepted", told)
     assert (tmp_path / "report.html").read_text("utf-8").lower().startswith("<!doctype html>")
     assert service.client.get("/cell").json()["lease"] is None
@@ -93,7 +93,7 @@ def test_the_python_page_runs_a_campaign(service: Served, tmp_path: Path) -> Non
 @pytest.mark.skipif(not (shutil.which("curl") and shutil.which("sh")), reason="needs a shell and curl")
 def test_the_curl_page_runs_a_campaign(service: Served, tmp_path: Path) -> None:
     told = run(["sh", taken_from("curl.md", tmp_path), "campaign.toml"], tmp_path, service)
-    assert "succeeded: 60 of 60" in told
+    assert "succeeded: 30 of 30" in told
     assert re.search(r"(?m)^\w+, (accepted|rejected|not_decided)$", told)
     assert service.client.get("/cell").json()["lease"] is None
 
@@ -135,7 +135,7 @@ def compiled(program: Path) -> list[str | Path]:
 def test_the_csharp_page_runs_a_campaign(service: Served, tmp_path: Path) -> None:
     program = taken_from("csharp.md", tmp_path)
     told = run([*compiled(program), "campaign.json"], tmp_path, service)
-    assert "succeeded: 60 of 60" in told
+    assert "succeeded: 30 of 30" in told
     assert re.search(r"(?m)^\w+, (accepted|rejected|not_decided)$", told)
     assert (tmp_path / "report.html").read_text("utf-8").lower().startswith("<!doctype html>")
     assert service.client.get("/cell").json()["lease"] is None
