@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from drivers.bridge import mbp
 from drivers.bridge.session import MbpSession
@@ -28,6 +28,7 @@ from drivers.errors import (
     NotReady,
     OutOfRange,
     ProtocolError,
+    Refused,
 )
 from drivers.interfaces import Identity, InstrumentStatus, LengthReading
 from drivers.link import WireSink
@@ -112,8 +113,14 @@ class Qc20w:
         return self.session.weakness
 
     def identify(self) -> Identity:
-        """The identity from the bridge's greeting. Raises LinkError."""
-        return self.session.identify()
+        """The identity from the bridge's greeting, and the serial number from the certificate of the bar, where it has
+        one: a bridge may serve several bars. Raises LinkError."""
+        who = self.session.identify()
+        try:
+            reply = self.session.ask("CAL", {"nominal": self._nominal_mm})
+        except Refused:  # its bar is off
+            return who
+        return replace(who, serial=reply.fields.get("serial") or who.serial)
 
     def arm(self) -> None:
         """Check the state and read the calibration. Raises LinkError, NotReady (another bar), SafetyStop."""

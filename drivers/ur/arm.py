@@ -91,7 +91,8 @@ class UrArm:
         self._dashboard = beside(address, "dashboard", address.port - 5, name)
         self._rtde = Rtde(self._link(address), self._deadlines)
         realtime = beside(address, "realtime", address.port - 1, name)
-        self._realtime = Realtime(lambda: self._link(realtime), name, self._deadlines)
+        self._to_realtime = lambda: self._link(realtime)
+        self._realtime = Realtime(self._to_realtime, name, self._deadlines)
         self._only_realtime = feed == "realtime"
         self._feed: Rtde | Realtime = self._realtime if self._only_realtime else self._rtde
         allowed = Limits(
@@ -254,21 +255,16 @@ class UrArm:
         """Halt the robot now and disarm; returns when it is at rest. From any thread. Raises LinkError."""
         self._armed = False
         self._motion.stopped.set()
+        quick = self._deadlines.quick
         try:
-            self._motion.halt()
+            self._motion.halt(Realtime(self._to_realtime, self.name, quick))
         except LinkError as error:
+            _LOG.warning("%s", error)
+            rtde = Rtde(self._link(self._address), quick)
+            script, elsewhere = STOP_SCRIPT.encode("ascii"), (self._secondary, self._dashboard)
             try:
-                halt_elsewhere(
-                    STOP_SCRIPT.encode("ascii"),
-                    self._secondary,
-                    self._dashboard,
-                    Rtde(self._link(self._address), self._deadlines),
-                    self._deadlines,
-                    self._wire,
-                    self._clock,
-                )
-            except LinkError:  # a stop is worth a second try on a fresh connection
-                _LOG.warning("%s: %s", self.name, error)
+                halt_elsewhere(script, *elsewhere, rtde, quick, self._wire, self._clock)
+            except LinkError:  # a stop is worth another try with patience
                 self._motion.halt()
 
     def status(self) -> RobotStatus:

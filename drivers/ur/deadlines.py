@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,3 +20,8 @@ class UrDeadlines:
     stop_s: float = 2.0
     move_factor: float = 2.0
     move_margin_s: float = 10.0
+
+    @property
+    def quick(self) -> UrDeadlines:
+        """Those of the first tries of a stop: who waits long for one way to the controller comes late to the next."""
+        return replace(self, connect_s=min(self.connect_s, 1.0), reply_s=min(self.reply_s, 0.3))

@@ -161,11 +161,14 @@ class Motion:
                     undo.pop_all()
         return state, problem
 
-    def halt(self) -> None:
-        """Send stop until the arm is at rest; a disconnect in between does not end it. Raises LinkError."""
+    def halt(self, realtime: Realtime | None = None) -> None:
+        """Send stop until the arm is at rest; a disconnect in between does not end it. Raises LinkError.
+
+        `realtime`: with deadlines of its own.
+        """
         seconds = self._deadlines.stop_s
         end = self._clock() + seconds
-        with self._realtime.talk("stop", outlives_close=True) as (witness, send):
+        with (realtime or self._realtime).talk("stop", outlives_close=True) as (witness, send):
             next_word = -math.inf
             while self._clock() < end:
                 if self._clock() >= next_word:

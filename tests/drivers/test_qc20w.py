@@ -192,6 +192,7 @@ def test_another_bar_paired_between_two_readings(shared: CellThread, meter: Qc20
         after_a_break(meter)
     with pytest.raises(NotReady, match="2Q0777"):
         meter.arm()
+    assert meter.identify().serial == "2Q0777"  # by which a record knows it in another program, too
     shared.do("pair", serial="2Q0001", longer_mm=-0.3)
     meter.arm()
     meter.measure("T1", base_target="B1")
