@@ -27,7 +27,6 @@ from service.job_folder import (
 
 def do(folder: Path) -> None:
     """Do the job of a folder."""
-    from calib.errors import DataError
     from calib.text import read_json, replace_file
     from service import refusals
     from service.files import as_json
@@ -52,8 +51,8 @@ def do(folder: Path) -> None:
             watch_job.do(folder, job)
         else:
             identification(Path(job["data"]), folder, limits=job.get("limits"))
-    except DataError as error:
-        problem = {"text": refusals.cause(error), "do": error.do, **refusals.place(error)}
+    except refusals.REFUSALS as error:
+        problem = {"text": refusals.cause(error), "do": refusals.remedy(error), **refusals.place(error)}
         replace_file(folder / PROBLEM, as_json(problem))
 
 

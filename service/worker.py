@@ -12,10 +12,11 @@ import os
 import pickle
 import queue
 import threading
+import traceback
 from collections.abc import Callable
 from typing import Any, BinaryIO
 
-from service.refusals import REFUSALS
+from service.refusals import REFUSALS, Refusal
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
@@ -40,8 +41,20 @@ def main() -> None:
             outcome = function(*arguments), None
         except REFUSALS as refusal:
             outcome = None, refusal
+        except OSError as error:  # a full disk, a folder that may not be written
+            traceback.print_exc()
+            outcome = None, _of_disk(error)
         answers.write(pickle.dumps(outcome))  # whole, or not at all
         answers.flush()
+
+
+def _of_disk(error: OSError) -> Refusal:
+    from acquisition.errors import StorageError  # what calls need is loaded by them
+
+    return StorageError(
+        f"{os.path.basename(str(error.filename or ''))}: {error.strerror}".removeprefix(": "),
+        what_to_do="Make room on the disk of the service or correct its permissions, then ask again.",
+    )
 
 
 def _listen(requests: BinaryIO, calls: queue.SimpleQueue[Call]) -> None:

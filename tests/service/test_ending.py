@@ -16,6 +16,7 @@ import httpx2
 import pytest
 
 from acquisition import Devices, Lease, checked_plan, read_status
+from acquisition.errors import StorageError
 from calib.errors import DataError
 from service.http.runs import book
 from service.http.runs.book import Book
@@ -122,6 +123,9 @@ def test_refusals_come_back_whole_and_a_worker_that_dies_is_replaced() -> None:
             workers.call(_refuse, 3)
         assert (refused.value.line, refused.value.key, refused.value.do) == (3, "x_mm", "Mend it.")
         assert str(refused.value) == "a.csv, line 3, key 'x_mm': is bad. Mend it."
+        with pytest.raises(StorageError, match="nowhere: No such file") as unwritten:
+            workers.call(os.listdir, "/nowhere")
+        assert "Make room" in unwritten.value.what_to_do
         assert workers.call(os.getpid) == first
         with pytest.raises(WorkerDied):
             workers.call(os._exit, 1)

@@ -6,6 +6,8 @@ Beside the standard members: `code` (that of `drivers.errors`, or 8xxx for the s
 
 from __future__ import annotations
 
+import logging
+import os
 from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
@@ -109,6 +111,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(RequestValidationError, _of_request)
     for refused in REFUSALS:
         app.add_exception_handler(refused, _of_refusal)
+    app.add_exception_handler(OSError, _of_disk)
     app.add_exception_handler(Exception, _of_fault)
 
 
@@ -161,6 +164,17 @@ async def _of_refusal(request: Request, error: Exception) -> Response:
     assert isinstance(error, REFUSALS)
     document = of_error(error)
     return JSONResponse(document, document["status"], media_type=MEDIA_TYPE)
+
+
+async def _of_disk(request: Request, error: Exception) -> Response:
+    """The record of the service cannot be written or read; of a file its name, never its place on the server."""
+    assert isinstance(error, OSError)
+    logging.getLogger(__name__).error("%s %s: %s", request.method, request.url.path, error)
+    name = os.path.basename(str(error.filename or ""))
+    text = f"{name}: {error.strerror}.".removeprefix(": ")
+    return response(
+        507, text, "Make room on the disk of the service or correct its permissions, then ask again.", 5000
+    )
 
 
 async def _of_fault(request: Request, error: Exception) -> Response:

@@ -21,6 +21,7 @@ from calib.text import parse_json
 from service import history_calls
 from service.http.wire.problems import Problem
 from service.http.work.workers import WorkerDied, Workers
+from service.refusals import REFUSALS
 
 PROCESSES, CALLS = 2, 10
 JOURNAL = "history-kept.jsonl"
@@ -81,7 +82,7 @@ class History:
             trouble = ""
             try:
                 self._note(self.ask(history_calls.keep, self._record, self.name, done, self.simulated))
-            except (DataError, OSError, WorkerDied) as error:
+            except (*REFUSALS, OSError, WorkerDied) as error:
                 trouble = str(error)
             except Problem as problem:
                 trouble = problem.detail

@@ -134,9 +134,11 @@ class Keys:
             entry.reply = reply
         except (Problem, *REFUSALS):
             # Refused: nothing was made, so a corrected request may use the key again.
-            self._write(what="freed", key=key)
-            with self._mutex:
-                self._entries.pop(key)
+            try:
+                self._write(what="freed", key=key)
+            finally:  # on a full disk, too: whoever makes room asks with this key again
+                with self._mutex:
+                    self._entries.pop(key)
             raise
         finally:
             entry.done.set()

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import queue
+import shutil
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -46,6 +47,7 @@ from service.job_folder import (
 )
 from service.names import new_id, safe_id
 from service.plain import utc_text
+from service.refusals import REFUSALS
 from service.results.cell import placements
 from service.results.files.alignment_order import Order
 from service.results.judgement.acceptance import Limits
@@ -169,10 +171,16 @@ class Jobs:
             if len(self._waiting) >= MOST_WAITING:
                 raise Problem(503, "Too many jobs are waiting.", "Ask again when some are done.")
             self._waiting.add(folder)
-        folder.mkdir()
-        for file, content in files.items():
-            (folder / file).write_bytes(content)
-        replace_file(folder / JOB, as_json(order))
+        try:
+            folder.mkdir()
+            for file, content in files.items():
+                (folder / file).write_bytes(content)
+            replace_file(folder / JOB, as_json(order))
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            with self._changed:
+                self._waiting.discard(folder)
+            raise
         self._queue.put(folder)
         return self.document(kind, own)
 
@@ -321,7 +329,7 @@ class Jobs:
                 self._waiting.discard(folder)
                 self._current = folder
                 self._changed.notify_all()
-            with suppress(Problem, WorkerDied):  # the job has no outcome then
+            with suppress(Problem, WorkerDied, *REFUSALS):  # the job has no outcome then
                 self._worker.call(job.do, folder)
             with self._changed:
                 self._current = None
