@@ -24,7 +24,7 @@ from calib.scan.scores import ABSORBED, Scores
 from calib.scan.space import Space
 
 _FEW = 150  # poses below which rows alone do not say how sure a claim is
-_STRETCHES = 16  # of the campaign, by which what lasts is known
+STRETCHES = 16  # of the campaign, by which what lasts is known
 
 
 def chance_by_pose(scores: Scores) -> Chance | None:
@@ -82,7 +82,7 @@ def against_own_noise(space: Space, directions: Array, left: Array) -> float:
     in_time = np.argsort(np.argsort(conditions.order, kind="stable"), kind="stable")
     square = max(
         float(np.sum(np.array([np.bincount(group, column) for column in acting.T]) ** 2))
-        for group in (conditions.pose, in_time * _STRETCHES // n)
+        for group in (conditions.pose, in_time * STRETCHES // n)
     )
     along = square / max(float(np.sum(directions**2)), 1e-300)
     return min(1.0, float(left @ left) / space.rows / max(along, 1e-300))

@@ -2,8 +2,10 @@
 
 With A = X'PX what the readings know of an effect's columns beside the model, and s the noise, an effect of amplitudes b
 raises the fall of the residual squares by lambda = b'A b / s^2, and a claim needs a fall that chance reaches once in
-500 sets, all tries counted. The size is that of the direction of b which shows least. Source: noncentral chi-square,
-Johnson, Kotz and Balakrishnan ch. 29.
+500 sets, all tries counted; more where the noise along the effect happens to be larger than elsewhere
+(`against_own_noise`). That is known from some stretches of the campaign, so by a chi-square of as many degrees of
+freedom, and the power is the mean over it. The size is that of the direction of b which shows least. Source:
+noncentral chi-square, Johnson, Kotz and Balakrishnan ch. 29.
 """
 
 from __future__ import annotations
@@ -12,14 +14,17 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import chndtrinc, fdtri
+from scipy.optimize import brentq
+from scipy.special import chndtr, chndtrinc, fdtri, gammaincinv
 
 from calib.array import Array
+from calib.diagnose.claims import STRETCHES
 from calib.scan.evidence import CLAIM
 from calib.scan.scores import ABSORBED, Scores
 from calib.units import to_display
 
 POWER = 0.95
+_QUANTILES = 32  # of the noise along an effect
 
 
 @dataclass(frozen=True)
@@ -59,4 +64,13 @@ def _least(a: Array, raw: Array) -> Array:
 def _needed(columns: int, freedom: int, tries: int) -> float:
     """lambda at which so many columns are claimed with the power wanted."""
     limit = columns * float(fdtri(columns, max(freedom - columns, 1), 1.0 - CLAIM / tries))
-    return float(chndtrinc(limit, columns, 1.0 - POWER))
+    least = float(chndtrinc(limit, columns, 1.0 - POWER))
+    likely = (np.arange(_QUANTILES) + 0.5) / _QUANTILES
+    # Of every column the sum over all stretches is zero: what it explains is taken out
+    along = 2.0 * gammaincinv(0.5 * columns * (STRETCHES - 1), likely) / (columns * STRETCHES)
+    limits = limit * np.maximum(along, 1.0)
+
+    def missed(size: float) -> float:
+        return float(np.mean(chndtr(limits, columns, size))) - (1.0 - POWER)
+
+    return float(brentq(missed, least, 2.0 * limits[-1] + 4.0 * least, xtol=1e-3 * least))

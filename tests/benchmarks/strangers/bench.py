@@ -4,20 +4,24 @@ Laws: each at three times the noise, on one of the arms that it fits. Wanted: ne
 the fit is worse than noise allows; flagged `unexplained` where the readings can show the law (lambda > 200) and tell it
 from any one name (gap > 60); the first place named right. Small sets of 50 and 100 readings have to be honest, no more.
 Complete: sets that lack nothing, in every design in which readings are alike; an alarm is any verdict but `complete`.
-Every set of a law and every alarm is printed with its seed.
+Power: effects of the library, written anew, as large as the report says that they would be seen in 95 of 100 sets.
+Every set of a law, every alarm and every planted effect that was missed is printed with its seed.
 """
 
 from __future__ import annotations
 
+import math
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 
 from calib.diagnose import diagnose
+from calib.diagnose.power import POWER
 from tests.benchmarks.clock import at_least, at_most, line
 from tests.benchmarks.strangers.arms import arms
 from tests.benchmarks.strangers.judge import VALIDATION, Asked, Told, examine
+from tests.benchmarks.strangers.planted import planted
 from tests.benchmarks.strangers.scene import LAWS
 from tests.benchmarks.strangers.sets import Plan, made
 
@@ -117,10 +121,36 @@ def complete(seeds: int, first: int = FIRST_SEED) -> bool:
     return at_most("strangers, complete, all designs: alarms", found, total, ALARMS)
 
 
-PARTS: dict[str, Callable[[int, int], bool]] = {"laws": laws, "small": small, "complete": complete}
+def power(seeds: int, first: int = FIRST_SEED) -> bool:
+    """Effects planted at the size that the readings would have shown, on every arm."""
+    asked = [(number, first + i) for i in range(seeds) for number in range(len(arms()))]
+    tried, seen = Counter[str](), Counter[str]()
+    with ProcessPoolExecutor(os.cpu_count()) as pool:
+        for found in pool.map(planted, asked):
+            for each in found:
+                tried[each.kind] += 1
+                seen[each.kind] += each.seen
+                if not each.seen:
+                    print(f"  {each}", flush=True)
+    for kind in tried:
+        line(f"strangers, power: {kind} seen, of {tried[kind]}", str(seen[kind]), "", True)
+    total, share = tried.total(), seen.total() / max(tried.total(), 1)
+    error = math.sqrt(POWER * (1.0 - POWER) / max(total, 1))
+    reached = abs(share - POWER) <= 2.0 * error
+    name = f"strangers, power: seen at the size promised, of {total}"
+    line(name, f"{share:.1%}", f"{POWER:.0%} +- {2.0 * error:.1%}", reached)
+    return reached
+
+
+PARTS: dict[str, Callable[[int, int], bool]] = {
+    "laws": laws,
+    "small": small,
+    "complete": complete,
+    "power": power,
+}
 
 
 def run(seeds: int = 1) -> bool:
-    """All parts over `seeds` seeds: 56 sets of laws, 56 small ones and 20 complete ones for each."""
+    """All parts over `seeds` seeds, each with 56 sets of laws, 56 small ones, 20 complete and 30 planted ones."""
     reached = [part(seeds, FIRST_SEED) for part in PARTS.values()]
     return all(reached)

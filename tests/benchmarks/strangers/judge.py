@@ -78,7 +78,7 @@ def examine(asked: Asked) -> Told:
     law = LAWS[asked.law]
     able = [arm for arm in arms() if law.fits(arm)]
     arm = able[asked.number % len(able)]
-    drawn = made(arm, law, SIZE, Plan(asked.readings, VALIDATION), asked.seed)
+    drawn = made(arm, law.act, SIZE, Plan(asked.readings, VALIDATION), asked.seed)
     result = diagnose(drawn.data)
     return Told(
         asked,

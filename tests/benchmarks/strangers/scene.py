@@ -111,12 +111,15 @@ class Moved:
     point: Array | None = None
 
 
+Act = Callable[[Scene], Moved]
+
+
 @dataclass(frozen=True)
 class Law:
     """A law that the library does not hold, and where a report may say that it lives: beginnings of a driver's name, or
     `on JOINT` of what it acts on. bend: it needs gravity about the joints; wrist: it needs five joints that turn."""
 
-    act: Callable[[Scene], Moved]
+    act: Act
     places: tuple[str, ...]
     bend: bool
     wrist: bool
@@ -134,10 +137,10 @@ class Law:
 LAWS: dict[str, Law] = {}
 
 
-def law(*places: str, bend: bool = False, wrist: bool = False) -> Callable[[Callable[[Scene], Moved]], Law]:
+def law(*places: str, bend: bool = False, wrist: bool = False) -> Callable[[Act], Law]:
     """Enters a law under the name of its function."""
 
-    def enter(act: Callable[[Scene], Moved]) -> Law:
+    def enter(act: Act) -> Law:
         made = Law(act, places, bend, wrist)
         LAWS[made.name] = made
         return made

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from calib.data import Dataset, read_dataset
 from tests.benchmarks.strangers.arms import Arm, Array, screw
-from tests.benchmarks.strangers.scene import Law, Moved, Scene
+from tests.benchmarks.strangers.scene import Act, Moved, Scene
 
 TARGETS = {"A": (45.0, 20.0, 90.0), "B": (-60.0, 35.0, 70.0), "C": (10.0, -75.0, 120.0)}
 RANGE, ACROSS, PPM = 0.010, 0.016, 3.0  # mm, mm, per distance
@@ -94,10 +94,11 @@ def ways(
     return poses[stops], stops, held[stops]
 
 
-def made(arm: Arm, law: Law | None, size: float, plan: Plan, seed: int) -> Made:
-    """A campaign on an arm in which a law acts: it displaces readings by `size` times their noise, RMS.
+def made(arm: Arm, act: Act | None, size: float | None, plan: Plan, seed: int) -> Made:
+    """A campaign on an arm in which something acts: it displaces readings by `size` times their noise, RMS; None: by as
+    much as it says itself.
 
-    Raises ValueError where the law moves nothing.
+    Raises ValueError where it moves nothing.
     """
     rng = np.random.default_rng([seed, sum(map(ord, arm.name)), plan.calibration])
     true = TrueArm.drawn(arm, rng)
@@ -132,16 +133,16 @@ def made(arm: Arm, law: Law | None, size: float, plan: Plan, seed: int) -> Made:
         np.where([k + 1 in arm.slides for k in range(arm.joints)], SLIDE_REPEATS, REPEATS) * plan.scatter
     )
     still = replace(scene, joints=scene.joints + (rng.normal(size=stops.shape) * scatter * arm.unit)[visit])
-    moved = Moved() if law is None else law.act(scene)
+    moved = Moved() if act is None else act(scene)
     quiet, base = true.points(scene, Moved(), 0.0), true.base
     place = base[:3, :3] @ station + base[:3, 3]
     along, sigma = _sight(quiet, place)
     noise = _noise(along, sigma, rng) + true.points(still, Moved(), 0.0) - quiet
-    amount = 0.0
-    if law is not None:
+    amount = 0.0 if act is None else 1.0
+    if act is not None and size is not None:
         unit = float(np.sqrt(np.mean((true.points(scene, moved, 1.0) - quiet) ** 2)))
         if not unit > 1e-9:
-            raise ValueError(f"{law.name} moves nothing of {arm.name}")
+            raise ValueError(f"moves nothing of {arm.name}")
         amount = size * float(np.sqrt(np.mean(noise**2))) / unit
     points = true.points(scene, moved, amount)
     with tempfile.TemporaryDirectory() as folder:
