@@ -19,7 +19,7 @@ COVERAGE = 2.0  # k of the expanded uncertainty, about 95 %
 HOLDOUTS = {
     "random": "random rows of the same series: flatters, since the neighbours of every row took part in the fit",
     "block": "whole time blocks of the same series",
-    "as measured": "as measured: the data set names its validation rows",
+    "as measured": "the validation rows that the data set names",
 }
 OWNERS = {"robot": "the robot", "mounting": "the mounting of base or tool", "instrument": "the instrument"}
 CLOSING = (

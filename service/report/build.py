@@ -332,7 +332,8 @@ def _parameter(row: Row) -> dict[str, Any]:
         change, uncertainty = wording.with_uncertainty(row.change, wording.COVERAGE * row.std)
         places = len(uncertainty.partition(".")[2])
         shown |= {"change": change.replace("-", "−"), "uncertainty": uncertainty}
-        shown["value"] = f"{row.value:.{places}f}".replace("-", "−")
+        # + 0.0: what rounds to nothing has no sign
+        shown["value"] = f"{round(row.value, places) + 0.0:.{places}f}".replace("-", "−")
         shown["nominal"] = shown["nominal"].replace("-", "−")
     return shown
 

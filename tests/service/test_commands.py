@@ -79,7 +79,7 @@ def test_json_on_standard_output_stands_alone(data: Path) -> None:
 def test_the_table_for_people_goes_to_standard_output(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["diagnose", str(data)]) == 0
     shown = capsys.readouterr()
-    for piece in ("Attributed.", "backlash:j4", "±", "deg", "explains", "rivals", "95 %", "as measured"):
+    for piece in ("Attributed.", "backlash:j4", "±", "deg", "explains", "rivals", "95 %", "validation rows"):
         assert piece in shown.out
     assert "searching" not in shown.out
     assert "searching" in shown.err

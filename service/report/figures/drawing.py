@@ -16,7 +16,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from calib.array import Array
 from service.report.figures.arranging import arrange
@@ -133,6 +133,11 @@ def dots(
     axes.add_line(_Dots(points, size, alpha, colour, label))
     axes.update_datalim(points)
     axes.autoscale_view()
+
+
+def whole_numbers() -> MaxNLocator:
+    """Where an axis that counts has its numbers."""
+    return MaxNLocator("auto", integer=True, steps=[1, 2, 5, 10])
 
 
 def plain_ratio_axis(axes: Axes) -> None:

@@ -56,6 +56,7 @@ def histogram(sets: Sequence[Errors]) -> str:
         drawing.plain_ratio_axis(axes)
     else:
         axes.set_xlim(0.0, None)
+    axes.yaxis.set_major_locator(drawing.whole_numbers())
     axes.grid(axis="x", visible=False)
     axes.set_xlabel("error, mm")
     axes.set_ylabel(f"readings of {len(sets[0].distances)}")

@@ -82,9 +82,9 @@ def _histogram(errors: Mapping[str, tuple[Array, str]]) -> str:
         counts, _ = np.histogram(found, edges)
         axes.stairs(counts, edges, fill=True, color=colour, alpha=0.6)
         axes.axvline(float(found.mean()), color=drawing.INK, linewidth=1.0, linestyle=(0, (4, 2)))
-        axes.set_title(
-            f"{name}: mean {found.mean():+.4f}, std {found.std():.4f} mm", fontsize=8.5, loc="left"
-        )
+        mean, std = f"{found.mean():+.4f}".replace("-", "−"), f"{found.std():.4f}"
+        axes.set_title(f"{name}: mean {mean}, standard deviation {std} mm", fontsize=8.5, loc="left")
+        axes.yaxis.set_major_locator(drawing.whole_numbers())
         axes.set_ylabel("readings")
     panels[-1].set_xlabel("distance, measured less predicted, mm")
     return drawing.as_svg(
