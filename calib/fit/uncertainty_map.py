@@ -16,8 +16,6 @@ from calib.fit.identification import Identification
 from calib.fit.uncertainty import expanded
 from calib.model.stated import StatedConditions, conditions_at
 
-_EACH = 2000  # poses of either half
-
 
 @dataclass(frozen=True)
 class UncertaintyMap:
@@ -37,7 +35,7 @@ def uncertainty_map(found: Identification) -> UncertaintyMap:
     robot = found.model.robot
     rng = np.random.default_rng(0)
     low, high = readings.joints.min(axis=0), readings.joints.max(axis=0)
-    drawn = [rng.uniform(a, b, (_EACH, robot.joints)) for a, b in ((low, high), (robot.lower, robot.upper))]
+    drawn = [rng.uniform(a, b, (2000, robot.joints)) for a, b in ((low, high), (robot.lower, robot.upper))]
     joints = np.concatenate(drawn)
     stated = StatedConditions(
         temperature_c=_mean(readings.temperature),
