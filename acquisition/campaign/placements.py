@@ -27,6 +27,7 @@ from calib.units import DEG
 from drivers.errors import ConfigError
 
 LEG_RADIUS_MM = 15.0  # half of what a QC20-W is thick, with its bars
+_PLACES = 300
 _DRAWN = 40_000
 _AT_ONCE = 40  # placements, to bound the memory
 _WRIST = 5  # links from here on hold the tool, between whose balls the legs end
@@ -163,16 +164,14 @@ class Hexapod:
             loads=cell.loads,
         )
 
-    def places_in(
-        self, centre_mm: Sequence[float], radius_mm: float, count: int = 300, seed: int = 0
-    ) -> Array:
+    def places_in(self, centre_mm: Sequence[float], radius_mm: float) -> Array:
         """(p, N) rad: random postures within the limits whose first tool ball lies in a sphere of the world.
 
         Raises ConfigError where the arm brings the ball nowhere into it.
         """
         robot = self.cell.robot
         low, high = np.array(robot.limits_deg).T
-        drawn = np.random.default_rng(seed).uniform(low, high, (_DRAWN, len(low)))
+        drawn = np.random.default_rng(0).uniform(low, high, (_DRAWN, len(low)))
         at = targets_at(self.cell, drawn)[:, list(self.cell.tool.targets).index(self.tool[0])]
         inside = np.linalg.norm(at - np.asarray(centre_mm), axis=1) <= radius_mm
         if not inside.any():
@@ -180,7 +179,7 @@ class Hexapod:
                 f"none of {_DRAWN} random postures brings {self.tool[0]} within {radius_mm:g} mm of "
                 f"{', '.join(f'{x:g}' for x in centre_mm)}: name a zone that the arm reaches"
             )
-        return robot.model_angles(drawn[inside][:count])
+        return robot.model_angles(drawn[inside][:_PLACES])
 
     def moved(self, placement: Placement) -> Cell:
         """The cell with its base balls, and what carries them, at a placement."""

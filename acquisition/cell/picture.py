@@ -88,15 +88,14 @@ def as_picture(rows: Sequence[Sequence[Panel]], described: str) -> str:
     )
 
 
-def views(cell: Cell, shown: Array, what: str = "") -> list[Panel]:
+def views(cell: Cell, shown: Array) -> list[Panel]:
     """The two views, from above and from the side, with room for points (n, 3) and the foot of the robot."""
     outwards = np.mean(list(cell.nests.values()), axis=0) * [1.0, 1.0, 0.0]
     far = float(np.linalg.norm(outwards))
     outwards = outwards / far if far > 1.0 else np.array([1.0, 0.0, 0.0])
     side = np.array([outwards, [0.0, 0.0, 1.0]])
     shown = np.vstack([shown, np.zeros((1, 3))])
-    of = f", {what}" if what else ""
-    return [Panel(f"from above{of}", np.eye(3)[:2], shown), Panel(f"from the side{of}", side, shown)]
+    return [Panel("from above", np.eye(3)[:2], shown), Panel("from the side", side, shown)]
 
 
 def scene(

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from acquisition.errors import NestsDisagree
 from calib.arm import WorldFrame, by_three_two_one, frame_of
 
-_MOST_SIGMA = 4.0
+_TOLERANCE_MM, _MOST_SIGMA = 1.0, 4.0
 
 __all__ = ["WorldFrame", "frame_of", "from_nests"]
 
@@ -24,12 +24,11 @@ def from_nests(
     measured_mm: Mapping[str, ArrayLike],
     nominal_mm: Mapping[str, ArrayLike],
     u_mm: Mapping[str, float] | None = None,
-    tolerance_mm: float = 1.0,
 ) -> WorldFrame:
     """The transform from the first three nests of `nominal_mm`, each measured in the tracker's frame.
 
     u_mm: standard uncertainty of nominal positions per axis, where it is stated. Raises NestsDisagree when a distance
-    between two of them is off by more than `tolerance_mm`, or four standard deviations where these are more.
+    between two of them is off by more than 1 mm, or four standard deviations where these are more.
     """
     known = u_mm or {}
     names = list(nominal_mm)[:3]
@@ -39,7 +38,7 @@ def from_nests(
         found = float(np.linalg.norm(tracker[i] - tracker[j]))
         expected = float(np.linalg.norm(world[i] - world[j]))
         stated = math.hypot(known.get(names[i], 0.0), known.get(names[j], 0.0))
-        if abs(found - expected) > max(tolerance_mm, _MOST_SIGMA * stated):
+        if abs(found - expected) > max(_TOLERANCE_MM, _MOST_SIGMA * stated):
             raise NestsDisagree(
                 f"{names[i]} and {names[j]} are {found:.2f} mm apart, the cell file says {expected:.2f} mm",
                 device="instrument",

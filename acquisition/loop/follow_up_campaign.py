@@ -28,21 +28,19 @@ CANDIDATES = 1500
 _SETTINGS: dict[str, Any] = {"settle_s": 4.0, "samples": 100, "retries": 2}
 
 
-def in_cell(
-    cell: Cell, found: Identification, rivals: Sequence[Rival], count: int = POSES, seed: int = 0
-) -> FollowUp:
+def in_cell(cell: Cell, found: Identification, rivals: Sequence[Rival]) -> FollowUp:
     """The poses that separate rivals best among those that the cell can take.
 
     Raises DataError when robot or targets of the data are not those of the cell, ConfigError when hardly any pose is
     clear.
     """
-    return separating(found, rivals, candidates_in(cell, found, seed), count)
+    return separating(found, rivals, candidates_in(cell, found))
 
 
-def candidates_in(cell: Cell, found: Identification, seed: int = 0) -> Conditions:
+def candidates_in(cell: Cell, found: Identification) -> Conditions:
     """Visits that the cell can make: its targets, short and long approaches, both sides, a share of each."""
     names = _targets(cell, found)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     low, high = np.array(cell.robot.limits_deg).T
     lengths = [a for a in APPROACHES if np.all(high - low > 2.0 * a / DEG)]
     joints, sides, approach, targets = [], [], [], []

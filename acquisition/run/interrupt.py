@@ -15,9 +15,7 @@ _ORDERS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
-def pausing_on_interrupt(
-    run: Run, by: str = "terminal", tell: Callable[[str], None] = lambda _: None
-) -> Iterator[None]:
+def pausing_on_interrupt(run: Run, tell: Callable[[str], None] = lambda _: None) -> Iterator[None]:
     """While the block runs, in the main thread, SIGINT and SIGTERM are orders to the run.
 
     tell: takes, from another thread, the sentence of what a stop did not reach: the robot may go on for long.
@@ -38,7 +36,7 @@ def pausing_on_interrupt(
         while number := ear.recv(1):
             if number[0] in _ORDERS:
                 # In a thread of its own: the second order must not wait for the first.
-                given.append(threading.Thread(target=order, args=(by,), daemon=True))
+                given.append(threading.Thread(target=order, args=("terminal",), daemon=True))
                 given[-1].start()
                 order = stop
 

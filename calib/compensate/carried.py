@@ -47,11 +47,10 @@ def carried(
     slots: Collection[str],
     *,
     coupling: str = "none",
-    seed: int = 1,
 ) -> Carried:
     """The part of a model, estimate (m,), that the slots carry. Raises DataError for a condition that is missing."""
     robot = model.robot
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     counted = rng.uniform(robot.lower, robot.upper, (_SAMPLES, robot.joints))
     joints = robot.model_angles(counted, coupling)
     calibrated = Calibrated(model, estimate, stated)

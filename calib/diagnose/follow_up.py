@@ -102,17 +102,18 @@ def later_visits(
     )
 
 
-def candidates(found: Identification, limits: Array, count: int = _CANDIDATES, seed: int = 0) -> Conditions:
-    """Visits drawn evenly within limits (N, 2), rad, as the controller counts: either side of approach, a short or a
-    long last move, any target of the last series."""
-    rng = np.random.default_rng(seed)
-    sides = rng.choice((-1.0, 1.0), count)
-    approach = rng.choice(APPROACHES, count)
-    reach = approach[:, None] * found.model.robot.steps
-    low = limits[:, 0] + reach * (sides[:, None] > 0.0)
-    high = np.maximum(limits[:, 1] - reach * (sides[:, None] < 0.0), low)
+def candidates(found: Identification) -> Conditions:
+    """Visits drawn evenly within the limits of the robot: either side of approach, a short or a long last move, any
+    target of the last series."""
+    robot = found.model.robot
+    rng = np.random.default_rng(0)
+    sides = rng.choice((-1.0, 1.0), _CANDIDATES)
+    approach = rng.choice(APPROACHES, _CANDIDATES)
+    reach = approach[:, None] * robot.steps
+    low = robot.lower + reach * (sides[:, None] > 0.0)
+    high = np.maximum(robot.upper - reach * (sides[:, None] < 0.0), low)
     names = tuple(found.model.targets[found.readings.conditions.series_names[-1]])
-    targets = [names[i] for i in rng.integers(0, len(names), count)]
+    targets = [names[i] for i in rng.integers(0, len(names), _CANDIDATES)]
     return later_visits(found, rng.uniform(low, high), sides, approach, targets)
 
 
@@ -150,25 +151,14 @@ def choose(
     return chosen, total
 
 
-def follow_up(
-    found: Identification,
-    rivals: Sequence[Rival],
-    limits: Array | None = None,
-    count: int = POSES,
-    seed: int = 0,
-) -> FollowUp:
-    """The poses that separate all `rivals` best. limits: (N, 2) rad, default the robot's own."""
-    robot = found.model.robot
-    if limits is None:
-        limits = np.column_stack([robot.lower, robot.upper])
-    return separating(found, rivals, candidates(found, limits, seed=seed), count)
+def follow_up(found: Identification, rivals: Sequence[Rival]) -> FollowUp:
+    """The poses that separate all `rivals` best, within the limits of the robot."""
+    return separating(found, rivals, candidates(found))
 
 
-def separating(
-    found: Identification, rivals: Sequence[Rival], among: Conditions, count: int = POSES
-) -> FollowUp:
+def separating(found: Identification, rivals: Sequence[Rival], among: Conditions) -> FollowUp:
     """The follow-up chosen among given visits: those that a cell can take, for instance."""
-    chosen, total = choose(found, rivals, among, count)
+    chosen, total = choose(found, rivals, among)
     few = among.take(np.array(chosen))
     robot, coupling = found.model.robot, found.header.coupling
     joints = robot.controller_angles(few.joints, coupling)

@@ -45,7 +45,7 @@ class Blocks:
         return cls(rank * count // n, count)
 
     @classmethod
-    def dealt(cls, space: Space, count: int = BLOCKS) -> Blocks:
+    def dealt(cls, space: Space) -> Blocks:
         """Short stretches of whole poses, in the order in which they were first visited, dealt out to the blocks: no
         block has a pose of another, nor all that shows a step."""
         conditions = space.fitted.readings.conditions
@@ -53,7 +53,7 @@ class Blocks:
         first = np.full(int(pose.max()) + 1, np.inf)
         np.minimum.at(first, pose, conditions.order)
         rank = np.argsort(np.argsort(first, kind="stable"), kind="stable")
-        return cls((rank * (_DEALS * count) // len(first) % count)[pose], count)
+        return cls((rank * (_DEALS * BLOCKS) // len(first) % BLOCKS)[pose], BLOCKS)
 
 
 def carried_gains(space: Space, effects: tuple[Effect, ...], blocks: Blocks) -> Array:

@@ -30,16 +30,14 @@ class UncertaintyMap:
     measured: NDArray[np.bool_]  # (N,) within the joint ranges of the readings
 
 
-def uncertainty_map(found: Identification, count: int = 4000, seed: int = 0) -> UncertaintyMap:
+def uncertainty_map(found: Identification) -> UncertaintyMap:
     """The map of an identified model, for its first series and the target that was measured most, side by side with
     the conditions of its readings (their mean temperature and time)."""
     readings = found.readings.conditions
     robot = found.model.robot
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     low, high = readings.joints.min(axis=0), readings.joints.max(axis=0)
-    drawn = [
-        rng.uniform(a, b, (count // 2, robot.joints)) for a, b in ((low, high), (robot.lower, robot.upper))
-    ]
+    drawn = [rng.uniform(a, b, (2000, robot.joints)) for a, b in ((low, high), (robot.lower, robot.upper))]
     joints = np.concatenate(drawn)
     stated = StatedConditions(
         temperature_c=_mean(readings.temperature),

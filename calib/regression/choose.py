@@ -46,13 +46,14 @@ class Tuning:
         return fit(features, outputs, self.kernel, self.gamma, self.share)
 
 
-def folds_of(group: NDArray[np.int64], count: int = FOLDS) -> list[Mask]:
+def folds_of(group: NDArray[np.int64]) -> list[Mask]:
     """Masks (n,) of the samples to leave out, whole groups drawn at random. Raises ValueError for too few groups."""
     kinds, number = np.unique(group, return_inverse=True)
     if len(kinds) < 2:
         raise ValueError("one group of samples cannot be left out and kept")
     draw = np.random.default_rng(_SEED).permutation(len(kinds))
-    return [draw[number] % min(count, len(kinds)) == k for k in range(min(count, len(kinds)))]
+    count = min(FOLDS, len(kinds))
+    return [draw[number] % count == k for k in range(count)]
 
 
 def choose(

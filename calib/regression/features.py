@@ -110,9 +110,9 @@ def evaluate(products: tuple[str, ...], joints: Array) -> Array:
     return out
 
 
-def independent(features: Array, tolerance: float = 1e-9) -> int:
+def independent(features: Array) -> int:
     """Number of columns of (n, p) features, their means taken off, that are independent on these readings."""
     if not features.size:
         return 0
     sizes = np.linalg.svd(features - features.mean(axis=0), compute_uv=False)
-    return int((sizes > tolerance * max(float(sizes[0]), 1e-300)).sum())
+    return int((sizes > 1e-9 * max(float(sizes[0]), 1e-300)).sum())

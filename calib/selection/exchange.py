@@ -44,33 +44,25 @@ def select(rows: Array, count: int, *, starts: int = STARTS, seed: int = 0) -> I
 
 
 def best_of_starts(
-    blocks: PoseRows,
-    best: Optimum,
-    count: int,
-    *,
-    fixed: Sequence[int] = (),
-    starts: int = STARTS,
-    seed: int = 0,
+    blocks: PoseRows, best: Optimum, count: int, *, starts: int = STARTS, seed: int = 0
 ) -> Indices:
-    """The best selection of several starts, of prepared blocks and their continuous optimum; `fixed` poses stay.
+    """The best selection of several starts, of prepared blocks and their continuous optimum.
 
     The starts choose among the candidates that count for most at the continuous optimum: that is where good
     selections are. The best of them is then exchanged against all candidates.
     """
     _refuse(blocks, count, starts)
     short = np.argsort(-best.sensitivity, kind="stable")[: max(_SHORT, _SHORT_PER_POSE * count)]
-    short = np.union1d(short, np.asarray(fixed, dtype=np.int64))
+    short = np.sort(short)
     few = blocks.take(short)
-    kept = np.searchsorted(short, np.asarray(fixed, dtype=np.int64))
-    free = np.setdiff1d(np.arange(few.poses), kept)
-    drawn = min(count - len(kept), 1 + blocks.parameters // blocks.width)
+    drawn = min(count, 1 + blocks.parameters // blocks.width)
     rng = np.random.default_rng(seed)
     found = []
     for start in range(starts):
-        random = rng.choice(free, drawn if start else 0, replace=False)
-        found.append(exchange(few, greedy(few, [*kept, *random], count), fixed=kept))
+        random = rng.choice(few.poses, drawn if start else 0, replace=False)
+        found.append(exchange(few, greedy(few, list(random), count)))
     winner = max(found, key=lambda each: log_det(few, each))
-    return exchange(blocks, short[winner], fixed=fixed)
+    return exchange(blocks, short[winner])
 
 
 def log_det(blocks: PoseRows, selection: Indices) -> float:

@@ -79,8 +79,8 @@ class Certified:
     model_sha256: str | None
 
 
-def certificate_xml(certified: Certified, about: About, today: date | None = None) -> str:
-    """The XML of a certificate, with the number of the report. today: the date of issue (default: now, UTC).
+def certificate_xml(certified: Certified, about: About) -> str:
+    """The XML of a certificate, with the number of the report, issued today (UTC).
 
     Raises DataError where the data set does not say when it was measured, or `about` cannot be used.
     """
@@ -90,8 +90,7 @@ def certificate_xml(certified: Certified, about: About, today: date | None = Non
     ElementTree.register_namespace("xsi", _INSTANCE)
     root = ElementTree.Element(f"{{{SCHEMA}}}digitalCalibrationCertificate", schemaVersion=VERSION)
     root.set(f"{{{_INSTANCE}}}schemaLocation", f"{SCHEMA} {SCHEMA}/v{VERSION}/dcc.xsd")
-    issued = datetime.now(UTC).date() if today is None else today
-    _administrative(_add(root, "administrativeData"), certified, about, issued)
+    _administrative(_add(root, "administrativeData"), certified, about, datetime.now(UTC).date())
     _results(_add(root, "measurementResults"), certified)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"

@@ -294,8 +294,8 @@ CHANGES = (
     ),
     Change(
         "acquisition/cell/world_frame.py",
-        "        if abs(found - expected) > max(tolerance_mm, _MOST_SIGMA * stated):",
-        "        if found - expected > max(tolerance_mm, _MOST_SIGMA * stated):",
+        "        if abs(found - expected) > max(_TOLERANCE_MM, _MOST_SIGMA * stated):",
+        "        if found - expected > max(_TOLERANCE_MM, _MOST_SIGMA * stated):",
         "nests that lie too near to each other make a world frame",
         ("tests/acquisition/test_world_frame.py",),
     ),

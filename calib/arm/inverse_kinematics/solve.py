@@ -20,13 +20,11 @@ from calib.errors import DataError
 _KINDS = {4: Scara, 5: FiveAxes, 6: SixAxes, 7: SevenAxes}
 
 
-def inverse_kinematics(
-    robot: Robot, poses: Array, *, seed: Array | None = None, arm: Arm | None = None
-) -> Solutions:
+def inverse_kinematics(robot: Robot, poses: Array, *, seed: Array | None = None) -> Solutions:
     """All branches of the flange poses (n, 4, 4), base frame, mm.
 
     seed: (n, N) model joints, rad or mm: a singular pose takes from it the joint that it leaves free, seven axes the
-    place of the elbow, an arm on a track where it stands; default 0. arm: that of the robot, where it is known already.
+    place of the elbow, an arm on a track where it stands; default 0.
     Raises DataError for a robot that has no inverse kinematics here, ValueError for arrays of the wrong shape or with
     numbers that are not finite.
     """
@@ -39,7 +37,7 @@ def inverse_kinematics(
     seed = np.zeros(shape) if seed is None else np.asarray(seed, dtype=np.float64)
     if seed.shape != shape:
         raise ValueError(f"seed has shape {seed.shape}; needed {shape}")
-    return (arm_of(robot) if arm is None else arm).solve(poses, seed)
+    return arm_of(robot).solve(poses, seed)
 
 
 def arm_of(robot: Robot) -> Arm:
