@@ -13,13 +13,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from calib.array import Array
-from service.report.figures.arranging import arrange
 
 # Colours that stay apart in grey print and for colour-blind eyes.
 INK = "#1d2733"
@@ -50,7 +51,11 @@ _STYLE: dict[Any, Any] = {
     "text.parse_math": False,  # names may hold a dollar sign
 }
 _POINTS = 72.0  # an inch
-_BAR = 0.14  # inches
+# Inches beside the axes of a figure: for numbers of six digits and a label, for half a number, for a title, for numbers
+# and a label; between two columns as on the left.
+_LEFT, _RIGHT, _ABOVE, _BELOW, _BETWEEN = 0.8, 0.15, 0.28, 0.5, 0.8
+_BENEATH_LEGEND = 0.08
+_BAR, _BAR_RIGHT = 0.14, 1.05  # the width of a colour bar, and what it takes with its numbers
 _EDGE = 1e-9  # of the axes: a point upon their edge is seen
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 _NOISE = re.compile(
@@ -64,28 +69,34 @@ _REFERENCE = re.compile(r'(id="|url\(#|href="#)')
 _DOTS = re.compile(r'<g id="dots-(\d+)"\s*/>')
 
 
-def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, list[Axes]]:
-    """An empty figure, inches, and its axes row by row. Free of pyplot, so nothing is kept between reports."""
+def figure(
+    width: float, height: float, rows: int = 1, columns: int = 1, *, bars: bool = False
+) -> tuple[Figure, list[Axes]]:
+    """An empty figure, inches, and its axes row by row. Free of pyplot, so nothing is kept between reports.
+
+    bars: leaves room for a `colour_bar` at the end of each row. The margins hold every number and label; a layout that
+    is fitted to the words would take a fifth of the time of a report.
+    """
     with matplotlib.rc_context(_STYLE):
         drawn = Figure(figsize=(width, height))
         axes = drawn.subplots(rows, columns, squeeze=False)
+    right = _BAR_RIGHT if bars else _RIGHT
+    wide = (width - _LEFT - right - (columns - 1) * _BETWEEN) / columns
+    high = (height - _ABOVE - _BELOW - (rows - 1) * (_ABOVE + _BELOW)) / rows
+    drawn.subplots_adjust(
+        left=_LEFT / width,
+        right=1.0 - right / width,
+        bottom=_BELOW / height,
+        top=1.0 - _ABOVE / height,
+        wspace=_BETWEEN / wide,
+        hspace=(_ABOVE + _BELOW) / high,
+    )
     return drawn, [place for row in axes for place in row]
-
-
-def figure_with_bars(
-    width: float, height: float, rows: int, columns: int
-) -> tuple[Figure, list[list[Axes]], list[Axes]]:
-    """An empty figure, its axes by rows, and at the end of each row the axes of a colour bar."""
-    with matplotlib.rc_context(_STYLE):
-        drawn = Figure(figsize=(width, height))
-        ratios = [1.0] * columns + [_BAR]
-        axes = drawn.subplots(rows, columns + 1, squeeze=False, width_ratios=ratios)
-    return drawn, [list(row[:-1]) for row in axes], [row[-1] for row in axes]
 
 
 def legend(drawn: Figure, axes: Axes, columns: int) -> None:
     """The legend of some axes above them, where it hides nothing."""
-    drawn.legend(
+    made = drawn.legend(
         *axes.get_legend_handles_labels(),
         loc="upper left",
         ncols=columns,
@@ -97,6 +108,20 @@ def legend(drawn: Figure, axes: Axes, columns: int) -> None:
         borderpad=0.2,
         borderaxespad=0.0,
     )
+    height = drawn.get_size_inches()[1]
+    taken = made.get_window_extent().height / drawn.dpi
+    titled = any(each.get_title(loc="left") for each in drawn.axes)
+    drawn.subplots_adjust(top=1.0 - (taken + (_ABOVE if titled else _BENEATH_LEGEND)) / height)
+
+
+def colour_bar(drawn: Figure, of: ScalarMappable, last: Axes, label: str) -> Colorbar:
+    """The colour bar of a row of axes, at its end."""
+    width = drawn.get_size_inches()[0]
+    box = last.get_position()
+    place = drawn.add_axes((box.x1 + _BAR / width, box.y0, _BAR / width, box.height))
+    bar = drawn.colorbar(of, cax=place)
+    bar.set_label(label, fontsize=9.0)
+    return bar
 
 
 class _Dots(Line2D):
@@ -167,7 +192,6 @@ def as_svg(drawn: Figure, name: str, description: str) -> str:
     clouds = [line for axes in drawn.axes for line in axes.lines if isinstance(line, _Dots)]
     for number, cloud in enumerate(clouds):
         cloud.set_gid(f"dots-{number}")
-    arrange(drawn)
     text = io.StringIO()
     with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}):
         FigureCanvasSVG(drawn).print_svg(text, metadata=_NO_METADATA)

@@ -19,7 +19,7 @@ _THIRDS = "lowest", "middle", "highest"
 
 def over_two(quantity: Quantity, left: Array, name: str, where: str) -> str:
     """Means of three parts (n, 3) of what is left, mm, in squares of two quantities."""
-    drawn, (places,), (bar,) = drawing.figure_with_bars(10.2, 2.9, 1, 3)
+    drawn, places = drawing.figure(10.2, 2.9, 1, 3, bars=True)
     x, y = quantity.values.T
     edges = _edges(x, _SQUARES), _edges(y, _SQUARES)
     means = [_means(x, y, part, np.ones(len(part)), edges) for part in left.T]
@@ -27,7 +27,7 @@ def over_two(quantity: Quantity, left: Array, name: str, where: str) -> str:
     for k, axes in enumerate(places):
         _draw(axes, edges, means[k], largest, quantity.labels)
         axes.set_title(f"left in {_AXES[k]}, mm", fontsize=9.0, loc="left")
-    drawn.colorbar(places[0].collections[0], cax=bar, label="mean, mm")
+    drawing.colour_bar(drawn, places[0].collections[0], places[-1], "mean, mm")
     return drawing.as_svg(
         drawn, name, f"Means of what is left over {where}, its three parts in the world, in squares of both"
     )
@@ -42,17 +42,17 @@ def over_three(
     count = int(np.clip(np.sqrt(len(z) / 3.0 / _IN_SQUARE), 4, _SQUARES))
     edges, thirds = (_edges(x, count), _edges(y, count)), np.quantile(z, (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0))
     third = np.clip(np.searchsorted(thirds, z, side="right") - 1, 0, 2)
-    drawn, places, bars = drawing.figure_with_bars(10.2, 0.5 + 2.5 * len(labels), len(labels), 3)
+    drawn, places = drawing.figure(10.2, 0.5 + 2.5 * len(labels), len(labels), 3, bars=True)
     for row, (label, value) in enumerate(zip(labels, values.T, strict=True)):
         mine = [third == k for k in range(3)]
         means = [_means(x[of], y[of], value[of], weight[of], edges) for of in mine]
-        largest, along = _largest(means), places[row]
+        largest, along = _largest(means), places[3 * row : 3 * row + 3]
         for k, axes in enumerate(along):
             _draw(axes, edges, means[k], largest, quantity.labels)
             what = quantity.labels[2].partition(",")[0]
             title = f"{_THIRDS[k]} third of {what}: {thirds[k]:.0f} to {thirds[k + 1]:.0f}"
             axes.set_title(title, fontsize=9.0, loc="left")
-        drawn.colorbar(along[0].collections[0], cax=bars[row], label=f"mean left in {label}")
+        drawing.colour_bar(drawn, along[0].collections[0], along[-1], f"mean left in {label}")
     return drawing.as_svg(
         drawn, name, f"Means of what is left over {where}: maps of two angles, by thirds of a third angle"
     )

@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from calib.units import percent
 from service.report.figures import drawing
-from service.report.figures.arranging import arrange
 from service.results.history import Trend
 
 ENDINGS = (".svg", ".png")
@@ -51,7 +50,6 @@ def trend_picture(trend: Trend) -> Figure:
     axes.set_ylabel(f"{trend.parameter}, {trend.unit}" if trend.unit else trend.parameter)
     axes.set_title(f"Robot {trend.robot.serial} ({trend.robot.model})", loc="left", fontsize=9.5)
     drawing.legend(drawn, axes, 3)
-    arrange(drawn)
     return drawn
 
 

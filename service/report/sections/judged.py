@@ -94,7 +94,7 @@ def arrows(points: Array, models: Sequence[Vectors]) -> str:
             (places[2 * number + 1], 0, 2, "from the side"),
         ):
             _arrows(axes, points[:, [a, b]], times * each.errors[:, [a, b]], each.colour)
-            axes.set_title(f"{each.name}, {seen}\narrows {times:g} times", fontsize=9.0, loc="left")
+            axes.set_title(f"{each.name}, {seen}, {times:g} times", fontsize=9.0, loc="left")
             axes.set_xlabel(f"{'xyz'[a]}, mm")
             axes.set_ylabel(f"{'xyz'[b]}, mm")
         told.append(f"{each.name} up to {millimetres(float(length.max()))} mm")

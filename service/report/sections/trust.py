@@ -50,7 +50,7 @@ def trust_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
 
 def _figure(of_map: UncertaintyMap) -> str:
     """Largest U of the poses in every cell of radius and height: within the measured ranges, and within the limits."""
-    drawn, (panels,), (place,) = drawing.figure_with_bars(7.6, 3.0, 1, 2)
+    drawn, panels = drawing.figure(7.6, 3.0, 1, 2, bars=True)
     radius = np.linspace(0.0, float(of_map.radius.max()), _CELLS + 1)
     height = np.linspace(float(of_map.height.min()), float(of_map.height.max()), _CELLS + 1)
     scale = LogNorm(float(of_map.u.min()), float(of_map.u.max()))
@@ -70,8 +70,7 @@ def _figure(of_map: UncertaintyMap) -> str:
         axes.set_title(title, fontsize=9.5, loc="left")
         axes.set_xlabel("distance of the flange from axis 1, mm")
         axes.set_ylabel("height, mm")
-    bar = drawn.colorbar(ScalarMappable(scale, _COLOURS), cax=place)
-    bar.set_label("largest U (k = 2), mm", fontsize=9.0)
+    bar = drawing.colour_bar(drawn, ScalarMappable(scale, _COLOURS), panels[-1], "largest U (k = 2), mm")
     bar.ax.tick_params(which="both", labelsize=8.5)
     drawing.plain(bar.ax.yaxis)
     return drawing.as_svg(
