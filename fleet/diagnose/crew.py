@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from distributed import Client, Worker
+from distributed.comm.core import CommClosedError
 
 from fleet.diagnose.program import this_program
 
@@ -48,8 +49,12 @@ class Crew:
         self.lost = 0
 
     def look(self) -> list[str]:
-        """Ask those that are new, miss those that are gone; sentences on what is new."""
-        present = set(self._client.scheduler_info(n_workers=-1)["workers"])
+        """Ask those that are new, miss those that are gone; sentences on what is new. Raises CommClosedError where the
+        scheduler is gone."""
+        told: Any = self._client.scheduler_info(n_workers=-1)
+        if self._client.status != "running":  # then it tells what it knew last, or nothing
+            raise CommClosedError("the connection to the scheduler is lost")
+        present = set(told["workers"])
         said = []
         gone = self.at_work - present
         self.at_work -= gone

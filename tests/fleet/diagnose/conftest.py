@@ -9,6 +9,5 @@ from tests.drivers.waiting import PATIENCE_S
 
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A call waits for a scheduler's answer, and for a worker, as long as tests wait for what surely comes."""
-    monkeypatch.setattr("fleet.diagnose.engine.CONNECT_S", PATIENCE_S)
+    """A call waits for a worker as long as tests wait for what surely comes."""
     monkeypatch.setattr("fleet.diagnose.run.PATIENCE_S", PATIENCE_S)

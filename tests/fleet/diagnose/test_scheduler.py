@@ -7,14 +7,17 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 from urllib.parse import urlsplit
 
 import pytest
 from dask import config
+from distributed import Client
 
 from calib import DataError
 from fleet.diagnose import EngineGone, Order, Source, Tally, diagnose_all, in_store
 from fleet.diagnose.engine import connected
+from fleet.diagnose.run import Run
 from fleet.store import Document, Store, dataset_content
 from tests.drivers.nobody import nobody_listens
 from tests.fleet.diagnose.certificates import make_certificates
@@ -115,6 +118,23 @@ def test_a_plant_with_a_killed_scheduler_and_a_database_that_goes(
     last = results(order)
     assert last[: len(first)] == first  # written once
     assert len(last) == SETS
+
+
+@pytest.mark.parametrize(
+    "told", [{}, {"workers": {"tcp://127.0.0.1:1": {}}}], ids=["nothing", "what it knew"]
+)
+def test_a_scheduler_that_goes_while_nothing_is_out_is_gone(tmp_path: Path, told: dict[str, Any]) -> None:
+    """Nothing is cancelled then: Dask's client would take new work, and connect anew until it gives up."""
+
+    class Lost:
+        status = "connecting"
+
+        def scheduler_info(self, n_workers: int) -> dict[str, Any]:
+            return told
+
+    order = Order(f"sqlite:///{tmp_path}/s.sqlite3", "this call")
+    with pytest.raises(EngineGone, match="scheduler is gone"):
+        Run(cast(Client, Lost()), order, [Source("0" * 64, "a")], print).run(print)
 
 
 def test_a_way_with_tls_needs_certificates_that_can_be_read(
