@@ -32,7 +32,7 @@ from drivers.errors import (
 from drivers.interfaces import Identity, InstrumentStatus, PointReading
 from drivers.leica import emscon_packets as tpi
 from drivers.leica.emscon_packets import Packet
-from drivers.leica.emscon_settings import meddled, needed
+from drivers.leica.emscon_settings import can_be, meddled, needed, put_in_order
 from drivers.link import TcpLink, WireSink, parse_url
 
 _LOG = logging.getLogger(__name__)
@@ -156,9 +156,12 @@ class EmsconTracker:
         self._armed = False
 
     def _put_settings_in_order(self) -> None:
-        settings = self._ask(tpi.GET_SETTINGS).values
+        packet = self._ask(tpi.GET_SETTINGS)
+        settings = packet.values
+        if not can_be(settings):
+            raise self._impossible("settings that do not exist", packet)
         if needed(settings) != settings:
-            _LOG.warning("%s: system settings %s become %s", self.name, settings, needed(settings))
+            _LOG.warning("%s: set for these readings: %s", self.name, put_in_order(settings))
             self._ask(tpi.SET_SETTINGS, *needed(settings))
 
     def _refuse_another_reflector(self) -> None:

@@ -14,8 +14,18 @@ from collections.abc import Sequence
 from drivers.errors import NotReady
 
 _CORRECTS = 2  # the weather station is read and its refraction is used
-# Weather, transformation, station, keep last position, tell changes, send positions, try, nivel, camera; None: any.
-_NEEDED = (_CORRECTS, 0, 0, None, 1, 0, 0, None, None)
+# The nine in their order, and what they have to be; None: any.
+_NEEDED: dict[str, int | None] = {
+    "weather correction": _CORRECTS,
+    "transformation": 0,
+    "station orientation": 0,
+    "keep last position": None,
+    "telling of changes": 1,
+    "sending of positions": 0,
+    "try mode": 0,
+    "nivel": None,
+    "video camera": None,
+}
 _CHANGES = {
     6: "units",
     7: "reflector",
@@ -31,7 +41,20 @@ _CLOSE = "Close the other program, see that the tracker knows the SMR that is se
 
 def needed(settings: Sequence[int]) -> tuple[int, ...]:
     """The nine settings with those that points depend on put in order; the others stay as they are."""
-    return tuple(was if wanted is None else wanted for was, wanted in zip(settings, _NEEDED, strict=True))
+    return tuple(
+        was if wanted is None else wanted for was, wanted in zip(settings, _NEEDED.values(), strict=True)
+    )
+
+
+def can_be(settings: Sequence[int]) -> bool:
+    """Whether these nine are settings at all, and not damaged: they are small numbers."""
+    return all(0 <= each <= _CORRECTS for each in settings)
+
+
+def put_in_order(settings: Sequence[int]) -> str:
+    """The names of the settings that `needed` changes."""
+    changed = zip(_NEEDED, settings, needed(settings), strict=True)
+    return ", ".join(name for name, before, after in changed if before != after)
 
 
 def meddled(changes: Sequence[int]) -> NotReady | None:

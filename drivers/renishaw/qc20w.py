@@ -117,7 +117,7 @@ class Qc20w:
         one: a bridge may serve several bars. Raises LinkError."""
         who = self.session.identify()
         try:
-            reply = self.session.ask("CAL", {"nominal": self._nominal_mm})
+            reply = self.session.ask("CAL", {})
         except Refused:  # its bar is off
             return who
         return replace(who, serial=reply.fields.get("serial") or who.serial)

@@ -32,7 +32,7 @@ from drivers.errors import (
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus, Sample
 from drivers.link import Address, TcpLink, WireSink, beside, parse_url
-from drivers.ur.dashboard import read_serial
+from drivers.ur.dashboard import order, read_serial
 from drivers.ur.deadlines import UrDeadlines
 from drivers.ur.motion import STOP_SCRIPT, Limits, Motion, not_ready
 from drivers.ur.other_ways import halt_elsewhere
@@ -186,6 +186,11 @@ class UrArm:
         else:
             serial = self._serials.get(factory.calibration, factory.calibration)
         return Identity("Universal Robots", factory.model, serial, factory.firmware, self.feed)
+
+    def in_remote_control(self) -> bool | None:
+        """Whether the controller takes programs by network, by its dashboard; None where that does not say (CB3)."""
+        told = order(self._dashboard, "is in remote control", self.name, self._deadlines, self._wire)
+        return {b"true": True, b"false": False}.get(told.lower())
 
     def factory(self) -> Factory:
         """Nominal and factory-calibrated DH numbers of this arm, from 30002. Raises LinkError."""

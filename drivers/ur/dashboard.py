@@ -2,7 +2,7 @@
 
 The serial number is read here, and a program is stopped where nothing else reaches it; a controller whose dashboard is
 closed works without. Universal Robots, "Dashboard server", commands `get serial number` (software 3.12 and 5.6 or
-later), `stop`.
+later), `is in remote control` (e-Series, 5.6 or later), `stop`.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ import struct
 
 from drivers.declaration import RobotDriver
 from drivers.details import Details
-from drivers.errors import Busy
+from drivers.errors import Busy, WrongMode
 from drivers.interfaces import RobotStatus
 from drivers.ur.arm import UrArm
 from drivers.ur.realtime import parse_packet
@@ -16,13 +16,18 @@ _TEMPERATURES, _SPEED = 692, 940  # offsets in the packet of 30003, by the maker
 
 
 def _details(device: UrArm, status: RobotStatus) -> Details:
-    """Joint temperatures and speed slider (30003), DH numbers (30002), and whether a program runs."""
+    """Joint temperatures and speed slider (30003), DH numbers (30002), whether a program runs, remote control."""
     state = parse_packet(status.raw)
     trouble = unfit(state, moving=False)
     if trouble is None and state.runtime_state == PLAYING:
         trouble = Busy(
             "a program runs on the controller",
             what_to_do="Stop the program on the pendant: the first move of a campaign would take its place.",
+        )
+    if trouble is None and device.in_remote_control() is False:
+        trouble = WrongMode(
+            "the controller is in local control: it ignores every program that is sent, a stop too",
+            what_to_do="Switch the controller to remote control on the pendant.",
         )
     return Details(
         trouble=trouble,

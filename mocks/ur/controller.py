@@ -265,7 +265,9 @@ class UrController:
         if command == "stop":
             self._abort()
             return "Stopped"
-        answers = {
+        remote = "true" if self.arm.mode == "auto" else "false"
+        answers = {"is in remote control": remote} if self.software >= (5, 6) else {}
+        answers |= {
             "get serial number": self.serial or "could not understand: 'get serial number'",
             "get robot model": self._series.upper() if self._series in TYPES else "UNKNOWN",
             "PolyscopeVersion": "URSoftware {}.{}.{}.{}".format(*self.software),

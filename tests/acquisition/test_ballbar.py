@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +18,11 @@ from acquisition.cell import targets_at
 from acquisition.errors import NotResumed, RecordError
 from acquisition.record import export_together
 from calib import identify, read_dataset
-from drivers import Answer, ConfigError, LengthReading, LinkLost, NotReady, OutOfRange
+from drivers import Answer, ConfigError, LinkLost, NotReady, OutOfRange
 from tests.acquisition.bars import OFF_DEG, TWO_STAGES, Bar, made
 from tests.acquisition.fakes import (
     BALLBAR,
     HEXAPOD,
-    FakeBar,
     JumpingClock,
     SeatingOperator,
     a_campaign,
@@ -134,30 +132,6 @@ def test_a_zero_that_is_skipped_is_not_read(bars: Any) -> None:
     bar = bars(Answer.SKIP, zero_every=100)
     assert bar.execute() == "succeeded"
     assert bar.bench.zeroed == 0
-
-
-def test_a_distance_that_is_sent_again_is_not_the_next_one(
-    bars: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A bridge that has lost its bar and goes on with what it heard last, under a new time, is within the stroke."""
-    measure = FakeBar.measure
-    sent: list[LengthReading] = []
-
-    def frozen_once(meter: FakeBar, target: str, **asked: Any) -> LengthReading:
-        seen = measure(meter, target, **asked)
-        stuck = (
-            {"length_mm": sent[-1].length_mm, "deviation_mm": sent[-1].deviation_mm} if len(sent) == 3 else {}
-        )
-        sent.append(replace(seen, **stuck))
-        return sent[-1]
-
-    monkeypatch.setattr(FakeBar, "measure", frozen_once)
-    bar = bars()
-    assert bar.execute() == "succeeded"
-    (error,) = [each["error"] for each in bar.events_of("attempt_failed")]
-    assert "to the last digit as in the distance before" in error["message"]
-    assert "bridge still hears the bar" in error["what_to_do"]
-    assert len(sent) == 1 + 12
 
 
 def test_a_bar_that_is_not_in_its_calibrator_is_asked_for_again(bars: Any) -> None:

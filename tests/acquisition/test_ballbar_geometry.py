@@ -26,7 +26,7 @@ from calib import load_model, read_dataset
 from drivers import Answer, ConfigError, LengthReading, Prompt
 from tests.acquisition.bars import OFF_DEG, TWO_STAGES, Bar, made
 from tests.acquisition.fakes import BALLBAR as FIXTURE
-from tests.acquisition.fakes import HEXAPOD, JumpingClock, a_campaign, a_cell, devices_of
+from tests.acquisition.fakes import HEXAPOD, FakeBar, JumpingClock, a_campaign, a_cell, devices_of
 
 # Base balls as far apart as the bar of 300 mm.
 BALLBAR = FIXTURE | {
@@ -254,3 +254,27 @@ def test_a_prompt_shows_the_pose_and_the_balls_that_it_is_about(bars: Any) -> No
         names = {each.text for each in root.iter("{http://www.w3.org/2000/svg}text")}
         assert {one, other} <= names
     assert len({picture for _, picture in legs}) == 15
+
+
+def test_a_distance_that_is_sent_again_is_not_the_next_one(
+    bars: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bridge that has lost its bar and goes on with what it heard last, under a new time, is within the stroke."""
+    measure = FakeBar.measure
+    sent: list[LengthReading] = []
+
+    def frozen_once(meter: FakeBar, target: str, **asked: Any) -> LengthReading:
+        seen = measure(meter, target, **asked)
+        stuck = (
+            {"length_mm": sent[-1].length_mm, "deviation_mm": sent[-1].deviation_mm} if len(sent) == 3 else {}
+        )
+        sent.append(replace(seen, **stuck))
+        return sent[-1]
+
+    monkeypatch.setattr(FakeBar, "measure", frozen_once)
+    bar = bars()
+    assert bar.execute() == "succeeded"
+    (error,) = [each["error"] for each in bar.events_of("attempt_failed")]
+    assert "to the last digit as in the distance before" in error["message"]
+    assert "bridge still hears the bar" in error["what_to_do"]
+    assert len(sent) == 1 + 12

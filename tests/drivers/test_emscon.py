@@ -106,7 +106,9 @@ def test_frozen_reading_is_stale(shared: CellThread, tracker: EmsconTracker, dev
         tracker.measure("T1")
 
 
-def test_what_another_program_left_is_put_in_order(shared: CellThread, device: LeicaDevice) -> None:
+def test_what_another_program_left_is_put_in_order(
+    shared: CellThread, device: LeicaDevice, caplog: pytest.LogCaptureFixture
+) -> None:
     """A transformation that scales and a weather that corrects nothing are no errors that a point shows."""
     shared.do("meddle", settings=[1, 1, 0, 1, 0, 1, 0, 1, 1], scale=1.0005)
     tracker = EmsconTracker(shared.url("emscon"))
@@ -116,8 +118,13 @@ def test_what_another_program_left_is_put_in_order(shared: CellThread, device: L
     assert math.dist(reading.xyz_mm, truth(device, "T1")) < 0.3
     assert shared.cell is not None
     assert shared.cell.emscon.settings == [2, 0, 0, 1, 1, 0, 0, 1, 1]
+    put = "weather correction, transformation, telling of changes, sending of positions"
+    assert f"set for these readings: {put}" in caplog.text
+    shared.do("meddle", settings=[2, 0, 0, 1, 1, 0, 32768, 0, 0], scale=1.0)
+    with pytest.raises(ProtocolError, match="settings that do not exist"):
+        tracker.arm()
+    shared.do("meddle", settings=[2, 0, 0, 1, 1, 0, 0, 0, 0])
     tracker.disconnect()
-    shared.do("meddle", settings=[2, 0, 0, 1, 1, 0, 0, 0, 0], scale=1.0)
 
 
 @pytest.mark.parametrize(("code", "what"), [(7, "reflector"), (16, "transformation"), (8, "system settings")])

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from drivers import (
+    ROBOTS,
     AcquisitionError,
     Busy,
     EmergencyStop,
@@ -60,6 +61,22 @@ def test_which_arm_it_is_without_its_serial_number(fast: CellThread) -> None:
     ur.checksum = (0,) * 6
     assert new.identify().serial == ""
     ur.serial, ur.checksum = "20155301234", None
+
+
+def test_local_control_is_told_before_a_campaign_falls_over_it(fast: CellThread) -> None:
+    assert fast.cell is not None
+    ur, arm = fast.cell.ur, UrArm(fast.url("ur"))
+    details = ROBOTS["ur"].details
+    assert details is not None
+    assert arm.in_remote_control() is None  # a CB3 does not say
+    ur.software = (5, 11, 1, 108318)
+    assert arm.in_remote_control() is True
+    assert details(arm, arm.status()).trouble is None
+    ur.arm.mode = "manual"
+    trouble = details(arm, arm.status()).trouble
+    ur.arm.mode = "auto"
+    assert isinstance(trouble, WrongMode)
+    assert "remote control on the pendant" in trouble.what_to_do
 
 
 def test_goes_there_and_reads_back_in_encoder_counts(fast: CellThread, feed: str) -> None:

@@ -99,8 +99,8 @@ LOOKS = {
     "abb": rb"(0|4|98|200|202 \d+|205 \d+) #",
     "faro|leica|ctrack|qc20w": rb"\d+ (HELLO [^*]*|STATUS|PING|CAL|MODELS|BYE)\*\w{4}\n",
     "fanuc": rb"(curjpos|curpos|calname:\d+|calstat:\d+)\n",
-    # RTDE packages V v O S P: versions, outputs, start, pause; the dashboard is asked for the serial number
-    "ur": rb"([\x00\x01].[VvOSP].*)|get serial number\n",
+    # RTDE packages V v O S P: versions, outputs, start, pause; the dashboard is asked for two things
+    "ur": rb"([\x00\x01].[VvOSP].*)|(get serial number|is in remote control)\n",
 }
 
 
