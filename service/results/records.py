@@ -28,6 +28,8 @@ def read_record(path: Path, cell: Cell) -> list[Document]:
             return []
         with TemporaryDirectory(prefix="truepose-fleet-") as place:
             found = read_data(acquisition.export(folder, Path(place) / "data.csv"), cell)
+    except DataError as error:  # of a file that nobody sees
+        raise DataError(error.what, do=error.do, file=folder, key=error.key) from error
     except AcquisitionError as error:
         raise DataError(refusals.cause(error), do=refusals.remedy(error), file=folder) from error
     summary = {

@@ -194,7 +194,7 @@ def test_a_record_is_not_sent_before_its_end_nor_as_a_real_one(folder: Path, out
         run.execute(devices_of(bench), JumpingClock())
     taken, said = look(folder, outbox)
     assert taken == 0
-    assert "simulated" in said[0]
+    assert f"{record}: is of a simulated robot" in said[0]
     assert look(folder, outbox, TRIED)[0] == 2
 
 

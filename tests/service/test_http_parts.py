@@ -18,7 +18,7 @@ from drivers.errors import ConfigError
 from service.http.access.gate import Gate
 from service.http.access.roles import Tokens
 from service.http.access.settings import Settings
-from service.http.wire.problems import Problem
+from service.http.wire.problems import Problem, not_found
 from service.http.work.idempotency import JOURNAL, Keys, fingerprint, reply
 from service.names import new_id, safe_id
 from service.plain import finite, utc_text
@@ -162,6 +162,11 @@ def test_which_hosts_are_ours(tmp_path: Path, bound: str, host: str, good: bool)
 
     gate = Gate(nothing, Settings(record=tmp_path, tokens=Tokens("o", "v"), host=bound))
     assert gate._ours(host) is good
+
+
+def test_several_of_what_is_not_there() -> None:
+    told = [not_found(what, "x").do.split()[2] for what in ("run", "diagnosis", "watch")]
+    assert told == ["runs", "diagnoses", "watches"]
 
 
 def test_plain_values() -> None:

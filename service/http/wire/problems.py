@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
@@ -70,7 +71,9 @@ class Problem(HTTPException):
 
 def not_found(what: str, name: str) -> Problem:
     """A problem with status 404."""
-    return Problem(404, f"There is no {what} {name!r}.", f"List the {what}s to see which there are.")
+    what = what.replace("_", " ")
+    several = re.sub("is$", "e", what) + ("es" if what.endswith("ch") else "s")
+    return Problem(404, f"There is no {what} {name!r}.", f"List the {several} to see which there are.")
 
 
 def document(status: int, text: str, do: str, code: int | None = None, **more: Any) -> dict[str, Any]:
