@@ -42,7 +42,7 @@ DESIGNS = {
 def laws_at(readings: Sequence[int], seeds: int, first: int) -> list[Told]:
     """All laws at some numbers of readings; with every seed another arm."""
     asked = [
-        Asked(name, first + i + number, n, first + i)
+        Asked(name, i + number, n, first + i)
         for i in range(seeds)
         for n in readings
         for number, name in enumerate(LAWS)
