@@ -79,7 +79,7 @@ def test_it_is_what_a_fit_of_everything_at_once_leaves_open(found: Identificatio
     np.testing.assert_allclose(left.covariance / np.outer(size, size), scaled, atol=0.02)
     np.testing.assert_allclose(left.estimate / size, off[k:] / size, atol=0.05)
     _, _, together = left.beside(found.model, found.estimate, found.covariance)
-    every = np.sqrt(np.diag(found.covariance)[active[:m]])
+    every = np.sqrt(np.diag(whole)[:k])
     np.testing.assert_allclose(
         together[:m, :m][np.ix_(active[:m], active[:m])] / np.outer(every, every),
         whole[:k, :k] / np.outer(every, every),

@@ -8,7 +8,6 @@ a watch that does not enter the history by itself.
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +15,9 @@ import numpy as np
 import pytest
 
 from calib.data import read_dataset
-from calib.effects.thermal.warm_up import warm_up
 from calib.fit import identify
-from calib.saved import save_model
 from calib.saved.model_checks import content_hash
+from tests.calib.updates import save_warming
 from tests.end_to_end.test_watch import BUMP, SEED, cell_of
 from tests.service.campaigns import write_data
 from tests.service.histories import sign
@@ -38,17 +36,7 @@ def kept(service: Served, content: bytes) -> str:
 def that_warms_up(data: Path) -> bytes:
     """The model of the readings, which says that the arm grows while it warms up, and not yet by how much."""
     fitted, file = identify(read_dataset(data)), data.with_name("warm.json")
-    unsure = np.diag([0.0] * len(fitted.estimate) + [(100e-6) ** 2])
-    save_model(
-        file,
-        replace(
-            fitted,
-            model=fitted.model.append(warm_up(fitted.model.robot, 1500.0)),
-            estimate=np.append(fitted.estimate, 0.0),
-            prior=np.append(fitted.prior, 0.0),
-            covariance=np.pad(fitted.covariance, ((0, 1), (0, 1))) + unsure,
-        ),
-    )
+    save_warming(file, fitted, 100e-6)
     return file.read_bytes()
 
 
