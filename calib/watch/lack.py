@@ -57,8 +57,8 @@ def _likely(saved: SavedModel, known: float, uncertain: float, rows: int) -> flo
     """The lack as a mean square, mm2, by what the fit left and by what it had not seen, of so many rows a reading.
 
     Each is weighed by how many readings it is of. Where a file does not say so, it is the estimate by what had not been
-    seen. Its expectation given that it is not negative would never be nothing, and too careful: robots whose models lack
-    nothing would alarm in a fifth of the stated rate.
+    seen. Its expectation given that it is not negative would never be nothing, and too careful: robots whose models
+    lack nothing would alarm in a fifth of the stated rate.
     """
     freedom, held_out = saved.degrees_of_freedom, saved.held_out_rms_mm
     found = (saved.noise_scale**2 - 1.0) * known
