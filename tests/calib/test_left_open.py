@@ -152,6 +152,14 @@ def _known(saved: SavedModel, watch: Dataset) -> float:
     return low**2
 
 
+def test_readings_without_a_clock_are_judged(saved: SavedModel, tmp_path: Path) -> None:
+    """A drift of the calibration's instrument may have been left open; a watch by touch has no times."""
+    watch = data_of(worn(WORN), tmp_path, 30, 9)
+    nothing = np.full(len(watch), np.nan)
+    watch = replace(watch, conditions=replace(watch.conditions, time=nothing, temperature=nothing))
+    assert np.all(np.isfinite(Seen.of(saved, watch).spread()))
+
+
 def test_nests_in_a_line_span_no_frame() -> None:
     nests = {f"N{k}": (100.0 * k, 0.0, 0.0) for k in range(3)}
     with pytest.raises(DataError, match="in a line"):
