@@ -52,9 +52,18 @@ class Baseline:
             for term in effect.terms
             if isinstance(term.regressor, Time | WarmUp)
         }
+        # a drift that was left open has done what it did to the parameters; later readings need not carry the time
+        own = len(saved.model.effects)
+        effects = tuple(
+            e for k, e in enumerate(model.effects) if k < own or not {p.name for p in e.parameters} <= gone
+        )
+        held = [model.index[p.name] for e in effects for p in e.parameters]
+        model, estimate = replace(model, effects=effects), estimate[held]
         kept = np.array([p.name not in gone for p in model.parameters], dtype=float)
         plain = np.concatenate([saved.estimate, np.zeros(len(estimate) - len(saved.estimate))])
-        return cls(model, estimate * kept, covariance * np.outer(kept, kept), plain * kept)
+        return cls(
+            model, estimate * kept, covariance[np.ix_(held, held)] * np.outer(kept, kept), plain * kept
+        )
 
 
 def root_of(covariance: Array) -> Array:

@@ -35,7 +35,7 @@ from tests.benchmarks.coverage import (
     true_frames,
 )
 
-POSES, CANDIDATES, ARMS = 10, 120, 5
+POSES, CANDIDATES, ARMS = 10, 120, 20
 LEGS = (("T1", "B1"), ("T1", "B2"), ("T2", "B2"), ("T2", "B3"), ("T3", "B3"), ("T3", "B1"))
 BALLS = np.array(
     [[450.0, 150.0, 250.0], [450.0, -150.0, 250.0], [300.0, 250.0, 350.0], [300.0, -250.0, 350.0]]

@@ -79,7 +79,7 @@ def test_it_is_what_a_fit_of_everything_at_once_leaves_open(found: Identificatio
     np.testing.assert_allclose(left.covariance / np.outer(size, size), scaled, atol=0.02)
     np.testing.assert_allclose(left.estimate / size, off[k:] / size, atol=0.05)
     _, _, together = left.beside(found.model, found.estimate, found.covariance)
-    every = np.sqrt(np.diag(found.covariance)[active[:m]])
+    every = np.sqrt(np.diag(whole)[:k])
     np.testing.assert_allclose(
         together[:m, :m][np.ix_(active[:m], active[:m])] / np.outer(every, every),
         whole[:k, :k] / np.outer(every, every),
@@ -128,13 +128,36 @@ def test_the_file_keeps_it_and_refuses_what_it_cannot_be(found: Identification, 
             LeftOpen.from_json({**table, key: value}, found.model, file)
 
 
-def test_a_lack_is_as_uncertain_as_the_readings_that_show_it(saved: SavedModel, tmp_path: Path) -> None:
-    """Where readings say that there is none, few of them leave more of it possible than many."""
+def test_a_lack_is_shown_by_the_more_readings_the_more(saved: SavedModel, tmp_path: Path) -> None:
+    """A fit that leaves what was declared and a held-out error that is too large: between both, by their readings."""
     watch = data_of(worn({}), tmp_path, 30, 3)
-    quiet = replace(saved, noise_scale=1.0, held_out_rms_mm=None)
-    lacks = [scatter_beyond(replace(quiet, degrees_of_freedom=freedom), watch) for freedom in (30, 300, 3000)]
-    assert lacks[0] > lacks[1] > lacks[2] > 0.0
-    assert lacks[0] / lacks[2] == pytest.approx(100.0**0.25, rel=1e-6)
+    both = replace(saved, noise_scale=1.0, held_out_rms_mm=0.12, covariance=0.0 * saved.covariance)
+    held, more, most = (
+        scatter_beyond(replace(both, degrees_of_freedom=freedom, held_out=20), watch)
+        for freedom in (None, 60, 6000)
+    )
+    assert held > more > most > 0.0
+    # with the variances of mean squares, 2 s^4 / n: of 60 rows each
+    known = _known(both, watch)
+    assert (more / held) ** 2 == pytest.approx(known**2 / (known**2 + 0.12**4), rel=1e-6)
+
+
+def _known(saved: SavedModel, watch: Dataset) -> float:
+    """The mean square that was declared, mm2: the held-out error at which nothing is lacking."""
+    low, high = 0.01, 0.12
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        lacks = scatter_beyond(replace(saved, degrees_of_freedom=None, held_out_rms_mm=middle), watch) > 0.0
+        low, high = (low, middle) if lacks else (middle, high)
+    return low**2
+
+
+def test_readings_without_a_clock_are_judged(saved: SavedModel, tmp_path: Path) -> None:
+    """A drift of the calibration's instrument may have been left open; a watch by touch has no times."""
+    watch = data_of(worn(WORN), tmp_path, 30, 9)
+    nothing = np.full(len(watch), np.nan)
+    watch = replace(watch, conditions=replace(watch.conditions, time=nothing, temperature=nothing))
+    assert np.all(np.isfinite(Seen.of(saved, watch).spread()))
 
 
 def test_nests_in_a_line_span_no_frame() -> None:

@@ -1,10 +1,15 @@
-"""A saved model updated in memory, as `truepose watch --update` writes it to a file."""
+"""Saved models updated: in memory, as `truepose watch --update` writes them to a file, and to begin with."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
-from calib.saved import SavedModel
+import numpy as np
+
+from calib.effects.thermal.warm_up import warm_up
+from calib.fit.identification import Identification
+from calib.saved import SavedModel, save_model, save_update
 from calib.watch import Seen, updated
 from calib.watch.cause import Cause
 
@@ -13,3 +18,17 @@ def as_updated(saved: SavedModel, seen: Seen, cause: Cause) -> SavedModel:
     """The model with the size of a cause that readings show."""
     model, estimate, covariance = updated(saved, seen, cause)
     return replace(saved, model=model, estimate=estimate, covariance=covariance)
+
+
+def save_warming(path: Path, fitted: Identification, std: float, alpha: float = 0.0) -> None:
+    """Write the model of a fit to which a growth while it warms up was added, 1/K of its end, with a standard deviation
+    that no readings of the fit gave it."""
+    save_model(path, fitted)
+    save_update(
+        path,
+        path,
+        fitted.model.append(warm_up(fitted.model.robot, 1500.0)),
+        np.append(fitted.estimate, alpha),
+        np.pad(fitted.covariance, (0, 1)) + np.diag([0.0] * len(fitted.estimate) + [std**2]),
+        {"by": "a test"},
+    )

@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 
 from calib import identify, load_model, read_dataset, save_model
-from calib.effects.thermal.warm_up import warm_up
 from calib.model import Design, conditions_at
 from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
 from mocks.world import ArmState, World
 from mocks.world.dataset import header_of, row_of
 from mocks.world.poses import approach_point, random_pose
 from service.cli import main
+from tests.calib.updates import save_warming
 from tests.end_to_end.simulated import ROOT
 from tests.service.campaigns import edit_text, read_rows, write_data
 
@@ -137,21 +137,9 @@ def test_touched_balls_are_filled_in_and_judged(model: Path, tmp_path: Path) -> 
 
 def test_upkeep_in_a_loop_follows_an_arm_that_warms_up(model: Path, tmp_path: Path) -> None:
     """Every quarter of an hour four readings of one target; between, the true arm is where the kept model says."""
-    robot = load_model(model)
-    growing = robot.model.append(warm_up(robot.model.robot, 1500.0))
-    unsure = np.diag([0.0] * len(robot.estimate) + [(100e-6) ** 2])
     cold, now = tmp_path / "cold.json", tmp_path / "now.json"
     fitted = identify(read_dataset(write_data(tmp_path, seed=SEED, effects=(), n=120)))
-    save_model(
-        cold,
-        replace(
-            fitted,
-            model=growing,
-            estimate=np.append(fitted.estimate, 0.0),
-            prior=np.append(fitted.prior, 0.0),
-            covariance=np.pad(fitted.covariance, ((0, 1), (0, 1))) + unsure,
-        ),
-    )
+    save_warming(cold, fitted, 100e-6)
     world = World(seed=SEED)
     world.effects = [world.draw_effect("warm_up").with_values(alpha=400e-6, T_c=1500.0)]
     rng = np.random.default_rng(2)
@@ -186,4 +174,4 @@ def test_upkeep_in_a_loop_follows_an_arm_that_warms_up(model: Path, tmp_path: Pa
         assert main([*asked, "--update", str(after)]) == 0
         assert error_mm(after, began_s + 450.0) < 0.5 * error_mm(cold, began_s + 450.0)
         before = after
-    assert len(load_model(before).updates) == 3
+    assert len(load_model(before).updates) == 1 + 3

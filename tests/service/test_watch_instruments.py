@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +14,13 @@ from acquisition import read_campaign, read_cell
 from acquisition.campaign import make_plan
 from acquisition.cell import targets_at
 from calib import DataError, identify, load_model, read_dataset, save_model
-from calib.effects.thermal.warm_up import warm_up
 from calib.saved import as_saved
 from drivers import ConfigError
 from service.cli import main
 from service.results.watch_plan import Planned, PlanQuestion
 from tests.acquisition.fakes import BALLBAR, a_campaign, a_cell
 from tests.benchmarks.coverage import KINDS, simulate
+from tests.calib.updates import save_warming
 from tests.service.campaigns import edit_rows, write_data
 
 CELL = Path(__file__).parents[2] / "examples" / "irb120_faro" / "cell.toml"
@@ -109,16 +108,8 @@ def test_the_warmth_of_the_day_is_updated_and_the_clock_is_asked_for(
     folder = tmp_path / "warm"
     folder.mkdir()
     fitted = identify(read_dataset(write_data(folder, effects=(), n=90)))
-    warm = replace(
-        fitted,
-        model=fitted.model.append(warm_up(fitted.model.robot, 1500.0)),
-        estimate=np.append(fitted.estimate, 1e-6),
-        prior=np.append(fitted.prior, 0.0),
-        covariance=np.pad(fitted.covariance, ((0, 1), (0, 1)))
-        + np.diag([0.0] * len(fitted.estimate) + [1e-10]),
-    )
     warming, out, document = tmp_path / "warm.json", tmp_path / "now.json", tmp_path / "u.json"
-    save_model(warming, warm)
+    save_warming(warming, fitted, 1e-5, 1e-6)
     asked = ["watch", "upkeep", str(warming), str(csv_file), "--update", str(out), "--json", str(document)]
     assert main(asked) == 2
     assert "--running-s" in capsys.readouterr().err
