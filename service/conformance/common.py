@@ -1,5 +1,7 @@
 """The promises of every driver, whatever it moves or measures."""
 
+from __future__ import annotations
+
 import socket
 import time
 from collections.abc import Callable
