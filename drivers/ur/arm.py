@@ -44,6 +44,9 @@ from drivers.ur.stream import joint_stream
 
 _LOG = logging.getLogger(__name__)
 _WIDEST_DEG = 360.0
+_BRAKES_S = (
+    1.5  # from full speed, 3.2 rad/s, by the 4 rad/s2 of a stop, and what the controller takes to hear it
+)
 _WEAKNESS = (
     "without the registers of RTDE (software 3.9) a program moves the arm as it arrives: one that is damaged on its "
     "way moves it elsewhere or at another speed, and is seen only afterwards, from 0.0006 deg on"
@@ -257,9 +260,21 @@ class UrArm:
         return self._motion.at_most(math.radians(speed_deg_s))
 
     def stop(self) -> None:
-        """Halt the robot now and disarm; returns when it is at rest. From any thread. Raises LinkError."""
+        """Halt the robot now and disarm; returns when it is at rest. From any thread.
+
+        Raises LinkError, also where the arm did not obey and came to rest at the end of its program: a controller that
+        was switched to local control takes no order.
+        """
         self._armed = False
         self._motion.stopped.set()
+        goal, begin = self._motion.goal, self._clock()
+        self._halt()
+        if goal is not None and self._clock() - begin > _BRAKES_S and self._motion.went_on(goal):
+            raise LinkError(
+                "the arm did not obey the stop: it went on to its target", device=self.name, command="stop"
+            )
+
+    def _halt(self) -> None:
         quick = self._deadlines.quick
         try:
             self._motion.halt(Realtime(self._to_realtime, self.name, quick))

@@ -131,6 +131,7 @@ class Motion:
         self._limits = limits
         self._clock = clock
         self._sending = threading.Lock()
+        self.goal: Vector | None = None  # of the move under way
 
     @property
     def _deadlines(self) -> UrDeadlines:
@@ -147,7 +148,7 @@ class Motion:
 
     def move(self, feed: Rtde | Realtime, goal: Vector) -> tuple[UrState, AcquisitionError | None]:
         """A whole move to `goal` (rad), watched on `feed`: where it ended, and what is wrong with that."""
-        with feed.watch("move_to", guarding=True) as witness:
+        with self._under_way(goal), feed.watch("move_to", guarding=True) as witness:
             state = witness.state()
             problem = not_ready(state)
             if problem is not None:
@@ -160,6 +161,20 @@ class Motion:
                 if problem is None:
                     undo.pop_all()
         return state, problem
+
+    @contextmanager
+    def _under_way(self, goal: Vector) -> Iterator[None]:
+        self.goal = goal
+        try:
+            yield
+        finally:
+            self.goal = None
+
+    def went_on(self, goal: Vector) -> bool:
+        """Whether the arm is where a program was to take it, as far as it is seen."""
+        with suppress(LinkError), self._realtime.watch("stop") as witness:
+            return witness.state().off_rad(goal) <= self._limits.hold
+        return False
 
     def halt(self, realtime: Realtime | None = None) -> None:
         """Send stop until the arm is at rest; a disconnect in between does not end it. Raises LinkError.

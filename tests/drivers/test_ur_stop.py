@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -170,6 +171,26 @@ def test_stop_where_30003_is_gone(slow: CellThread, closed: tuple[str, ...]) -> 
             move.result(timeout=PATIENCE_S)
         assert max(slow.do("state")["joints_deg"]) < 45.0
         arm.disconnect()
+
+
+def test_an_arm_that_goes_on_to_its_target_was_not_stopped(slow: CellThread) -> None:
+    """Somebody at the pendant has switched to local control: the controller takes no order, and the arm arrives."""
+    assert slow.cell is not None
+    ur, late_s = slow.cell.ur, [0.0]
+    arm = creeping(slow, clock=lambda: time.monotonic() + late_s[0])
+    arm.arm()
+    move = under_way(arm, FAR, slow)
+    ur.arm.mode = "manual"
+    stop = in_thread(arm.stop)
+    until(lambda: ur.refused)
+    late_s[0] = 2.0  # as if it had crept on for so long
+    slow.do("jog", joints_deg=FAR)
+    with pytest.raises(LinkError, match="did not obey the stop"):
+        stop.result(timeout=PATIENCE_S)
+    with pytest.raises((MotionStopped, LinkError)):
+        move.result(timeout=PATIENCE_S)
+    ur.arm.mode = "auto"
+    arm.disconnect()
 
 
 def test_watchdog_is_fed_during_a_long_move(slow: CellThread) -> None:
