@@ -93,7 +93,7 @@ def _point(text: str) -> tuple[str, tuple[float, ...], float | None] | None:
 
 def _number(text: str) -> float | None:
     try:
-        value = float(text)
+        value = float(text.replace("_", "?"))  # Python reads 1_5 as 15
     except ValueError:
         return None
     return value if abs(value) <= _FARTHEST else None

@@ -97,8 +97,9 @@ class Columns:
         """(n,) numbers; an empty cell is NaN, unless `required`. A cell that is not a finite number is refused."""
         if name not in self._cells:
             return np.full(len(self), np.nan)
+        cells = [cell.replace("_", "?") for cell in self._cells[name]]  # Python reads 1_5 as 15
         with suppress(ValueError):  # cell by cell where one is no number, to name its line
-            plain = np.array(self._cells[name], dtype=np.float64)
+            plain = np.array(cells, dtype=np.float64)
             if np.isfinite(plain).all():
                 return plain
         out = np.empty(len(self))
@@ -109,7 +110,7 @@ class Columns:
                 out[i] = np.nan
                 continue
             try:
-                out[i] = float(cell)
+                out[i] = float(cells[i])
             except ValueError as error:
                 raise self.refuse(
                     i, name, f"is {cell.strip()!r}, not a number", "Use a decimal point"

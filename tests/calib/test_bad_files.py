@@ -53,3 +53,13 @@ def test_a_broken_header_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="TOML") as caught:
         read_dataset(path)
     named(caught.value, path.with_suffix(".toml"), None)
+
+
+def test_a_number_has_no_underscore(tmp_path: Path) -> None:
+    """Python reads 1_5 as 15."""
+    rows = [dict(row) for row in CAMPAIGN.rows]
+    rows[3]["j2_deg"] = "1_5"
+    path = write_files(tmp_path, rows, CAMPAIGN.header)
+    with pytest.raises(DataError, match="'j2_deg' is '1_5', not a number") as caught:
+        read_dataset(path)
+    named(caught.value, path, 5)
