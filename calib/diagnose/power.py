@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 from scipy.special import chndtr, chndtrinc, fdtri, gammaincinv
 
 from calib.array import Array
@@ -73,4 +73,5 @@ def _needed(columns: int, freedom: int, tries: int) -> float:
     def missed(size: float) -> float:
         return float(np.mean(chndtr(limits, columns, size))) - (1.0 - POWER)
 
-    return float(brentq(missed, least, 2.0 * limits[-1] + 4.0 * least, xtol=1e-3 * least))
+    highest = 2.0 * float(limits[-1]) + 4.0 * least
+    return float(root_scalar(missed, bracket=(least, highest), xtol=1e-3 * least).root)
