@@ -93,7 +93,7 @@ def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path
         # Another language, or another view, shows what was heard last, in grey, and is no sign of life.
         page.value("document.querySelector('#language [lang=de]').click()")
         until(lambda: "Den SMR in N1 setzen" in page.text("#question"))
-        until(lambda: "prompt" in page.text("#events"))
+        until(lambda: "Frage" in page.text("#events"))
         assert page.text("#alarm").startswith("NICHT angehalten")
         assert page.value(
             "document.querySelector('#desk').inert && document.querySelector('#confirm').disabled"
