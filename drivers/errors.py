@@ -43,7 +43,9 @@ class AcquisitionError(Exception):
         what_to_do: str | None = None,
     ) -> None:
         # A device's own words may hold control characters, which a terminal would obey.
-        message = "".join(each if each.isprintable() or each == "\n" else "\ufffd" for each in message)
+        message = "".join(
+            each if each.isprintable() or each in "\n\N{NO-BREAK SPACE}" else "\ufffd" for each in message
+        )
         super().__init__(message)
         self.message = message
         self.device = device

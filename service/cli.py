@@ -66,7 +66,9 @@ def _refused(refusal: Refusal) -> int:
 
 def _complain(message: str, code: int) -> int:
     # The name of a file may hold control characters, which a terminal would obey.
-    message = "".join(each if each.isprintable() or each == "\n" else "\ufffd" for each in message)
+    message = "".join(
+        each if each.isprintable() or each in "\n\N{NO-BREAK SPACE}" else "\ufffd" for each in message
+    )
     sys.stderr.write(f"truepose: {message}\n")
     return code
 

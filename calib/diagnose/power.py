@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import root_scalar
 from scipy.special import chndtr, chndtrinc, fdtri, gammaincinv
 
 from calib.array import Array
@@ -63,6 +62,8 @@ def _least(a: Array, raw: Array) -> Array:
 @lru_cache(maxsize=256)
 def _needed(columns: int, freedom: int, tries: int) -> float:
     """lambda at which so many columns are claimed with the power wanted."""
+    from scipy.optimize import root_scalar  # half a second that a service need not take to begin
+
     limit = columns * float(fdtri(columns, max(freedom - columns, 1), 1.0 - CLAIM / tries))
     least = float(chndtrinc(limit, columns, 1.0 - POWER))
     likely = (np.arange(_QUANTILES) + 0.5) / _QUANTILES

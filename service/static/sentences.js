@@ -21,6 +21,8 @@ const SENTENCES = [
   ["no complete answer within {what} = {n} s.", "Keine vollständige Antwort binnen {what} = {n} s."], ["{where} did not accept within connect = {n} s.", "{where} nahm binnen connect = {n} s keine Verbindung an."],
   ["controller in manual mode.", "Die Steuerung ist im Handbetrieb."], ["motors off.", "Die Motoren sind aus."],
   // devices: what to do
+  ["Check that the bridge sends the turn of the body in the frame of the reference, scalar first, and that the body sits fast on the tool.", "Prüfen, ob die Brücke die Drehung des Körpers im System der Referenz und das Skalar zuerst sendet und ob der Körper fest am Werkzeug sitzt."],
+  ["Confirm to measure it again; if it is the first pose that was wrong, begin anew.", "Bestätigen, um sie noch einmal zu messen; war die erste Pose falsch, von vorn beginnen."],
   ["Note what happened and call the person responsible for the cell.", "Aufschreiben, was geschah, und den Verantwortlichen der Zelle rufen."],
   ["Check cable, power and network address of the device; the program then connects again.", "Kabel, Strom und Netzadresse des Geräts prüfen; das Programm verbindet sich dann wieder."],
   ["Check that the device is on, its program runs and the address is its own, then connect again.", "Prüfen, ob das Gerät an ist, sein Programm läuft und die Adresse die seine ist; dann neu verbinden."],

@@ -137,7 +137,7 @@ def test_nowhere_to_go_is_said_before_anything_moves() -> None:
     with pytest.raises(UnsafePlan, match=r"between pose 1 of block 1 .* and pose 2 of block 1") as caught:
         check_plan(behind, visits)
     for word in (
-        "the tool at T3 comes 25 mm into keep-out box 1 at 50% of the move",
+        "the tool at T3 comes 25 mm into keep-out box 1 at 50\xa0% of the move",
         "straight",
         "from home on",
     ):
@@ -152,7 +152,7 @@ def test_the_last_move_to_a_pose_is_straight_and_has_to_be_clear() -> None:
     check_plan(cell, visits)
     far = [replace(visit, approach_deg=LEFT) if visit.kind == "pose" else visit for visit in visits]
     with pytest.raises(
-        UnsafePlan, match=r"the last move to pose 1 of block 1 .* into keep-out box 1 at 50% of the move"
+        UnsafePlan, match=r"the last move to pose 1 of block 1 .* into keep-out box 1 at 50\xa0% of the move"
     ):
         check_plan(cell, far)
 

@@ -128,8 +128,8 @@ CHANGES = (
     ),
     Change(
         "drivers/ur/realtime.py",
-        "        if not outlives_close:\n",
-        "        if command:\n",
+        "        if not outlives_close:\n            self._asked",
+        "        if command:\n            self._asked",
         "a disconnect cuts the stop of the move that it ends",
         _UR,
     ),

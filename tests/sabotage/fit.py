@@ -183,7 +183,7 @@ CHANGES = (
     ),
     Change(
         "calib/diagnose/claims.py",
-        "in (conditions.pose, in_time * _STRETCHES // n)",
+        "in (conditions.pose, in_time * STRETCHES // n)",
         "in (conditions.pose,)",
         "noise counts as independent in time, and what lasts looks like steps",
         ("tests/calib/test_structure.py",),

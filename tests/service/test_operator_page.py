@@ -102,7 +102,7 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
         answers = [e["data"] for e in events(service, run) if e["kind"] == "answer"]
         assert [each["answer"] for each in answers][:4] == ["confirm", "confirm", "confirm", "skip"]
         assert answers[3]["reason"] == "the nest is bent"
-        answered = "skip by http (anna holds the lease): the nest is bent"
+        answered = "Skip: http (anna holds the lease): the nest is bent"
         until(lambda: answered in page.text("#events"))
 
         page.value("document.querySelector('#pause').click()")

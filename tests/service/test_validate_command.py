@@ -73,7 +73,7 @@ def test_a_model_is_judged_beside_the_nominal_robot(
         "branch",
         "approach of j6",
         "ISO 9283",
-        "as measured",
+        "rows that the data set names",
         "nominal: mean",
     ):
         assert piece in shown

@@ -96,20 +96,21 @@ def figure(
 
 def legend(drawn: Figure, axes: Axes, columns: int) -> None:
     """The legend of some axes above them, where it hides nothing."""
-    made = drawn.legend(
-        *axes.get_legend_handles_labels(),
-        loc="upper left",
-        ncols=columns,
-        frameon=False,
-        fontsize=8.5,
-        handlelength=1.6,
-        handletextpad=0.5,
-        columnspacing=1.6,
-        borderpad=0.2,
-        borderaxespad=0.0,
-    )
+    with matplotlib.rc_context(_STYLE):
+        made = drawn.legend(
+            *axes.get_legend_handles_labels(),
+            loc="upper left",
+            ncols=columns,
+            frameon=False,
+            fontsize=8.5,
+            handlelength=1.6,
+            handletextpad=0.5,
+            columnspacing=1.6,
+            borderpad=0.2,
+            borderaxespad=0.0,
+        )
+        taken = made.get_window_extent().height / drawn.dpi
     height = drawn.get_size_inches()[1]
-    taken = made.get_window_extent().height / drawn.dpi
     titled = any(each.get_title(loc="left") for each in drawn.axes)
     drawn.subplots_adjust(top=1.0 - (taken + (_ABOVE if titled else _BENEATH_LEGEND)) / height)
 
