@@ -2,7 +2,7 @@
 // {braces} is taken over. A sentence that is not here stays English, and is marked so (docs/decisions/0105).
 
 import { h } from "./dom.js";
-import { language } from "./words.js";
+import { language, t } from "./words.js";
 
 const SENTENCES = [
   // acceptance
@@ -155,6 +155,14 @@ export function said(text) {
   if (!text) return [];
   if (language() === "en") return [h("span", { lang: "en" }, text)];
   return parts(text).flatMap(({ words, lang }, i) => [i ? " " : null, h("span", { lang }, words)]).filter(Boolean);
+}
+
+// Why a run does not go on: what is to be done at once stands out, and what a device met names the device.
+export function reasonOf(run, cell) {
+  const [urgent] = /^Press the emergency stop[^.]*\./.exec(run.reason) || [""], rest = run.reason.slice(urgent.length).trim();
+  const { device = "", message = "" } = run.error || {}, { robot_driver: robot, instrument_driver: instrument } = cell || {};
+  const which = device && device === robot ? t("robot") : device && device === instrument ? t("instrument") : "";
+  return [urgent && h("strong", { className: "urgent" }, said(urgent)), which && message && rest.startsWith(message) ? `${which} (${device}): ` : "", ...said(rest)].filter(Boolean);
 }
 
 export const saidWords = (text) => (language() === "en" || !text ? text || "" : parts(text).map((each) => each.words).join(" "));
