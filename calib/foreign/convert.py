@@ -68,7 +68,11 @@ def converted(made: Map, paths: Sequence[Path], map_path: Path | str, beside: Pa
         )
     source = " and ".join(dict.fromkeys(path.name for path in paths))
     table = table_of(readings, made, map_path, source)
-    said = [each for layout in layouts for each in (*layout.sheet.said, *layout.said)]
+    said = [
+        f"{layout.sheet.path.name}: {each}"
+        for layout in layouts
+        for each in (*layout.sheet.said, *layout.said)
+    ]
     return Converted(table, fit, (*said, *left))
 
 

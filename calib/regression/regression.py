@@ -128,7 +128,7 @@ def train(
     if several and wanted.on == "positions":
         raise DataError(
             "are of several tool targets or series: a regression on positions knows one point.",
-            do="Use --on residuals, or a data set of one series and one target.",
+            do="Use --on residuals without --compare, or a data set of one series and one target.",
             key="tool_target",
         )
     points, base = world_points(model, estimate, conditions)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from rich.console import RenderableType
 from rich.text import Text
@@ -34,10 +34,12 @@ def proposal(of: Proposal) -> Iterable[RenderableType]:
         yield Text(f"  {question.text}")
 
 
-def converted(of: Converted) -> Iterable[RenderableType]:
-    """The data set made of the files, and how well the nominal robot fits it."""
+def converted(of: Converted, told: Collection[str] = ()) -> Iterable[RenderableType]:
+    """The data set made of the files, and how well the nominal robot fits it. told: what a proposal has said of the
+    files already."""
     for said in of.said:
-        yield Text(f"- {said}")
+        if said not in told:
+            yield Text(f"- {said}")
     if of.fit is None:
         yield Text("Too few readings to hold them against the nominal robot.")
     else:

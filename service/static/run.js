@@ -12,7 +12,7 @@ import { legend, marks } from "./plan.js";
 import { poseList } from "./poses.js";
 import { promptCard } from "./prompt.js";
 import { scenePicture } from "./scene.js";
-import { said } from "./sentences.js";
+import { reasonOf } from "./sentences.js";
 import { duration, length, minus, moment, number, sign, state, timeLeft } from "./units.js";
 import { t } from "./words.js";
 
@@ -100,7 +100,7 @@ export function open(root, id) {
     const active = ["running", "waiting_for_operator"].includes(run.state), looking = looksOn(), { silent } = connection;
     says.textContent = `${sign(run.state)} ${state(run.state)}${run.dry_run ? ` (${t("dryRunShort")})` : ""}`;
     says.dataset.state = run.state;
-    fill(why, [run.prompt ? "" : run.reason], () => (run.prompt ? [] : said(run.reason)));
+    fill(why, [run.prompt ? "" : run.reason, run.error], () => (run.prompt ? [] : reasonOf(run, desk.cell)));
     step.textContent = desk.loop && run.id.startsWith(desk.loop.id) ? `${t("loop")}: ${desk.loop.step}` : "";
     bar.max = Math.max(run.total, 1); bar.value = run.done;
     done.textContent = t("doneOf", { done: run.done, total: run.total }) + (run.skipped ? `, ${t("skippedOf", { n: run.skipped })}` : "");

@@ -2,7 +2,7 @@
 // {braces} is taken over. A sentence that is not here stays English, and is marked so (docs/decisions/0105).
 
 import { h } from "./dom.js";
-import { language } from "./words.js";
+import { language, t } from "./words.js";
 
 const SENTENCES = [
   // acceptance
@@ -51,6 +51,8 @@ const SENTENCES = [
   ["Jog the robot to a place high above the table, then confirm; or give the cell file a home_deg from which every pose can be reached.", "Den Roboter von Hand hoch über den Tisch fahren, dann bestätigen; oder der Zellendatei ein home_deg geben, von dem aus jede Pose zu erreichen ist."],
   ["Find out what moved it: a hand, the pendant, a brake.", "Herausfinden, was ihn bewegt hat: eine Hand, das Bediengerät, eine Bremse."], ["Nothing may move it between arrival and reading; confirm, and it approaches the pose anew.", "Nichts darf ihn zwischen Ankunft und Messung bewegen; bestätigen, dann fährt er die Pose neu an."],
   ["Check whether the bar sits on the balls named, with the right extension bar, and whether a cup has moved; confirm to measure again, skip to leave the leg out.", "Prüfen, ob der Ballbar auf den genannten Kugeln sitzt, mit der richtigen Verlängerung, und ob sich eine Pfanne bewegt hat; bestätigen misst noch einmal, Auslassen lässt die Strecke aus."],
+  ["Check that the bridge sends the turn of the body in the frame of the reference, scalar first, and that the body sits fast on the tool.", "Prüfen, ob die Brücke die Drehung des Körpers im System der Referenz sendet, Skalar zuerst, und ob der Körper fest am Werkzeug sitzt."],
+  ["Confirm to measure it again; if it is the first pose that was wrong, begin anew.", "Bestätigen misst sie noch einmal; war die erste Pose die falsche, neu beginnen."],
   ["Jog the ball named into the cup named, then confirm: the touch is asked for again.", "Die genannte Kugel von Hand in die genannte Pfanne fahren, dann bestätigen: die Berührung wird noch einmal gefragt."],
   ["Where the cups do not stand where the cell file has them, correct its world.nests and begin a new record.", "Wo die Pfannen nicht stehen, wo die Zellendatei sie hat, deren world.nests berichtigen und eine neue Aufzeichnung beginnen."],
   ["Confirm to do it again; skip to go on with what was measured.", "Bestätigen wiederholt es; Auslassen geht mit dem Gemessenen weiter."], ["Check that every nest holds its SMR and that the cell file has their true positions.", "Prüfen, ob in jedem Nest sein SMR sitzt und ob die Zellendatei die wahren Orte hat."],
@@ -157,6 +159,14 @@ export function said(text) {
   if (!text) return [];
   if (language() === "en") return [h("span", { lang: "en" }, text)];
   return parts(text).flatMap(({ words, lang }, i) => [i ? " " : null, h("span", { lang }, words)]).filter(Boolean);
+}
+
+// Why a run does not go on: what is to be done at once stands out, and what a device met names the device.
+export function reasonOf(run, cell) {
+  const [urgent] = /^Press the emergency stop[^.]*\./.exec(run.reason) || [""], rest = run.reason.slice(urgent.length).trim();
+  const { device = "", message = "" } = run.error || {}, { robot_driver: robot, instrument_driver: instrument } = cell || {};
+  const which = device && device === robot ? t("robot") : device && device === instrument ? t("instrument") : "";
+  return [urgent && h("strong", { className: "urgent" }, said(urgent)), which && message && rest.startsWith(message) ? `${which} (${device}): ` : "", ...said(rest)].filter(Boolean);
 }
 
 export const saidWords = (text) => (language() === "en" || !text ? text || "" : parts(text).map((each) => each.words).join(" "));

@@ -31,6 +31,7 @@ def test_a_file_of_ones_own_becomes_a_data_set_and_its_map_is_kept_and_reused(
     shown = capsys.readouterr().out
     assert "left aside" in shown
     assert "these fit abb-irb120 to 0.3" in shown
+    assert shown.count("names the columns") == 1, "once, although a proposal and the conversion say it"
     assert (
         main(["convert", *files, "--map", str(tmp_path / "out.map.toml"), "-o", str(again), "--json", "-"])
         == 0

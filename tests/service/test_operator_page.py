@@ -191,6 +191,15 @@ def test_an_instrument_that_was_exchanged_is_accepted_with_a_reason(tmp_path: Pa
             page.value("document.querySelector('#resume').click()")
             until(lambda: not page.value("document.querySelector('#individual').hidden"))
             assert "another instrument answers" in page.text("#why")
+            lost = {"device": "abb", "message": "device closed the connection"}
+            stay = (
+                "Press the emergency stop: the program does not reach the robot, which may still be moving."
+            )
+            of = json.dumps({"error": lost, "reason": f"{stay} {lost['message']}. Check cable."})
+            drawn = "document.createElement('p')).append(...m.reasonOf(" + of + ", {robot_driver: 'abb'}))"
+            told = page.value(f"import('/page/sentences.js').then((m) => {{ (window.p = {drawn}; "
+                              "return [p.querySelector('.urgent').textContent, p.textContent]; })")  # fmt: skip
+            assert told == [stay, f"{stay}Robot (abb): device closed the connection. Check cable."]
             page.value("document.querySelector('#accept').click()")
             until(lambda: page.text("#trouble") == "Say why it was exchanged.")
             assert page.value("document.activeElement.id") == "exchanged"

@@ -25,6 +25,7 @@ from service.report.figures.panels import of_effect
 from service.report.figures.residuals import MDEG, Sample
 from service.report.scope import scope_of
 from service.report.sections.follow_up_section import middle_step_in_words
+from service.report.sections.judged import stretches
 from service.results.models import documents
 from tests.service.campaigns import edit_rows, edit_text, write_data, write_narrow_data
 
@@ -278,3 +279,12 @@ def test_a_wire_without_checksums_is_named(tmp_path: Path) -> None:
     scope = dict(scope_of(read_dataset(data)))
     assert scope["Not protected against damage on the wire"] == "robot: <moves> at once"
     assert len(scope_of(plain)) == len(scope) - 1
+
+
+def test_the_line_over_time_ends_where_measuring_paused() -> None:
+    """Two evenings of 60 readings an hour, shuffled: a line over the night would say what nobody measured."""
+    hours = np.random.default_rng(2).permutation(np.concatenate([np.arange(60), 1440 + np.arange(60)]) / 60.0)
+    pieces = stretches(hours)
+    assert [(min(hours[p[0]]), max(hours[p[-1]]) < 2.0) for p in pieces] == [(0.0, True), (24.0, False)]
+    assert sorted(np.concatenate([rows for piece in pieces for rows in piece])) == list(range(120))
+    assert len(stretches(hours[hours < 2.0])) == 1

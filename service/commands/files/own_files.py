@@ -50,7 +50,7 @@ class OwnFiles:
                 terminal.say(f"reading {file}")
             if self.map_file is not None:
                 made, kept = read_map(self.map_file), self.map_file
-                self._write(made, kept, self.map_file.parent, terminal, held_out, holdout, json)
+                self._write(made, kept, self.map_file.parent, (), terminal, held_out, holdout, json)
                 return
             proposal = self._proposal(terminal, asking=json != STANDARD_OUTPUT)
             kept = self.propose_to or (None if self.out is None else self.out.with_suffix(".map.toml"))
@@ -62,7 +62,7 @@ class OwnFiles:
                 self._end(proposal, terminal)
                 return
             assert kept is not None
-            self._write(made, kept, Path(), terminal, held_out, holdout, json)
+            self._write(made, kept, Path(), proposal.said, terminal, held_out, holdout, json)
             if self.propose_to is None:  # kept once it has been of use
                 _keep(made, proposal, kept, terminal)
 
@@ -144,13 +144,14 @@ class OwnFiles:
         made: Map,
         kept: Path,
         home: Path,
+        told: Sequence[str],
         terminal: Terminal,
         held_out: HoldOut,
         holdout: str | None,
         json: str | None,
     ) -> None:
         """Convert, hold the result against its robot, and write it only then. home: from where the map names a
-        robot."""
+        robot. told: what has been said of the files already."""
         assert self.out is not None
         made = _from(made, home, self.out.parent)
         found = converted(made, self.files, kept, self.out.parent)
@@ -161,7 +162,7 @@ class OwnFiles:
         table.write(self.out)
         write_json(conversion.mapped_document(self.out, table, holdout, found, kept), json)
         terminal.rest()
-        for shown in conversion_tables.converted(found):
+        for shown in conversion_tables.converted(found, told):
             terminal.out.print(shown)
         terminal.out.print(conversion.summary(self.out, table))
 

@@ -28,6 +28,7 @@ Models = Mapping[str, tuple[RobotModel, Array, str]]
 _ARROWS = 150
 _DOTS = 800
 _STRETCHES = 40  # of the readings in order of time, for the line
+_PAUSE = 0.2  # of the whole time: two evenings in one data set
 _LONGEST = 0.16  # of the workspace, which the longest arrow but the wildest takes
 _TARGETS = 24  # rows of the table
 
@@ -132,28 +133,39 @@ def _arrows(axes: Axes, at: Array, vectors: Array, colour: str) -> None:
 
 def over_time(dataset: Dataset, rows: NDArray[np.int64], measured: Sequence[Errors]) -> str:
     """Errors (n,) of every model on the rows (n,) over time in hours, or in order where no time is known;
-    the line is the median of a stretch. As SVG."""
+    the line is the median of a stretch, and ends where measuring paused. As SVG."""
     clock = _known_time(dataset, rows)
     x = dataset.conditions.time[rows] / 3600.0 if clock else dataset.conditions.order[rows] + 1.0
     drawn, (axes,) = drawing.figure(8.2, 2.4)
     shown = thinned(np.arange(len(rows)), _DOTS)
-    stretch = np.array_split(np.argsort(x, kind="stable"), max(1, min(_STRETCHES, len(rows) // 5)))
+    pieces = stretches(x)
     for each in measured:
         drawing.dots(axes, x[shown], each.distances[shown], size=2.4, alpha=0.5, colour=each.colour)
-        middle = [np.median(x[part]) for part in stretch]
-        axes.plot(
-            middle,
-            [np.median(each.distances[part]) for part in stretch],
-            color=each.colour,
-            linewidth=1.5,
-            label=each.name,
-        )
+        for piece in pieces:
+            axes.plot(
+                [np.median(x[part]) for part in piece],
+                [np.median(each.distances[part]) for part in piece],
+                color=each.colour,
+                linewidth=1.5,
+                label=each.name if piece is pieces[0] else None,
+            )
     axes.set_yscale("log")
     drawing.plain(axes.yaxis)
     axes.set_xlabel("time, h" if clock else "reading, in order of time")
     axes.set_ylabel("error, mm")
     drawing.legend(drawn, axes, len(measured))
     return drawing.as_svg(drawn, "over-time", "Error of every model on held-out readings over time")
+
+
+def stretches(x: Array) -> list[list[NDArray[np.int64]]]:
+    """The rows of the stretches of times x (n,), apart where nothing was measured for a fifth of the whole time."""
+    order = np.argsort(x, kind="stable")
+    sessions = np.split(order, np.flatnonzero(np.diff(x[order]) > _PAUSE * np.ptp(x)) + 1)
+    share = [_STRETCHES * len(each) // len(x) for each in sessions]
+    return [
+        np.array_split(rows, max(1, min(most, len(rows) // 5)))
+        for rows, most in zip(sessions, share, strict=True)
+    ]
 
 
 def _by_target(
