@@ -35,7 +35,7 @@ const WORDS = {
   noAnswer: ["The order of {time} had no answer. Look at the state before you give it again.", "Der Befehl von {time} blieb ohne Antwort. Vor dem Wiederholen den Zustand ansehen."],
   wrongToken: ["The token is not that of this service.", "Der Schlüssel gehört nicht zu diesem Dienst."],
   whatToDo: ["What to do:", "Was zu tun ist:"],
-  nothingToStop: ["No run uses the robot.", "Kein Lauf benutzt den Roboter."],
+  nothingToStop: ["No run uses the robot. If it moves, press the emergency stop.", "Kein Lauf benutzt den Roboter. Bewegt er sich, Not-Halt drücken."],
   nothingKnown: ["This page does not know yet which run uses the robot.", "Diese Seite weiß noch nicht, welcher Lauf den Roboter benutzt."],
   asksYou: ["asks you", "fragt Sie"],
   loading: ["Loading …", "Wird geladen …"],
