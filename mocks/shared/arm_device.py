@@ -152,6 +152,7 @@ class ArmDevice:
         """The arm stands there from now on, and nothing moved it."""
         here = tuple(joints_deg)
         self._moves.change(Move(here, here, self.now(), self.now(), (0.0,) * len(here)))
+        self.changed.set()
 
     def press_emergency_stop(self) -> None:
         self.emergency_stop, self.motors_on, self.hung = True, False, True
