@@ -13,10 +13,11 @@ import pytest
 
 from acquisition import Devices
 from acquisition.errors import StorageError
+from acquisition.run.orders.control import Control
 from acquisition.run.orders.noting import Noting
-from acquisition.run.rig.rig import PRESS
+from acquisition.run.rig.rig import PRESS, Rig
 from drivers import AcquisitionError, CannotStop, LinkLost, LinkTimeout, ProtectiveStop
-from tests.acquisition.fakes import FakeArm, FakeMeter, devices_of
+from tests.acquisition.fakes import FakeArm, FakeMeter, JumpingClock, devices_of
 from tests.acquisition.stage import Stage
 from tests.drivers.waiting import PATIENCE_S, in_thread
 
@@ -31,6 +32,24 @@ class FarArm(FakeArm):
     def stop(self) -> None:
         super().stop()
         raise self.trouble
+
+
+class ReachingArm(FakeArm):
+    """It is connected anew to be stopped, as a controller whose link may be broken is."""
+
+    held = False
+
+    def connect(self) -> None:
+        super().connect()
+        self.held = True
+
+    def disconnect(self) -> None:
+        super().disconnect()
+        self.held = False
+
+    def stop(self) -> None:
+        super().stop()
+        self.held = True
 
 
 def far(stage: Stage, trouble: AcquisitionError) -> tuple[Devices, FarArm, FakeMeter]:
@@ -230,3 +249,13 @@ def test_the_end_of_a_run_waits_for_what_is_being_noted(
     finally:
         let_go.set()
     ending.result(PATIENCE_S)
+
+
+def test_a_stop_that_comes_after_the_run_has_let_go_keeps_no_connection(stage: Stage) -> None:
+    """A controller has one place for a program: the next run would not be answered."""
+    arm = ReachingArm(stage.bench)
+    rig = Rig(Devices(arm, FakeMeter(stage.bench), stage.operator), Control(JumpingClock()), lambda _: None)
+    rig.make_ready()
+    rig.release()
+    assert rig.halt() == []
+    assert (arm.stops, arm.held) == (1, False)

@@ -248,6 +248,9 @@ class Rig:
             with self._halting:
                 self._halts -= 1
                 self._halting.notify_all()
+                late = self._released
+            if late:  # a robot that cannot be reached is connected anew to be stopped, and has one place for a program
+                self._let_go()
 
     def _halt(self) -> list[AcquisitionError]:
         problems: list[AcquisitionError] = []
@@ -273,6 +276,9 @@ class Rig:
         with self._halting:
             self._halting.wait_for(lambda: not self._halts)
             self._released = True
+        self._let_go()
+
+    def _let_go(self) -> None:
         for _, device in self._both():
             # One by one: a device that cannot be disarmed is disconnected all the same.
             with suppress(AcquisitionError):
