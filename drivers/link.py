@@ -334,5 +334,5 @@ class TcpLink:
 
 
 def _words(error: OSError | ValueError) -> str:
-    """What the system says of an error, without its number."""
+    """The words of the system for an error, without its number."""
     return getattr(error, "strerror", None) or str(error)

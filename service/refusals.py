@@ -7,6 +7,7 @@ what else they must say: data have a file, a line and a key; a device has its na
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 from calib.errors import DataError
@@ -54,3 +55,12 @@ def place(refusal: Refusal) -> dict[str, Any]:
         given = (("line", refusal.line), ("key", refusal.key))
         return {name: value for name, value in given if value is not None}
     return {"device": refusal.device, "name": type(refusal).__name__}
+
+
+def of_disk(error: OSError) -> AcquisitionError:
+    """The refusal for a disk of the service that is full, or may not be written; of a file its name alone."""
+    from acquisition.errors import StorageError  # a worker loads what its calls need
+
+    text = f"{os.path.basename(str(error.filename or ''))}: {error.strerror or error}".removeprefix(": ")
+    do = "Make room on the disk of the service or correct its permissions, then ask again."
+    return StorageError(text, what_to_do=do)

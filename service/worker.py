@@ -16,7 +16,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any, BinaryIO
 
-from service.refusals import REFUSALS, Refusal
+from service.refusals import REFUSALS, of_disk
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
@@ -43,18 +43,9 @@ def main() -> None:
             outcome = None, refusal
         except OSError as error:  # a full disk, a folder that may not be written
             traceback.print_exc()
-            outcome = None, _of_disk(error)
+            outcome = None, of_disk(error)
         answers.write(pickle.dumps(outcome))  # whole, or not at all
         answers.flush()
-
-
-def _of_disk(error: OSError) -> Refusal:
-    from acquisition.errors import StorageError  # what calls need is loaded by them
-
-    return StorageError(
-        f"{os.path.basename(str(error.filename or ''))}: {error.strerror}".removeprefix(": "),
-        what_to_do="Make room on the disk of the service or correct its permissions, then ask again.",
-    )
 
 
 def _listen(requests: BinaryIO, calls: queue.SimpleQueue[Call]) -> None:

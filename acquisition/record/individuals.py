@@ -117,7 +117,7 @@ class Individuals:
     def met(self, role: str, who: Identity, accepted: Acceptance | None) -> None:
         """A device has been connected. Raises OtherIndividual where it is neither the record's nor accepted, or not the
         one that is needed."""
-        for needed in map(individual_of, self._store.told("device_needed")):
+        for needed in map(individual_of, self._store.data_of_events("device_needed")):
             if needed.role == role:
                 needed.refuse_other(who)
         known = self.now().get(role)

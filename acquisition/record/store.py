@@ -164,7 +164,7 @@ class Store:
         rows = self.database.query("SELECT * FROM event WHERE id > ? ORDER BY id LIMIT ?", (after, limit))
         return [Event(r["id"], r["utc"], r["t_s"], r["kind"], self._data_of(r["data"])) for r in rows]
 
-    def told(self, kind: str) -> list[dict[str, Any]]:
+    def data_of_events(self, kind: str) -> list[dict[str, Any]]:
         """The data of all events of a kind, oldest first."""
         rows = self.database.query("SELECT data FROM event WHERE kind = ? ORDER BY id", (kind,))
         return [self._data_of(row["data"]) for row in rows]

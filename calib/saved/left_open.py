@@ -1,4 +1,4 @@
-"""What a calibration left open: effects that could be there and that its model does not hold.
+"""Effects that a calibration left open: they could be there, and its model does not hold them.
 
 A diagnosis names what readings show beyond chance. What is smaller is not absent: an arm has some play in every joint,
 and fifty readings do not show 0.003 deg of it. A later watch may, and must not take it for new. With X the whitened
@@ -47,7 +47,7 @@ class LeftOpen:
 
     @classmethod
     def of(cls, found: Identification) -> LeftOpen:
-        """What the readings of a fit left open of the effects that can set in between two campaigns."""
+        """The effects that can set in between two campaigns, as far as the readings of a fit left them open."""
         model, m = found.model, len(found.estimate)
         survey = Survey(
             robot=model.robot,
@@ -101,8 +101,8 @@ class LeftOpen:
 
     @classmethod
     def from_json(cls, table: Mapping[str, Any], model: RobotModel, path: Path) -> LeftOpen:
-        """What `to_json` wrote beside a model, to which parameters may have been added since. Raises DataError,
-        KeyError for a missing key."""
+        """The effects that `to_json` wrote beside a model, to which parameters may have been added since. Raises
+        DataError, KeyError for a missing key."""
         effects = tuple(Effect.from_json(entry) for entry in table["effects"])
         refuse_effects(RobotModel(model.robot, effects, model.targets, anchors=model.anchors), path)
         k, taken_on = sum(len(effect.parameters) for effect in effects), table["taken_on_internal_units"]

@@ -17,6 +17,7 @@ import math
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import zip_longest
 
 from drivers.bridge import mbp
 from drivers.deadlines import InstrumentDeadlines
@@ -41,11 +42,9 @@ _IMPOSSIBLE = (
 _ELSEWHERE = {
     "proto": "Update the bridge or this program: they speak different versions of MBP.",
     "kind": "Check that the address belongs to the bridge of this instrument.",
+    "units": "Have the bridge convert to mm and deg, as its protocol says; its numbers are not used as they are.",
 }
-_UNITS = ("mm", "deg")  # of length and turn, the first two of the greeting
-_OTHER_UNITS = (
-    "Have the bridge convert to mm and deg, as its protocol says; its numbers are not used as they are."
-)
+_UNITS = "mm", "deg"  # of length and turn, the first two of the greeting
 _WEAKNESS = (
     "the bridge sends no checksums (no crc=1 in its greeting): an answer of which one digit is damaged on its way is "
     "taken for measured"
@@ -99,17 +98,7 @@ class MbpSession:
         self.disconnect()
         with self._lock:
             hello = self._greet()
-            for key, wanted in {"proto": "1", "kind": self._kind}.items():
-                if hello.fields.get(key) != wanted:
-                    self.client.link.close()
-                    raise ProtocolError(
-                        f"{key} is {hello.fields.get(key)}, needed {wanted}",
-                        device=self._name,
-                        command="HELLO",
-                        raw=hello.raw,
-                        what_to_do=_ELSEWHERE[key],
-                    )
-            self._refuse_other_units(hello)
+            self._refuse_another_bridge(hello)
             self._hello = hello
             self._last_t_s = -math.inf
         if first and self.weakness:
@@ -119,18 +108,24 @@ class MbpSession:
             self._heart = threading.Thread(target=self._beat, args=(self._quit,), daemon=True)
             self._heart.start()
 
-    def _refuse_other_units(self, hello: mbp.Message) -> None:
-        """A deviation of a ballbar in metres is a small one in mm. Where the greeting has no units, they are those."""
-        units = hello.fields.get("units", ",".join(_UNITS)).split(",")
-        if any(unit != wanted for unit, wanted in zip(units, _UNITS, strict=False)):
-            self.client.link.close()
-            raise ProtocolError(
-                f"the bridge speaks in {', '.join(units[:2])}, needed {', '.join(_UNITS)}",
-                device=self._name,
-                command="HELLO",
-                raw=hello.raw,
-                what_to_do=_OTHER_UNITS,
-            )
+    def _refuse_another_bridge(self, hello: mbp.Message) -> None:
+        """Refuse a greeting of another protocol, kind of device or units: metres of a ballbar are few mm. Raises
+        ProtocolError."""
+        needed = {"proto": "1", "kind": self._kind, "units": ",".join(_UNITS)}
+        shown = {key: hello.fields.get(key) for key in needed}
+        given = (hello.fields.get("units") or "").split(",")[: len(_UNITS)]
+        # What a greeting leaves out is as the protocol has it; those of temperature and pressure are not used.
+        shown["units"] = ",".join(one or other for one, other in zip_longest(given, _UNITS))
+        for key, wanted in needed.items():
+            if shown[key] != wanted:
+                self.client.link.close()
+                raise ProtocolError(
+                    f"{key} is {shown[key]}, needed {wanted}",
+                    device=self._name,
+                    command="HELLO",
+                    raw=hello.raw,
+                    what_to_do=_ELSEWHERE[key],
+                )
 
     def _greet(self) -> mbp.Message:
         """A bridge notices late that its client (us, a moment ago) is gone: `takeover_s` is left to it."""

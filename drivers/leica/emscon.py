@@ -165,7 +165,8 @@ class EmsconTracker:
             self._ask(tpi.SET_SETTINGS, *needed(settings))
 
     def _refuse_another_reflector(self) -> None:
-        """Where none is named, the one of the first arming counts: its offset is in every point. Raises NotReady."""
+        """Refuse another reflector than before: its offset is in every point. Where the cell file names none, that of
+        the first arming counts. Raises NotReady."""
         packet = self._ask(tpi.GET_REFLECTOR)
         number = packet.values[0]
         if self._reflector_first is None or self._reflector is not None:

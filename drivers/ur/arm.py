@@ -44,9 +44,8 @@ from drivers.ur.stream import joint_stream
 
 _LOG = logging.getLogger(__name__)
 _WIDEST_DEG = 360.0
-_BRAKES_S = (
-    1.5  # from full speed, 3.2 rad/s, by the 4 rad/s2 of a stop, and what the controller takes to hear it
-)
+# From full speed, 3.2 rad/s, by the 4 rad/s2 of a stop, and what the controller takes to hear it.
+_BRAKES_S = 1.5
 _WEAKNESS = (
     "without the registers of RTDE (software 3.9) a program moves the arm as it arrives: one that is damaged on its "
     "way moves it elsewhere or at another speed, and is seen only afterwards, from 0.0006 deg on"

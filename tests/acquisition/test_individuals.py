@@ -162,7 +162,8 @@ def test_another_model_is_another_device_and_new_software_is_not(make: Callable[
 
 
 def test_the_robot_of_a_model_is_needed_in_every_program(make: Callable[..., Stage]) -> None:
-    """As `watch run` asks for it, and `campaign resume` finds it in the record: accepting another is no help."""
+    """The robot is needed as `watch run` asks for it; `campaign resume` finds it in the record, and accepting another
+    is no help."""
     stage = make(block=BLOCKS)
     stage.run.need(Individual.of("robot", stage.bench.who["robot"]))
     exchange(stage, "robot")

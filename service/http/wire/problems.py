@@ -7,7 +7,6 @@ Beside the standard members: `code` (that of `drivers.errors`, or 8xxx for the s
 from __future__ import annotations
 
 import logging
-import os
 import re
 from collections.abc import Mapping
 from http import HTTPStatus
@@ -170,14 +169,10 @@ async def _of_refusal(request: Request, error: Exception) -> Response:
 
 
 async def _of_disk(request: Request, error: Exception) -> Response:
-    """The record of the service cannot be written or read; of a file its name, never its place on the server."""
+    """The refusal for a record of the service that cannot be written or read; where it lies is for the log."""
     assert isinstance(error, OSError)
     logging.getLogger(__name__).error("%s %s: %s", request.method, request.url.path, error)
-    name = os.path.basename(str(error.filename or ""))
-    text = f"{name}: {error.strerror}.".removeprefix(": ")
-    return response(
-        507, text, "Make room on the disk of the service or correct its permissions, then ask again.", 5000
-    )
+    return await _of_refusal(request, refusals.of_disk(error))
 
 
 async def _of_fault(request: Request, error: Exception) -> Response:

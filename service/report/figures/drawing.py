@@ -162,7 +162,7 @@ def dots(
 
 
 def whole_numbers() -> MaxNLocator:
-    """Where an axis that counts has its numbers."""
+    """The places of the numbers on an axis that counts."""
     return MaxNLocator("auto", integer=True, steps=[1, 2, 5, 10])
 
 
