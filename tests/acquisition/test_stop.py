@@ -259,3 +259,27 @@ def test_a_stop_that_comes_after_the_run_has_let_go_keeps_no_connection(stage: S
     rig.release()
     assert rig.halt() == []
     assert (arm.stops, arm.held) == (1, False)
+
+
+def test_a_stop_does_not_wait_for_a_device_that_is_slow_to_let_go(stage: Stage) -> None:
+    """The thread that is letting go ends also the connection that the stop made."""
+    letting_go, let_go = threading.Event(), threading.Event()
+
+    class SlowToLetGo(ReachingArm):
+        def disconnect(self) -> None:
+            super().disconnect()
+            letting_go.set()
+            let_go.wait(PATIENCE_S)
+
+    arm = SlowToLetGo(stage.bench)
+    rig = Rig(Devices(arm, FakeMeter(stage.bench), stage.operator), Control(JumpingClock()), lambda _: None)
+    rig.make_ready()
+    ending = in_thread(rig.release)
+    try:
+        assert letting_go.wait(PATIENCE_S)
+        assert in_thread(rig.halt).result(PATIENCE_S / 2.0) == []
+        assert (arm.stops, arm.held) == (1, True)
+    finally:
+        let_go.set()
+    ending.result(PATIENCE_S)
+    assert not arm.held

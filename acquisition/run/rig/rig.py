@@ -71,6 +71,7 @@ class Rig:
         self._halting = threading.Condition()
         self._halts = 0  # under way
         self._released = False
+        self._endings = 0  # connections to be ended, asked for and not yet seen to
 
     def meet(self) -> None:
         """Connect what is not connected; nothing is armed. Raises AcquisitionError, Stopping."""
@@ -279,12 +280,27 @@ class Rig:
         self._let_go()
 
     def _let_go(self) -> None:
-        for _, device in self._both():
-            # One by one: a device that cannot be disarmed is disconnected all the same.
-            with suppress(AcquisitionError):
-                device.disarm()
-            with suppress(AcquisitionError):
-                device.disconnect()
+        """Disarm and disconnect both.
+
+        A thread that wants it while another is at it leaves it to that one, which then does it once more: a stop is
+        not to wait for a device that is slow to let go.
+        """
+        with self._halting:
+            self._endings += 1
+            if self._endings > 1:
+                return
+        while True:
+            seen_to = self._endings
+            for _, device in self._both():
+                # One by one: a device that cannot be disarmed is disconnected all the same.
+                with suppress(AcquisitionError):
+                    device.disarm()
+                with suppress(AcquisitionError):
+                    device.disconnect()
+            with self._halting:
+                if seen_to == self._endings:
+                    self._endings = 0
+                    return
 
 
 def _not_stopped(role: str, error: AcquisitionError, *, lost: bool) -> AcquisitionError:
