@@ -75,7 +75,7 @@ def diagnosis(
     from service.garbage import left_alone
     from service.report import diagnosis_report
     from service.results.cell.arrows import arrows_of
-    from service.results.judgement.acceptance import EFFECTS, Limits, decide
+    from service.results.judgement.acceptance import Limits, decide, judged_as
     from service.results.models import documents
 
     dataset = read_dataset(data)
@@ -92,7 +92,7 @@ def diagnosis(
     acceptance = None
     if held_to is not None:
         final = (found.final.model, found.final.estimate)
-        acceptance = decide(held_to, dataset, dataset.validation_rows, *final, EFFECTS)
+        acceptance = decide(held_to, dataset, dataset.validation_rows, *final, judged_as(found.effects))
         document["acceptance"] = acceptance.document()
     sealed = save_model(folder / MODEL, found.final, found) if found.final.converged else None
     with left_alone():

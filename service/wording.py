@@ -23,7 +23,7 @@ HOLDOUTS = {
 }
 OWNERS = {"robot": "the robot", "mounting": "the mounting of base or tool", "instrument": "the instrument"}
 CLOSING = (
-    "No issue detected by these tests is not an acceptance verdict. "
+    "That these tests detect nothing is no verdict of acceptance: that is given against limits alone. "
     "This report relates only to this robot, this set-up and these readings."
 )
 
@@ -194,7 +194,7 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
         noise = f"the noise that visits of the same pose show, {diagnosis.final.noise_scale:.2g} times the declared"
     head = {
         "complete": f"Nothing was found: the base model explains these readings to {noise}. "
-        "How large an effect must be to show in them is in the report.",
+        "The report lists how large an effect of each kind must be to show in them.",
         "excess_noise": (f"Found {effects}: {listed}, but" if names else "No effect was found, but")
         + f" the readings scatter {diagnosis.final.noise_scale:.2f} times as much as declared"
         + ". No structure shows where it comes from: the noise is larger"

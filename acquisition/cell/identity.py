@@ -43,7 +43,7 @@ def match_robot(cell: Cell, who: Identity) -> Match:
     if not who.model:
         return Match(None, f"{robot.name} by the cell file; this dialect does not report the model")
     if is_model(robot.name, robot.maker, who.model):
-        return Match(True, f"{who.model} is {robot.name}")
+        return Match(True, f"{who.model}: that is {robot.name}")
     if robot.name not in built_in_robots():
         return Match(None, f"{who.model} answers; {robot.name} is a robot file of your own")
     return Match(False, f"{who.model} answers, the cell file names {robot.name}")

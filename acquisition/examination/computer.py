@@ -84,10 +84,11 @@ def _operator(cell: Cell, chart: Chart) -> None:
     if sys.stdin is not None and not sys.stdin.closed and sys.stdin.isatty():
         chart.ok("operator", "a terminal, on which prompts can be answered")
     elif cell.instrument.one_smr or cell.instrument.declared.by_hand or cell.robot.declared.by_hand:
-        asks = "one_smr asks" if cell.instrument.one_smr else "what is done by hand is asked of"
+        by_hand = "no terminal, and what is done by hand is asked of a person"
+        one_smr = "no terminal, and one_smr asks a person to move the SMR"
         chart.note(
             "operator",
-            f"no terminal, and {asks} a person" + (" to move the SMR" if cell.instrument.one_smr else ""),
+            one_smr if cell.instrument.one_smr else by_hand,
             "Start campaigns in a terminal or from the operator page, else the first prompt ends them.",
         )
     else:

@@ -152,7 +152,7 @@ $("again").addEventListener("click", () => location.reload());
 signals.addEventListener("left", () => {
   keep(null);
   if (view && view.close) view.close();
-  Object.assign(desk, { cell: null, busy: null, loop: null, draft: null });
+  Object.assign(desk, { cell: null, busy: null, last: null, loop: null, draft: null });
   view = null; at = "";
   $("desk").replaceChildren(); $("busy").replaceChildren();
   begin();

@@ -1,12 +1,13 @@
 // The view Cell: what stands there, who may move it, and what it does now.
 
 import { ask, reckoned } from "./connection.js";
-import { desk, order } from "./desk.js";
+import { desk, order, resting } from "./desk.js";
 import { trail } from "./deleting.js";
 import { fill, h, table } from "./dom.js";
 import { examination } from "./examination.js";
 import { leasePanel } from "./lease.js";
 import { scenePicture } from "./scene.js";
+import { reasonOf } from "./sentences.js";
 import { number, sign, state } from "./units.js";
 import { t } from "./words.js";
 
@@ -19,11 +20,12 @@ export function open(root) {
   let scene = null, health = null;
 
   function show() {
-    const { cell, busy, loop } = desk;
+    const { cell, busy, loop } = desk, rests = loop ? null : resting(), named = (run) => h("a", { href: `#/run/${run.id}` }, `${sign(run.state)} ${run.name}: ${state(run.state)}`);
     if (!cell) return;
     lease.show(); examined.show();
-    fill(now, [busy && busy.id, busy && busy.state, loop && loop.step, loop && loop.id], () => [
-      busy ? h("p", { className: "big" }, h("a", { href: `#/run/${busy.id}` }, `${sign(busy.state)} ${busy.name}: ${state(busy.state)}`)) : h("p", { className: "big" }, loop ? t("loopBetween") : t("nothingRuns")),
+    fill(now, [busy && busy.id, busy && busy.state, loop && loop.step, loop && loop.id, rests && [rests.id, rests.version, rests.state, rests.reason]], () => [
+      busy ? h("p", { className: "big" }, named(busy)) : h("p", { className: "big" }, loop ? t("loopBetween") : rests ? named(rests) : t("nothingRuns")),
+      rests && h("p", {}, reasonOf(rests, cell)),
       loop && h("p", {}, `${t("loop")}: ${loop.step}`),
       !busy && h("p", {}, h("a", { href: "#/campaigns", className: "do" }, t("toCampaigns"))),
     ]);

@@ -8,7 +8,7 @@ import { t } from "./words.js";
 
 // A part to open with the reason and the button: two steps, so that no single touch deletes. `away`: the address to go to.
 export function deleting(path, name, away) {
-  const reason = h("input", { maxLength: 500, size: 30 }), row = h("div", { className: "row" });
+  const what = t(`delete_${path.split("/")[1]}`), reason = h("input", { maxLength: 500, size: 30 }), row = h("div", { className: "row" });
   const act = button(t("deleteForGood"), () => order(async () => {
     const why = reason.value.trim();
     if (!why) { reason.focus(); throw new Error(t("sayWhyDeleted")); }
@@ -16,7 +16,7 @@ export function deleting(path, name, away) {
     if (away) location.hash = away; else whole.remove();
   }), { className: "delete" });
   row.append(h("label", {}, t("reason"), " ", reason), act);
-  const whole = h("details", { className: "deleting" }, h("summary", { ariaLabel: `${t("delete")}: ${name}` }, t("delete")), row);
+  const whole = h("details", { className: "deleting" }, h("summary", { ariaLabel: `${what}: ${name}` }, what), row);
   whole.show = () => { whole.hidden = looksOn(); };
   whole.show();
   return whole;

@@ -9,7 +9,7 @@ const LEASE = "truepose-lease";
 export const LEASE_S = 15;
 // `busy`: the run that uses the robot; `loop`: the loop that does. `look`: look at the service now. `draft`: what has been
 // typed for a prompt that is not answered yet.
-export const desk = { cell: null, busy: null, loop: null, draft: null, lease: JSON.parse(sessionStorage.getItem(LEASE) || "null"), look: async () => {} };
+export const desk = { cell: null, busy: null, last: null, loop: null, draft: null, lease: JSON.parse(sessionStorage.getItem(LEASE) || "null"), look: async () => {} };
 
 export const looksOn = () => Boolean(desk.cell && desk.cell.role === "viewer");
 export const held = () => (desk.lease ? { "Lease-Id": desk.lease.lease_id } : {});
@@ -36,14 +36,19 @@ export async function order(work) {
 
 export async function refresh() {
   desk.cell = await ask("GET", "/cell");
-  desk.busy = desk.cell.run_id ? await ask("GET", `/runs/${desk.cell.run_id}`) : null;
+  const { run_id: busy, last_run_id: last } = desk.cell;
+  desk.last = busy || last ? await ask("GET", `/runs/${busy || last}`).catch((error) => { if (error.status === 404) return null; throw error; }) : null;
+  desk.busy = busy ? desk.last : null;
   desk.loop = desk.cell.loop_id ? await ask("GET", `/loops/${desk.cell.loop_id}`) : null;
 }
 
+// The run that used the robot last, where it is to go on: perhaps its link was lost, and the robot moves still.
+export const resting = () => (!desk.busy && desk.last && ["paused", "stopped"].includes(desk.last.state) ? desk.last : null);
+
 // Stops what uses the robot; `shown`: the run that is looked at, where nothing is known to use it.
 export function stop(shown) {
-  const { cell } = desk;
-  const target = cell && cell.loop_id ? `/loops/${cell.loop_id}` : cell && cell.run_id ? `/runs/${cell.run_id}` : shown && `/runs/${shown}`;
+  const { cell } = desk, rests = resting(), kept = shown || (rests && rests.state === "paused" && rests.id);
+  const target = cell && cell.loop_id ? `/loops/${cell.loop_id}` : cell && cell.run_id ? `/runs/${cell.run_id}` : kept && `/runs/${kept}`;
   if (!target) { trouble(new Error(cell ? t("nothingToStop") : t("nothingKnown"))); return; }
   order(async () => {
     const told = await stopBy(`${target}/stop`);

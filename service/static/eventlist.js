@@ -3,7 +3,7 @@
 import { h } from "./dom.js";
 import { clock } from "./connection.js";
 import { promptWords } from "./pictures.js";
-import { said } from "./sentences.js";
+import { said, saidWords } from "./sentences.js";
 import { number, state } from "./units.js";
 import { t } from "./words.js";
 
@@ -13,7 +13,7 @@ const english = (text) => h("span", { lang: "en" }, text || "");
 function summary({ kind, data }) {
   switch (kind) {
     case "state": return [state(data.state), data.reason ? [": ", said(data.reason)] : ""];
-    case "reading": return `${data.name}, ${data.target}` + (data.world_mm ? `: ${data.world_mm.map((x) => number(x)).join(", ")} mm` : "")
+    case "reading": return `${saidWords(data.name)}, ${data.target}` + (data.world_mm ? `: ${data.world_mm.map((x) => number(x)).join(", ")} mm` : "")
       + (typeof data.length_mm === "number" ? ` – ${data.base_target}: ${number(data.length_mm, 4)} mm` : "");
     case "command": return `${data.verb}: ${data.by || "?"}`;
     case "prompt": return promptWords(data) || english(data.text);

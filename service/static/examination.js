@@ -3,7 +3,9 @@
 import { bearer, reach } from "./connection.js";
 import { desk, looksOn, order } from "./desk.js";
 import { button, h, table } from "./dom.js";
-import { t } from "./words.js";
+import { said } from "./sentences.js";
+import { number } from "./units.js";
+import { KEYS, t } from "./words.js";
 
 const PATIENCE_MS = 120000, SIGNS = { ok: "✔", note: "•", fault: "✖" };
 
@@ -19,11 +21,12 @@ export function examination() {
   return whole;
 }
 
-const rows = (findings) => table(t("examination"), ["", t("device"), t("check"), t("found"), t("whatToDo")],
-  findings.map((each) => [`${SIGNS[each.level]} ${t(`level_${each.level}`)}`, each.device, each.check, each.found, each.do]));
+const named = (check) => (KEYS.includes(`check_${check}`) ? t(`check_${check}`) : check);
+const rows = (findings) => table(t("examination"), ["", t("device"), t("check"), t("found")],
+  findings.map((each) => [`${SIGNS[each.level]} ${t(`level_${each.level}`)}`, t(`device_${each.device}`), named(each.check), [h("div", {}, said(each.found)), each.do ? h("div", {}, h("strong", {}, `${t("whatToDo")} `), said(each.do)) : null]]));
 
 function words(found) {
   const some = found.findings.filter((each) => each.level !== "ok"), good = found.findings.filter((each) => each.level === "ok");
-  return [h("p", { className: "big" }, found.healthy ? t("healthy") : t("notHealthy")), h("p", { lang: "en", className: "dim" }, found.verdict),
-    some.length ? h("div", { lang: "en" }, rows(some)) : null, h("details", { lang: "en" }, h("summary", {}, t("goodChecks", { n: good.length })), rows(good))].filter(Boolean);
+  return [h("p", { className: "big" }, found.healthy ? t("healthy") : t("notHealthy")), h("p", { className: "dim" }, t("examinedIn", { n: found.findings.length, s: number(found.seconds, 1) })),
+    some.length ? rows(some) : null, h("details", {}, h("summary", {}, t("goodChecks", { n: good.length })), rows(good))].filter(Boolean);
 }

@@ -6,6 +6,7 @@ import { deleting } from "./deleting.js";
 import { desk, looksOn, order } from "./desk.js";
 import { button, fill, h, numeric, table } from "./dom.js";
 import { results, rowOfDataset, rowOfJob } from "./given.js";
+import { withU } from "./history.js";
 import { ladder } from "./ladder.js";
 import { exportsOf, programs } from "./programs.js";
 import { scenePicture } from "./scene.js";
@@ -137,8 +138,8 @@ function powerTable(power) {
 function effect(each) {
   const { value, std, unit } = each.amplitude || {};
   const rivals = Object.entries(each.candidates || {}).filter(([label]) => label !== each.label);
-  return h("article", { className: "effect" }, h("h3", {}, each.label), h("p", { lang: "en" }, each.meaning),
-    h("p", {}, `${t("size")}: ${number(value)} ± ${number(std)} ${unit || ""} (${t("standardError")}); ${t("explains", { percent: number(100 * (each.evidence.explained_variance || 0), 0) })}`),
+  return h("article", { className: "effect" }, h("h3", {}, each.label), h("p", {}, said(each.meaning)),
+    h("p", {}, `${t("size")}: ${withU(value, 2 * std, unit || "")} (U, k = 2); ${t("explains", { percent: number(100 * (each.evidence.explained_variance || 0), 0) })}`),
     rivals.length ? h("p", {}, `${t("orElse")}: ${rivals.map(([label, weight]) => `${label} (${number(100 * weight, 0)} %)`).join(", ")}`) : null,
     each.check && h("p", {}, `${t("checkIt")}: `, said(typeof each.check === "string" ? each.check : each.check.text || "")));
 }

@@ -36,7 +36,7 @@ export function open(root) {
   const show = (found) => {
     fill(about, [found.store, found.permitted_mm, found.left_out], () => [t("storeIs", { store: found.store }), " ", found.permitted_mm ? t("permittedIs", { mm: number(found.permitted_mm) }) : t("permittedUnknown"),
       found.left_out ? ` ${t("robotsLeftOut", { n: found.left_out })}` : ""]);
-    fill(list, [found.robots, found.permitted_mm], () => found.robots.length ? found.robots.map((each) => h("li", { className: each.state }, line(each, found.permitted_mm))) : h("li", {}, t("noRobots")));
+    fill(list, [found.robots, found.permitted_mm], () => found.robots.length ? found.robots.map((each) => h("li", { className: each.state }, line(each, found.permitted_mm))) : h("li", { className: "none" }, t("noRobots")));
     fill(refused, found.not_kept, () => found.not_kept.length ? h("details", {}, h("summary", {}, `⚠ ${t("notKept", { n: found.not_kept.length })}`),
       h("ul", { lang: "en" }, found.not_kept.map((each) => h("li", {}, each.path ? `${each.path}: ${each.because}` : each.because)))) : null);
   };

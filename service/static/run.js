@@ -12,7 +12,7 @@ import { legend, marks } from "./plan.js";
 import { poseList } from "./poses.js";
 import { promptCard } from "./prompt.js";
 import { scenePicture } from "./scene.js";
-import { reasonOf } from "./sentences.js";
+import { reasonOf, saidWords } from "./sentences.js";
 import { duration, length, minus, moment, number, sign, state, timeLeft } from "./units.js";
 import { t } from "./words.js";
 
@@ -56,7 +56,8 @@ export function open(root, id) {
   root.append(none, desks);
   none.hidden = desks.hidden = true;
 
-  let run = null, plan = null, scene = null, planned = 0, first = {}, drifts = {}, offs = {}, expected = new Map(), readings = [], runs = [], listed = 0;
+  let run = null, plan = null, scene = null, planned = 0, drifts = {}, offs = {}, expected = new Map(), readings = [], runs = [], listed = 0;
+  const again = new Set();
   const control = new AbortController();
 
   // The serial number of another robot or instrument than that of the record, which has kept the run from going on.
@@ -67,21 +68,23 @@ export function open(root, id) {
 
   function hear(events) {
     for (const { kind, data, utc } of events) {
-      if (kind !== "reading" || !data.world_mm) continue;
-      if (data.set === "reference") {
-        const point = asPlanned(data), from = first[data.target] = first[data.target] || point;
-        (drifts[data.target] = drifts[data.target] || []).push({ utc, y: length(minus(point, from)) });
-      }
-      readings.push({ data, utc });
+      if (kind === "measure_again") for (const pose of data.poses) again.add(pose);
+      if (kind === "reading" && data.world_mm) readings.push({ data, utc });
     }
     list.add(events); judge(); strips();
     desk.look().catch(() => {});  // the band says it
   }
 
-  // Readings against what the nominal robot predicts; a plan that came later, or has changed, judges them all anew.
+  // Readings against what the nominal robot predicts, and those of the reference pose against its first. A plan that came
+  // later, or has changed, judges them all anew; what was measured again, while warming up for one, does not count.
   function judge() {
-    offs = {};
-    for (const { data, utc } of readings) {
+    const first = {};
+    offs = {}; drifts = {};
+    for (const { data, utc } of readings.filter((each) => !again.has(each.data.pose))) {
+      if (data.set === "reference") {
+        const point = asPlanned(data), from = first[data.target] = first[data.target] || point;
+        (drifts[data.target] = drifts[data.target] || []).push({ utc, y: length(minus(point, from)) });
+      }
       const where = expected.get(data.pose) || expected.get(`${data.name} ${data.target}`);
       if (where) (offs[t(`set_${data.set}`)] = offs[t(`set_${data.set}`)] || []).push({ utc, y: length(minus(asPlanned(data), where)) });
     }
@@ -125,7 +128,7 @@ export function open(root, id) {
 
   function showReading(data) {
     const where = data && (expected.get(data.pose) || expected.get(`${data.name} ${data.target}`)), by = where && data.world_mm ? minus(asPlanned(data), where) : null;
-    const rows = !data ? [] : [[t("pose"), data.name], [t("set"), t(`set_${data.set}`)], [t("target"), data.target],
+    const rows = !data ? [] : [[t("pose"), saidWords(data.name)], [t("set"), t(`set_${data.set}`)], [t("target"), data.target],
       ...(data.world_mm || []).map((x, i) => [t("worldMm", { axis: "xyz"[i] }), number(x) + (by ? `  (${by[i] < 0 ? "−" : "+"}${number(Math.abs(by[i]))})` : "")]),
       ...(typeof data.length_mm === "number" ? [[t("lengthTo", { base: data.base_target }), `${number(data.length_mm, 4)} mm`]] : []),
       ...(typeof data.t_air_c === "number" ? [[t("air"), `${number(data.t_air_c, 2)} °C`]] : [])];

@@ -1,7 +1,9 @@
 // The sentences of the service in the language of the page: English as the service says it, German. What stands in
 // {braces} is taken over. A sentence that is not here stays English, and is marked so (docs/decisions/0105).
 
+import { DEVICE_SENTENCES } from "./device_sentences.js";
 import { h } from "./dom.js";
+import { EFFECT_SENTENCES } from "./effect_sentences.js";
 import { language, t } from "./words.js";
 
 const SENTENCES = [
@@ -119,10 +121,12 @@ const SENTENCES = [
   ["{rest}; overdue by {late} days.", "{rest} Überfällig seit {late} Tagen."],
 ];
 
-// A template as a pattern that begins where it is tried and ends where a sentence may.
-// What it takes over is of one sentence, so that no pattern reaches beyond its own.
+// A template as a pattern that begins where it is tried and ends where a sentence may; a fragment, which has no stop,
+// counts only as the whole text. What is taken over is of one sentence, so that no pattern reaches beyond its own.
 const ESCAPED = /[.*+?^$()|[\]\\]/g;
-const PATTERNS = SENTENCES.map(([english, german]) => [new RegExp(`${english.replace(ESCAPED, "\\$&").replace(/\{(\w+)\}/g, (_, name) => (name === "rest" ? "(?<rest>(?:(?![.!?] ).)+?)" : `(?<${name}>(?:(?![.!?] |;).)+?)`))}(?= |$)`, "iy"), english, german]);
+const end = (english) => (english.endsWith(".") ? "(?:\\.(?= |$)|$)" : /[!?;]$/.test(english) ? "(?= |$)" : "$");
+const hole = (_, name) => (name === "rest" ? "(?<rest>(?:(?![.!?] ).)+?)" : `(?<${name}>(?:(?![.!?] |;).)+?)`);
+const PATTERNS = [...SENTENCES, ...DEVICE_SENTENCES, ...EFFECT_SENTENCES].map(([english, german]) => [new RegExp(english.replace(/\.$/, "").replace(ESCAPED, "\\$&").replace(/\{(\w+)\}/g, hole) + end(english), "iy"), english, german]);
 const FIXED = (english) => english.replace(/\{\w+\}/g, "").length;
 
 // The parts of a text, [{words, lang}]: the longest known sentence at every place, and what is unknown up to its end.
@@ -132,7 +136,9 @@ export function parts(text) {
     const known = PATTERNS.map(([pattern, english, german]) => { pattern.lastIndex = at; return { match: pattern.exec(text), fixed: FIXED(english), german }; })
       .filter((each) => each.match).sort((a, b) => b.fixed - a.fixed)[0];
     if (known) {
-      const { rest, ...values } = known.match.groups || {}, words = known.german.replace(/\{(\w+)\}/g, (_, name) => (name === "rest" ? "" : values[name]));
+      const { rest, ...values } = known.match.groups || {};
+      for (const name of Object.keys(values)) if (name.startsWith("list")) values[name] = values[name].split(", ").map(germanOf).join(", ");
+      const words = known.german.replace(/\{(\w+)\}/g, (_, name) => (name === "rest" ? "" : values[name]));
       found.push({ words: words.trim(), lang: "de" });
       at += known.match[0].length + 1;
       if (rest !== undefined) found.splice(found.length - 1, 1, ...around(known.german, rest, values));
@@ -167,4 +173,5 @@ export function reasonOf(run, cell) {
   return [urgent && h("strong", { className: "urgent" }, said(urgent)), which && message && rest.startsWith(message) ? `${which} (${device}): ` : "", ...said(rest)].filter(Boolean);
 }
 
-export const saidWords = (text) => (language() === "en" || !text ? text || "" : parts(text).map((each) => each.words).join(" "));
+const germanOf = (text) => parts(text).map((each) => each.words).join(" ");
+export const saidWords = (text) => (language() === "en" || !text ? text || "" : germanOf(text));

@@ -6,6 +6,7 @@ that the page leaves out.
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 import shutil
@@ -23,7 +24,7 @@ from acquisition.record.attempts import VOID
 from acquisition.run.orders.control import ON_REQUEST
 from acquisition.run.rig.rig import PRESS
 from acquisition.run.rig.unheard import with_unheard
-from calib.effects import SETS_IN
+from calib.effects import LIBRARY, SETS_IN
 from calib.upkeep import Check, Drift, Staircase, next_due
 from calib.watch.judge import _advice
 from drivers.errors import AcquisitionError, LinkLost
@@ -40,6 +41,27 @@ SCRIPT = """
     const { parts } = await import(process.argv[2]), said = JSON.parse(process.argv[3]);
     console.log(JSON.stringify(said.map((each) => parts(each).map(({ words, lang }) => [lang, words]))));
 """
+ROOT = Path(__file__).parents[2]
+PIECES = {
+    "emergency stop",
+    "its simulator",
+    "no serial number reported",
+    "software 7",
+    "serial 7",
+    "runs at 7",
+}
+PIECES |= {
+    "7 +- 7 s a second",
+    "waiting for the 7",
+    "whoever works it",
+    "7 s, runs at 7",
+    "7 s from this computer's, runs at 7",
+}
+NAMES = ("joint 5 at -7.4 deg going up", "visit 3 to pose 2", "point 20", "pose 7", "hexapod pose 3")
+PLAN = (
+    "Not even 4 visits with 12 readings each would show here a moved base of 0.1 mm (in 21 % of watches), play of "
+    "joint 6 of 0.01 deg (in 46 % of watches)."
+)
 NOW = datetime(2026, 6, 1, tzinfo=UTC)
 
 
@@ -106,6 +128,36 @@ def test_what_the_program_says_every_day_is_german_on_the_german_page() -> None:
         numbers = re.findall(r"\d+(?:\.\d+)?(?: deg)?", text)
         said = " ".join(words for _, words in parts)
         assert all(number in said for number in numbers), (text, said)
+
+
+def texts_of(tree: ast.AST) -> Iterator[str]:
+    """The texts of a program that are no docstrings, with 7 for every value."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.JoinedStr):
+            yield "".join(str(part.value) if isinstance(part, ast.Constant) else "7" for part in node.values)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+        elif not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
+            yield from texts_of(node)
+
+
+def said_in(files: str, like: str) -> set[str]:
+    """What the files say that looks like this."""
+    trees = [ast.parse(file.read_text("utf-8")) for file in ROOT.glob(files)]
+    return {
+        re.sub(r"\{\w+\}", "7", text) for tree in trees for text in texts_of(tree) if re.search(like, text)
+    }
+
+
+def test_doctor_effects_and_names_of_poses_are_german_on_the_german_page() -> None:
+    doctor = said_in("acquisition/examination/*.py", r"[a-zA-Z]{2,} .*\w|\w .*[a-z]{3}") - PIECES
+    effects = said_in("calib/effects/*/*.py", r"^[A-Z].* .*[^.]\.$")
+    checks = [kind.check.format(joint="4", name="T1") for entry in LIBRARY for kind in entry.KINDS]
+    notes = said_in("calib/diagnose/diagnosis.py", r"^[A-Z{7].* .*[^.]\.$")
+    texts = [*doctor, *effects, *checks, *notes, PLAN, *(f"{name} of block 1 (validation)" for name in NAMES)]
+    said = zip(texts, on_the_page(*texts), strict=True)
+    assert [text for text, parts in said if {lang for lang, _ in parts} != {"de"}] == []
+    assert min(len(doctor), len(effects), len(checks)) > 30 < len(doctor)
 
 
 def test_an_unknown_sentence_stays_english_among_known_ones() -> None:

@@ -22,7 +22,7 @@ from service.files import STANDARD_OUTPUT
 from service.garbage import left_alone
 from service.printed import tables, type_tables
 from service.printed.terminal import Terminal
-from service.results.judgement.acceptance import EFFECTS, Acceptance, decide
+from service.results.judgement.acceptance import Acceptance, decide, judged_as
 from service.results.models import documents
 from service.results.models.patched import Patched
 from service.results.models.predictions import predictions_csv
@@ -104,8 +104,9 @@ def diagnose_command(
             patched = Patched.of(diagnosis)
         acceptance = None
         if limits is not None:
-            judged = (diagnosis.final.model, diagnosis.final.estimate)
-            acceptance = decide(limits, dataset, dataset.validation_rows, *judged, EFFECTS)
+            final, judged = diagnosis.final, judged_as(diagnosis.effects)
+            rows = dataset.validation_rows
+            acceptance = decide(limits, dataset, rows, final.model, final.estimate, judged)
         document = documents.of_diagnosis(diagnosis, carried, patched)
         if acceptance is not None:
             document["acceptance"] = acceptance.document()

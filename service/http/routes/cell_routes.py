@@ -40,6 +40,7 @@ async def get_cell(here: Here, request: Request) -> dict[str, Any]:
         "simulated": here.settings.simulated is not None,
         "run_id": here.book.busy_with,
         "loop_id": here.book.lent_to,
+        "last_run_id": here.book.last,
         "role": request.state.role.value,
         "lease": None if held is None else _shown(held),
     }

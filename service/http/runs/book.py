@@ -72,6 +72,7 @@ class Book:
         self._dry_runs = DryRuns(folder)
         self._damaged = Damaged(folder)
         self._execution: Execution | None = None
+        self.last: str | None = None  # the run that used the robot last
         self.at_rest: Callable[[], None] = lambda: None  # called when a run or a loop has ended
         folder.mkdir(parents=True, exist_ok=True)
         for name in self.ids():
@@ -83,6 +84,7 @@ class Book:
             if self._dry_runs.document(name) is not None:
                 return
             look_through(folder)
+            self.last = self.last or name  # the newest comes first
             if State(self._look(name).state).active:
                 self._runs[name] = Run.open(folder)
 
@@ -259,7 +261,7 @@ class Book:
 
         execution = Execution(threading.Thread(target=work, name=f"run {name}"), name)
         self._errors.pop(name, None)
-        self._execution = execution
+        self._execution, self.last = execution, name
         execution.thread.start()
 
     # -- for a loop --------------------------------------------------------------------------------------
@@ -293,7 +295,7 @@ class Book:
         with self._mutex:
             self._runs[name] = run  # stays open: others look at it
             execution.begun.clear()
-            execution.run_id = name
+            execution.run_id = self.last = name
         try:
             yield run
         finally:
@@ -373,6 +375,7 @@ class Book:
                 run.close()
             self._runs.pop(name, None)
             self._errors.pop(name, None)
+            self.last = None if self.last == name else self.last
             for known in (self._damaged, self._dry_runs):
                 known.forget(name)
             take_away(self._folder / name)

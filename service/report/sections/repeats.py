@@ -21,12 +21,16 @@ def section_of(dataset: Dataset, model: RobotModel, estimate: Array) -> dict[str
     if not poses:
         return None
     worst_first = sorted(poses, key=lambda pose: -_known(pose.repeatability))
+    shown, short = worst_first[:_MOST], sum(pose.visits < VISITS_OF_THE_STANDARD for pose in poses)
     return {
-        "rows": [_row(dataset, pose) for pose in worst_first[:_MOST]],
+        "rows": [_row(dataset, pose) for pose in shown],
         "more": max(len(poses) - _MOST, 0),
         "summary": _summary(poses),
         "standard": VISITS_OF_THE_STANDARD,
-        "enough": min(pose.visits for pose in poses) >= VISITS_OF_THE_STANDARD,
+        "varied": any(pose.variation is not None for pose in shown),
+        "blank": any(math.isnan(pose.repeatability) for pose in shown),
+        "enough": not short,
+        "fewer": "none has them" if short == len(poses) else f"{short} of {len(poses)} have fewer",
     }
 
 

@@ -31,8 +31,13 @@ RULE = (
     "Accepted where the figure plus its expanded uncertainty U (95 %) is within the limit, rejected where the figure "
     "less U is beyond it, otherwise not decided (guard bands as in ISO 14253-1)."
 )
-BASE, EFFECTS = "identified base model", "base model with the effects found"
+BASE, _EFFECTS = "identified base model", "base model with the effects found"
 _RESAMPLES, _SEED = 2000, 1  # the seed is fixed: the same readings give the same verdict
+
+
+def judged_as(effects: Sequence[object]) -> str:
+    """The name of the model that a diagnosis is judged by: where it found nothing that is the base model."""
+    return _EFFECTS if effects else BASE
 
 
 @dataclass(frozen=True)

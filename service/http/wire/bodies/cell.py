@@ -46,6 +46,9 @@ class CellShown(Answered):
     simulated: Simulated
     run_id: Annotated[str | None, told("The run that uses the robot.", None)]
     loop_id: Annotated[str | None, told("The loop that uses the robot.", None)]
+    last_run_id: Annotated[
+        str | None, told("The run that uses the robot, or used it last: perhaps it is paused.", None)
+    ]
     role: Annotated[Literal["operator", "viewer"], told("That of the token that asks.", "operator")]
     lease: Annotated[LeaseShown | None, told("The motion lease; null: nobody holds it.", None)]
 
