@@ -16,6 +16,7 @@ const SENTENCES = [
   ["Not one pose could be measured.", "Keine einzige Pose konnte gemessen werden."], ["{n} reading was skipped.", "{n} Messung wurde ausgelassen."], ["{n} readings were skipped.", "{n} Messungen wurden ausgelassen."],
   ["The instrument was moved: its readings come from {n} stations.", "Das Messgerät wurde versetzt: seine Messungen stammen von {n} Standpunkten."],
   ["Press the emergency stop: the program does not reach the robot, which may still be moving.", "Not-Halt drücken: das Programm erreicht den Roboter nicht, und er fährt vielleicht noch."],
+  ["Nothing is connected since this link was lost: press the emergency stop if the robot moves.", "Seit diese Verbindung abriss, ist nichts verbunden: bewegt sich der Roboter, Not-Halt drücken."],
   ["Press the stop button of the controller: this robot cannot be stopped by the program.", "Den Halt-Taster der Steuerung drücken: diesen Roboter kann das Programm nicht anhalten."],
   // devices: what happened
   ["{where} not reachable: {why}.", "{where} nicht erreichbar: {why}."], ["connection lost: {why}.", "Verbindung verloren: {why}."], ["device closed the connection.", "Das Gerät hat die Verbindung geschlossen."],

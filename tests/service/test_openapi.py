@@ -77,6 +77,16 @@ def test_every_field_and_parameter_is_described_with_an_example(document: dict[s
     assert [name for name, told in seen.items() if not told.get("examples") and not files & set(told)] == []
 
 
+def test_it_says_the_rules_of_the_cell_pc_itself(document: dict[str, Any]) -> None:
+    """Whoever has the description alone knows of heartbeat, keys, long poll and stop as readers of docs/cell-pc do."""
+    rules = re.findall(r"^\d\. \*\*(.*?)\.\*\*", (ROOT / "docs/cell-pc/README.md").read_text("utf-8"), re.M)
+    told = document["info"]["description"]
+    assert len(rules) == 5
+    assert re.findall(r"^\d\. \*\*(.*?)\.\*\*", told, re.M) == rules
+    for word in ("Lease-Id", "Idempotency-Key", "Idempotent-Replay", "wait=20&after=", "409", "/stop"):
+        assert word in told
+
+
 def test_every_number_has_its_unit(document: dict[str, Any]) -> None:
     without = [
         name

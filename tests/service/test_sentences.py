@@ -30,7 +30,7 @@ from calib.watch.judge import _advice
 from drivers.errors import AcquisitionError, LinkLost
 from drivers.interfaces import Answer
 from service.http.routes.pages.page import FOLDER
-from service.http.runs.book import SERVICE_ENDS
+from service.http.runs.book import MAY_MOVE, SERVICE_ENDS
 from service.http.wire.bodies.runs import EventKind
 from service.results.judgement.acceptance import RULE
 from tests.drivers.waiting import PATIENCE_S
@@ -122,7 +122,7 @@ def changed() -> list[str]:
 
 
 def test_what_the_program_says_every_day_is_german_on_the_german_page() -> None:
-    texts = [RULE, ON_REQUEST, SERVICE_ENDS, PRESS, *sorted(advices()), *dates(), *changed()]
+    texts = [RULE, ON_REQUEST, SERVICE_ENDS, PRESS, MAY_MOVE, *sorted(advices()), *dates(), *changed()]
     for text, parts in zip(texts, on_the_page(*texts), strict=True):
         assert {lang for lang, _ in parts} == {"de"}, (text, parts)
         numbers = re.findall(r"\d+(?:\.\d+)?(?: deg)?", text)

@@ -139,7 +139,13 @@ def test_what_is_urgent_is_served_while_every_other_thread_is_held(
                 (prompt,) = (await client.get(f"{run}/prompts")).json()["prompts"] or (None,)
                 if prompt is not None:
                     key = {"Idempotency-Key": prompt["id"]}
-                    await client.post(f"{run}/prompts/{prompt['id']}/confirm", headers=key)
+                    path = f"{run}/prompts/{prompt['id']}/confirm"
+                    answered = (await client.post(path, headers=key)).json()
+                    assert (answered["prompt"] or {"id": ""})["id"] != prompt[
+                        "id"
+                    ]  # it is over when that comes
+                    again = (await client.post(path)).json()
+                    assert (again["code"], again.get("open_prompt_id")) != (3020, prompt["id"])
                 await asyncio.sleep(0.01)
             assert (await client.post(f"{run}/prompts/another/confirm")).status_code == 409
             assert (await client.get(run)).json()["state"] == "running"

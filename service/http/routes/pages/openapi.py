@@ -15,6 +15,27 @@ _TOKENS = {
     Role.OPERATOR: "The operator's token: everything. Where the robot moves the motion lease is needed too.",
     Role.VIEWER: "The viewer's token: everything that is read, and pausing and stopping. Else 403.",
 }
+_RULES = """
+
+1. **Token.** Every request but `GET /api/v1/health` has `Authorization: Bearer TOKEN`. The viewer's token reads,
+   pauses and stops.
+2. **Lease.** What moves the robot has `Lease-Id`, the `lease_id` of `POST /api/v1/cell/lease`. Send that request again
+   with `Lease-Id` three times within its `seconds`; a client that falls silent pauses its run. 409 there: the lease is
+   lost; take it anew without `Lease-Id`, and resume what was paused.
+3. **Once.** `Idempotency-Key`, a new one for a new request, on everything that is to happen once. Where no answer came,
+   send the same request with the same key: it is done once, and the first answer comes, with `Idempotent-Replay: true`.
+4. **Long poll.** `?wait=20&after=VERSION` answers as soon as the `version` is beyond, or after 20 s. A run goes on
+   while its `state` is `ready`, `running` or `waiting_for_operator`, a job while it is `ready` or `running`. One such request
+   at a time; orders go over another connection.
+5. **Stop.** `POST /api/v1/runs/{run_id}/stop` needs no lease and is never behind anything. It is a request to the
+   controller: where it is not answered, or its answer has `problems`, press the emergency stop.
+"""
+_STATUSES = (
+    "What went wrong, and what to do. 401, 403: the token is missing, or a viewer's. 404: there is no such thing. 409: "
+    "not now, another holds the lease (`holder`), the robot is busy (`run_id`), the prompt is answered. 413: too "
+    "large. 422: what was sent cannot be used (`key` or `line`). 503: too much at once, or the service ends (`Retry-After`). "
+    "507: the disk is full."
+)
 _OPERATOR, _VIEWER = ({role.value: []} for role in _TOKENS)
 
 
@@ -43,7 +64,7 @@ def describe(app: FastAPI) -> None:
 
 def _document(app: FastAPI) -> dict[str, Any]:
     document = get_openapi(
-        title=app.title, version=app.version, description=app.description, routes=app.routes
+        title=app.title, version=app.version, description=app.description + _RULES, routes=app.routes
     )
     parts = document.setdefault("components", {})
     schemas = parts.setdefault("schemas", {})
@@ -54,7 +75,7 @@ def _document(app: FastAPI) -> dict[str, Any]:
     _describe_stream(document)
     parts["responses"] = {
         "Problem": {
-            "description": "What went wrong, and what to do.",
+            "description": _STATUSES,
             "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/ProblemShown"}}},
         }
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import AsyncIterator
 from enum import Enum
 from typing import Annotated, Any
@@ -24,6 +25,7 @@ from service.http.work.idempotency import reply
 from service.plain import finite, utc_text
 
 router = APIRouter(route_class=JsonRoute, tags=["prompts"])
+NOTED_S = 2.0  # until the record has an answer; a disk that takes longer is not waited for
 
 
 class Verb(Enum):
@@ -75,14 +77,22 @@ async def answer_prompt(
                 typed=body.typed,
             )
         except UnknownPrompt as error:
-            open_now = run.status().prompt
-            more = {} if open_now is None else {"open_prompt_id": open_now["id"]}
+            open_now = (run.status().prompt or {}).get("id", prompt_id)
+            more = {} if open_now == prompt_id else {"open_prompt_id": open_now}
             raise Problem(409, f"{error.message}.", error.what_to_do, code=error.code, **more) from error
+        _let_note(run, prompt_id)
         return reply(200, here.book.document(run_id))
 
     path = f"{RUNS}/{run_id}/prompts/{prompt_id}/{verb.value}"
     asked = (path, body)
     return await here.order(run_id, lambda: here.keys.once(idempotency_key, asked, work))
+
+
+def _let_note(run: Run, prompt_id: str) -> None:
+    """Wait until the record has the answer: the run is shown going on, and no client answers the same prompt again."""
+    end = time.monotonic() + NOTED_S
+    while (seen := run.status()).prompt and seen.prompt["id"] == prompt_id and time.monotonic() < end:
+        run.wait(seen.version, end - time.monotonic())
 
 
 async def _run(here: Here, run_id: RunId) -> Run:

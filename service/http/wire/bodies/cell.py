@@ -27,7 +27,12 @@ class LeaseShown(Answered):
         str, told("When it ends unless it is prolonged, RFC 3339 UTC.", "2026-11-21T17:05:29.120Z")
     ]
     seconds: Annotated[float, told("For how long it was taken, s.", 30.0)]
-    lease_id: Annotated[str, told("Its secret, in the answer that grants it, and empty ever after.", "")] = ""
+    lease_id: Annotated[
+        str,
+        told(
+            "Its secret, in the answer that grants it; empty ever after.", "mB0p2kq8J9yqk0Yd0F3J8V5cQv2m0f1x"
+        ),
+    ] = ""
     taken_from: Annotated[str, told("Who held it before it was taken over.", "")] = ""
 
 
