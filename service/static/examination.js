@@ -22,8 +22,8 @@ export function examination() {
 }
 
 const named = (check) => (KEYS.includes(`check_${check}`) ? t(`check_${check}`) : check);
-const rows = (findings) => table(t("examination"), ["", t("device"), t("check"), t("found")],
-  findings.map((each) => [`${SIGNS[each.level]} ${t(`level_${each.level}`)}`, t(`device_${each.device}`), named(each.check), [h("div", {}, said(each.found)), each.do ? h("div", {}, h("strong", {}, `${t("whatToDo")} `), said(each.do)) : null]]));
+const rows = (findings) => table(t("examination"), [t("check"), t("found")],
+  findings.map((each) => [`${SIGNS[each.level]} ${t(`level_${each.level}`)} · ${t(`device_${each.device}`)}: ${named(each.check)}`, [h("div", {}, said(each.found)), each.do ? h("div", {}, h("strong", {}, `${t("whatToDo")} `), said(each.do)) : null]]));
 
 function words(found) {
   const some = found.findings.filter((each) => each.level !== "ok"), good = found.findings.filter((each) => each.level === "ok");

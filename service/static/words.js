@@ -266,7 +266,7 @@ const WORDS = {
   check_stop: ["stop", "Halt"], check_untold: ["not reported", "nicht gemeldet"], check_warm_up: ["warm-up", "Warmlaufen"], check_weather: ["weather", "Wetter"], check_wire: ["transmission", "Übertragung"],
   examinedIn: ["{n} checks in {s} s", "{n} Prüfungen in {s} s"],
   healthy: ["✔ A campaign can begin.", "✔ Eine Kampagne kann beginnen."], notHealthy: ["✖ A campaign cannot begin.", "✖ Eine Kampagne kann nicht beginnen."],
-  level_ok: ["good", "gut"], level_note: ["note", "Hinweis"], level_fault: ["fault", "Fehler"], device: ["Device", "Gerät"], check: ["Check", "Prüfung"], found: ["Found", "Befund"], goodChecks: ["{n} checks were good", "{n} Prüfungen waren gut"],
+  level_ok: ["good", "gut"], level_note: ["note", "Hinweis"], level_fault: ["fault", "Fehler"], check: ["Check", "Prüfung"], found: ["Found", "Befund"], goodChecks: ["{n} checks were good", "{n} Prüfungen waren gut"],
   keepRefused: ["Leave targets that cannot be corrected as they are", "Nicht korrigierbare Ziele lassen, wie sie sind"], correct: ["Correct and download", "Korrigieren und herunterladen"],
   corrected: ["{n} corrected, {refused} refused; the largest move is {mm} mm.", "{n} korrigiert, {refused} abgelehnt; die größte Verschiebung ist {mm} mm."],
   followUp: ["Poses that would decide", "Posen, die entscheiden würden"], followUpHint: ["Chosen so that the causes that look alike come apart.", "So gewählt, dass sich gleich aussehende Ursachen trennen."], keepCampaign: ["Keep as a campaign", "Als Kampagne behalten"],

@@ -25,16 +25,16 @@ _RULES = """
 3. **Once.** `Idempotency-Key`, a new one for a new request, on everything that is to happen once. Where no answer came,
    send the same request with the same key: it is done once, and the first answer comes, with `Idempotent-Replay: true`.
 4. **Long poll.** `?wait=20&after=VERSION` answers as soon as the `version` is beyond, or after 20 s. A run goes on
-   while its `state` is `ready`, `running` or `waiting_for_operator`, a job while it is `ready` or `running`. One such request
-   at a time; orders go over another connection.
+   while its `state` is `ready`, `running` or `waiting_for_operator`, a job while it is `ready` or `running`. One such
+   request at a time; orders go over another connection.
 5. **Stop.** `POST /api/v1/runs/{run_id}/stop` needs no lease and is never behind anything. It is a request to the
    controller: where it is not answered, or its answer has `problems`, press the emergency stop.
 """
 _STATUSES = (
     "What went wrong, and what to do. 401, 403: the token is missing, or a viewer's. 404: there is no such thing. 409: "
     "not now, another holds the lease (`holder`), the robot is busy (`run_id`), the prompt is answered. 413: too "
-    "large. 422: what was sent cannot be used (`key` or `line`). 503: too much at once, or the service ends (`Retry-After`). "
-    "507: the disk is full."
+    "large. 422: what was sent cannot be used (`key` or `line`). 503: too much at once, or the service ends "
+    "(`Retry-After`). 507: the disk is full."
 )
 _OPERATOR, _VIEWER = ({role.value: []} for role in _TOKENS)
 
