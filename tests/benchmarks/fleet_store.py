@@ -80,11 +80,13 @@ def _measured(name: str, url: str, models: int, cluster: Cluster | None = None) 
             if "re-diagnosed" in page and not store.work.programs(TASK):
                 for robot in asked:
                     _rediagnose(store, robot)
+            spent = time.process_time()
             waits = [_wait(ask, robot) for robot in asked]
+            own = (time.process_time() - spent) / len(asked)
             half, longest = statistics.median(waits), max(waits)
             reached, rows = half < WANTED_S, len(ask(asked[0]))
             line(
-                f"{name}: {page}, {rows} rows, s (longest {longest:.3f})",
+                f"{name}: {page}, {rows} rows, s (longest {longest:.3f}, processor {own:.3f})",
                 f"{half:.4f}",
                 f"< {WANTED_S}",
                 reached,
