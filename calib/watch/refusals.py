@@ -69,6 +69,11 @@ def refuse_unlike(
         notes += (
             f"{path.name} has no held-out error: what it lacks is taken from its fit. Calibrate with validation rows.",
         )
+    if saved.left_open is None:
+        notes += (
+            f"{path.name} does not say what its readings left open (written by an older version): unchanged robots "
+            "raise more alarms than stated. Diagnose its data again with --model.",
+        )
     return notes
 
 

@@ -8,6 +8,8 @@ would wait, so that the time is that of the work.
 from __future__ import annotations
 
 import json
+import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -95,9 +97,10 @@ def run(count: int) -> bool:
         folder = Path(name)
         begun = time.perf_counter()
         hashes = fill(folder, count)
-        filled = time.perf_counter()
+        filled, own = time.perf_counter(), time.process_time()
         send(folder, proxy, [(number + 1) * count // (RESTARTS + 1) for number in range(RESTARTS)])
         seconds = time.perf_counter() - filled
+        spent = sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
         with Store.open(f"sqlite:///{folder}/plant.sqlite3") as store, Outbox(folder / FILE) as outbox:
             there = store.documents(limit=2 * count)
             left = outbox.entries("waiting", "aside")
@@ -105,7 +108,13 @@ def run(count: int) -> bool:
         found = [entry.hash for entry in there]
         missing, twice = len(set(hashes) - set(found)), len(found) - len(set(found))
     fates = ", ".join(f"{fate} {times}" for fate, times in sorted(proxy.fates.items()))
-    print(f"{count} documents taken in in {filled - begun:.1f} s, sent in {seconds:.1f} s")
+    print(
+        f"{count} documents taken in in {filled - begun:.1f} s, sent in {seconds:.1f} s; load {os.getloadavg()[0]:.1f}"
+    )
+    print(
+        f"processor time of {RESTARTS + 1} servers and senders {spent:.1f} s, their starts included; "
+        f"of the proxy {time.process_time() - own:.1f} s"
+    )
     print(f"{proxy.requests} requests came to the proxy: {fates}")
     print(f"server and sender killed {RESTARTS} times each")
     print(

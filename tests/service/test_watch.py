@@ -170,7 +170,7 @@ def test_a_baseline_of_an_older_version_is_judged_and_said_to_be_one(
     model: Path, data: Path, tmp_path: Path
 ) -> None:
     document = json.loads(model.read_text("utf-8"))
-    for key in ("content_sha256", "device", "updates", "held_std"):
+    for key in ("content_sha256", "device", "updates", "held_std", "left_open"):
         document.pop(key, None)
     old, verdict = tmp_path / "old.json", tmp_path / "v.json"
     old.write_text(json.dumps(document), "utf-8")
@@ -178,6 +178,7 @@ def test_a_baseline_of_an_older_version_is_judged_and_said_to_be_one(
     notes = " ".join(json.loads(verdict.read_text("utf-8"))["notes"])
     assert "older version" in notes
     assert "names no serial number" in notes
+    assert "left open" in notes
 
 
 def test_the_plan_is_a_campaign_of_the_cell(

@@ -75,11 +75,11 @@ def demo_command(
                 sender += ["--cell", cell.name, "--simulated", "--every", f"{SEND_S:g}"]
                 stack.enter_context(commands.beside(*sender))
             shown = shlex.quote(place if store is None else "URL")  # a password stays where it was typed
-            ask = f"curl -H 'Authorization: Bearer {tokens.viewer}' {url}/api/v1"
+            ask = f"curl -H 'Authorization: Bearer {tokens.viewer}'"
             _say(
-                f"robots: {ask}/robots",
+                f"robots: {ask} {url}/api/v1/robots",
                 f"        truepose history robots --store {shown}",
-                f"trend:  {ask}/robots/{_serial(1)}/trend?parameter=d2",
+                f"trend:  {ask} '{url}/api/v1/robots/{_serial(1)}/trend?parameter=d2'",
                 "Ctrl-C ends everything; what was sent is kept, what was not waits in its outbox.",
             )
             for cell in made:
