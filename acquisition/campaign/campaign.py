@@ -37,8 +37,9 @@ __all__ = [
 FORMAT = "truepose-campaign/1"
 _KEYS = (
     "format name approach settle_s settle_check samples retries warm_up_s warm_up nest_check reference_every "
-    "zero_every order seed block"
+    "zero_every order seed block robot"
 )
+_DEVICE = ("maker", "model", "serial")
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,8 @@ class NestCheck:
 
 @dataclass(frozen=True)
 class Campaign:
-    """One campaign. `source`: its text, kept in the record."""
+    """One campaign. `source`: its text, kept in the record; robot: `maker`, `model` and `serial` of the one robot that
+    may be measured, whose model judges what is; empty for any."""
 
     blocks: tuple[Block, ...]
     settle: Settle
@@ -78,6 +80,7 @@ class Campaign:
     shuffled: bool
     seed: int
     source: str = field(repr=False)
+    robot: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def settle_s(self) -> float:
@@ -143,6 +146,7 @@ def campaign_from(
         shuffled=top.text("order", "blocks", ("blocks", "shuffled")) == "shuffled",
         seed=top.whole("seed", 1, high=2**53),
         source=source or tomli_w.dumps(table),
+        robot=_robot(top.table("robot")),
     )
 
 
@@ -152,6 +156,11 @@ def _stations(tables: list[TomlTable], blocks: tuple[Block, ...]) -> tuple[Block
             "new_station", "is true in the first block.", "The nests are measured there anyway."
         )
     return blocks
+
+
+def _robot(table: TomlTable) -> dict[str, str]:
+    table.only(_DEVICE)
+    return {key: table.text(key) for key in _DEVICE if key in table.values}
 
 
 def _warm_up(top: TomlTable) -> WarmUp | None:

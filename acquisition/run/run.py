@@ -26,7 +26,7 @@ from acquisition.cell.identity import check_identity
 from acquisition.errors import NotResumed, StorageError
 from acquisition.record.attempts import Attempts
 from acquisition.record.event import Event, Moment
-from acquisition.record.individuals import Acceptance, Individual, Individuals
+from acquisition.record.individuals import Acceptance, Individual, Individuals, individual_of
 from acquisition.record.states import State
 from acquisition.record.store import Store
 from acquisition.run.clock import Clock, ScaledClock
@@ -97,7 +97,10 @@ class Run:
             checked_plan(cell, campaign) if visits is None else visits,
             simulated=simulated,
         )
-        return cls(store, cell, campaign)
+        run = cls(store, cell, campaign)
+        if campaign.robot and not simulated:  # a rehearsal is judged by nobody
+            run.need(individual_of({"role": "robot", **campaign.robot}))
+        return run
 
     @classmethod
     def open(cls, record_dir: Path) -> Run:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +28,11 @@ def campaign_of(
     visits: Visits,
     repeats: int,
     nest_limit_mm: float | None,
+    robot: Mapping[str, str],
 ) -> str:
     """The campaign that visits the poses in their order; repeats: how often each target is read
     there; nest_limit_mm: of the nests that are measured again half-way,
-    None where none are."""
+    None where none are; robot: the device that the baseline is of."""
     block: dict[str, Any] = {
         "set": "calibration",
         "joints_deg": [list(pose.joints_deg) for pose in poses],
@@ -51,6 +52,8 @@ def campaign_of(
     }
     if nest_limit_mm is not None:
         table["nest_check"] = {"every": max(visits.readings // 2, 1), "limit_mm": round(nest_limit_mm, 4)}
+    if robot.get("serial"):
+        table["robot"] = {key: robot[key] for key in ("maker", "model", "serial") if robot.get(key)}
     return f"# Check poses of {model}, by truepose watch plan.\n{tomli_w.dumps(table)}"
 
 

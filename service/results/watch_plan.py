@@ -7,7 +7,7 @@ of the tool sits in balls at known places; nothing drives to contact, so the pla
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
@@ -40,8 +40,8 @@ _SETS = 12  # choices of targets that are compared
 @dataclass(frozen=True)
 class Planned:
     """The check poses of a cell and what they show. poses: one for each visit, in order; balls: that each
-    touches; proposals: what it would take to see every cause from the size that it should be seen at, where these poses
-    do not."""
+    touches; robot: the device that the baseline is of; proposals: what it would take to see every cause from the size
+    that it should be seen at, where these poses do not."""
 
     cell: Cell
     model: Path
@@ -52,6 +52,7 @@ class Planned:
     plan: Plan
     noise: Noise
     proposals: tuple[Proposal, ...]
+    robot: Mapping[str, str]
 
     @staticmethod
     def of(
@@ -117,8 +118,9 @@ class Planned:
                 found.shown.limit,
                 frame_known=asked.frame_known,
             )
+        robot = next((each for each in saved.devices if each.get("role") == "robot"), {})
         touched = tuple(balls[i] for i in found.chosen) * found.rounds if balls else ()
-        return Planned(cell, model, asked, targets, poses, touched, found, header.noise, proposals)
+        return Planned(cell, model, asked, targets, poses, touched, found, header.noise, proposals, robot)
 
     @property
     def in_words(self) -> str:
@@ -147,7 +149,14 @@ class Planned:
             visits = self.plan.visits
             return {
                 out: campaign_of(
-                    self.model.name, self.asked, self.targets, self.poses, visits, self.plan.repeats, limit
+                    self.model.name,
+                    self.asked,
+                    self.targets,
+                    self.poses,
+                    visits,
+                    self.plan.repeats,
+                    limit,
+                    self.robot,
                 )
             }
         return touched_files(out, self.cell, self.asked, self.targets[0], self.poses, self.balls)

@@ -21,6 +21,7 @@ from acquisition.run.run import Run
 from calib import read_dataset
 from drivers import ConfigError, LinkLost
 from service.report.scope import devices_of
+from tests.acquisition.fakes import a_campaign
 from tests.acquisition.stage import Stage
 from tests.service.campaigns import read_rows
 
@@ -177,6 +178,21 @@ def test_the_robot_of_a_model_is_needed_in_every_program(make: Callable[..., Sta
         stage.run.resume(accepted=Acceptance("777777", "why not", "bert"))
     exchange(stage, "robot", "1")
     assert stage.execute().state.value == "succeeded"
+
+
+@pytest.mark.parametrize("simulated", [False, True])
+def test_a_campaign_names_the_one_robot_that_it_is_for(make: Callable[..., Stage], simulated: bool) -> None:
+    """The plan of a watch carries the robot of its baseline, by whatever way it is run; a rehearsal takes any."""
+    stage = make(block=BLOCKS)
+    stage.run.close()
+    campaign = a_campaign(block=BLOCKS, robot={"model": "IRB 120", "serial": "12"})
+    stage.run = Run.create(stage.folder.with_name("for"), stage.bench.cell, campaign, simulated=simulated)
+    outcome = stage.execute()
+    if simulated:
+        assert outcome.state.value == "succeeded"
+        return
+    assert "serial number 1; the model is of IRB 120, serial number 12. Give" in outcome.reason
+    assert not [call for call in stage.bench.log if call.startswith(MOTIONS)]
 
 
 @pytest.mark.parametrize("given", [("", "why"), ("777777", " ")])

@@ -69,6 +69,7 @@ def test_a_bumped_tool_from_the_plan_to_the_updated_model_and_the_history(tmp_pa
         calibrated = job("/diagnoses", dataset_id=service.client.post("/datasets", files=files).json()["id"])
         few = {"poses": 5, "candidates": 40, "visits": 1, "readings": 2, "targets": ["T1", "T2"]}
         plan = job("/watch-plans", model_id=calibrated["id"], **few)["result"]
+        assert plan["campaign"]["robot"]["serial"] == SERIAL  # another one is refused before the first motion
         run = service.begin(plan["campaign"])
         assert (
             service.until(f"/runs/{run}", "succeeded", "failed", "paused")["done"] == plan["readings"] == 20

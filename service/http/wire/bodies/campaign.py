@@ -302,6 +302,12 @@ class CampaignTable(TypedDict):
     zero_every: NotRequired[
         Annotated[int, told("The ballbar's calibrator again after this number of distances; 0: never.", 30)]
     ]
+    robot: NotRequired[
+        Annotated[
+            dict[Literal["maker", "model", "serial"], str],
+            told("The one robot that may be measured; left out: any.", {"serial": "120-500000"}),
+        ]
+    ]
     block: Annotated[
         list[BlockTable],
         told(
