@@ -7,7 +7,6 @@ from calib.compensate.carried import Carried, carried, constant_slots, joint_ori
 from calib.compensate.controller import model_sides, sides_that_move
 from calib.compensate.correct import correct, inverse_poses
 from calib.compensate.correction import REASONS, Correction, Status
-from calib.compensate.targets import PoseCorrection, correct_poses, postures_of
 
 __all__ = [
     "REASONS",
@@ -15,17 +14,14 @@ __all__ = [
     "Calibrated",
     "Carried",
     "Correction",
-    "PoseCorrection",
     "Status",
     "carried",
     "constant_slots",
     "correct",
-    "correct_poses",
     "inverse_poses",
     "joint_origins",
     "model_sides",
     "nominal_of",
-    "postures_of",
     "refuse_unlikely",
     "sides_that_move",
 ]

@@ -16,7 +16,6 @@ import numpy as np
 from calib import Robot, StatedConditions, correct, forward, inverse_kinematics, load_robot
 from calib.arm import BRANCHES
 from calib.array import Array
-from calib.compensate import correct_poses, postures_of
 from calib.validation.branch import branches
 from tests.benchmarks.clock import line, seconds
 from tests.benchmarks.peers.environment import Absent, Peer
@@ -99,16 +98,13 @@ def _against_the_toolbox(robot: Robot) -> bool:
 def _compensation(robot: Robot) -> bool:
     model, estimate = only_geometry(robot, 3)
     joints = np.random.default_rng(2).uniform(-2.0, 2.0, (TARGETS, 6))
-    poses, asked = forward(robot, joints), branches(robot, joints) or []
     stated = StatedConditions()
 
     def together(n: int = TARGETS, begin: int = 0) -> Array:
-        part = slice(begin, begin + n)
-        done = correct_poses(model, estimate, poses[part], stated, branch=asked[part], limits=ANYWHERE)
-        return done.correction.landed[done.correction.good]
+        done = correct(model, estimate, joints[begin : begin + n], stated, limits=ANYWHERE)
+        return done.landed[done.good]
 
-    good = postures_of(robot, poses, branch=asked, limits=ANYWHERE)[0]
-    driven = correct(model, estimate, good, stated, limits=ANYWHERE).good
+    driven = correct(model, estimate, joints, stated, limits=ANYWHERE).good
     after_four = correct(model, estimate, joints[driven], stated, limits=ANYWHERE, most_iterations=4).landed
     share = float(np.mean(after_four <= 1e-6))
     worst = float(np.max(together()))

@@ -14,11 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calib.arm.inverse_kinematics import Reached, arm_of, inverse_kinematics
+from calib.arm.inverse_kinematics import Reached, arm_of, inverse_kinematics, nearest_branch, within_limits
 from calib.arm.kinematics import forward
 from calib.arm.robot import Convention, Robot, load_robot
 from calib.array import Array
-from calib.compensate import postures_of
 from calib.errors import DataError
 from tests.calib.level import built, random_postures
 
@@ -172,12 +171,14 @@ def test_a_slide_has_no_turns(tmp_path: Path) -> None:
     robot, _ = built("scara", tmp_path)
     joints = random_postures(robot, "none", 100, 8)
     seed = joints + np.array([0.0, 0.0, 60.0, 0.0])
-    found, branch = postures_of(robot, forward(robot, joints), seed=seed)
-    np.testing.assert_allclose(found, joints, atol=1e-8)
+    solved = inverse_kinematics(robot, forward(robot, joints)).joints
+    lower, upper = np.array(robot.lower), np.array(robot.upper)
+    found = within_limits(solved, seed[:, None], lower, upper, slides=robot.slides)
+    branch = nearest_branch(found, seed)
+    np.testing.assert_allclose(found[np.arange(100), branch], joints, atol=1e-8)
     assert np.all(branch >= 0)
-    low = np.column_stack([robot.lower, robot.upper])
-    low[2] = -400.0, -300.0
-    assert np.all(np.isnan(postures_of(robot, forward(robot, joints), seed=seed, limits=low)[0]))
+    lower[2], upper[2] = -400.0, -300.0
+    assert np.all(np.isnan(within_limits(solved, seed[:, None], lower, upper, slides=robot.slides)))
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.arm.inverse_kinematics import branch_index, inverse_kinematics
+from calib.arm.inverse_kinematics import BRANCHES, inverse_kinematics
 from calib.arm.kinematics import Chain, Placement, forward, nominal_values, propagate
 from calib.arm.robot import Robot, built_in_robots, load_robot
 from calib.array import Array
@@ -136,7 +136,7 @@ def test_the_arm_is_inverted_in_closed_form(name: str) -> None:
     joints = robot.model_angles(controller_joints(robot, 50, 3), PUBLISHED[name].coupling)
     poses = forward(robot, joints)
     found = inverse_kinematics(robot, poses)
-    own = found.joints[np.arange(len(joints)), [branch_index(b) for b in branches(robot, joints) or ()]]
+    own = found.joints[np.arange(len(joints)), [BRANCHES.index(b) for b in branches(robot, joints) or ()]]
     assert np.abs((own - joints + np.pi) % (2.0 * np.pi) - np.pi).max() < 1e-7
     again = forward(robot, found.joints[found.valid])
     np.testing.assert_allclose(again, poses[np.nonzero(found.valid)[0]], rtol=0.0, atol=1e-9)

@@ -15,7 +15,7 @@ _EFFECTS = (
     "tests/calib/test_effects_offers.py",
     "tests/calib/test_kinematics.py",
 )
-COMPENSATE = ("tests/calib/test_compensate.py", "tests/calib/test_compensate_poses.py")
+COMPENSATE = ("tests/calib/test_compensate.py", "tests/calib/test_compensate_controllers.py")
 OFFSETS = ("tests/calib/test_offsets.py",)
 VISITS = ("tests/calib/test_visits.py",)
 

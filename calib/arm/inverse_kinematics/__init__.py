@@ -6,7 +6,7 @@ axes with shoulder and wrist in a point. By a search over one joint: wrists that
 
 from calib.arm.inverse_kinematics.arm import Arm
 from calib.arm.inverse_kinematics.near import nominal_inverse
-from calib.arm.inverse_kinematics.solutions import BRANCHES, SINGULAR_SINE, Reached, Solutions, branch_index
+from calib.arm.inverse_kinematics.solutions import BRANCHES, SINGULAR_SINE, Reached, Solutions
 from calib.arm.inverse_kinematics.solve import arm_of, inverse_kinematics
 from calib.arm.inverse_kinematics.turns import nearest_branch, nearest_turns, within_limits
 
@@ -17,7 +17,6 @@ __all__ = [
     "Reached",
     "Solutions",
     "arm_of",
-    "branch_index",
     "inverse_kinematics",
     "nearest_branch",
     "nearest_turns",

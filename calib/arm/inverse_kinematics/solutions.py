@@ -50,13 +50,6 @@ REACHED = tuple(Reached)
 UNREACHABLE = (REACHED.index(Reached.TOO_NEAR), REACHED.index(Reached.TOO_FAR), REACHED.index(Reached.TILTED))
 
 
-def branch_index(name: str, *, among: tuple[str, ...] = BRANCHES) -> int:
-    """Position of a branch among those of an arm. Raises ValueError for an unknown name."""
-    if name not in among:
-        raise ValueError(f"branch {name!r} is not one of {', '.join(among)}")
-    return among.index(name)
-
-
 @dataclass(frozen=True)
 class Solutions:
     """The solutions of n poses in B branches.
