@@ -38,7 +38,8 @@ from tests.drivers.waiting import PATIENCE_S
 
 SCRIPT = """
     Object.defineProperty(globalThis, "navigator", { value: { language: "de" } });
-    Object.assign(globalThis, { localStorage: { getItem: () => "de" }, sessionStorage: { getItem: () => null }, document: {} });
+    const kept = { getItem: () => "de" }, none = { getItem: () => null };
+    Object.assign(globalThis, { localStorage: kept, sessionStorage: none, document: {} });
     const of = (module) => import(`${process.argv[2]}/${module}.js`), given = JSON.parse(process.argv[3]);
     console.log(JSON.stringify(await (async () => { BODY })()));
 """
