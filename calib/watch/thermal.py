@@ -13,6 +13,7 @@ A model that warms up follows a clock that began with a cold robot, so the readi
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -48,15 +49,22 @@ class Upkept:
     model: SavedModel | None
 
 
-def keep_up(saved: SavedModel, dataset: Dataset, rate: float = RATE, *, frame_known: bool = True) -> Upkept:
+def keep_up(
+    saved: SavedModel,
+    dataset: Dataset,
+    rate: float = RATE,
+    *,
+    frame_known: bool = True,
+    path: Path | None = None,
+) -> Upkept:
     """Update the thermal parameters of a model by the usable readings of a data set that is no watch for another reason
     (`calib.watch.refusals`). Raises DataError for a model without a thermal effect, naming what would be needed, and
-    for readings that do not show it."""
+    for readings that do not show it. path: of the model, for that."""
     seen = Seen.of(saved, dataset, frame_known=frame_known)
     model = saved.model
     thermal = [e for e in model.effects if e.group == "thermal" and e.owner == "robot"]
     if not thermal:
-        raise _without_effect(seen, rate)
+        raise _without_effect(seen, rate, path)
     every = [p for e in thermal for p in e.parameters]
     sizes = {p.name: to_internal(p.size or 1.0, p.unit) for p in every}
     lengths = {p.name: np.linalg.norm(seen.of_parameters[:, model.index[p.name]]) for p in every}
@@ -109,7 +117,7 @@ def _beside(seen: Seen, columns: Array) -> Seen:
     )
 
 
-def _without_effect(seen: Seen, rate: float) -> DataError:
+def _without_effect(seen: Seen, rate: float, path: Path | None) -> DataError:
     found = judge(seen, rate=rate)
     labels = [cause.label for cause, _ in found.causes]
     needed = ""
@@ -125,5 +133,6 @@ def _without_effect(seen: Seen, rate: float) -> DataError:
     return DataError(
         f"has no thermal effect that could be updated{needed}.",
         do="Calibrate from a cold start until the arm is warm, or over the range of the air, and diagnose.",
+        file=path,
         key="effects",
     )

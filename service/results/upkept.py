@@ -64,7 +64,7 @@ class Upkeep:
         )
         dataset = on_its_clock(saved, dataset, model, asked.running_s)
         say("judging")
-        found = watch.keep_up(saved, dataset, asked.rate)
+        found = watch.keep_up(saved, dataset, asked.rate, path=model)
         if asked.update is not None and found.model is not None:
             kept = found.model
             changed = [

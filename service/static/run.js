@@ -2,6 +2,7 @@
 
 import { ask, connection, reckoned } from "./connection.js";
 import { strip } from "./charts.js";
+import { asPlanned, counted, driftsOf } from "./counted.js";
 import { desk, looksOn, moving, order } from "./desk.js";
 import { button, fill, h, svg } from "./dom.js";
 import { eventList } from "./eventlist.js";
@@ -17,9 +18,6 @@ import { duration, length, minus, moment, number, sign, state, timeLeft } from "
 import { t } from "./words.js";
 
 const ENDED = ["succeeded", "failed"], MOST_RUNS = 200, REPLAN_MS = 3000, LIST_MS = 5000;
-
-// A point where it would be at the joints planned: a robot driven by hand stands beside them. Old records do not say.
-const asPlanned = (data) => data.as_planned_mm || data.world_mm;
 
 // What an order concerns: the loop that has the robot, else the run that is shown.
 const subject = (run) => (desk.cell && desk.cell.loop_id && run.id.startsWith(desk.cell.loop_id) ? `/loops/${desk.cell.loop_id}` : `/runs/${run.id}`);
@@ -56,8 +54,7 @@ export function open(root, id) {
   root.append(none, desks);
   none.hidden = desks.hidden = true;
 
-  let run = null, plan = null, scene = null, planned = 0, drifts = {}, offs = {}, expected = new Map(), readings = [], runs = [], listed = 0;
-  const again = new Set();
+  let run = null, plan = null, scene = null, planned = 0, drifts = {}, offs = {}, expected = new Map(), told = [], runs = [], listed = 0;
   const control = new AbortController();
 
   // The serial number of another robot or instrument than that of the record, which has kept the run from going on.
@@ -67,24 +64,16 @@ export function open(root, id) {
   }
 
   function hear(events) {
-    for (const { kind, data, utc } of events) {
-      if (kind === "measure_again") for (const pose of data.poses) again.add(pose);
-      if (kind === "reading" && data.world_mm) readings.push({ data, utc });
-    }
+    told.push(...events.filter((each) => ["reading", "measure_again"].includes(each.kind)));
     list.add(events); judge(); strips();
     desk.look().catch(() => {});  // the band says it
   }
 
-  // Readings against what the nominal robot predicts, and those of the reference pose against its first. A plan that came
-  // later, or has changed, judges them all anew; what was measured again, while warming up for one, does not count.
+  // Readings against what the nominal robot predicts; a plan that came later, or has changed, judges them all anew.
   function judge() {
-    const first = {};
-    offs = {}; drifts = {};
-    for (const { data, utc } of readings.filter((each) => !again.has(each.data.pose))) {
-      if (data.set === "reference") {
-        const point = asPlanned(data), from = first[data.target] = first[data.target] || point;
-        (drifts[data.target] = drifts[data.target] || []).push({ utc, y: length(minus(point, from)) });
-      }
+    const readings = counted(told);
+    offs = {}; drifts = driftsOf(readings);
+    for (const { data, utc } of readings) {
       const where = expected.get(data.pose) || expected.get(`${data.name} ${data.target}`);
       if (where) (offs[t(`set_${data.set}`)] = offs[t(`set_${data.set}`)] || []).push({ utc, y: length(minus(asPlanned(data), where)) });
     }

@@ -107,6 +107,22 @@ def test_the_flow_runs_a_campaign(service: Served, tmp_path: Path) -> None:
     until(lambda: service.client.get("/cell").json()["lease"] is None)
 
 
+@pytest.mark.skipif(node is None, reason="needs node")
+@pytest.mark.parametrize(("status", "problems"), [(202, 0), (202, 1), (401, 0), ("ECONNREFUSED", 0)])
+def test_the_flow_says_where_the_robot_did_not_hear_a_stop(
+    tmp_path: Path, status: int | str, problems: int
+) -> None:
+    assert node is not None
+    nodes = json.loads(taken_from("node-red.md", tmp_path).read_text("utf-8"))
+    (heard,) = [each["func"] for each in nodes if each["id"] == "halt_c"]
+    message = {"statusCode": status, "payload": {"problems": [{"message": "not reachable"}] * problems}}
+    script = f"const node = {{ error: console.log }}; (msg => {{ {heard} }})({json.dumps(message)});"
+    told = subprocess.run(
+        [node, "-e", script], capture_output=True, text=True, timeout=PATIENCE_S, check=True
+    )
+    assert ("NOT stopped" in told.stdout) == ((status, problems) != (202, 0))
+
+
 ASSEMBLIES = ("System.Net.Http", "System.Runtime.Serialization", "System.Xml", "System.Xml.Linq")
 PROJECT = (
     '<Project Sdk="Microsoft.NET.Sdk"><PropertyGroup><OutputType>Exe</OutputType><LangVersion>5</LangVersion>'

