@@ -53,7 +53,7 @@ test: style
 	$(MAKE) --jobs 2 types suite
 
 suite: $(VENV)/.installed
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 # An hour of spoiled files of every format; then 100,000 cases for every parser of a device, and as many requests.
 fuzz: $(VENV)/.installed

@@ -14,6 +14,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from mocks.world.robots import Robot
 from mocks.world.transforms import Matrix, Vector, rx, ry, rz, shift, turn
 
@@ -61,17 +63,24 @@ def nominal_geometry(robot: Robot) -> Geometry:
 
 
 def link_transform(convention: str, alpha: float, beta: float, a: float, theta: float, d: float) -> Matrix:
-    """One link, (4, 4), as the product of its elementary motions (rad, mm)."""
+    """One link, (4, 4), as the product of its elementary motions (rad, mm).
+
+    Without beta it is written out: every element is one product then, and a campaign has tens of thousands of links.
+    """
+    if beta == 0.0:
+        c, s, ca, sa = math.cos(theta), math.sin(theta), math.cos(alpha), math.sin(alpha)
+        if convention == "mdh":
+            rows = [[c, -s, 0.0, a], [ca * s, ca * c, -sa, -sa * d], [sa * s, sa * c, ca, ca * d]]
+        else:
+            rows = [[c, -s * ca, s * sa, c * a], [s, c * ca, -c * sa, s * a], [0.0, sa, ca, d]]
+        return np.array([*rows, [0.0, 0.0, 0.0, 1.0]])
+    fixed = rx(alpha) @ ry(beta)
+    moving = rz(theta)
+    moving[2, 3] = d  # Rz Tz: the shift along z is untouched by the rotation about z
     if convention == "mdh":
-        fixed = rx(alpha) if beta == 0.0 else rx(alpha) @ ry(beta)
-        moving = rz(theta)
-        moving[2, 3] = d  # Rz Tz: the shift along z is untouched by the rotation about z
         fixed[:3, 3] = a * fixed[:3, 0]  # R Tx(a): a mm along the rotated x axis
         return fixed @ moving
-    fixed = rx(alpha) if beta == 0.0 else rx(alpha) @ ry(beta)
     fixed[0, 3] = a  # Tx Rx Ry: the shift comes before the rotations
-    moving = rz(theta)
-    moving[2, 3] = d
     return moving @ fixed
 
 

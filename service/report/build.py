@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from functools import cache
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from acquisition.loop import FollowedUp
@@ -225,13 +226,9 @@ def _model_hash(
     return model_document(found, diagnosis, added)["content_sha256"] if found.converged else None
 
 
-def _render(
-    dataset: Dataset,
-    found: Identification,
-    document: Mapping[str, Any],
-    model_sha256: str | None,
-    **parts: Any,
-) -> str:
+@cache
+def _template() -> Template:
+    """Compiled once: that takes a twelfth of the time of a report."""
     environment = Environment(
         loader=PackageLoader("service"),
         autoescape=True,
@@ -246,7 +243,17 @@ def _render(
         "capitalize_first": _begun,
         "words": words_of,
     }
-    return environment.get_template("report.html.j2").render(
+    return environment.get_template("report.html.j2")
+
+
+def _render(
+    dataset: Dataset,
+    found: Identification,
+    document: Mapping[str, Any],
+    model_sha256: str | None,
+    **parts: Any,
+) -> str:
+    return _template().render(
         dataset=dataset,
         robot=found.model.robot,
         simulated=dataset.header.simulated,

@@ -48,7 +48,7 @@ def test_the_first_hour(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
             for line in text.splitlines():
                 program, *arguments = shlex.split(line)
                 assert program == "truepose"
-                if arguments[0] != "demo":  # which tests/service/test_commands.py runs
+                if arguments[0] != "demo":  # which tests/service/test_demo.py runs
                     assert main(arguments) == 0, line
     assert "backlash:j4" in Path("report.html").read_text("utf-8")
     corrected = read_rows(Path("corrected.csv"))

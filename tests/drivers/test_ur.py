@@ -6,7 +6,9 @@ import logging
 import math
 import socket
 import struct
+import time
 from dataclasses import replace
+from itertools import count, repeat
 from typing import Any
 
 import numpy as np
@@ -183,12 +185,13 @@ def test_local_control_ignores_programs_and_that_is_noticed(fast: CellThread, fe
 def test_two_controlling_clients_are_refused_and_watching_is_not(fast: CellThread) -> None:
     first = connected(fast, deadlines=BRIEF)
     first.arm()
-    second = connected(fast, deadlines=BRIEF)
+    late_s = repeat(0.0)
+    second = connected(fast, deadlines=BRIEF, clock=lambda: time.monotonic() + next(late_s))
     assert second.position().joints_deg == pytest.approx((0.0,) * 6)
-    second.deadlines = replace(BRIEF, reply_s=0.4)
+    late_s = count(0.0, 0.5)  # at each look: it asks again for `reply_s`, and is answered each time
     with pytest.raises(Busy, match="another program"):
         second.arm()
-    second.deadlines = BRIEF
+    late_s = repeat(0.0)
     first.move_to((1.0, 0, 0, 0, 0, 0))
     first.disconnect()
     second.arm()

@@ -83,8 +83,9 @@ def test_torque_is_the_slope_of_the_potential_energy(name: str) -> None:
         assert tau[i] == pytest.approx(-(energy(q + dq) - energy(q - dq)) / 2e-6, abs=1e-3)
 
 
-def test_link_is_the_product_of_its_elementary_motions() -> None:
-    alpha, beta, a, theta, d = 0.3, 0.02, 40.0, -1.1, 70.0
+@pytest.mark.parametrize("beta", [0.0, 0.02])
+def test_link_is_the_product_of_its_elementary_motions(beta: float) -> None:
+    alpha, a, theta, d = 0.3, 40.0, -1.1, 70.0
     modified = rx(alpha) @ ry(beta) @ shift(a, 0, 0) @ rz(theta) @ shift(0, 0, d)
     standard = rz(theta) @ shift(0, 0, d) @ shift(a, 0, 0) @ rx(alpha) @ ry(beta)
     np.testing.assert_allclose(link_transform("mdh", alpha, beta, a, theta, d), modified, atol=1e-12)

@@ -112,6 +112,9 @@ def test_in_memory_needs_no_devices(tmp_path: Path) -> None:
     with start("--in-memory", "--seed", "3", "--out", str(out)) as demo:
         shown, errors = demo.communicate(timeout=PATIENCE_S)
     assert demo.returncode == 0, errors
-    assert "Now revealed" in shown
-    assert (out / "report.html").is_file()
+    for words in ("Now revealed", "periodic:j1:n101", "report.html"):
+        assert words in shown
+    for name in ("report.html", "diagnosis.json", "predictions.csv", "data.csv", "truth.json"):
+        assert (out / name).is_file()
+    assert "SIMULATED" in (out / "report.html").read_text("utf-8")
     assert not (out / "wire_abb.log").exists()

@@ -44,7 +44,7 @@ def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path
         until(lambda: page.value("Boolean(document.querySelector('#question'))"))
         until(lambda: "N1" in page.text("#question"))
         page.value("document.querySelector('#runs').focus()")
-        assert not shown(page, "#silence")
+        until(lambda: not shown(page, "#silence"))
 
         assert (
             page.value("document.documentElement.dataset.page")

@@ -21,10 +21,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
+import grimp
+
 ROOT = Path(__file__).parents[2]
 TIMES, BUSY, JOBS = 50, 4, 2
 _WAITS = re.compile(
-    r"CellThread|simulated_cell|in_thread|threading|socket|subprocess|Popen|served|in_held_service|RIGS"
+    r"\b(CellThread|simulated_cell|in_thread|Thread|ThreadPoolExecutor|socket|subprocess|Popen|served|in_held_service|RIGS"
+    r"|distributed)\b"
 )
 _TESTS = re.compile(r"^ *def test_", re.MULTILINE)
 _TIME = re.compile(r"-?time \d+(?=\])|time \d+-")
@@ -44,12 +47,17 @@ def busy_processes(count: int) -> Iterator[None]:
 
 
 def waiting_files() -> list[str]:
-    """Every file of tests that uses a thread, a socket, a process or a simulated device."""
-    texts = {each: each.read_text(encoding="utf-8") for each in sorted((ROOT / "tests").rglob("test_*.py"))}
+    """Every file of tests that uses a thread, a socket, a process or a simulated device, or imports what does."""
+    graph = grimp.build_graph("tests", cache_dir=None)
+    files = {name: ROOT / (name.replace(".", "/") + ".py") for name in graph.modules}
+    texts = {name: file.read_text("utf-8") for name, file in sorted(files.items()) if file.is_file()}
+    waiting = {name for name, text in texts.items() if _WAITS.search(text)}
     return [
-        str(each.relative_to(ROOT))
-        for each, text in texts.items()
-        if _WAITS.search(text) and _TESTS.search(text)  # some lend others what they wait with
+        str(files[name].relative_to(ROOT))
+        for name, text in texts.items()
+        if files[name].name.startswith("test_")
+        and _TESTS.search(text)  # some lend others what they wait with
+        and waiting & {name, *graph.find_upstream_modules(name)}
     ]
 
 
