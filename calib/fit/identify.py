@@ -51,9 +51,6 @@ from calib.units import percent
 Progress = Callable[[str], None]
 
 _UNSETTLED = 2.0  # ratio of found noise to declared above which the first steps may not have arrived
-# Standard deviations by which a distance between balls may miss what everything else says of it
-_ASTRAY = 5.0
-_CLEAR = 1e-9  # of a distance that nothing else shows
 _FAR = 10.0  # ratio of found noise to declared, or its inverse, that is reported
 
 

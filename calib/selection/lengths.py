@@ -59,7 +59,6 @@ def uncertainty_of(
     noise_mm: float,
     repeatability: float,
     loads: tuple[Load, ...] | None = None,
-    groups: Sequence[str] = DEFAULT_GROUPS,
 ) -> Array:
     """U (p,) mm of the first tool ball at joint angles `places` (p, N), rad.
 
@@ -67,7 +66,7 @@ def uncertainty_of(
     """
     names, anchors = tuple(balls.tool), tuple(balls.base)
     measured = [dict.fromkeys(names, False)]
-    effects = base_model.build(groups, robot, [_SERIES], measured, None, balls.tool_u_mm)
+    effects = base_model.build(DEFAULT_GROUPS, robot, [_SERIES], measured, None, balls.tool_u_mm)
     model = RobotModel(robot, effects, {_SERIES: balls.tool}, anchors=balls.base)
     stated = StatedConditions(loads=loads)
     prior = model.prior_std

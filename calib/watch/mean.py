@@ -28,9 +28,8 @@ class Mean:
     watches: int
 
 
-def mean_of(residuals: Array, weight: float = WEIGHT) -> Mean:
+def mean_of(residuals: Array) -> Mean:
     """The mean of residuals (i, q), oldest first, whitened by noise."""
-    kept = 1.0 - weight
-    weights = weight * kept ** np.arange(len(residuals))[::-1]
+    weights = WEIGHT * (1.0 - WEIGHT) ** np.arange(len(residuals))[::-1]
     total = float(np.sum(weights))
     return Mean(weights @ residuals / total, float(np.sum(weights**2)) / total**2, len(residuals))

@@ -49,18 +49,11 @@ class Upkept:
     model: SavedModel | None
 
 
-def keep_up(
-    saved: SavedModel,
-    dataset: Dataset,
-    rate: float = RATE,
-    *,
-    frame_known: bool = True,
-    path: Path | None = None,
-) -> Upkept:
+def keep_up(saved: SavedModel, dataset: Dataset, rate: float = RATE, *, path: Path | None = None) -> Upkept:
     """Update the thermal parameters of a model by the usable readings of a data set that is no watch for another reason
     (`calib.watch.refusals`). Raises DataError for a model without a thermal effect, naming what would be needed, and
     for readings that do not show it. path: of the model, for that."""
-    seen = Seen.of(saved, dataset, frame_known=frame_known)
+    seen = Seen.of(saved, dataset)
     model = saved.model
     thermal = [e for e in model.effects if e.group == "thermal" and e.owner == "robot"]
     if not thermal:

@@ -27,7 +27,6 @@ from service.programs.frames import KnownFrames
 from service.programs.program import Driven, Target
 from service.programs.text import Edit, Lines, Number
 
-JOINTS = 6
 _LINE = re.compile(r"[^\r\n]++")
 _POSITION = re.compile(r"(?P<name>C\d{3,6}+)\s*+=(?P<values>.*+)")
 _TYPE = re.compile(r"///POSTYPE\s++(\w++)")

@@ -8,13 +8,10 @@ Cramer and Rao, trace(G (J'J)^-1 G') with J and G differences of the second arm 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.fit.identify import identify
 from tests.benchmarks.clock import line
 from tests.benchmarks.coverage import GROUPS, POINT_MM, Campaign, Kind, simulate, true_frames
-
-Array = NDArray[np.float64]
 
 WANTED = 0.05
 """Part by which the mean over all data sets may lie off its floor."""

@@ -39,7 +39,6 @@ from mocks.campaign import make_campaign
 from tests.calib.campaigns import dataset_of, exact, move_rows, with_points, write_files
 from tests.calib.cells import NOISE, Cell
 
-DEG = np.pi / 180.0
 POSE = np.eye(4)
 POSE[:3, :3] = Rotation.from_rotvec([0.4, -0.7, 1.9]).as_matrix()
 POSE[:3, 3] = (1500.0, -300.0, 250.0)

@@ -172,10 +172,6 @@ def _own(folder: Path, path: Path) -> object:
         return propose([path], ANSWERS)
 
 
-def _by_map(folder: Path, path: Path) -> object:
-    return converted(read_map(path), [folder / "own.csv"], path, folder)
-
-
 def _history() -> bytes:
     marks = dict.fromkeys(("data_sha256", "baseline_sha256", "poses_sha256"), "0123")
     line = {"format": "truepose-watch-history/1", **marks, "verdict": "unchanged", "residual": [0.5, -1.25]}

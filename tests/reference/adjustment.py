@@ -17,7 +17,6 @@ from tests.reference.decimals import Matrix, factor, identity, norm, precise, so
 from tests.reference.problem import Problem, Reading, residual
 from tests.reference.weights import STEP, whitener
 
-ZERO = Decimal(0)
 CONVERGED = Decimal("1e-20")  # length of the last step in standard errors
 MAX_ITERATIONS = 30
 

@@ -44,7 +44,6 @@ _JOINT = _words("j gelenkwinkel achswinkel joint axis achse gelenk axe theta th 
 _EXTERNAL = frozenset(["e", "ext", "external", "eax", "extern", "zusatzachse", "track"])
 _ROS = ("shoulder pan", "shoulder lift", "elbow", "wrist 1", "wrist 2", "wrist 3")
 _UR = ("base", "shoulder", "elbow", "wrist 1", "wrist 2", "wrist 3")
-_YASKAWA = {"s": 1, "l": 2, "u": 3, "r": 4, "b": 5, "t": 6}
 _GROUP = _words(
     "t tool werkzeug smr target marker ball prism prisma reflektor reflector kugel m p punkt point nest "
     "messpunkt"

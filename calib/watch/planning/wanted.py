@@ -30,7 +30,7 @@ def of_one_unit(cause: Effect, columns: Array) -> Array:
     return columns[:, same] * to_internal(1.0, unit)
 
 
-def needed(freedom: int, p_limit: float, chance: float = SEEN) -> float:
-    """The non-centrality with which chi-squared exceeds the limit of a p-value in so many of all cases."""
+def needed(freedom: int, p_limit: float) -> float:
+    """The non-centrality with which chi-squared exceeds the limit of a p-value in the share `SEEN` of all cases."""
     limit = stats.chi2.isf(p_limit, freedom)
-    return float(chndtrinc(limit, freedom, 1.0 - chance))
+    return float(chndtrinc(limit, freedom, 1.0 - SEEN))

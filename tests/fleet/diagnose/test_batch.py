@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
@@ -22,8 +21,6 @@ from fleet.errors import StoreGone
 from fleet.store import Store, utc_now
 from tests.drivers.waiting import in_thread, until
 from tests.fleet.diagnose.sets import bad, good
-
-Find = Callable[..., Diagnosis]
 
 
 class Counted:
