@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Unpack
 
 from calib.errors import DataError
-from drivers.errors import AcquisitionError, Busy, ConfigError, Refused, Unmeasurable, Where
+from drivers.errors import AcquisitionError, Busy, ConfigError, NoisyMeasurement, Refused, Unmeasurable, Where
 
 
 @contextmanager
@@ -144,6 +144,13 @@ class Misplaced(Unmeasurable):
         "Cover the SMRs that the beam may find instead. If the robot is elsewhere than the cell file says, "
         "correct its world.nests or raise instrument.expected_within_mm."
     )
+
+
+class NothingNew(NoisyMeasurement):
+    """The instrument shows to the last digit what it showed elsewhere: it is stuck, or its bridge repeats itself."""
+
+    code = 2102
+    advice = "Look whether the bridge still hears the instrument and a bar moves freely, then repeat the measurement."
 
 
 class TurnedOtherwise(Refused):

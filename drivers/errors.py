@@ -17,6 +17,8 @@ from __future__ import annotations
 
 from typing import ClassVar, TypedDict, Unpack
 
+_ROLES = ("", "robot", "instrument", "operator")
+
 
 class Where(TypedDict, total=False):
     """The place of an error: the device, the command that was under way, the raw reply."""
@@ -61,8 +63,15 @@ class AcquisitionError(Exception):
 
     @property
     def sentence(self) -> str:
-        """The error in words: what happened and what to do, for the person at the cell."""
-        return f"{self.message.rstrip('.')}. {self.what_to_do}"
+        """The error in words, for the person at the cell: what happened to which device, and what to do."""
+        return f"{self.what_happened} {self.what_to_do}"
+
+    @property
+    def what_happened(self) -> str:
+        """A sentence, with the name of the device in front where it does not have it; errors of the campaign speak of
+        the robot and the instrument by what is wrong with them."""
+        named = self.device in _ROLES or self.device.casefold() in self.message.casefold()
+        return f"{'' if named else f'{self.device}: '}{self.message.rstrip('.')}."
 
     def as_dict(self) -> dict[str, object]:
         """Plain values for the audit log and for problem+json; raw bytes as latin-1 text."""
@@ -184,6 +193,13 @@ class NotReady(Refused):
     code = 3005
     exit_code = 4
     advice = "Let the instrument finish its start-up and check its weather station, then confirm."
+
+
+class ProgramNotReady(NotReady):
+    """The program on the controller that moves the robot does not run, or cannot move it."""
+
+    code = 3011
+    advice = "Clear the alarm on the pendant, start the robot's programs again, then confirm."
 
 
 class MotionStopped(Refused):

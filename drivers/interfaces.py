@@ -17,7 +17,10 @@ from typing import Protocol, runtime_checkable
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """The identity of the device at an address. `simulated` is None where the protocol does not say."""
+    """The identity of the device at an address. `simulated` is None where the protocol does not say.
+
+    `alias`: another name that no second device has, told also where the serial number is not.
+    """
 
     maker: str
     model: str
@@ -25,6 +28,7 @@ class Identity:
     firmware: str
     protocol: str
     simulated: bool | None = None
+    alias: str = ""
 
 
 @dataclass(frozen=True, slots=True)

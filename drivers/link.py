@@ -231,15 +231,19 @@ class TcpLink:
         seconds: float,
         possible: Callable[[bytes], bool],
         quiet_s: float = 0.0,
+        sure: re.Pattern[bytes] | None = None,
         meanwhile: Callable[[], None] | None = None,
     ) -> re.Match[bytes]:
         """An answer without a terminator: all bytes received must match `complete` exactly.
 
         `possible` says whether the bytes so far can still become an answer. Free text has no recognisable
-        end: with `quiet_s` it ends when nothing more came for so long. Raises like `read_until`.
+        end: with `quiet_s` it ends when nothing more came for so long, unless it has the form `sure`. Raises like
+        `read_until`.
         """
         end = self.clock() + seconds
-        while not (found := complete.fullmatch(self._buffer)) or self._more_within(quiet_s, command):
+        while not (found := complete.fullmatch(self._buffer)) or (
+            not (sure and sure.fullmatch(self._buffer)) and self._more_within(quiet_s, command)
+        ):
             if found:
                 continue
             if not possible(self._buffer):

@@ -19,10 +19,11 @@ from acquisition.examination.computer import examine_computer
 from acquisition.examination.finding import Chart, Examination, Finding
 from acquisition.examination.instrument import examine_instrument
 from acquisition.examination.meeting import Place
+from acquisition.examination.priority import note_low_priority
 from acquisition.examination.robot import examine_robot
 from acquisition.run.orders.mover import Mover
 
-__all__ = ["Examination", "Finding", "examine"]
+__all__ = ["Examination", "Finding", "examine", "note_low_priority"]
 
 _CALENDAR_STEP_S = 1.0
 

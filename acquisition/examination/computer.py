@@ -17,6 +17,7 @@ from pathlib import Path
 from acquisition.cell.cell import Cell
 from acquisition.errors import StorageError
 from acquisition.examination.finding import Chart
+from acquisition.examination.priority import REMEDY, WHY, low_priority
 from acquisition.run.run import LEAST_FREE_BYTES
 from drivers.errors import LinkLost
 
@@ -30,6 +31,7 @@ def examine_computer(cell: Cell, chart: Chart, record: Path) -> None:
     _calendar(chart)
     _sqlite(chart)
     _room(chart, record)
+    _priority(chart)
     _operator(cell, chart)
     for role, url in (("robot", cell.robot.url), ("instrument", cell.instrument.url)):
         if url and "://" not in url:  # a device that a person works has no address
@@ -55,6 +57,11 @@ def _sqlite(chart: Chart) -> None:
         )
     else:
         chart.ok("sqlite", f"SQLite {version}")
+
+
+def _priority(chart: Chart) -> None:
+    if behind := low_priority():
+        chart.note("priority", f"{behind}: {WHY}", REMEDY)
 
 
 def _room(chart: Chart, record: Path) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +64,9 @@ class Individual:
         return cls(role, who.maker, who.model, who.serial, who.firmware, who.protocol, by, reason)
 
     def is_other_than(self, who: Identity | Individual) -> bool:
-        """Whether both report something and it differs."""
+        """Whether both report something and it differs; a serial number may be the alias of the other."""
+        if isinstance(who, Identity) and who.alias and _plain(who.alias) == _plain(self.serial):
+            who = replace(who, serial=self.serial)
         mine, its = ([_plain(getattr(each, name)) for name in _COMPARED] for each in (self, who))
         return any(a and b and a != b for a, b in zip(mine, its, strict=True))
 
@@ -121,6 +123,8 @@ class Individuals:
             if needed.role == role:
                 needed.refuse_other(who)
         known = self.now().get(role)
+        if known is not None and self._told_both(role, known, who):
+            who = replace(who, serial=known.serial)
         if known is None:
             self._write(Individual.of(role, who))
         elif not known.is_other_than(who):
@@ -145,6 +149,14 @@ class Individuals:
                 device=role,
                 command="identify",
             )
+
+    def _told_both(self, role: str, known: Individual, who: Identity) -> bool:
+        """Whether the serial number of `known` and the alias of `who` were once told together."""
+        names = known.serial, who.alias
+        told = self._store.data_of_events("connected")
+        return all(names) and any(
+            (each["role"], each["serial"], each.get("alias")) == (role, *names) for each in told
+        )
 
     def _write(self, individual: Individual) -> None:
         values = asdict(individual)

@@ -1,4 +1,7 @@
-"""Ctrl-C at the terminal: once pauses after the reading in hand, twice stops the robot now."""
+"""Ctrl-C at the terminal: once pauses after the reading in hand, twice stops the robot now.
+
+A terminal that is closed (SIGHUP) pauses at once, however often it is said: nobody is left who looks on.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +15,13 @@ from types import FrameType
 from acquisition.run.run import Run
 
 _ORDERS = (signal.SIGINT, signal.SIGTERM)
+_HANG_UP: int = getattr(signal, "SIGHUP", 0)  # Windows has none
+CLOSED = "The terminal was closed."
 
 
 @contextmanager
 def pausing_on_interrupt(run: Run, tell: Callable[[str], None] = lambda _: None) -> Iterator[None]:
-    """While the block runs, in the main thread, SIGINT and SIGTERM are orders to the run.
+    """While the block runs, in the main thread, SIGINT, SIGTERM and SIGHUP are orders to the run.
 
     tell: takes, from another thread, the sentence of what a stop did not reach: the robot may go on for long.
 
@@ -31,19 +36,26 @@ def pausing_on_interrupt(run: Run, tell: Callable[[str], None] = lambda _: None)
         for problem in run.stop(by):
             tell(problem.sentence)
 
+    def hang_up(by: str) -> None:
+        run.pause(by, reason=CLOSED, at_once=True)
+
     def listen() -> None:
         order: Callable[[str], None] = run.pause
         while number := ear.recv(1):
-            if number[0] in _ORDERS:
+            if number[0] in heard:
                 # In a thread of its own: the second order must not wait for the first.
-                given.append(threading.Thread(target=order, args=("terminal",), daemon=True))
+                does = hang_up if number[0] == _HANG_UP else order
+                given.append(threading.Thread(target=does, args=("terminal",), daemon=True))
                 given[-1].start()
-                order = stop
+                order = order if does is hang_up else stop
 
+    # Whoever has it ignored (`nohup`) goes on without a terminal.
+    closes = _HANG_UP and signal.getsignal(_HANG_UP) is not signal.SIG_IGN
+    heard = (*_ORDERS, _HANG_UP) if closes else _ORDERS
     listener = threading.Thread(target=listen, daemon=True)
     listener.start()
     bell_before = signal.set_wakeup_fd(bell.fileno(), warn_on_full_buffer=False)
-    before = {number: signal.signal(number, _heard_by_the_thread) for number in _ORDERS}
+    before = {number: signal.signal(number, _heard_by_the_thread) for number in heard}
     try:
         yield
     finally:

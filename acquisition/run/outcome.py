@@ -32,7 +32,10 @@ def verdict_of(store: Store) -> tuple[State, str]:
     if not counts.get("measured"):
         return State.FAILED, "Not one pose could be measured."
     remarks = []
-    if skipped := counts.get("skipped", 0):
+    measured = counts["measured"]
+    if (skipped := counts.get("skipped", 0)) > measured:
+        remarks.append(f"Most is missing: {measured} of {measured + skipped} readings were measured.")
+    elif skipped:
         remarks.append(f"{skipped} reading{' was' if skipped == 1 else 's were'} skipped.")
     if (stations := store.campaign["station"]) > 1:
         remarks.append(f"The instrument was moved: its readings come from {stations} stations.")

@@ -26,7 +26,7 @@ from acquisition.campaign.campaign import Campaign
 from acquisition.cell.bars import Bar, bar_for, bars_of
 from acquisition.cell.cell import Cell
 from acquisition.cell.transit import Transit
-from acquisition.errors import NothingWhereItShouldBe, OtherBalls, WronglySeated
+from acquisition.errors import NothingNew, NothingWhereItShouldBe, OtherBalls, WronglySeated
 from acquisition.record.attempts import Attempts
 from acquisition.record.planned import Planned
 from acquisition.record.store import Store
@@ -36,6 +36,7 @@ from acquisition.run.ballbar.placing import Placing
 from acquisition.run.ballbar.second_stage import SecondStage
 from acquisition.run.checks.attitudes import Attitudes
 from acquisition.run.checks.calendar import Calendar
+from acquisition.run.checks.companions import Companions
 from acquisition.run.checks.expected import Anew, Expectation, as_planned
 from acquisition.run.checks.gates import Gates, Zeroing
 from acquisition.run.checks.nests import Nests
@@ -53,7 +54,8 @@ from drivers.interfaces import Answer, Entry, LengthReading, PointReading, Readi
 LINK_TRIES = 5
 FIRST_BACK_OFF_S = 0.1  # on the wall; doubles with every try
 GIVEN_UP_IN_A_ROW = 10  # then it is no longer the poses: somebody has to look
-# Before any target was seen: the arm may be another than the one by which it keeps clear.
+# Before any target was seen the arm may be another than the one by which it keeps clear; what an instrument says again
+# and again is no pose's fault either.
 GIVEN_UP_AT_FIRST = 3
 
 
@@ -89,6 +91,7 @@ class Sequencer:
         self._arrivals = Arrivals(store, campaign, rig, control, transit, by_hand=by_hand)
         self._path = PathDrive(store, campaign, rig, control, transit)
         self._checks, self._anew, self._attitudes = BallbarChecks(store, cell), Anew(), Attitudes(cell)
+        self._companions = Companions()
         self._second_stage = SecondStage(store, cell, campaign, self._placing.cell)
         self._nests = Nests(store, cell, lambda nest: self._try(nest, last=True), self._consult)
         self._arrival: Arrival | None = None
@@ -176,7 +179,7 @@ class Sequencer:
                 self._arrivals.check_not_displaced(arrival)  # while the bar was put on
             if attempt is None:
                 attempt = self._attempts.begin_reading(planned, None if arrival is None else arrival.attempt)
-            self._measure(planned, attempt, arrival)
+            doubt = self._measure(planned, attempt, arrival)
         except LeftOut as error:
             if planned.visit.counted and not error.again:
                 self._done_with(planned, "skipped", self._reason or "by the operator")
@@ -198,8 +201,11 @@ class Sequencer:
         else:
             self._arrival = None if planned.visit.waypoints else arrival  # a path ends elsewhere
             self._link_faults = self._given_up = self._tries = self._refusals = 0
+            if doubt is not None:
+                self._ask(doubt)
 
-    def _measure(self, planned: Planned, attempt: int, arrival: Arrival | None) -> None:
+    def _measure(self, planned: Planned, attempt: int, arrival: Arrival | None) -> str | None:
+        """Keep a reading; a question about it to a person, where it does not go with those before it."""
         try:
             if planned.base_target is not None:
                 reading: Reading = self._length(planned, planned.base_target)
@@ -221,8 +227,11 @@ class Sequencer:
             self._last = planned.id
             self._seen = True
             self._gates.measured(planned, point)
-            if planned.visit.between_balls and (moved := self._checks.moved(planned)) is not None:
-                self._ask(moved)
+            if planned.visit.between_balls:
+                return self._checks.moved(planned)
+            if isinstance(reading, PointReading):
+                return self._companions.changed(planned, reading)
+        return None
 
     def _length(self, planned: Planned, base_target: str) -> LengthReading:
         """Measured length of a leg. Raises OtherBalls for what cannot be the leg."""
@@ -324,7 +333,8 @@ class Sequencer:
         self._done_with(planned, "skipped" if last else "deferred", error.message)
         self._given_up += 1
         unseen = planned.base_target is None and not self._seen
-        if self._given_up >= (GIVEN_UP_AT_FIRST if unseen else GIVEN_UP_IN_A_ROW):
+        soon = unseen or isinstance(error, NothingNew)
+        if self._given_up >= (GIVEN_UP_AT_FIRST if soon else GIVEN_UP_IN_A_ROW):
             tries, self._given_up = self._given_up, 0
             self._seen = True  # by a person who says so
             self._consult(

@@ -45,7 +45,10 @@ _STOCK_DECIMALS = 2
 _WIDEST_DEG = 1000.0  # no joint of any ABB arm turns further; beyond it the answer is damaged
 _IDENTITY = re.compile(rb"98 (?:0 |1 ([^*#]+)\*([^*#]+)\*([^*#]+))")
 _MOST_LOOKS = 3  # beyond the first
-_STOCK_JOINTS = re.compile(rb"4 (?:0 |1 (" + rb" ".join([rb"-?\d{1,3}\.\d{2}"] * _JOINTS) + rb"))")
+# Whether RAPID's NumToStr writes zeros at the end is told nowhere: without them the last joint has no recognisable end.
+_STOCK_JOINT = rb"-?\d{1,3}(?:\.\d{0,5})?"
+_STOCK_JOINTS = re.compile(rb"4 (?:0 |1 (" + rb" ".join([_STOCK_JOINT] * _JOINTS) + rb"))")
+_ENDED_JOINTS = re.compile(rb"4 (?:0 |1 .*\.\d{2})")
 _WEAKNESS = (
     "open_abb moves on a request at once and has no checksum: a target that is damaged on its way moves the robot "
     f"there, and is seen only afterwards, from {10.0**-_STOCK_DECIMALS:g} deg on"
@@ -277,7 +280,7 @@ class AbbArm:
 
     def _read_back(self) -> JointReading:
         if not self._superset:
-            found = self._main.ask(4, (), _STOCK_JOINTS)
+            found = self._main.ask(4, (), _STOCK_JOINTS, quiet_s=self.deadlines.quiet_s, sure=_ENDED_JOINTS)
             return JointReading(
                 self._joints(found[1].split(b" "), found[0]), 10.0**-_STOCK_DECIMALS, found[0]
             )

@@ -34,7 +34,7 @@ from drivers.waiting import Waiting
 JOINTS = 6
 SET, JOINTS_NOW, STATE, STOP, CONDITIONS, GO = 201, 202, 205, 207, 208, 209
 _ECHO_DEG = 2e-5  # a RAPID num has single precision: 1.5e-5 at 180 deg
-_JOINT = re.compile(rb"-?\d{1,3}\.\d{%d}" % DECIMALS)
+_JOINT = re.compile(rb"-?\d{1,3}(?:\.\d{1,%d})?" % DECIMALS)  # RAPID may leave zeros at the end out
 _MODES = {1: "auto", 2: "manual", 3: "manual"}
 _REFUSALS: Mapping[int, tuple[type[AcquisitionError], str]] = {
     1: (CommandRefused, "bad parameters"),
@@ -128,7 +128,7 @@ class CalSrv:
     def joints_of(self, code: int, answer: Numbered) -> tuple[float, ...]:
         """The six joint angles of an answer (deg). Raises ProtocolError."""
         if len(answer.fields) != JOINTS or not all(_JOINT.fullmatch(each) for each in answer.fields):
-            raise self._damaged("not six joints of five decimals", code, answer.raw)
+            raise self._damaged("not six joints of at most five decimals", code, answer.raw)
         return tuple(float(field) for field in answer.fields)
 
     def _numbers(self, code: int, answer: Numbered) -> tuple[float, ...]:

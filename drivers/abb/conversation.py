@@ -119,9 +119,11 @@ class AbbConversation:
         deadline: str = "reply_s",
         seconds: float | None = None,
         quiet_s: float = 0.0,
+        sure: re.Pattern[bytes] | None = None,
     ) -> re.Match[bytes]:
         """One open_abb question and its ping; `complete` is the form of the answer, group 1 its data.
 
+        `quiet_s` and `sure` say when one without a recognisable end has ended (`drivers.link`).
         Raises LinkError, CommandRefused.
         """
         head = b"%d " % code
@@ -130,7 +132,7 @@ class AbbConversation:
         limit = self.deadlines.reply_s if seconds is None else seconds
         with self.lock:
             with self.link.question(str(code)):
-                found = self._exchange(request, head, pattern, deadline, limit, quiet_s)
+                found = self._exchange(request, head, pattern, deadline, limit, quiet_s, sure)
             self.ping()
         if found[1] is None:
             raise CommandRefused(
@@ -188,6 +190,7 @@ class AbbConversation:
         deadline: str,
         seconds: float,
         quiet_s: float = 0.0,
+        sure: re.Pattern[bytes] | None = None,
     ) -> re.Match[bytes]:
         def possible(received: bytes) -> bool:
             begins_well = received.startswith(head) or head.startswith(received)
@@ -196,5 +199,11 @@ class AbbConversation:
         command = head.decode().strip()
         self.link.send(request, command=command, send_s=self.deadlines.send_s)
         return self.link.read_reply(
-            complete, command=command, deadline=deadline, seconds=seconds, possible=possible, quiet_s=quiet_s
+            complete,
+            command=command,
+            deadline=deadline,
+            seconds=seconds,
+            possible=possible,
+            quiet_s=quiet_s,
+            sure=sure,
         )

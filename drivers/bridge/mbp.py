@@ -260,12 +260,16 @@ class MbpClient:
                 return None
 
     def _next(self, command: str, deadline: str, seconds: float, end: float) -> Message:
-        left = end - self.clock()
-        if left <= 0:
-            raise LinkTimeout(
-                f"no complete answer within {deadline} = {seconds:g} s", device=self.device, command=command
-            )
-        line = self.link.read_until(b"\n", command=command, deadline=deadline, seconds=left, limit=LIMIT)
+        line = b""
+        while not line.strip():  # an empty line keeps a connection alive, and says nothing
+            left = end - self.clock()
+            if left <= 0:
+                raise LinkTimeout(
+                    f"no complete answer within {deadline} = {seconds:g} s",
+                    device=self.device,
+                    command=command,
+                )
+            line = self.link.read_until(b"\n", command=command, deadline=deadline, seconds=left, limit=LIMIT)
         try:
             return parse(line, checksum_needed=self._checksum_needed)
         except ProtocolError as error:

@@ -113,7 +113,7 @@ class MbpSession:
         ProtocolError."""
         needed = {"proto": "1", "kind": self._kind, "units": ",".join(_UNITS)}
         shown = {key: hello.fields.get(key) for key in needed}
-        given = (hello.fields.get("units") or "").split(",")[: len(_UNITS)]
+        given = (hello.fields.get("units") or "").casefold().split(",")[: len(_UNITS)]
         # What a greeting leaves out is as the protocol has it; those of temperature and pressure are not used.
         shown["units"] = ",".join(one or other for one, other in zip_longest(given, _UNITS))
         for key, wanted in needed.items():

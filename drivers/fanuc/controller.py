@@ -17,7 +17,7 @@ from drivers.errors import (
     EnableLost,
     JointLimit,
     MotionStopped,
-    NotReady,
+    ProgramNotReady,
     ProtectiveStop,
     ProtocolError,
     WrongMode,
@@ -109,7 +109,7 @@ _ENDS: dict[int, tuple[type[AcquisitionError], str]] = {
     STOPPED_BY_CLIENT: (MotionStopped, "stopped by a client"),
     OUT_OF_RANGE: (JointLimit, "outside the joint limits of the controller"),
     SILENCE: (ProtectiveStop, "stopped by the watchdog: no word from this program"),
-    UNFIT: (NotReady, "controller not ready to move"),
+    UNFIT: (ProgramNotReady, "controller not ready to move"),
     OTHER_TARGET: (
         ProtocolError,
         "the target that arrived there is not the one that was sent; nothing moved",

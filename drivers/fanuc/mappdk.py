@@ -170,10 +170,7 @@ class MappdkController:
 
     def _failed(self, status: int, raw: bytes) -> AcquisitionError:
         kind, text = ended(status)
-        todo = "Clear the alarm on the pendant, start the robot's programs again, then confirm."
-        return kind(
-            text, device=self.name, command="move_to", raw=raw, what_to_do=todo if status == UNFIT else None
-        )
+        return kind(text, device=self.name, command="move_to", raw=raw)
 
     def _compare(self, shown: Sequence[float], wanted: Sequence[float], raw: bytes) -> None:
         if apart_deg(shown, wanted) > _ECHO_DEG:

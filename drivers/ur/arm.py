@@ -179,15 +179,16 @@ class UrArm:
         """Type of the arm, software, and which arm it is. Raises LinkError.
 
         That is its serial number where the dashboard reports it (software 3.12 and 5.6 or later, and open), or else the
-        name of its calibration by the factory, which no two arms share.
+        name of its calibration by the factory, which no two arms share; that is its alias in any case.
         """
         factory = self.factory()
+        name = factory.calibration
         serial = read_serial(self._dashboard, self.name, self._deadlines, self._wire)
         if serial:
-            self._serials[factory.calibration] = serial
+            self._serials[name] = serial
         else:
-            serial = self._serials.get(factory.calibration, factory.calibration)
-        return Identity("Universal Robots", factory.model, serial, factory.firmware, self.feed)
+            serial = self._serials.get(name, name)
+        return Identity("Universal Robots", factory.model, serial, factory.firmware, self.feed, alias=name)
 
     def in_remote_control(self) -> bool | None:
         """Whether the controller takes programs by network, by its dashboard; None where that does not say (CB3)."""

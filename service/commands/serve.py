@@ -104,6 +104,10 @@ def serve(
         else:
             tokens = lasting_tokens(token_file)
         note_if_others_read(record)
+        if the_cell is not None and not simulate:
+            from acquisition.examination import note_low_priority
+
+            note_low_priority()
         settings = Settings(
             record=record,
             tokens=tokens,

@@ -47,8 +47,8 @@ class Server(uvicorn.Server):
 
 
 def run_server(app: FastAPI, address: str, port: int, hello: Callable[[str], str]) -> int:
-    """Serve on a port of an address until SIGINT or SIGTERM; an exit code. hello: what to print once it is ready, from
-    its URL.
+    """Serve on a port of an address until SIGINT, SIGTERM or SIGHUP; an exit code. hello: what to print once it is
+    ready, from its URL.
 
     Raises DataError when the port is taken, OSError for an address that is not of this computer.
     """
@@ -82,5 +82,9 @@ def run_server(app: FastAPI, address: str, port: int, hello: Callable[[str], str
         # Threads that compute give the interpreter up five times as often as usual: a stop takes some ten turns.
         sys.setswitchinterval(0.001)
         server = Server(config, app, hello(url))
+        # A terminal that is closed ends the service as SIGTERM does; `nohup` has it ignored.
+        hang_up = getattr(signal, "SIGHUP", None)
+        if hang_up is not None and signal.getsignal(hang_up) is signal.SIG_DFL:
+            signal.signal(hang_up, server.handle_exit)
         server.run(sockets=[listener])
     return exit_codes.DONE if server.started else exit_codes.FAILED

@@ -14,11 +14,13 @@ const SENTENCES = [
   ["Paused on request.", "Auf Wunsch pausiert."], ["Stopped on request.", "Auf Wunsch angehalten."], ["Stopped on request; {rest}.", "Auf Wunsch angehalten; {rest}"],
   ["The service was ended.", "Der Dienst wurde beendet."], ["The program was interrupted.", "Das Programm wurde unterbrochen."], ["{who} was not heard of for {n} s.", "Von {who} kam {n} s lang nichts."],
   ["Not one pose could be measured.", "Keine einzige Pose konnte gemessen werden."], ["{n} reading was skipped.", "{n} Messung wurde ausgelassen."], ["{n} readings were skipped.", "{n} Messungen wurden ausgelassen."],
+  ["Most is missing: {n} of {m} readings were measured.", "Das meiste fehlt: {n} von {m} Messungen wurden gemacht."], ["The terminal was closed.", "Das Terminal wurde geschlossen."],
   ["The instrument was moved: its readings come from {n} stations.", "Das Messgerät wurde versetzt: seine Messungen stammen von {n} Standpunkten."],
   ["Press the emergency stop: the program does not reach the robot, which may still be moving.", "Not-Halt drücken: das Programm erreicht den Roboter nicht, und er fährt vielleicht noch."],
   ["Nothing is connected since this link was lost: press the emergency stop if the robot moves.", "Seit diese Verbindung abriss, ist nichts verbunden: bewegt sich der Roboter, Not-Halt drücken."],
   ["Press the stop button of the controller: this robot cannot be stopped by the program.", "Den Halt-Taster der Steuerung drücken: diesen Roboter kann das Programm nicht anhalten."],
   // devices: what happened
+  ["{device}: {rest}.", "{device}: {rest}"],
   ["{where} not reachable: {why}.", "{where} nicht erreichbar: {why}."], ["connection lost: {why}.", "Verbindung verloren: {why}."], ["device closed the connection.", "Das Gerät hat die Verbindung geschlossen."],
   ["device closed the connection in the middle of an answer.", "Das Gerät hat die Verbindung mitten in einer Antwort geschlossen."], ["not connected.", "Nicht verbunden."], ["is not connected: it did not hear the stop.", "Nicht verbunden: es hat den Halt nicht gehört."],
   ["no complete answer within {what} = {n} s.", "Keine vollständige Antwort binnen {what} = {n} s."], ["{where} did not accept within connect = {n} s.", "{where} nahm binnen connect = {n} s keine Verbindung an."],
@@ -34,6 +36,7 @@ const SENTENCES = [
   ["Clear the line of sight, bring the beam back to the SMR and repeat the measurement.", "Die Sichtlinie frei machen, den Strahl wieder auf den SMR bringen und die Messung wiederholen."],
   ["Check that the SMR is seated and faces the instrument, then repeat the measurement.", "Prüfen, ob der SMR sitzt und zum Messgerät zeigt, dann die Messung wiederholen."],
   ["The point lies outside the instrument's range: skip the pose or move the instrument.", "Der Punkt liegt außerhalb der Reichweite des Messgeräts: die Pose auslassen oder das Messgerät versetzen."],
+  ["Look whether the bridge still hears the instrument and a bar moves freely, then repeat the measurement.", "Nachsehen, ob die Brücke das Messgerät noch hört und ob ein Ballbar sich frei bewegt, dann die Messung wiederholen."],
   ["Wait until robot and air are calm, then repeat the measurement.", "Warten, bis Roboter und Luft ruhig sind, dann die Messung wiederholen."],
   ["Read the message, put the device in order and confirm to go on.", "Die Meldung lesen, das Gerät in Ordnung bringen und zum Weitermachen bestätigen."],
   ["Check that the cell is clear, then arm the device again.", "Prüfen, ob die Zelle frei ist, dann das Gerät wieder scharf schalten."],
@@ -41,6 +44,7 @@ const SENTENCES = [
   ["Remove this pose from the campaign, or correct the limits in the cell file.", "Diese Pose aus der Kampagne nehmen oder die Grenzen in der Zellendatei berichtigen."],
   ["Switch the controller to automatic mode and the motors on, then confirm.", "Die Steuerung auf Automatik und die Motoren einschalten, dann bestätigen."],
   ["Let the instrument finish its start-up and check its weather station, then confirm.", "Das Messgerät fertig starten lassen und seine Wetterstation prüfen, dann bestätigen."],
+  ["Clear the alarm on the pendant, start the robot's programs again, then confirm.", "Die Störung am Bediengerät quittieren, die Programme des Roboters wieder starten, dann bestätigen."],
   ["The robot stopped on its way: check the cell, then arm it again; the pose is approached anew.", "Der Roboter hielt unterwegs an: die Zelle prüfen, dann wieder scharf schalten; die Pose wird neu angefahren."],
   ["Compare the position on the pendant with the one asked for before going on.", "Vor dem Weitermachen die Stellung am Bediengerät mit der geforderten vergleichen."],
   ["Find out why the safety function acted, reset it at the controller, then resume the campaign.", "Herausfinden, warum die Sicherheitsfunktion ansprach, sie an der Steuerung zurücksetzen, dann die Kampagne fortsetzen."],
@@ -128,6 +132,7 @@ const ESCAPED = /[.*+?^$()|[\]\\]/g;
 const end = (english) => (english.endsWith(".") ? "(?:\\.(?= |$)|$)" : /[!?;]$/.test(english) ? "(?= |$)" : "$");
 const hole = (_, name) => (name === "rest" ? "(?<rest>(?:(?![.!?] ).)+?)" : `(?<${name}>(?:(?![.!?] |;).)+?)`);
 const PATTERNS = [...SENTENCES, ...DEVICE_SENTENCES, ...EFFECT_SENTENCES].map(([english, german]) => [new RegExp(english.replace(/\.$/, "").replace(ESCAPED, "\\$&").replace(/\{(\w+)\}/g, hole) + end(english), "iy"), english, german]);
+const PATTERNS = SENTENCES.map(([english, german]) => [new RegExp(`${english.replace(ESCAPED, "\\$&").replace(/\{(\w+)\}/g, (_, name) => (name === "rest" ? "(?<rest>(?:(?![.!?] ).)+?)" : name === "device" ? "(?<device>[\\w-]+)" : `(?<${name}>(?:(?![.!?] |;).)+?)`))}(?= |$)`, "iy"), english, german]);
 const FIXED = (english) => english.replace(/\{\w+\}/g, "").length;
 
 // The parts of a text, [{words, lang}]: the longest known sentence at every place, and what is unknown up to its end.
@@ -171,7 +176,8 @@ export function reasonOf(run, cell) {
   const [urgent] = /^Press the emergency stop[^.]*\./.exec(run.reason) || [""], rest = run.reason.slice(urgent.length).trim();
   const { device = "", message = "" } = run.error || {}, { robot_driver: robot, instrument_driver: instrument } = cell || {};
   const which = device && device === robot ? t("robot") : device && device === instrument ? t("instrument") : "";
-  return [urgent && h("strong", { className: "urgent" }, said(urgent)), which && message && rest.startsWith(message) ? `${which} (${device}): ` : "", ...said(rest)].filter(Boolean);
+  const told = which && rest.startsWith(`${device}: `) ? rest.slice(device.length + 2) : rest;
+  return [urgent && h("strong", { className: "urgent" }, said(urgent)), which && message && told.startsWith(message) ? `${which} (${device}): ` : "", ...said(told)].filter(Boolean);
 }
 
 const germanOf = (text) => parts(text).map((each) => each.words).join(" ");

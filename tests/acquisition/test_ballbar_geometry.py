@@ -276,5 +276,25 @@ def test_a_distance_that_is_sent_again_is_not_the_next_one(
     assert bar.execute() == "succeeded"
     (error,) = [each["error"] for each in bar.events_of("attempt_failed")]
     assert "to the last digit as in the distance before" in error["message"]
-    assert "bridge still hears the bar" in error["what_to_do"]
+    assert "bridge still hears the instrument" in error["what_to_do"]
     assert len(sent) == 1 + 12
+
+
+def test_a_bar_that_is_stuck_asks_soon_and_says_in_the_end_what_is_missing(
+    bars: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measure = FakeBar.measure
+
+    def stuck(meter: FakeBar, target: str, **asked: Any) -> LengthReading:
+        return replace(measure(meter, target, **asked), deviation_mm=0.1234)
+
+    monkeypatch.setattr(FakeBar, "measure", stuck)
+    bar = bars()
+    bar.execute()
+    asked = [text for text in bar.operator.asked if "to the last digit" in text]
+    put_off = [at for at, event in enumerate(bar.events) if event.kind == "deferred"]
+    first = next(
+        at for at, event in enumerate(bar.events) if event.kind == "prompt" and event.data["text"] == asked[0]
+    )
+    assert sum(at < first for at in put_off) == 3
+    assert bar.run.status().reason == "Most is missing: 1 of 12 readings were measured."

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 from scipy.spatial.transform import Rotation
 
-from acquisition.errors import Misplaced, TurnedOtherwise, WronglySeated
+from acquisition.errors import Misplaced, NothingNew, TurnedOtherwise, WronglySeated
 from acquisition.record.event import Event
 from calib.arm import forward
-from drivers.errors import AcquisitionError, Busy, LinkLost, NoisyMeasurement, WrongMode
+from drivers.errors import AcquisitionError, Busy, LinkLost, WrongMode
 from drivers.interfaces import Answer, Identity, JointReading, PointReading, PoseReading, Prompt
 from tests.acquisition.fakes import FakeArm, FakeMeter, SeatingOperator
 from tests.acquisition.stage import Stage
@@ -88,7 +88,7 @@ def test_a_point_that_is_sent_again_is_not_the_next_one(
     monkeypatch.setattr(FakeMeter, "measure", frozen_once)
     events: list[Event] = []
     assert stage.execute(events.append).state.value == "succeeded"
-    assert codes(events) == [NoisyMeasurement.code]
+    assert codes(events) == [NothingNew.code]
     assert stage.run.status().skipped == 0
     points = [event.data["tracker_mm"] for event in events if event.kind == "reading"][3:]
     assert len(points) == 5

@@ -149,6 +149,32 @@ def test_what_is_not_told_proves_nothing_until_it_is_told(make: Callable[..., St
     refused(stage, "robot", stage.execute())
 
 
+@pytest.mark.parametrize("open_first", [True, False])
+def test_a_robot_is_known_by_its_alias_whether_or_not_it_tells_its_number(
+    make: Callable[..., Stage], open_first: bool
+) -> None:
+    """A UR whose dashboard opens, or closes, between two programs."""
+    stage = make(block=BLOCKS)
+
+    def answer(serial: str, alias: str) -> None:
+        stage.bench.who["robot"] = replace(stage.bench.who["robot"], serial=serial, alias=alias)
+
+    told = [("20155301234", "calibration-1"), ("calibration-1", "calibration-1")]
+    first, second = told if open_first else reversed(told)
+    answer(*first)
+    stage.bench.faults[HALF] = stage.run.pause
+    stage.execute()
+    answer(*second)
+    stage.bench.faults[stage.bench.calls + 8] = stage.run.pause
+    stage.run.resume()
+    assert stage.execute().error is None
+    assert individuals_of(stage.folder)["robot"].serial == first[0]
+    answer("777777", "calibration-2")
+    stage.bench.log.clear()
+    stage.run.resume()
+    refused(stage, "robot", stage.execute())
+
+
 def test_another_model_is_another_device_and_new_software_is_not(make: Callable[..., Stage]) -> None:
     stage = half_done(make)
     stage.bench.who["instrument"] = replace(stage.bench.who["instrument"], firmware="2", protocol="other")

@@ -42,6 +42,24 @@ def test_ctrl_c(tmp_path: Path, times: int, state: str) -> None:
     assert signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="a system without hang-ups")
+def test_a_terminal_that_is_closed_pauses_however_often_it_is_said(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+    before = signal.getsignal(signal.SIGHUP)
+
+    def close() -> None:
+        for times in (1, 2):
+            signal.raise_signal(signal.SIGHUP)
+            until(lambda n=times: sum(event.kind == "command" for event in stage.run.events()) == n)
+
+    stage.bench.faults[10] = close
+    with closing(stage.run), pausing_on_interrupt(stage.run):
+        outcome = stage.execute()
+        assert (outcome.state.value, outcome.reason) == ("paused", "The terminal was closed.")
+    assert stage.bench.log == ALL[:10]
+    assert signal.getsignal(signal.SIGHUP) is before
+
+
 class Ordered:
     """A run that notes its orders."""
 

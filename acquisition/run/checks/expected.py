@@ -12,9 +12,8 @@ import numpy as np
 
 from acquisition.cell.cell import Cell
 from acquisition.cell.workspace import Array, targets_at
-from acquisition.errors import Misplaced, WronglySeated
+from acquisition.errors import Misplaced, NothingNew, WronglySeated
 from acquisition.record.planned import Planned
-from drivers.errors import NoisyMeasurement
 from drivers.interfaces import LengthReading, PointReading
 
 _SURELY_MOVED_MM = 0.5  # by the nominal robot, which knows a step of some millimetres to a hundredth
@@ -66,12 +65,12 @@ class Anew:
         self._last_length: tuple[float, tuple[object, ...]] | None = None
 
     def refuse_again(self, reading: PointReading, expected_mm: Array) -> None:
-        """`expected_mm` (3,), world: where the target should be. Raises NoisyMeasurement."""
+        """`expected_mm` (3,), world: where the target should be. Raises NothingNew."""
         last_mm, last_expected_mm = self._last.get(reading.target, (None, expected_mm))
         if reading.xyz_mm == last_mm:
             moved_mm = float(np.linalg.norm(expected_mm - last_expected_mm))
             if moved_mm > _SURELY_MOVED_MM:
-                raise NoisyMeasurement(
+                raise NothingNew(
                     f"the same point to the last digit as before, though it should be {moved_mm:.1f} mm from there",
                     device="instrument",
                     command="measure",
@@ -80,7 +79,7 @@ class Anew:
         self._last[reading.target] = reading.xyz_mm, expected_mm
 
     def refuse_length_again(self, reading: LengthReading, planned: Planned) -> None:
-        """Two legs, or one in two poses, show the sensor at different places. Raises NoisyMeasurement.
+        """Two legs, or one in two poses, show the sensor at different places. Raises NothingNew.
 
         Sides of a triangle may be made alike, and are held against what they were (`BallbarChecks.moved`).
         """
@@ -89,12 +88,11 @@ class Anew:
         leg = (planned.visit.joints_deg, reading.target, reading.base_target)
         last = self._last_length
         if last is not None and last[0] == reading.deviation_mm and last[1] != leg:
-            raise NoisyMeasurement(
+            raise NothingNew(
                 f"the sensor shows {reading.deviation_mm:+.4f} mm to the last digit as in the distance before",
                 device="instrument",
                 command="measure",
                 raw=reading.raw,
-                what_to_do="Look whether the bridge still hears the bar and whether the bar moves freely.",
             )
         self._last_length = reading.deviation_mm, leg
 

@@ -12,6 +12,6 @@ def with_unheard(reason: str, unheard: Sequence[AcquisitionError]) -> str:
     """The reason with what the last stop did not reach: the emergency stop before all, and nothing twice."""
     remedies = dict.fromkeys(each.what_to_do for each in unheard)
     now = [PRESS] if PRESS in remedies else []
-    told = dict.fromkeys(f"{each.message.rstrip('.')}." for each in unheard if each.message not in reason)
+    told = dict.fromkeys(each.what_happened for each in unheard if each.message not in reason)
     others = [each for each in remedies if each != PRESS and each not in reason]
     return " ".join([*now, reason.replace(f" {PRESS}", ""), *told, *others])

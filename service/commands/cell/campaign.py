@@ -24,6 +24,7 @@ from acquisition import (
 )
 from acquisition.cell import unstated_in_words
 from acquisition.errors import RecordError, RecordInUse, UnsafePlan
+from acquisition.examination import note_low_priority
 from acquisition.record import FILE as RECORD_FILE
 from acquisition.record import Acceptance, Store, export_streams, export_together
 from calib.data import assumed_in_words, read_dataset
@@ -318,6 +319,7 @@ def execute(
             terminal.say("starting the simulators of the cell")
             devices = stack.enter_context(simulated_cell(run.cell)).open(run.cell, operator)
         else:
+            note_low_priority()
             devices = acquisition.open_devices(run.cell, operator=operator)
         stack.enter_context(
             pausing_on_interrupt(run, tell=lambda problem: terminal.note(f"truepose: NOT STOPPED: {problem}"))
