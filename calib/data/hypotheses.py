@@ -216,7 +216,7 @@ def of_table(meaning: Meaning) -> Iterator[Hypothesis]:
         )
 
     for unit, factor in (("metres", 1000.0), ("inches", 25.4)):
-        if (unit == "metres") == (reach(robot) < _METRES):
+        if unit == "inches" or reach(robot) < _METRES:
             yield misread(
                 f"has its lengths in {unit}",
                 f"Multiply every a_mm and d_mm by {factor:g}.",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from calib.arm.start import align
 from calib.array import Array
-from calib.data.hypotheses import Meaning, extent_of
+from calib.data.hypotheses import BETTER, Meaning, extent_of
 
 _TRIES = 400  # triples of readings that may place the robot: of 60 % that belong together, one in five does
 _NEAR = 0.02  # share of the extent by which a nominal robot may miss a reading
@@ -53,18 +53,28 @@ def mixture(meaning: Meaning, tools: Array) -> Mixture | None:
     rest = np.flatnonzero(~these)
     if not _LEAST <= these.mean() < _MOST or len(rest) < _TARGET:
         return None
+    left = float(np.median(miss[these]))
     rotation, shift = align(nominal[these], measured[these], np.ones(int(these.sum())))
     off = np.einsum("nji,nj->ni", turn[rest], (measured[rest] - shift) @ rotation - nominal[rest])
     offset = np.median(off, axis=0)
-    there = np.linalg.norm(off - offset, axis=1) < near
     # Where it is another target of the header's, the fit gives the reading its right name
     named = np.linalg.norm(tools[meaning.which[rest]] + offset - tools[:, None], axis=2).min() < near
-    if there.mean() >= _MOST and not named:
+    apart = np.linalg.norm(off - offset, axis=1)
+    if not named and _alike(apart, miss[rest], near, left):
         return Mixture(rest, float(np.median(miss[rest])), offset)
     if len(rest) < _STATION:
         return None
-    apart, _ = _agreeing(nominal[rest], measured[rest], near)
-    return Mixture(rest, float(np.median(miss[rest])), None) if apart.mean() >= _MOST else None
+    _, apart = _agreeing(nominal[rest], measured[rest], near)
+    return (
+        Mixture(rest, float(np.median(miss[rest])), None) if _alike(apart, miss[rest], near, left) else None
+    )
+
+
+def _alike(apart: Array, together: Array, near: float, left: float) -> bool:
+    """Whether readings that are missed by `together` (n,), mm, are of one kind by missing them by `apart` (n,); left:
+    median miss of the other kind."""
+    clearly = np.median(together) > BETTER * max(left, float(np.median(apart)))
+    return bool(clearly and np.mean(apart < near) >= _MOST)
 
 
 def _agreeing(nominal: Array, measured: Array, near: float) -> tuple[NDArray[np.bool_], Array]:
