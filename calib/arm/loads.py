@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from calib.errors import DataError
+from calib.text.flags import refuse_flags
 
 FARTHEST_MM = 1e5
 HEAVIEST_KG = 1e5
@@ -29,6 +30,7 @@ def parse_loads(entries: Any, joints: int, path: Path | str) -> tuple[Load, ...]
         raise DataError(
             "is not a list of tables.", do="Write every load as [[loads]].", file=path, key="loads"
         )
+    refuse_flags(entries, path, "loads")
     return tuple(_load(entry, joints, path) for entry in entries)
 
 

@@ -23,6 +23,7 @@ from calib.arm.joint_matrix import JointMatrix, parse_joint_matrix
 from calib.arm.loads import FARTHEST_MM, Load, parse_loads
 from calib.array import Array
 from calib.errors import DataError
+from calib.text.flags import refuse_flags
 from calib.text.toml_text import read_toml
 from calib.text.unknown_keys import did_you_mean, refuse_unknown
 from calib.units import DEG
@@ -235,6 +236,7 @@ def robot_from(table: Mapping[str, Any], path: Path) -> Robot:
             raise DataError("is not a list.", do="Write every link as [[link]].", file=path, key="link")
         joints = len(links)
         refuse_unknown(table, _KEYS, path)
+        refuse_flags(table, path, "")
         kinds: list[JointKind] = [kind_of(link, number, path) for number, link in enumerate(links, start=1)]
         limits = [limits_of(link, kind) for link, kind in zip(links, kinds, strict=True)]
         convention = table["convention"]

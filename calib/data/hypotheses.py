@@ -8,9 +8,10 @@ that a wrong tool explains nothing but itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -37,8 +38,6 @@ _SEEN = 1e-3  # sine of alpha from which on its sign shows
 _METRES = 20.0  # mm: an arm with a smaller reach is written in metres
 # Share of the reach: by so much the right arm's nominal table may miss, and no other arm is suspected
 _NOMINAL = 0.005
-# Zeros that are off by a quarter or a half turn, and what has to be added
-_OFF = {"90": ((90.0, "+90"), (-90.0, "-90")), "180": ((180.0, "180"),)}
 
 File = Literal["data", "header"]
 
@@ -48,7 +47,8 @@ class Meaning:
     """Readings of one series as the files, or a hypothesis about them, would have them.
 
     robot: nominal; angles: (n, N) rad as the controller counts; which: (n,) index of the tool target;
-    points: (n, 3) mm, or None where distances were measured; lengths, anchor: (n,) mm and index of the base target.
+    points: (n, 3) mm, or None where distances were measured; lengths, anchor: (n,) mm and index of the base target;
+    tool_factor: what the tool targets of the header are to be multiplied by.
     """
 
     robot: Robot
@@ -58,6 +58,7 @@ class Meaning:
     points: Array | None
     lengths: Array | None = None
     anchor: NDArray[np.int64] | None = None
+    tool_factor: float = 1.0
 
     @cached_property
     def flange(self) -> Array:
@@ -67,12 +68,13 @@ class Meaning:
     def miss(self, tools: Array, *, tool_unknown: bool, zero_unknown: bool) -> tuple[float, float]:
         """Median distance, mm, of the nominal robot in its best place from the readings, and their extent, mm."""
         turn, place = self.flange[:, :3, :3], self.flange[:, :3, 3]
+        tools = self.tool_factor * tools
         if self.points is None:
             nominal = place + np.einsum("nij,nj->ni", turn, tools[self.which])
-            return self._miss_of_lengths(nominal, zero_unknown=zero_unknown), _extent(nominal)
+            return self._miss_of_lengths(nominal, zero_unknown=zero_unknown), extent_of(nominal)
         pose, tool = base_and_tool(self.flange, tools, self.which, self.points, tool_unknown=tool_unknown)
         there = (place + np.einsum("nij,nj->ni", turn, tool[self.which])) @ pose[:3, :3].T + pose[:3, 3]
-        return float(np.median(np.linalg.norm(self.points - there, axis=1))), _extent(self.points)
+        return float(np.median(np.linalg.norm(self.points - there, axis=1))), extent_of(self.points)
 
     def _miss_of_lengths(self, nominal: Array, *, zero_unknown: bool) -> float:
         assert self.lengths is not None
@@ -213,13 +215,14 @@ def of_table(meaning: Meaning) -> Iterator[Hypothesis]:
             replace(meaning, robot=replace(robot, **changes)),
         )
 
-    if reach(robot) < _METRES:
-        yield misread(
-            "has its lengths in metres",
-            "Multiply every a_mm and d_mm by 1000.",
-            a=tuple(1000.0 * x for x in robot.a),
-            d=tuple(1000.0 * x for x in robot.d),
-        )
+    for unit, factor in (("metres", 1000.0), ("inches", 25.4)):
+        if unit == "inches" or reach(robot) < _METRES:
+            yield misread(
+                f"has its lengths in {unit}",
+                f"Multiply every a_mm and d_mm by {factor:g}.",
+                a=tuple(factor * x for x in robot.a),
+                d=tuple(factor * x for x in robot.d),
+            )
     yield misread(
         "has its angles in radians",
         "Write alpha_deg and theta_deg in degrees.",
@@ -259,73 +262,6 @@ def of_table(meaning: Meaning) -> Iterator[Hypothesis]:
         )
 
 
-def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
-    """Joints turn in the other direction, have a zero a quarter or half turn off, are in radians, in another's column,
-    or are counted with the joint before them (Fanuc: joint 3 from the horizontal)."""
-    robot, last = meaning.robot, meaning.angles.shape[1]
-    plain = Counting(np.eye(last), np.zeros(last))
-
-    def counted(what: str, do: str, key: str, counting: Counting) -> Hypothesis:
-        return Hypothesis(what, do, "data", key, counting.of(meaning), counting)
-
-    everything = Counting(
-        np.diag([1.0 / DEG if unit == "deg" else 1.0 for unit in robot.units]), plain.offset
-    )
-    whole = counted(
-        "all joints are given in radians", "Write the joints in degrees.", robot.joint_columns[0], everything
-    )
-    # A robot file has no radians: these are in the data.
-    yield replace(whole, counting=None)
-    for k, (axis, name, unit) in enumerate(zip(robot.axes, robot.joint_columns, robot.units, strict=True)):
-        joint = f"joint {axis.removeprefix('j')}"
-        yield counted(
-            f"{joint} {robot.kinds[k]} in the other direction than the robot has it",
-            f"Change the sign of the column {name}, or of the joint in the robot file.",
-            name,
-            replace(plain, matrix=_with(plain.matrix, k, k, -1.0)),
-        )
-        for turn, ways in _OFF.items() if unit == "deg" else ():
-            for off, sign in ways:
-                tool = ", or turn the tool targets by it about the flange's axis" if k + 1 == last else ""
-                yield counted(
-                    f"the zero of {joint} is {turn} deg off",
-                    f"Add {sign} to the column {name}, or to theta_deg of link {k + 1} in the robot file{tool}.",
-                    name,
-                    replace(plain, offset=off * DEG * plain.matrix[k]),
-                )
-        written, factor, meant = ("radians", 1.0 / DEG, "degrees") if unit == "deg" else ("metres", 1e3, "mm")
-        other = counted(
-            f"{joint} is given in {written}",
-            f"Write the column {name} in {meant}.",
-            name,
-            replace(plain, matrix=_with(plain.matrix, k, k, factor)),
-        )
-        yield replace(other, counting=None)
-        if k + 1 == last or unit != robot.units[k + 1]:
-            continue
-        following, order = robot.joint_columns[k + 1], [*range(k), k + 1, k, *range(k + 2, last)]
-        yield counted(
-            f"joints {axis.removeprefix('j')} and {robot.axes[k + 1].removeprefix('j')} are in each other's column",
-            f"Swap the columns {name} and {following}.",
-            f"{name}, {following}",
-            replace(plain, matrix=plain.matrix[order]),
-        )
-        for share, how in ((1.0, "plus"), (-1.0, "minus")):
-            yield counted(
-                f"joint {robot.axes[k + 1].removeprefix('j')} of the robot is the controller's {how} its {joint}: the "
-                "two are coupled",
-                f"Use a joint matrix that has {share:g} in row {k + 2}, column {k + 1}.",
-                following,
-                replace(plain, matrix=_with(plain.matrix, k + 1, k, share)),
-            )
-
-
-def _with(matrix: Array, row: int, column: int, value: float) -> Array:
-    out = matrix.copy()
-    out[row, column] = value
-    return out
-
-
 def of_points(meaning: Meaning) -> Iterator[Hypothesis]:
     """The measured points are mirrored, or they or the distances are in another unit."""
     if reach(meaning.robot) < _METRES:
@@ -350,6 +286,28 @@ def of_points(meaning: Meaning) -> Iterator[Hypothesis]:
                 points=None if points is None else points * factor,
                 lengths=None if lengths is None else lengths * factor,
             ),
+        )
+
+
+def of_tools(meaning: Meaning, names: Sequence[str]) -> Iterator[Hypothesis]:
+    """The tool targets of the header, by their names, are in another unit or two of them in each other's place."""
+    for unit, factor in _UNITS.items():
+        yield Hypothesis(
+            f"the tool targets are in {unit}, not millimetres",
+            f"Multiply them by {factor:g}.",
+            "header",
+            "tool_targets",
+            replace(meaning, tool_factor=factor),
+        )
+    for one, other in combinations(np.unique(meaning.which).tolist(), 2):
+        swapped = meaning.which.copy()
+        swapped[meaning.which == one], swapped[meaning.which == other] = other, one
+        yield Hypothesis(
+            f"the tool targets {names[one]} and {names[other]} are in each other's place",
+            f"Exchange {names[one]} and {names[other]} under [tool_targets], or in the column tool_target.",
+            "header",
+            "tool_targets",
+            replace(meaning, which=swapped),
         )
 
 
@@ -389,5 +347,6 @@ def reach(robot: Robot) -> float:
     return float(np.sum(np.abs([*robot.a, *robot.d])))
 
 
-def _extent(points: Array) -> float:
+def extent_of(points: Array) -> float:
+    """Root of the summed variances of points (n, 3), mm."""
     return float(np.linalg.norm(np.std(points, axis=0)))

@@ -22,7 +22,17 @@ from calib.array import Array
 from calib.data.conditions import row_keys
 from calib.data.dataset import Dataset
 from calib.data.header import Header
-from calib.data.hypotheses import FEWEST, Meaning, explained, of_joints, of_points, of_robot, of_rows
+from calib.data.hypotheses import (
+    FEWEST,
+    Meaning,
+    explained,
+    of_points,
+    of_robot,
+    of_rows,
+    of_tools,
+)
+from calib.data.joints_misread import of_joints
+from calib.data.mixed import mixture
 from calib.errors import DataError
 
 # Miss of the nominal robot, as a share of the extent of the readings (or rad), that explains itself
@@ -32,6 +42,7 @@ _NARROW = 20.0  # deg or mm
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 _ENOUGH = 300  # readings of a series that show what the files mean
 _MOST_RIVALS = 2
+_MOST_NAMED = 8
 
 
 def refuse_implausible(dataset: Dataset) -> None:
@@ -88,13 +99,19 @@ def _refuse_misread(
     why = explained(
         meaning,
         lambda: chain(
-            of_points(meaning), of_joints(meaning), of_robot(meaning), of_rows(everything, rows, measured)
+            of_points(meaning),
+            of_joints(meaning),
+            of_tools(meaning, conditions.target_names),
+            of_robot(meaning),
+            of_rows(everything, rows, measured),
         ),
         tools,
         tool_unknown="tool" in header.groups,
         zero_unknown=header.frees_length_zero,
     )
     if why is None:
+        if pointed and "tool" not in header.groups:
+            _refuse_mixed(dataset, series, meaning, tools, rows)
         return
     rivals = "".join(f" As likely: {rival.what}. {rival.do}" for rival in why.rivals[:_MOST_RIVALS])
     raise DataError(
@@ -103,6 +120,33 @@ def _refuse_misread(
         do=why.cause.do + rivals,
         file=dataset.path if why.cause.file == "data" else dataset.path.with_suffix(".toml"),
         key=why.cause.key,
+    )
+
+
+def _refuse_mixed(
+    dataset: Dataset, series: str, meaning: Meaning, tools: Array, rows: NDArray[np.int64]
+) -> None:
+    apart = mixture(meaning, tools)
+    if apart is None:
+        return
+    names = [dataset.reading_id[i] for i in rows[apart.rows]]
+    listed = ", ".join(names[:_MOST_NAMED]) + (", ..." if len(names) > _MOST_NAMED else "")
+    some = f"{len(names)} of {len(rows)} readings of series '{series}' that were looked at ({listed})"
+    if apart.offset is None:
+        raise DataError(
+            f"{some} were measured from another station, or with the robot elsewhere: the nominal robot fits them, "
+            f"and the others, each in a place of its own; in that of the others it misses them by {apart.miss:.3g} mm.",
+            do="Give the readings of each station a name of their own in the column series.",
+            file=dataset.path,
+            key="series",
+        )
+    x, y, z = (0.0 + round(value, 1) for value in apart.offset.tolist())
+    raise DataError(
+        f"{some} were taken of another tool target: at [{x:g}, {y:g}, {z:g}] mm from the one that is named, in the "
+        "flange frame.",
+        do="Name their target in the column tool_target, with its place under [tool_targets].",
+        file=dataset.path,
+        key="tool_target",
     )
 
 

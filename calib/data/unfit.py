@@ -6,10 +6,12 @@ import numpy as np
 
 from calib.data.dataset import Dataset
 from calib.data.header import LEAST
+from calib.data.hypotheses import reach
 from calib.errors import DataError
 from calib.text.columns import Columns
 
 _FEWEST_A_SERIES = 3
+_STILL = 3e-4  # share of the reach within which an instrument that is stuck gives its readings
 _BEYOND = 2.0  # deg or mm, by which a joint may exceed its limit: limits are set a little apart in many a controller
 
 
@@ -42,7 +44,8 @@ def refuse_unfit(dataset: Dataset, table: Columns) -> None:
         )
     pointed = dataset.points[rows & dataset.pointed]
     if len(np.unique(dataset.conditions.joints[rows], axis=0)) == 1 or (
-        len(pointed) == int(rows.sum()) and np.ptp(pointed, axis=0).max() < 1.0
+        len(pointed) == int(rows.sum())
+        and np.ptp(pointed, axis=0).max() < _STILL * reach(dataset.header.robot)
     ):
         raise DataError(
             "all calibration readings are the same.",

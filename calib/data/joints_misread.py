@@ -1,0 +1,93 @@
+"""Hypotheses that a data set counts the joints otherwise than the robot does: signs, zeros, order, units, couplings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from calib.array import Array
+from calib.data.hypotheses import Counting, Hypothesis, Meaning
+from calib.units import DEG
+
+# Zeros that are off by a quarter or a half turn, and what has to be added
+_OFF = {"90": ((90.0, "+90"), (-90.0, "-90")), "180": ((180.0, "180"),)}
+
+
+def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
+    """Joints turn in the other direction, have a zero a quarter or half turn off, are in radians, in another's column,
+    or are counted with the joint before them (Fanuc: joint 3 from the horizontal)."""
+    robot, last = meaning.robot, meaning.angles.shape[1]
+    plain = Counting(np.eye(last), np.zeros(last))
+
+    def counted(what: str, do: str, key: str, counting: Counting) -> Hypothesis:
+        return Hypothesis(what, do, "data", key, counting.of(meaning), counting)
+
+    everything = Counting(
+        np.diag([1.0 / DEG if unit == "deg" else 1.0 for unit in robot.units]), plain.offset
+    )
+    whole = counted(
+        "all joints are given in radians", "Write the joints in degrees.", robot.joint_columns[0], everything
+    )
+    # A robot file has no radians: these are in the data.
+    yield replace(whole, counting=None)
+    if len(set(robot.units)) == 1 and last > 2:
+        yield counted(
+            "the columns of the joints are in reverse order",
+            "Write the joints from the foot to the flange.",
+            f"{robot.joint_columns[0]}..{robot.joint_columns[-1]}",
+            replace(plain, matrix=plain.matrix[::-1]),
+        )
+    for k, (axis, name, unit) in enumerate(zip(robot.axes, robot.joint_columns, robot.units, strict=True)):
+        joint = f"joint {axis.removeprefix('j')}"
+        yield counted(
+            f"{joint} {robot.kinds[k]} in the other direction than the robot has it",
+            f"Change the sign of the column {name}, or of the joint in the robot file.",
+            name,
+            replace(plain, matrix=_with(plain.matrix, k, k, -1.0)),
+        )
+        for turn, ways in _OFF.items() if unit == "deg" else ():
+            for off, sign in ways:
+                tool = ", or turn the tool targets by it about the flange's axis" if k + 1 == last else ""
+                yield counted(
+                    f"the zero of {joint} is {turn} deg off",
+                    f"Add {sign} to the column {name}, or to theta_deg of link {k + 1} in the robot file{tool}.",
+                    name,
+                    replace(plain, offset=off * DEG * plain.matrix[k]),
+                )
+        written, factor, meant = ("radians", 1.0 / DEG, "degrees") if unit == "deg" else ("metres", 1e3, "mm")
+        other = counted(
+            f"{joint} is given in {written}",
+            f"Write the column {name} in {meant}.",
+            name,
+            replace(plain, matrix=_with(plain.matrix, k, k, factor)),
+        )
+        yield replace(other, counting=None)
+        if k + 1 == last or unit != robot.units[k + 1]:
+            continue
+        following, order = robot.joint_columns[k + 1], [*range(k), k + 1, k, *range(k + 2, last)]
+        yield counted(
+            f"joints {axis.removeprefix('j')} and {robot.axes[k + 1].removeprefix('j')} are in each other's column",
+            f"Swap the columns {name} and {following}.",
+            f"{name}, {following}",
+            replace(plain, matrix=plain.matrix[order]),
+        )
+        for own, share in product((1.0, -1.0), repeat=2):
+            its = "minus " * (own < 0.0)
+            yield counted(
+                f"joint {robot.axes[k + 1].removeprefix('j')} of the robot is {its}the controller's "
+                f"{'plus' if share > 0.0 else 'minus'} its {joint}: the two are coupled",
+                f"Use a joint matrix that has {share:g} in row {k + 2}, column {k + 1}"
+                + f", and {own:g} in column {k + 2}" * (own < 0.0)
+                + ".",
+                following,
+                replace(plain, matrix=_with(_with(plain.matrix, k + 1, k, share), k + 1, k + 1, own)),
+            )
+
+
+def _with(matrix: Array, row: int, column: int, value: float) -> Array:
+    out = matrix.copy()
+    out[row, column] = value
+    return out
