@@ -27,7 +27,7 @@ LENGTHS = "the lengths of the arm"
 DISTANCE = "distance from the instrument"
 BASE = "the tilt of the base"  # about the vertical it turns as joint 1 does
 _WAVES = 5
-_PAIRED = 3  # waves of each of two joints
+_PAIRED = 3  # orders of a turn of each of two joints, and half waves of one that turns little
 _WIDE = 1.5 * np.pi  # rad: a joint that turned further has the orders of its turn, too
 _FIELDS = 96
 _WIDTH = 1.2  # rad: correlation length of a field over several joints
@@ -46,7 +46,7 @@ def drivers(space: Space) -> dict[str, Array]:
     moving = [k for k in joints if np.ptp(conditions.joints[:, k]) > _STILL]
     wide = [k for k in moving if robot.kinds[k] == "turns" and np.ptp(conditions.joints[:, k]) > _WIDE]
     waves = {k: _waves(conditions.joints[:, k], _WAVES, k in wide) for k in moving}
-    paired = {k: waves[k][:, : 2 * (_PAIRED + (k in wide))] for k in moving}
+    paired = {k: waves[k][:, : 2 * _to_order(conditions.joints[:, k], k in wide)] for k in moving}
     found = {f"joint {names[k]} angle": waves[k] for k in moving}
     for j, k in combinations(moving, 2):
         found[f"joint {names[j]} and joint {names[k]} angles"] = _products(paired[j], paired[k])
@@ -168,6 +168,13 @@ def _waves(angle: Array, orders: int, wide: bool) -> Array:
         return np.column_stack([f(k * phase) / k for k in numbers for f in (np.cos, np.sin)])
     slow = [np.cos(phase), np.sin(phase)]
     return np.column_stack([*slow, *(f(k * angle) / k for k in numbers for f in (np.cos, np.sin))])
+
+
+def _to_order(angle: Array, wide: bool) -> int:
+    """How many of the first waves reach to _PAIRED orders of a turn."""
+    if wide:
+        return _PAIRED + 1
+    return int(np.clip(np.ceil(_PAIRED * np.ptp(angle) / np.pi), _PAIRED, _WAVES))
 
 
 def _circle(angle: Array) -> Array:

@@ -36,6 +36,7 @@ _SKEWNESS = 0.1, 8.0  # of a sum of squares: nearly normal, to carried by one
 # Draws that make sure how rare the largest of all places is; fewer where readings are many.
 _DRAWS, _MOST_NUMBERS = 999, 600_000
 _ABSORBED = 0.05  # share of what a place would show that must be left beside the model
+_FAINT = 1e-4  # mean square of a function that is hardly one
 _SAME = 1e-6  # of a function whose mean square is about 1
 _FEWEST = 10.0  # readings over which the functions of a driver act at least
 
@@ -62,19 +63,22 @@ def left_over(space: Space, alarm: float = ALARM) -> list[Structure]:
     functions = {name: f[some] for name, f in drivers(space).items() if _spread(f[some]) > _FEWEST}
     squared = np.array([np.sum(f**2, axis=1) for f in functions.values()])
     pulled, alike = space.pulled(rows), _alike(space, functions, some)
-    stacked = np.ascontiguousarray(np.hstack(list(functions.values())).T)
+    # Single precision, which chance does not notice, for it is most of the time of a diagnosis that finds nothing
+    stacked = np.ascontiguousarray(np.hstack(list(functions.values())).T, dtype=np.float32)
     first = np.cumsum([0, *(f.shape[1] for f in functions.values())])[:-1]
+    alike_all = (1.0 / np.maximum(np.mean(stacked**2, axis=1), _FAINT))[:, None]
     names: list[tuple[str, str]] = []
     each = np.zeros((0, rows.shape[1]))
     acting = directions(space)
     for direction, axes in acting.items():
-        squares = sum((stacked @ along(axis, pulled)[some]) ** 2 for axis in axes)
+        squares = sum((stacked @ along(axis, pulled)[some].astype(np.float32)) ** 2 for axis in axes)
         scores = np.add.reduceat(squares, first, axis=0) / size
+        evenly = np.add.reduceat(squares * alike_all, first, axis=0) / size
         of_visits = np.sum(space.fitted.readings.observed.by_visit(axes)[:, :, some] ** 2, axis=(0, 1))
         of_readings = np.sum(axes[:, :, some] ** 2, axis=(0, 1))
         raw = np.where(alike, squared @ of_visits, squared @ of_readings) / space.freedom
         seen = np.mean(scores[:, 1:], axis=1) > _ABSORBED * raw
-        each = np.vstack([each, log_p_of(scores[seen])])
+        each = np.vstack([each, np.minimum(log_p_of(scores[seen]), log_p_of(evenly[seen]))])
         names += [(driver, direction) for driver, kept in zip(functions, seen, strict=True) if kept]
     first_of = np.array([likely(*name) for name in names])
     each += np.log(np.where(first_of, np.sum(first_of), np.sum(~first_of)) + 1e-9)[:, None]
