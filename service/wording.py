@@ -176,7 +176,7 @@ def structure_caption(left: Structure) -> str:
         )
     if left.where == "tool target":
         return f"What is left at every tool target, its three parts in the world: {means}."
-    axes = "along the axes of the tool" if "down" in left.where else "in the world"
+    axes = "along the axes of the tool" if "side of the tool" in left.where else "in the world"
     return f"What is left over {left.where}, its three parts {axes}, one dot a reading; {means}."
 
 

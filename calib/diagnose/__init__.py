@@ -5,7 +5,7 @@ from calib.diagnose.diagnosis import Diagnosis, Found, diagnose
 from calib.diagnose.follow_up import APPROACHES, POSES, SEPARATES, FollowUp, Rival, later_visits, separating
 from calib.diagnose.outlying import ACTS_ON
 from calib.diagnose.patch import Patch, error_with_patch, error_without_patch, patch_of
-from calib.diagnose.places import QUICK, TOGETHER, pauses
+from calib.diagnose.places import QUICK, SEEN, TOGETHER, pauses, sight_at_tool
 from calib.diagnose.power import Visible
 from calib.diagnose.repeats import EACH_POSE
 from calib.diagnose.select import MOST_EFFECTS
@@ -20,6 +20,7 @@ __all__ = [
     "MOST_EFFECTS",
     "POSES",
     "QUICK",
+    "SEEN",
     "SEPARATES",
     "TOGETHER",
     "CarryOver",
@@ -40,4 +41,5 @@ __all__ = [
     "patch_of",
     "pauses",
     "separating",
+    "sight_at_tool",
 ]

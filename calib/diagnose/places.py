@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from calib.arm.kinematics import gravity_at_flange, gravity_torques
+from calib.arm.kinematics import Frames, gravity_at_flange, gravity_torques
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.data.conditions import Conditions
@@ -26,8 +26,9 @@ OVERTURNING = "overturning moment"
 LENGTHS = "the lengths of the arm"
 DISTANCE = "distance from the instrument"
 BASE = "the tilt of the base"  # about the vertical it turns as joint 1 does
+SEEN = "is seen by the instrument"  # side of the tool
 _WAVES = 5
-_PAIRED = 3  # waves of each of two joints
+_PAIRED = 3  # orders of a turn of each of two joints, and half waves of one that turns little
 _WIDE = 1.5 * np.pi  # rad: a joint that turned further has the orders of its turn, too
 _FIELDS = 96
 _WIDTH = 1.2  # rad: correlation length of a field over several joints
@@ -46,7 +47,7 @@ def drivers(space: Space) -> dict[str, Array]:
     moving = [k for k in joints if np.ptp(conditions.joints[:, k]) > _STILL]
     wide = [k for k in moving if robot.kinds[k] == "turns" and np.ptp(conditions.joints[:, k]) > _WIDE]
     waves = {k: _waves(conditions.joints[:, k], _WAVES, k in wide) for k in moving}
-    paired = {k: waves[k][:, : 2 * (_PAIRED + (k in wide))] for k in moving}
+    paired = {k: waves[k][:, : 2 * _to_order(conditions.joints[:, k], k in wide)] for k in moving}
     found = {f"joint {names[k]} angle": waves[k] for k in moving}
     for j, k in combinations(moving, 2):
         found[f"joint {names[j]} and joint {names[k]} angles"] = _products(paired[j], paired[k])
@@ -102,8 +103,18 @@ def _outside_the_arm(space: Space, conditions: Conditions) -> dict[str, Array]:
     target = np.eye(len(conditions.target_names))[conditions.target]
     found |= _named("tool target", target)
     down = gravity_at_flange(space.fitted.model.robot, conditions.joints, space.fitted.header.gravity)
-    found |= _named("side of the tool that is down", _quadratic(down))
-    return found | _named("tool target and the side that is down", _products(target, _quadratic(down)))
+    seen = np.broadcast_to(sight_at_tool(frames, space.fitted.model.station), (n, 3))
+    for side, at_tool in (("is down", down), (SEEN, seen)):
+        found |= _named(f"side of the tool that {side}", _quadratic(at_tool))
+        found |= _named(f"tool target and the side that {side}", _products(target, _quadratic(at_tool)))
+    return found
+
+
+def sight_at_tool(frames: Frames, station: tuple[float, float, float]) -> Array:
+    """(n, 3) the line of sight from the instrument's place to the target, along the axes of the tool."""
+    view = frames.p - np.array(station)[:, None]
+    along_axes = np.array([np.sum(axis * view, axis=0) for axis in (frames.x, frames.y, frames.z)])
+    return (along_axes / np.maximum(np.linalg.norm(view, axis=0), 1e-9)).T
 
 
 def directions(space: Space) -> dict[str, Array]:
@@ -140,11 +151,11 @@ def _growth(space: Space) -> Array:
 
 def likely(driver: str, direction: str) -> bool:
     """Whether an error of this direction is what one would look for first: it moves the tool point whatever drives it,
-    a joint where that joint's own angle, load or arrival drives it, the lengths, the sight and the base by time and
-    warmth, the sight by its length, and the base by the moment that overturns it."""
-    if direction in (SIGHT, LENGTHS, BASE):
-        return driver in (TIME, QUICK, "temperature", _OWN.get(direction))
-    return not direction.startswith("joint ") or direction in driver
+    a joint where that joint's own angle, load or arrival drives it, all but the tool point by time and warmth, the
+    sight by its length, and the base by the moment that overturns it."""
+    if driver in (TIME, QUICK, "temperature", _OWN.get(direction)):
+        return True
+    return direction.startswith("the tool point") or direction in driver
 
 
 def along(axis: Array, rows: Array) -> Array:
@@ -168,6 +179,13 @@ def _waves(angle: Array, orders: int, wide: bool) -> Array:
         return np.column_stack([f(k * phase) / k for k in numbers for f in (np.cos, np.sin)])
     slow = [np.cos(phase), np.sin(phase)]
     return np.column_stack([*slow, *(f(k * angle) / k for k in numbers for f in (np.cos, np.sin))])
+
+
+def _to_order(angle: Array, wide: bool) -> int:
+    """How many of the first waves reach to _PAIRED orders of a turn."""
+    if wide:
+        return _PAIRED + 1
+    return int(np.clip(np.ceil(_PAIRED * np.ptp(angle) / np.pi), _PAIRED, _WAVES))
 
 
 def _circle(angle: Array) -> Array:

@@ -8,6 +8,8 @@ what the residual has along a direction, reading by reading, as s,
 which is r'Kr for the kernel K that driver and direction make, without forming it. Its distribution without structure,
 and that of the largest over all places, come from the same residuals with the signs of whole poses drawn anew
 (`calib.diagnose.null`). The test is free of the size of the noise. Source: Lin 1997 (score tests with kernels).
+Every place is asked twice, with slow functions counting most and with all counting alike: an interaction of orders 2
+and 3 drowns in the slow ones of its two joints. The smaller p counts, of the data as of the draws.
 
 Places that one would look at first (`likely`) share half of the chance of an alarm among them, all others the other
 half. Source: Genovese, Roeder and Wasserman 2006 (weighted p-values).
@@ -36,6 +38,7 @@ _SKEWNESS = 0.1, 8.0  # of a sum of squares: nearly normal, to carried by one
 # Draws that make sure how rare the largest of all places is; fewer where readings are many.
 _DRAWS, _MOST_NUMBERS = 999, 600_000
 _ABSORBED = 0.05  # share of what a place would show that must be left beside the model
+_FAINT = 1e-4  # mean square of a function that is hardly one
 _SAME = 1e-6  # of a function whose mean square is about 1
 _FEWEST = 10.0  # readings over which the functions of a driver act at least
 
@@ -58,23 +61,26 @@ def left_over(space: Space, alarm: float = ALARM) -> list[Structure]:
         return []
     some = _some(space)
     rows = draws(space, clipped=True, most=max(min(_DRAWS, _MOST_NUMBERS // space.size), DRAWS))
-    size = np.sum(rows**2, axis=0)
+    rows /= np.linalg.norm(rows, axis=0)
     functions = {name: f[some] for name, f in drivers(space).items() if _spread(f[some]) > _FEWEST}
     squared = np.array([np.sum(f**2, axis=1) for f in functions.values()])
     pulled, alike = space.pulled(rows), _alike(space, functions, some)
-    stacked = np.ascontiguousarray(np.hstack(list(functions.values())).T)
+    # Single precision, which chance does not notice, for it is most of the time of a diagnosis that finds nothing
+    stacked = np.ascontiguousarray(np.hstack(list(functions.values())).T, dtype=np.float32)
     first = np.cumsum([0, *(f.shape[1] for f in functions.values())])[:-1]
+    even = (1.0 / np.maximum(np.mean(stacked**2, axis=1), _FAINT))[:, None]
     names: list[tuple[str, str]] = []
     each = np.zeros((0, rows.shape[1]))
     acting = directions(space)
     for direction, axes in acting.items():
-        squares = sum((stacked @ along(axis, pulled)[some]) ** 2 for axis in axes)
-        scores = np.add.reduceat(squares, first, axis=0) / size
+        squares = sum((stacked @ along(axis, pulled)[some].astype(np.float32)) ** 2 for axis in axes)
+        scores = np.add.reduceat(squares, first, axis=0)
+        evenly = np.add.reduceat(squares * even, first, axis=0)
         of_visits = np.sum(space.fitted.readings.observed.by_visit(axes)[:, :, some] ** 2, axis=(0, 1))
         of_readings = np.sum(axes[:, :, some] ** 2, axis=(0, 1))
         raw = np.where(alike, squared @ of_visits, squared @ of_readings) / space.freedom
         seen = np.mean(scores[:, 1:], axis=1) > _ABSORBED * raw
-        each = np.vstack([each, log_p_of(scores[seen])])
+        each = np.vstack([each, log_p_of(scores[seen].astype(float), evenly[seen].astype(float))])
         names += [(driver, direction) for driver, kept in zip(functions, seen, strict=True) if kept]
     first_of = np.array([likely(*name) for name in names])
     each += np.log(np.where(first_of, np.sum(first_of), np.sum(~first_of)) + 1e-9)[:, None]
@@ -119,10 +125,16 @@ def _spread(functions: Array) -> float:
     return float(np.sum(weight) ** 2 / max(np.sum(weight**2), 1e-300))
 
 
-def log_p_of(values: Array) -> Array:
-    """log of the chance that draws exceed each value (tests, 1 + B), the data first, by the gamma law of mean, variance
-    and skewness of the draws, of the others for a draw itself. A law of mean and variance alone believes too much where
-    few readings carry a place. Source: Pearson's type III; Wilson and Hilferty 1931, which does not underflow."""
+def log_p_of(*statistics: Array) -> Array:
+    """log of the chance that draws exceed each value (tests, 1 + B), the data first; of several statistics of the same
+    tests the smallest."""
+    return log_ndtr(np.min([_deviate(values) for values in statistics], axis=0))
+
+
+def _deviate(values: Array) -> Array:
+    """Values (tests, 1 + B) as deviates of a normal law, high ones negative, by the gamma law of mean, variance and
+    skewness of the draws, of the others for a draw itself. A law of mean and variance alone believes too much where few
+    readings carry a place. Source: Pearson's type III; Wilson and Hilferty 1931, which does not underflow."""
     size = np.maximum(np.mean(values[:, 1:], axis=1, keepdims=True), 1e-300)
     values = values / size
     count = np.full(values.shape[1], values.shape[1] - 2.0)
@@ -140,7 +152,7 @@ def log_p_of(values: Array) -> Array:
     skewness = np.clip((cube - 3.0 * mean * square + 2.0 * mean**3) / (variance * spread), *_SKEWNESS)
     shape = 4.0 / skewness**2
     gamma = np.maximum(1.0 + (values - mean) / (spread * np.sqrt(shape)), 1e-9)
-    return log_ndtr(-(np.cbrt(gamma) - 1.0 + 1.0 / (9.0 * shape)) * 3.0 * np.sqrt(shape))
+    return -(np.cbrt(gamma) - 1.0 + 1.0 / (9.0 * shape)) * 3.0 * np.sqrt(shape)
 
 
 def _share(space: Space, functions: Array, axes: Array, some: NDArray[np.int64]) -> float:

@@ -1,5 +1,5 @@
 """Structure that no effect explains, drawn where it lives: over an angle, two or three of them, a load, a direction,
-time, the side of the tool that is down, in the workspace, by target or by pose.
+time, the side of the tool that is down or seen, in the workspace, by target or by pose.
 
 What is left of every reading is a vector; its three parts in the world are drawn over what drives it, with the weighted
 means of bins, or as arrows at their place, means of the readings near it. Pure noise scatters evenly about zero and its
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.data import Dataset
-from calib.diagnose import ACTS_ON, EACH_POSE, TOGETHER, Structure
+from calib.diagnose import ACTS_ON, EACH_POSE, SEEN, TOGETHER, Structure, sight_at_tool
 from calib.fit import all_readings
 from calib.model import Design
 from service.report.figures import maps
@@ -45,12 +45,12 @@ def picture_of(left: Structure, number: int, dataset: Dataset, sample: Sample) -
     if left.where == "region of the workspace":
         points = dataset.points[np.concatenate([part.rows for part in sample.parts])]
         return pictures.in_space(points[pointed], rest[pointed], name)
-    parts = [quantity_of(left.where, part.conditions, dataset.header) for part in sample.parts]
+    parts = [_quantity(left.where, design, dataset, sample) for design in sample.designs]
     known = [part for part in parts if part is not None]
     if len(known) < len(parts):
         return None
     quantity = _joined(known)
-    if "down" in left.where:
+    if "side of the tool" in left.where:
         rest = _in_tool(sample, rest)
     quantity = _taken(quantity, pointed)
     if left.where == TOGETHER:
@@ -126,6 +126,18 @@ def _taken(quantity: Quantity, rows: NDArray[np.bool_]) -> Quantity:
     return Quantity(quantity.values[rows], quantity.labels, group, quantity.group_names)
 
 
+def _quantity(where: str, design: Design, dataset: Dataset, sample: Sample) -> Quantity | None:
+    """What a place is drawn over; from which side the tool is seen depends on where the base was found."""
+    conditions = design.conditions
+    if SEEN not in where:
+        return quantity_of(where, conditions, dataset.header)
+    seen = sight_at_tool(design.frames(sample.fitted.estimate, ()), sample.fitted.model.station)
+    labels = tuple(f"line of sight along the tool's {axis}" for axis in "xyz")
+    if not where.startswith("tool target"):
+        return Quantity(seen, labels)
+    return Quantity(seen, labels, conditions.target, conditions.target_names)
+
+
 def _in_tool(sample: Sample, rest: Array) -> Array:
     """(n, 3) what is left along the axes of the tool."""
     turns = [design.frames(sample.fitted.estimate, ()).rotation for design in sample.designs]
@@ -157,10 +169,11 @@ def _by_pose(sample: Sample, rest: Array, pointed: NDArray[np.bool_], name: str)
 def _of_left_out(where: str, name: str, dataset: Dataset, sample: Sample) -> str | None:
     """The distance of every calibration reading from the model, those that were left out among the others."""
     readings, out = all_readings(dataset, sample.fitted)
-    predicted = Design(sample.fitted.model, readings.conditions).predict(sample.fitted.estimate)
+    design = Design(sample.fitted.model, readings.conditions)
+    predicted = design.predict(sample.fitted.estimate)
     error = np.linalg.norm(dataset.points[readings.rows] - predicted, axis=1)
     seen = np.isfinite(error)
-    quantity = quantity_of(where, readings.conditions, dataset.header)
+    quantity = _quantity(where, design, dataset, sample)
     if quantity is None or not out[seen].any():
         return None
     quantity = _taken(quantity, seen)
