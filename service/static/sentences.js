@@ -130,9 +130,8 @@ const SENTENCES = [
 // counts only as the whole text. What is taken over is of one sentence, so that no pattern reaches beyond its own.
 const ESCAPED = /[.*+?^$()|[\]\\]/g;
 const end = (english) => (english.endsWith(".") ? "(?:\\.(?= |$)|$)" : /[!?;]$/.test(english) ? "(?= |$)" : "$");
-const hole = (_, name) => (name === "rest" ? "(?<rest>(?:(?![.!?] ).)+?)" : `(?<${name}>(?:(?![.!?] |;).)+?)`);
+const hole = (_, name) => (name === "rest" ? "(?<rest>(?:(?![.!?] ).)+?)" : name === "device" ? "(?<device>[\\w-]+)" : `(?<${name}>(?:(?![.!?] |;).)+?)`);
 const PATTERNS = [...SENTENCES, ...DEVICE_SENTENCES, ...EFFECT_SENTENCES].map(([english, german]) => [new RegExp(english.replace(/\.$/, "").replace(ESCAPED, "\\$&").replace(/\{(\w+)\}/g, hole) + end(english), "iy"), english, german]);
-const PATTERNS = SENTENCES.map(([english, german]) => [new RegExp(`${english.replace(ESCAPED, "\\$&").replace(/\{(\w+)\}/g, (_, name) => (name === "rest" ? "(?<rest>(?:(?![.!?] ).)+?)" : name === "device" ? "(?<device>[\\w-]+)" : `(?<${name}>(?:(?![.!?] |;).)+?)`))}(?= |$)`, "iy"), english, german]);
 const FIXED = (english) => english.replace(/\{\w+\}/g, "").length;
 
 // The parts of a text, [{words, lang}]: the longest known sentence at every place, and what is unknown up to its end.
