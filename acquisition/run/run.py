@@ -123,8 +123,7 @@ class Run:
         Individuals(self._store).expect(individuals)
 
     def need(self, individual: Individual) -> None:
-        """Move with this robot, or this instrument, alone, in whatever program: what is measured is to be judged by a
-        model of it."""
+        """Move with this robot, or this instrument, alone, in whatever program: a model of it is to judge."""
         Individuals(self._store).need(individual)
 
     def individuals(self) -> list[Individual]:

@@ -127,6 +127,12 @@ def changes(survey: Survey) -> list[Effect]:
     return [by_axis(found, survey.robot) for entry in SETS_IN for found in entry.changes(survey)]
 
 
+def unclaimed(survey: Survey) -> list[Effect]:
+    """The effects that may be there unclaimed and that later readings would meet otherwise: those that can set in, and
+    what follows the air."""
+    return [*changes(survey), *(candidate.effect for candidate in thermal_growth.offer(survey))]
+
+
 def kind_of(label: str) -> Kind:
     """The kind of effect that a label names. Raises KeyError for a label of no kind in the library."""
     name = label.partition(":")[0]
@@ -154,5 +160,6 @@ __all__ = [
     "entries",
     "kind_of",
     "offers",
+    "unclaimed",
     "words_of",
 ]

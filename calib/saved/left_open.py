@@ -9,8 +9,9 @@ parameters and s the noise of the fit,
 
 D is the covariance of what is left open, about d = D B'r / s^2 by the residual r, and G what the parameters of the
 model have taken on of a unit of it. A prediction elsewhere is off by X e + (B - X G) b, e ~ C, b ~ N(d, D). The model
-corrects without d, which is not claimed; a watch compares with it. Source: Kennedy and O'Hagan 2001 (what a model
-lacks is one more unknown).
+corrects without d, which is not claimed; a watch compares with it. What follows the air is left open too: each
+watch has an air of its own. The rest of what the model lacks is kept as a scatter of the joints
+(`calib.saved.scatter`). Source: Kennedy and O'Hagan 2001 (what a model lacks is one more unknown).
 """
 
 from __future__ import annotations
@@ -23,13 +24,14 @@ from typing import Any
 import numpy as np
 
 from calib.array import Array
-from calib.effects import Survey, changes, compliance_of
+from calib.effects import Survey, compliance_of, unclaimed
 from calib.errors import DataError
 from calib.fit.identification import Identification
 from calib.fit.readings import linearised
 from calib.model.effect import Effect
 from calib.model.model import RobotModel
 from calib.saved.model_checks import numbers_of, refuse_effects
+from calib.saved.scatter import by_pose, joints_apart, likely_scatter
 
 _PREFIX = "open"
 KEY = "left_open"
@@ -38,12 +40,15 @@ KEY = "left_open"
 @dataclass(frozen=True)
 class LeftOpen:
     """Effects with k parameters that the model of a calibration does not hold. estimate (k,), covariance (k, k) and
-    taken_on (m, k), internal units: d, D and G above."""
+    taken_on (m, k), internal units: d, D and G above; scatter: of the joints, rad, in what neither explains, and
+    poses: that showed it, None in files that do not say it."""
 
     effects: tuple[Effect, ...]
     estimate: Array
     covariance: Array
     taken_on: Array
+    scatter: float | None = None
+    poses: float | None = None
 
     @classmethod
     def of(cls, found: Identification) -> LeftOpen:
@@ -57,22 +62,27 @@ class LeftOpen:
             station=model.station,
         )
         had = {effect.label for effect in model.effects}
-        effects = tuple(effect for effect in changes(survey) if effect.label not in had)
+        effects = tuple(effect for effect in unclaimed(survey) if effect.label not in had)
         beside = model.append(*(effect.apart(_PREFIX) for effect in effects))
-        estimate = np.concatenate([found.estimate, np.zeros(len(beside.parameters) - m)])
-        gram = np.zeros((len(estimate), len(estimate)))
-        along = np.zeros(len(estimate))
-        for _, residual, columns in linearised(beside, found.readings, estimate):
-            gram += columns.T @ columns
-            along += columns.T @ residual.ravel()
+        pose = found.readings.conditions.pose
+        poses, size, robot = len(np.unique(pose)), beside.prior_std[m:], model.robot
+        k = len(size)
+        estimate = np.concatenate([found.estimate, np.zeros(k + robot.joints)])
+        grams, alongs = [], []
+        for part, residual, columns in linearised(
+            beside.append(joints_apart(robot)), found.readings, estimate
+        ):
+            every = by_pose(columns, pose, part, robot.steps)
+            grams.append(every.T @ every)
+            alongs.append(every.T @ residual.ravel())
+        gram, along = np.sum(grams, axis=0), np.sum(alongs, axis=0)
         noise = max(found.noise_scale, 1.0) ** 2
         taken_on = found.covariance @ gram[:m, m:] / noise
-        shown = (gram[m:, m:] - gram[m:, :m] @ taken_on) / noise
-        size = beside.prior_std[m:]
-        values, vectors = np.linalg.eigh(size[:, None] * shown * size)
-        root = size[:, None] * vectors / np.sqrt(1.0 + np.maximum(values, 0.0))
-        covariance = root @ root.T
-        return cls(effects, covariance @ along[m:] / noise, covariance, taken_on)
+        beyond, along = gram[m:, m:] - gram[m:, :m] @ taken_on, along[m:]
+        covariance = _left(beyond[:k, :k] / noise, size)
+        explains = beyond[k:, :k] @ _left(beyond[:k, :k], size)
+        scatter = likely_scatter(beyond[k:, k:] - explains @ beyond[:k, k:], along[k:] - explains @ along[:k])
+        return cls(effects, covariance @ along[:k] / noise, covariance, taken_on[:, :k], scatter, poses)
 
     def beside(
         self, model: RobotModel, estimate: Array, covariance: Array
@@ -97,6 +107,8 @@ class LeftOpen:
             "estimate_internal_units": _digits(self.estimate),
             "covariance_internal_units": [_digits(row) for row in self.covariance],
             "taken_on_internal_units": [_digits(row) for row in self.taken_on],
+            "scatter_rad": self.scatter,
+            "poses": self.poses,
         }
 
     @classmethod
@@ -122,7 +134,19 @@ class LeftOpen:
             numbers_of(table["estimate_internal_units"], (k,), f"{KEY}.estimate", path),
             covariance,
             numbers_of(taken_on, (rows, k), f"{KEY}.taken_on", path),
+            *(_number(table, key, path) for key in ("scatter_rad", "poses")),
         )
+
+
+def _number(table: Mapping[str, Any], key: str, path: Path) -> float | None:
+    return None if table.get(key) is None else float(numbers_of(table[key], (), f"{KEY}.{key}", path))
+
+
+def _left(shown: Array, size: Array) -> Array:
+    """(k, k) covariance of parameters of usual sizes (k,) by what readings say of them (k, k), which may be nothing."""
+    values, vectors = np.linalg.eigh(size[:, None] * shown * size)
+    root = size[:, None] * vectors / np.sqrt(1.0 + np.maximum(values, 0.0))
+    return root @ root.T
 
 
 def _digits(values: Array) -> list[float]:

@@ -82,8 +82,6 @@ class SavedModel:
     # (m,) standard deviation of every prior in the fit, internal units; None in files that do not say it
     held_std: Array | None = None
     dropped: tuple[Dropped, ...] = ()  # parameters that its readings did not determine
-    held_out: int | None = None  # readings of the held-out error
-    degrees_of_freedom: int | None = None  # of the fit; None in files that do not say it
     left_open: LeftOpen | None = None  # effects that may be there unseen; None in files that do not say it
 
     @property
@@ -115,8 +113,6 @@ def as_saved(identification: Identification, diagnosis: Diagnosis | None = None)
         devices=header.devices,
         held_std=identification.held_std,
         dropped=identification.dropped,
-        held_out=None if judged is None else judged.n,
-        degrees_of_freedom=identification.degrees_of_freedom,
         left_open=LeftOpen.of(identification),
     )
 
@@ -253,8 +249,6 @@ def _saved(document: Mapping[str, Any], path: Path) -> SavedModel:
         updates=_tables(document.get("updates", []), "updates", path),
         held_std=held_std_of(document["parameters"], model, path),
         dropped=dropped_of(document.get("dropped", []), path),
-        held_out=_count((document.get("held_out") or {}).get("error_mm", {}).get("n")),
-        degrees_of_freedom=_count(document.get("degrees_of_freedom")),
         left_open=LeftOpen.from_json(document[KEY], model, path) if KEY in document else None,
     )
 
@@ -301,10 +295,6 @@ def _tables(entries: Any, key: str, path: Path) -> tuple[Mapping[str, Any], ...]
 def _held_out_rms(table: Any) -> float | None:
     rms = None if table is None else table["error_mm"]["rms"]
     return float(rms) if isinstance(rms, int | float) else None
-
-
-def _count(value: Any) -> int | None:
-    return value if isinstance(value, int) and value > 0 else None
 
 
 def _vector(numbers: Array) -> Vector:

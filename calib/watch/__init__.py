@@ -1,5 +1,6 @@
 """The watch: is a robot still the one that was calibrated; what has changed, by how much, and what to do."""
 
+from calib.watch.baseline import too_few_poses
 from calib.watch.cause import in_display
 from calib.watch.history import append, baseline_hash, read_history
 from calib.watch.judge import RATE, Verdict, judge
@@ -53,6 +54,7 @@ __all__ = [
     "read_history",
     "refuse_unlike",
     "times_as_uncertain",
+    "too_few_poses",
     "updated",
     "warms_up",
     "within_stroke",

@@ -1,4 +1,5 @@
-"""The lack of a baseline, by the errors that it left on readings it had not seen: additional scatter of the joints.
+"""The lack of a baseline: additional scatter of the joints, as its file says (`calib.saved.scatter`); of a file that
+does not, by the errors that it left on readings it had not seen:
 
     held-out error^2 = noise + repeatability + what its parameters are uncertain by + lack
 
@@ -21,10 +22,12 @@ from calib.watch.baseline import Baseline, in_series
 
 
 def scatter_beyond(saved: SavedModel, dataset: Dataset) -> float:
-    """The angle, rad, by which the joints would have to scatter more than declared for the errors that the calibration
-    found on readings it had not seen; without such readings, for those of its fit. Nothing where these are as
-    declared."""
-    dataset = in_series(saved.model, dataset)
+    """The angle, rad, by which the joints scatter more than declared, as the file of the model says; of a file that
+    does not, by which they would have to for the errors that the calibration found on readings it had not seen; without
+    such readings, for those of its fit. Nothing where these are as declared."""
+    if saved.left_open is not None and saved.left_open.scatter is not None:
+        return saved.left_open.scatter
+    dataset = in_series(saved, dataset)
     baseline = Baseline.of(replace(saved, left_open=None))
     model, estimate, covariance = baseline.model, baseline.estimate, baseline.covariance
     of_points = bool((dataset.fit_rows & dataset.pointed).any())
@@ -49,26 +52,6 @@ def scatter_beyond(saved: SavedModel, dataset: Dataset) -> float:
         given = dataset.u_length[rows]
         instrument = float(np.mean(np.where(np.isfinite(given), given, noise.length_mm) ** 2))
     known = instrument + float(noise.of_each_joint(model.robot.kinds) ** 2 @ by_joint)
-    beyond = _likely(saved, known, uncertain, rows=3 if of_points else 1)
-    return float(np.sqrt(beyond / float(model.robot.steps**2 @ by_joint)))
-
-
-def _likely(saved: SavedModel, known: float, uncertain: float, rows: int) -> float:
-    """The lack as a mean square, mm2, by what the fit left and by what it had not seen, of so many rows a reading.
-
-    Each is weighed by how many readings it is of. Where a file does not say so, it is the estimate by what had not been
-    seen. Its expectation given that it is not negative would never be nothing, and too careful: robots whose models
-    lack nothing would alarm in a fifth of the stated rate.
-    """
-    freedom, held_out = saved.degrees_of_freedom, saved.held_out_rms_mm
-    found = (saved.noise_scale**2 - 1.0) * known
-    if freedom is not None:
-        weight = 0.5 * freedom / (saved.noise_scale**2 * known) ** 2
-        if held_out is not None and saved.held_out is not None:
-            more = 0.5 * rows * saved.held_out / held_out**4
-            weight, found = (
-                weight + more,
-                (weight * found + more * (held_out**2 - known - uncertain)) / (weight + more),
-            )
-        return max(float(found), 0.0)
-    return max(found if held_out is None else held_out**2 - known - uncertain, 0.0)
+    held_out = saved.held_out_rms_mm
+    beyond = (saved.noise_scale**2 - 1.0) * known if held_out is None else held_out**2 - known - uncertain
+    return float(np.sqrt(max(beyond, 0.0) / float(model.robot.steps**2 @ by_joint)))

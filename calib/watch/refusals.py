@@ -12,6 +12,7 @@ from calib.errors import DataError
 from calib.model.regressors import Temperature
 from calib.saved import SavedModel
 from calib.validation import refuse_other_robot
+from calib.watch.baseline import too_few_poses
 
 WARMER_K = 3.0
 """Difference of the air, K, up to which a baseline without a law of temperature is compared: 0.03 mm on 1 m."""
@@ -65,7 +66,9 @@ def refuse_unlike(
         )
     if gone:
         notes += (f"Judged without {_listed(gone)}.",)
-    if saved.held_out_rms_mm is None:
+    if few := too_few_poses(saved):
+        notes += (few,)
+    if saved.held_out_rms_mm is None and (saved.left_open is None or saved.left_open.scatter is None):
         notes += (
             f"{path.name} has no held-out error: what it lacks is taken from its fit. Calibrate with validation rows.",
         )

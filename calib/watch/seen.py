@@ -63,7 +63,7 @@ class Seen:
 
         Raises DataError as the readers do; what makes them no watch of this robot is `refusals.refuse_unlike`'s.
         """
-        dataset = in_series(saved.model, dataset)
+        dataset = in_series(saved, dataset)
         baseline = Baseline.of(saved)
         model, estimate, covariance = baseline.model, baseline.estimate, baseline.covariance
         dataset = dataset if frame_known else placed(dataset, model, estimate)

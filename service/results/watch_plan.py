@@ -40,7 +40,8 @@ _SETS = 12  # choices of targets that are compared
 @dataclass(frozen=True)
 class Planned:
     """The check poses of a cell and what they show. poses: one for each visit, in order; balls: that each
-    touches; robot: the device that the baseline is of; proposals: what it would take to see every cause from the size
+    touches; robot: the device that the baseline is of; doubted: why it holds no rate of false alarms, or
+    empty; proposals: what it would take to see every cause from the size
     that it should be seen at, where these poses do not."""
 
     cell: Cell
@@ -53,6 +54,7 @@ class Planned:
     noise: Noise
     proposals: tuple[Proposal, ...]
     robot: Mapping[str, str]
+    doubted: str
 
     @staticmethod
     def of(
@@ -120,12 +122,25 @@ class Planned:
             )
         robot = next((each for each in saved.devices if each.get("role") == "robot"), {})
         touched = tuple(balls[i] for i in found.chosen) * found.rounds if balls else ()
-        return Planned(cell, model, asked, targets, poses, touched, found, header.noise, proposals, robot)
+        return Planned(
+            cell,
+            model,
+            asked,
+            targets,
+            poses,
+            touched,
+            found,
+            header.noise,
+            proposals,
+            robot,
+            watch.too_few_poses(saved),
+        )
 
     @property
     def in_words(self) -> str:
         """A sentence on what the check poses show, and what would show the rest; empty where nothing was stated."""
-        return in_words(self.plan, self.proposals, self.targets, self.asked.poses)
+        said = in_words(self.plan, self.proposals, self.targets, self.asked.poses)
+        return " ".join(filter(None, (said, self.doubted)))
 
     @property
     def driven(self) -> bool:

@@ -6,7 +6,8 @@ tool, base, air or tracker, three times the noise), or what a real arm has, an e
 joint, each 0.4 times the noise, which no diagnosis of so few readings names. Campaign and watch go the way of a live
 cell without its wires: visits of three targets that share the repeatability, a frame set up on nests that are measured
 anew each time, files, diagnosis, a plan with its own choice of visits and readings, and the odds by which `judge`
-raises its alarm. What a tracker did in its own campaign (drift) is over when the watch begins.
+raises its alarm. What a tracker did in its own campaign (drift) is over when the watch begins. Of 30 readings no
+rate is stated (`calib.watch.too_few_poses`), and none is asked of them.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from calib.data.read import read_dataset
 from calib.diagnose import diagnose
 from calib.saved import SavedModel, as_saved
 from calib.units import DEG
-from calib.watch import Seen, Visits, plan
+from calib.watch import Seen, Visits, plan, too_few_poses
 from calib.watch.judge import RATE, odds_of
 from calib.watch.planning.planned import planned
 from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
@@ -123,8 +124,8 @@ def watched(saved: SavedModel, dataset: Dataset, check: Visits, world: World, nu
     return replace(template, conditions=conditions, points=in_frame(world, np.array(points), rng))
 
 
-def alarms(kind: Kind, seed: int) -> int:
-    """How many of WATCHES watches of an unchanged arm raise an alarm."""
+def alarms(kind: Kind, seed: int) -> tuple[int, bool]:
+    """How many of WATCHES watches of an unchanged arm raise an alarm, and whether its baseline states a rate."""
     world = World("abb-irb120", seed, [], session=Session(round((1.0 + HELD_OUT) * kind.readings)))
     dataset = calibrated(world, kind)
     world.effects = [effect for effect in world.effects if effect.label not in _PASSING]
@@ -134,20 +135,24 @@ def alarms(kind: Kind, seed: int) -> int:
     every = [Seen.of(saved, watched(saved, dataset, check, world, k)) for k in range(WATCHES)]
     whiten, odds = odds_of(every[0])
     white = np.array([whiten @ seen.residual for seen in every])
-    return int(np.sum(odds.p_values(white).min(axis=1) < odds.limit(RATE)))
+    return int(np.sum(odds.p_values(white).min(axis=1) < odds.limit(RATE))), not too_few_poses(saved)
 
 
 def run(count: int = 25) -> bool:
     """Print the share of alarms over so many baselines of every kind, and of baselines that alarm again and again."""
     reached = True
     for kind in KINDS:
-        found = np.array([alarms(kind, seed) for seed in range(count)])
-        share, often = float(found.mean()) / WATCHES, int(np.sum(found > 0.1 * WATCHES))
-        reached &= share <= MOST
+        every, stated = (
+            np.array(each) for each in zip(*(alarms(kind, s) for s in range(count)), strict=True)
+        )
+        share, often = float(every.mean()) / WATCHES, int(np.sum(every > 0.1 * WATCHES))
+        held = every[stated].sum() <= MOST * WATCHES * stated.sum()
+        reached &= bool(held)
         line(
             f"{kind.name}, {kind.readings} readings, {count} baselines: false alarms",
-            f"{share:.2%} ({found.sum()} of {found.size * WATCHES}, {often} baselines above 10 %)",
-            f"<= {MOST:.1%}",
-            share <= MOST,
+            f"{share:.2%} ({every.sum()} of {every.size * WATCHES}, {often} baselines above 10 %; "
+            f"a rate is stated of {stated.sum()})",
+            f"<= {MOST:.1%} of those",
+            bool(held),
         )
     return reached

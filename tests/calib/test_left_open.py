@@ -25,7 +25,6 @@ from calib.watch import Seen, judge, updated
 from calib.watch.cause import fitted
 from calib.watch.frame import frame_covariance
 from calib.watch.judge import odds_of
-from calib.watch.lack import scatter_beyond
 from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
 from mocks.world import World
 from mocks.world.dataset import header_of, row_of
@@ -91,7 +90,7 @@ def test_it_is_what_a_fit_of_everything_at_once_leaves_open(found: Identificatio
 def test_play_that_the_calibration_did_not_see_is_no_news(saved: SavedModel, tmp_path: Path) -> None:
     watch = data_of(worn(WORN), tmp_path, 120, 9)
     assert judge(Seen.of(saved, watch)).kind == "unchanged"
-    believed = replace(saved, left_open=None, degrees_of_freedom=None, noise_scale=1.0)
+    believed = replace(saved, left_open=None, noise_scale=1.0)
     assert judge(Seen.of(believed, watch)).kind != "unchanged"
 
 
@@ -114,7 +113,7 @@ def test_the_file_keeps_it_and_refuses_what_it_cannot_be(found: Identification, 
     assert made.left_open is not None
     np.testing.assert_allclose(read.left_open.covariance, made.left_open.covariance, rtol=1e-9)
     np.testing.assert_allclose(read.left_open.taken_on, made.left_open.taken_on, rtol=1e-9)
-    assert read.degrees_of_freedom == found.degrees_of_freedom
+    assert (read.left_open.scatter, read.left_open.poses) == (made.left_open.scatter, 17)
     table = made.left_open.to_json()
     impossible = np.array(table["covariance_internal_units"])
     impossible[0, 1] *= -1e6
@@ -122,34 +121,26 @@ def test_the_file_keeps_it_and_refuses_what_it_cannot_be(found: Identification, 
         ("covariance_internal_units", impossible.tolist()),
         ("covariance_internal_units", [[0.0]]),
         ("estimate_internal_units", [float("nan")]),
+        ("scatter_rad", "much"),
+        ("poses", [10]),
         ("taken_on_internal_units", [*table["taken_on_internal_units"], [0.0]]),
     ):
         with pytest.raises(DataError, match="left_open"):
             LeftOpen.from_json({**table, key: value}, found.model, file)
 
 
-def test_a_lack_is_shown_by_the_more_readings_the_more(saved: SavedModel, tmp_path: Path) -> None:
-    """A fit that leaves what was declared and a held-out error that is too large: between both, by their readings."""
-    watch = data_of(worn({}), tmp_path, 30, 3)
-    both = replace(saved, noise_scale=1.0, held_out_rms_mm=0.12, covariance=0.0 * saved.covariance)
-    held, more, most = (
-        scatter_beyond(replace(both, degrees_of_freedom=freedom, held_out=20), watch)
-        for freedom in (None, 60, 6000)
-    )
-    assert held > more > most > 0.0
-    # with the variances of mean squares, 2 s^4 / n: of 60 rows each
-    known = _known(both, watch)
-    assert (more / held) ** 2 == pytest.approx(known**2 / (known**2 + 0.12**4), rel=1e-6)
-
-
-def _known(saved: SavedModel, watch: Dataset) -> float:
-    """The mean square that was declared, mm2: the held-out error at which nothing is lacking."""
-    low, high = 0.01, 0.12
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        lacks = scatter_beyond(replace(saved, degrees_of_freedom=None, held_out_rms_mm=middle), watch) > 0.0
-        low, high = (low, middle) if lacks else (middle, high)
-    return low**2
+def test_what_moves_a_pose_as_a_whole_is_found_as_scatter(tmp_path: Path) -> None:
+    """Waves of every gear, by ten poses and by 40, of which the parameters take on most and much: 0.005 deg."""
+    world = worn({})
+    world.effects = [
+        world.draw_effect(f"periodic:j{k}:n100").with_values(A=0.005 * np.sqrt(2.0), B=0.0)
+        for k in range(1, 7)
+    ]
+    for n, least, most in ((30, 0.5, 2.0), (120, 0.8, 1.25)):
+        left = as_saved(identify(data_of(world, tmp_path, n, 1))).left_open
+        assert left is not None
+        assert least < (left.scatter or 0.0) / (0.005 * DEG) < most
+        assert left.poses == n // 3
 
 
 def test_readings_without_a_clock_are_judged(saved: SavedModel, tmp_path: Path) -> None:

@@ -135,7 +135,7 @@ def test_more_lever_and_more_rounds_see_smaller_zeros_of_the_wrist(by_points: Sa
 
 def sure(saved: SavedModel) -> SavedModel:
     """A baseline of which its model is known to hold all that is there."""
-    return replace(saved, noise_scale=1.0, left_open=None, degrees_of_freedom=None)
+    return replace(saved, noise_scale=1.0, left_open=None)
 
 
 def quiet() -> Header:
