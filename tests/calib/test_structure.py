@@ -90,13 +90,13 @@ def test_an_interaction_of_higher_orders_and_a_reflector_off_its_centre_have_pla
     columns = {
         "joint 4 and joint 5 angles": space.slot("theta6")
         * np.sin(3.0 * c.joints[:, 4] - 2.0 * c.joints[:, 3]),
-        f"side of the tool that {SEEN}": along_x * seen[:, 1] * seen[:, 2],
+        SEEN: along_x * seen[:, 1] * seen[:, 2],
     }
     rng = np.random.default_rng(2)
     for where, column in columns.items():
         errors = rng.normal(size=column.shape) + 2.0 * column / np.sqrt(np.mean(column**2))
         found = left_over(with_residual(space, errors))
-        assert found[0].where == where
+        assert found[0].where.endswith(where)
         assert found[0].p_value < 1e-4
 
 
