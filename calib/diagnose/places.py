@@ -106,7 +106,9 @@ def _outside_the_arm(space: Space, conditions: Conditions) -> dict[str, Array]:
     seen = np.broadcast_to(sight_at_tool(frames, space.fitted.model.station), (n, 3))
     for side, at_tool in (("is down", down), (SEEN, seen)):
         found |= _named(f"side of the tool that {side}", _quadratic(at_tool))
-        found |= _named(f"tool target and the side that {side}", _products(target, _quadratic(at_tool)))
+        if np.ptp(conditions.target) > 0:
+            by_target = _products(target, _quadratic(at_tool))
+            found |= _named(f"tool target and the side that {side}", by_target)
     return found
 
 

@@ -18,7 +18,7 @@ from calib.convert import Table
 from calib.diagnose import diagnose
 from calib.diagnose.claims import against_own_noise, chance_by_pose
 from calib.diagnose.null import Chance, draws
-from calib.diagnose.places import LENGTHS, likely
+from calib.diagnose.places import LENGTHS, SEEN, directions, likely, sight_at_tool
 from calib.diagnose.power import visible
 from calib.diagnose.repeats import p_beyond_repeats
 from calib.diagnose.structure import left_over, log_p_of
@@ -81,6 +81,23 @@ def test_structure_is_found_where_it_is(space: Space, where: str) -> None:
     there = next(s for s in found[:4] if s.where == where)
     assert there.acts_on in (f"joint {joint}", "the tool point", "the tool point, along the tool's axes")
     assert 0.1 < found[0].explained_variance < 1.0
+
+
+def test_an_interaction_of_higher_orders_and_a_reflector_off_its_centre_have_places(space: Space) -> None:
+    c = space.fitted.readings.conditions
+    seen = sight_at_tool(space.frames, space.fitted.model.station)
+    along_x = directions(space)["the tool point, along the tool's axes"][0]
+    columns = {
+        "joint 4 and joint 5 angles": space.slot("theta6")
+        * np.sin(3.0 * c.joints[:, 4] - 2.0 * c.joints[:, 3]),
+        SEEN: along_x * seen[:, 1] * seen[:, 2],
+    }
+    rng = np.random.default_rng(2)
+    for where, column in columns.items():
+        errors = rng.normal(size=column.shape) + 2.0 * column / np.sqrt(np.mean(column**2))
+        found = left_over(with_residual(space, errors))
+        assert found[0].where.endswith(where)
+        assert found[0].p_value < 1e-4
 
 
 def hose(arm: Arm, p: Values) -> None:
@@ -156,6 +173,7 @@ def test_places_that_are_looked_at_first_count_more() -> None:
     assert likely("torque about joint 2", "joint 2")
     assert likely("torque about joint 2", "the tool point")
     assert likely("time", LENGTHS)
+    assert likely("time", "joint 5")
     assert not likely("torque about joint 2", "joint 5")
     assert not likely("joint 2 angle", LENGTHS)
 
