@@ -143,7 +143,7 @@ STOCK_TEXT = st.text("0123456789 .-#", max_size=60).map(str.encode)
 
 def stock_position(*answers: bytes, reply_s: float = 5.0) -> tuple[float, ...] | None:
     """What a stock server's answers to joints and ping are taken for; None: an error of ours."""
-    arm = AbbArm("tcp://127.0.0.1:1", deadlines=AbbDeadlines(ping_s=5.0, reply_s=reply_s))
+    arm = AbbArm("tcp://127.0.0.1:1", deadlines=AbbDeadlines(ping_s=5.0, reply_s=reply_s, quiet_s=0.002))
     with hearing(arm._main.link, *answers):
         try:
             return arm._read_back().joints_deg
