@@ -19,11 +19,11 @@ WHY = "beside a busy computer a stop may take seconds to reach the robot"
 REMEDY = "Start it in a session of its own without nice, as a service of the system, or with less beside it."
 
 
-def low_priority(session: Path = _SESSION) -> str:
+def low_priority() -> str:
     """What stands behind other programs, in words: the session, the program; empty where nothing does."""
     found = None
     with suppress(OSError):
-        found = re.search(r" nice (\d+)", session.read_text("ascii"))
+        found = re.search(r" nice (\d+)", _SESSION.read_text("ascii"))
     behind = [f"its session has nice {found[1]}"] if found and int(found[1]) else []
     if hasattr(os, "getpriority") and (nice := os.getpriority(os.PRIO_PROCESS, 0)) > 0:
         behind.append(f"the program has nice {nice}")

@@ -46,7 +46,7 @@ _WIDEST_DEG = 1000.0  # no joint of any ABB arm turns further; beyond it the ans
 _IDENTITY = re.compile(rb"98 (?:0 |1 ([^*#]+)\*([^*#]+)\*([^*#]+))")
 _MOST_LOOKS = 3  # beyond the first
 # Whether RAPID's NumToStr writes zeros at the end is told nowhere: without them the last joint has no recognisable end.
-_STOCK_JOINT = rb"-?\d{1,3}(?:\.\d{0,5})?"
+_STOCK_JOINT = rb"-?\d{1,3}(?:\.\d{0,2})?"
 _STOCK_JOINTS = re.compile(rb"4 (?:0 |1 (" + rb" ".join([_STOCK_JOINT] * _JOINTS) + rb"))")
 _ENDED_JOINTS = re.compile(rb"4 (?:0 |1 .*\.\d{2})")
 _WEAKNESS = (

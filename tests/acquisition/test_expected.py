@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
 from itertools import pairwise
@@ -93,6 +94,29 @@ def test_a_point_that_is_sent_again_is_not_the_next_one(
     points = [event.data["tracker_mm"] for event in events if event.kind == "reading"][3:]
     assert len(points) == 5
     assert all(one != other for one, other in pairwise(points))
+
+
+def test_a_target_that_is_not_where_its_neighbours_say_is_asked_about_once(
+    stages: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An SMR of another size in one of two targets: within what the nominal robot may miss, and good to the tracker."""
+    stage = stages(block=[{"kind": "poses", "count": 5, "select": "random", "targets": ["T1", "T2"]}])
+    measure, seen = FakeMeter.measure, []
+
+    def exchanged(meter: FakeMeter, target: str, **asked: Any) -> PointReading:
+        reading = measure(meter, target, **asked)
+        seen.append(target)
+        x, y, z = reading.xyz_mm
+        other = target == "T2" and seen.count("T2") > 2
+        return replace(reading, xyz_mm=(x, y, z + 6.35)) if other else reading
+
+    monkeypatch.setattr(FakeMeter, "measure", exchanged)
+    assert stage.execute().state.value == "succeeded"
+    (asked,) = stage.operator.asked
+    assert re.match(
+        r"T[12] and T[12] were \d+\.\d\d mm apart and are \d+\.\d\d mm now: one of the two", asked
+    )
+    assert seen.count("T2") == 5  # nobody wanted one again
 
 
 @pytest.mark.parametrize("wrong", ["scalar last", "conjugate", "of the pose before", ""])

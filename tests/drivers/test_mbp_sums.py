@@ -50,6 +50,17 @@ def test_a_bridge_without_sums_is_believed_and_named(crc: str, caplog: pytest.Lo
     assert sum("sends no checksums" in record.message for record in caplog.records) == 1
 
 
+def test_empty_lines_and_capitals_are_no_fault_of_a_bridge() -> None:
+    """A keepalive of its own; it took two seconds and a reconnection each."""
+    hello = line(f"{HELLO.replace('mm,deg', 'MM,Deg')} crc=1")
+    status = b"\r\n\n" + line("2 OK state=READY T=21.5 P=1013.2 H=45.0")
+    with ExpectedDevice([(ASKED, b"\n" + hello), (STATUS[0], status)]) as device:
+        faro = tracker(device.port)
+        faro.connect()
+        assert faro.status().state == "READY"
+        faro.disconnect()
+
+
 @pytest.mark.parametrize("units", ["m,rad,C,hPa", "in,deg,C,hPa", "um", "mm,gon"])
 def test_a_bridge_that_speaks_in_other_units_is_refused(units: str) -> None:
     """0.5 mm of a ballbar in metres would be a deviation of 0.0005 mm."""
