@@ -303,14 +303,12 @@ class Book:
 
     def begun(self) -> None:
         """The run of the loop executes: orders reach it."""
-        execution = self._execution
-        if execution is not None:
+        if (execution := self._execution) is not None:
             execution.begun.set()
 
     def not_begun(self) -> None:
         """The run of the loop rests: a pause waits until it executes again."""
-        execution = self._execution
-        if execution is not None:
+        if (execution := self._execution) is not None:
             execution.begun.clear()
 
     @contextmanager
@@ -327,8 +325,7 @@ class Book:
 
     def join(self, seconds: float) -> bool:
         """Wait so long for whoever uses the robot; whether it is free."""
-        execution = self._execution
-        if execution is not None:
+        if (execution := self._execution) is not None:
             execution.thread.join(seconds)
         return self._execution is None
 
