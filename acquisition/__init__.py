@@ -1,4 +1,8 @@
-"""Acquisition: what to measure, in which order, and a record that loses nothing. It begins with `Run`."""
+"""Measurement campaigns: planned, checked, executed, and kept in a record that survives a crash or a power cut.
+
+`read_cell` and `read_campaign` read the files; `Run` executes a campaign on the devices of `open_devices`; `export`
+writes the data set of a record.
+"""
 
 from acquisition.campaign import Campaign, campaign_from, read_campaign
 from acquisition.cell import Cell, Devices, open_devices, read_cell

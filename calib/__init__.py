@@ -1,7 +1,8 @@
-"""Calibration: numbers in, numbers out. `read_dataset`, then `identify`, then `save_model` and `correct`.
+"""Calibration of a robot from a data set: identification, diagnosis, compensation and validation.
 
-Every room has a face of its own, from `calib.text` at the bottom to `calib.comparison` at the top. The diagnosis is in
-`calib.diagnose`: a function of that name here would hide its room.
+The usual sequence is `read_dataset`, `identify`, `save_model`, `correct`. The functions compute with arrays and talk to
+no device. Each subpackage exports its public names in its `__init__`. The diagnosis is `calib.diagnose.diagnose`; a
+function `diagnose` here would hide the subpackage of that name.
 """
 
 from calib.arm import Robot, forward, inverse_kinematics, load_robot

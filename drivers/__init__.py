@@ -1,5 +1,8 @@
-"""Drivers: from bytes on a wire to a reading, a folder a maker, each declaring itself. `drivers.interfaces` has
-the verbs, `drivers.registry` the table."""
+"""Drivers of robots and measuring instruments, one subpackage per maker.
+
+`drivers.interfaces` defines the methods that every driver has, `drivers.registry` lists the drivers, and each maker's
+`declaration` states the options and properties of its devices. Errors are in `drivers.errors`.
+"""
 
 from __future__ import annotations
 

@@ -8,8 +8,8 @@
     found.effects  # a pandas DataFrame
     found.model.save("irb120.json")
 
-Arguments and columns carry their units in their names: mm, deg, s. Whatever cannot be used is refused with
-`DataError`, which says where and what to do. Names that `__all__` lists stay; one that must go warns for a year.
+Arguments and columns have their units in their names: mm, deg, s. Invalid input raises `DataError`, which names the
+place and the remedy. The names in `__all__` are stable; one that has to be removed gives a warning for a year before.
 """
 
 from __future__ import annotations

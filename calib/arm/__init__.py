@@ -1,4 +1,4 @@
-"""The arm: what its maker says of it, where it holds a target, which joints reach a place, where it is itself."""
+"""The arm: its robot file, forward and inverse kinematics, gravity torques, and the capsules that enclose it."""
 
 from calib.arm.capsules import Capsule
 from calib.arm.hexapod import LEGS, Stances, stances, stances_among

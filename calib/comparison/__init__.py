@@ -1,4 +1,4 @@
-"""Regression beside identification on the same readings, in one table."""
+"""Comparison of regression and identification on the same readings, in one table."""
 
 from calib.comparison.away import TURN, Away, away
 from calib.comparison.comparison import DIAGNOSIS, NOMINAL, Comparison, Plan, Scored, compare, mae, rmse

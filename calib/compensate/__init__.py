@@ -1,4 +1,4 @@
-"""Compensation: targets that make the real robot land where the nominal one would. It begins with `correct`."""
+"""Compensation: `correct` computes joint targets with which the real robot reaches the pose of the nominal one."""
 
 from calib.compensate.actual import nominal_of
 from calib.compensate.bounds import Bounds, refuse_unlikely

@@ -1,4 +1,4 @@
-"""A data set: its header, its readings and their conditions, and the refusal of what cannot be meant."""
+"""A data set: its header, its readings and their conditions, and the refusal of implausible ones."""
 
 from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset

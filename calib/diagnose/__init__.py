@@ -1,4 +1,4 @@
-"""The diagnosis: what the model lacks, named where readings can name it, with its evidence and its rivals."""
+"""The diagnosis: effects that the base model lacks, each with its evidence and the rivals that fit nearly as well."""
 
 from calib.diagnose.carry import CarryOver, carry_over
 from calib.diagnose.diagnosis import Diagnosis, Found, diagnose

@@ -1,4 +1,4 @@
-"""The fit: a base model in its place, its parameters by robust least squares, and what is known of them."""
+"""The fit: base placed, parameters of the base model by robust least squares, and their uncertainty."""
 
 from calib.fit.circle_points import FEWEST, LEAST_RANGE
 from calib.fit.held_out import errors_on, length_differences

@@ -1,4 +1,4 @@
-"""The model: effects acting on the slots of the chain, what drives them, and what readings see of it."""
+"""The model of a robot: effects on the slots of its kinematic chain, their regressors, and the predicted readings."""
 
 from calib.model.axis import Axis, Drawn
 from calib.model.check import check_effect

@@ -1,4 +1,4 @@
-"""The common part of robots of a type, learnt from their models: means and spreads that become the next prior."""
+"""The prior of a robot type: means and spreads of parameters, learnt from the models of robots of that type."""
 
 from calib.fit.of_type import TypePrior
 from calib.prior.file import load_prior, prior_document, save_prior

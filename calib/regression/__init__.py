@@ -1,4 +1,4 @@
-"""Regression on positions and on what a physical model leaves of them: MLS-SVR with its features and its choice."""
+"""Regression on positions, or on the residuals of a physical model: MLS-SVR, its features and their choice."""
 
 from calib.regression.features import SETS, evaluate, independent, products_of, usual
 from calib.regression.regression import Regression, Wanted

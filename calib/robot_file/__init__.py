@@ -1,4 +1,4 @@
-"""Robot files: written, imported, described, and held against a few readings."""
+"""Robot files: written, imported, described, and checked against a few readings."""
 
 from calib.robot_file.description import Described, axes_of, described
 from calib.robot_file.dh_import import import_dh

@@ -1,4 +1,4 @@
-"""A model on disk: written with a hash, read back with every number held against what a robot can be."""
+"""A model on disk: written with a hash; when it is read, every number is checked against plausible bounds."""
 
 from calib.saved.document import model_document, parameters_of
 from calib.saved.model_file import SIMULATED, SavedModel, as_saved, load_model, save_model

@@ -1,4 +1,4 @@
-"""The scan: what each candidate, and each place of a family of candidates, would explain beside a fitted model."""
+"""The scan: how much of the residuals each candidate effect would explain in addition to a fitted model."""
 
 from calib.scan.fixed import Candidate
 from calib.scan.harmonics import Harmonics

@@ -1,4 +1,4 @@
-"""The selection of poses to measure: D-optimal selection from candidates, its bound, and what it will be worth."""
+"""The selection of poses to measure: D-optimal among candidates, with its bound and the predicted uncertainty."""
 
 from calib.selection.choose import SHARE, Choice, choose
 from calib.selection.curve import STEP, WORTH, Curve, curve_of

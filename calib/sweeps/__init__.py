@@ -1,4 +1,4 @@
-"""Sweeps: what single joints show of themselves while they alone turn."""
+"""Sweeps: the errors of a single joint, measured while only that joint turns."""
 
 from calib.sweeps.joint import JointSweep, analyse
 

@@ -115,7 +115,7 @@ def two_tables(folder: Path) -> Path:
 
 
 @case(
-    "X, Y, Z given twice, with other values: the robot cannot tell",
+    "X, Y, Z given twice, with other values: the robot cannot decide",
     asks=("points",),
     answers={"points": "X [mm]"},
 )

@@ -67,7 +67,7 @@ def ur_radians(folder: Path) -> Path:
     return save(folder / "rtde.csv", named(names, rows, ","))
 
 
-@case("No units anywhere: degrees are evident, millimetres are told by the robot")
+@case("No units anywhere: degrees are evident, millimetres follow from the robot")
 def no_units(folder: Path) -> Path:
     return save(
         folder / "a.csv", named([*(f"theta{k}" for k in range(1, 7)), "X", "Y", "Z"], grid(J, P), ",")
@@ -75,7 +75,7 @@ def no_units(folder: Path) -> Path:
 
 
 @case(
-    "No units, and no robot that could tell",
+    "No units, and no robot to decide by",
     asks=("unit.points", "robot"),
     answers={"robot": "", "unit.points": "mm"},
 )
@@ -123,13 +123,13 @@ def nominal_actual(folder: Path) -> Path:
     return save(folder / "report.txt", ["// Units: mm", *named(names, rows, "\t")])
 
 
-@case("rx, ry, rz in degrees: the robot tells Staubli's convention", turned=True)
+@case("rx, ry, rz in degrees: by the robot, Staubli's convention", turned=True)
 def euler_staubli(folder: Path) -> Path:
     names = [*(f"J{k}_deg" for k in range(1, 7)), "x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"]
     return save(folder / "a.csv", named(names, grid(J, P, angles("XYZ")), ","))
 
 
-@case("rx, ry, rz in radians: the robot tells a rotation vector", turned=True)
+@case("rx, ry, rz in radians: by the robot, a rotation vector", turned=True)
 def euler_vector(folder: Path) -> Path:
     vector = Rotation.from_quat(Q, scalar_first=True).as_rotvec()
     names = [
@@ -197,7 +197,7 @@ def quaternion_last(folder: Path) -> Path:
     return save(folder / "a.csv", named(names, grid(J, P, Q[:, [1, 2, 3, 0]]), ","))
 
 
-@case("q1 .. q4 without a word which is the scalar: the robot tells", turned=True)
+@case("q1 .. q4 without saying which is the scalar: decided by the robot", turned=True)
 def quaternion_numbered(folder: Path) -> Path:
     names = [*(f"J{k} [deg]" for k in range(1, 7)), *(f"{a} [mm]" for a in "XYZ"), "q1", "q2", "q3", "q4"]
     return save(folder / "a.csv", named(names, grid(J, P, Q), ","))
@@ -250,7 +250,9 @@ def numbers_as_names(folder: Path) -> Sequence[Path]:
     ]
 
 
-@case("Points without names: by order only as told", asks=("match",), answers={"match": "order"})
+@case(
+    "Points without names: matched by order only if you say so", asks=("match",), answers={"match": "order"}
+)
 def by_order(folder: Path) -> Sequence[Path]:
     return [joint_list(folder), save(folder / "p.txt", named(["X [mm]", "Y [mm]", "Z [mm]"], grid(P), "\t"))]
 
