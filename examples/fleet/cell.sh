@@ -35,6 +35,7 @@ while true; do
     record=watch-$(date +%s)
     code=0
     run truepose watch run model.json cell.toml watch.toml --record "$record" --simulate --json "$record.json" || code=$?
-    case $code in 0 | 3 | 6) ;; *) exit $code ;; esac    # 3 and 6: something has changed
+    # 3 and 6: something has changed; 5: paused for a person, as where the instrument drifts: the next watch asks again
+    case $code in 0 | 3 | 5 | 6) ;; *) exit $code ;; esac
     run sleep "$every"
 done

@@ -11,8 +11,9 @@ class Tally:
 
     known: had a result before; done: by this call, refused among them; found: had a result when a worker came to them,
     from a worker that was lost since or from another call; twice: computed, though another result came first; failed:
-    without a result, with the reason. seconds: processor time of the diagnoses; overhead_s: of scheduler and command
-    while they are dealt out; start_s: of the command before and after that; elapsed: since the workers were there.
+    without a result, with the reason. seconds: processor time of the diagnoses; overhead_s: of the command, and of the
+    scheduler where it is its own, while they are dealt out; start_s: of the command before and after that; elapsed:
+    since the workers were there.
     """
 
     total: int

@@ -69,14 +69,12 @@ def changed(found: Changes) -> Iterable[RenderableType]:
     versions = ", ".join(found.since) or "no other version"
     ratio = "" if found.ratio is None else f"; held-out errors now over before: median {found.ratio:.3f}"
     missing = f"; {found.missing} have no earlier result" if found.missing else ""
-    table = grid(
-        f"Since {versions}: {len(found.changed)} of {found.compared} data sets differ, {same} do not{ratio}{missing}",
-        "data set",
-        "verdict",
-        "effects",
-        "held out, mm",
-        left=3,
-    )
+    counts = f"{len(found.changed)} of {found.compared} data sets differ, {same} do not"
+    title = f"Since {versions}: {counts}{ratio}{missing}"
+    if not found.changed:
+        yield f"{title}."
+        return
+    table = grid(title, "data set", "verdict", "effects", "held out, mm", left=3)
     for each in found.changed[:SHOWN]:
         table.add_row(each.name, _from_to(each.was.verdict, each.now.verdict), _effects(each), _errors(each))
     if len(found.changed) > SHOWN:
@@ -121,7 +119,7 @@ def _price(tally: Tally) -> str:
     if tally.seconds_each is not None:
         parts.append(
             f"{tally.seconds_each:.2f} s of processor time each, {duration(tally.elapsed)} in all, "
-            f"scheduler and this command {tally.overhead_s:.1f} s of processor time on top, "
+            f"this command {tally.overhead_s:.1f} s of processor time on top (its own scheduler included), "
             f"{tally.start_s:.1f} s to start"
         )
     if tally.lost:
