@@ -43,7 +43,8 @@ from calib.fit.of_type import (
 from calib.fit.offsets import offsets_of
 from calib.fit.placing import base_model_of
 from calib.fit.readings import Readings, begun, readings_of
-from calib.model.base_model import named_in
+from calib.fit.soft_gears import softer_than_usual
+from calib.model.base_model import adapted, named_in
 from calib.model.effect import Parameter
 from calib.model.model import Design, RobotModel
 from calib.units import percent
@@ -77,6 +78,9 @@ def identify(
         start = np.zeros(len(model.parameters))
         readings, at = begun(dataset, dataset.fit_rows, model, start)
         found = fit(dataset, model, readings, start, at=at, progress=progress)
+        if soft := softer_than_usual(found, named_in(model.effects, dataset.header.priors)):
+            model = replace(model, effects=adapted(model.effects, (), soft))
+            found = fit(dataset, model, readings, found.estimate, progress=progress)
     else:
         found = _beside_type(dataset, model, prior, progress)
     refuse_misfit(dataset, found)

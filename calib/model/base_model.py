@@ -15,6 +15,9 @@ from calib.model.effect import Effect, effect
 from calib.model.gravity_regressors import Torque
 from calib.model.regressors import Constant, InSeries, JointAngle, OnTarget, Regressor, ToAnchor
 
+COMPLIANCE = "1e-6 rad/(N.mm)"
+"""Unit of the compliance of a gear."""
+
 _KEPT = 64  # groups, the same for every fit of a robot; a service that lives for months forgets the others
 _GEOMETRY = {"alpha": ("deg", 0.2), "a": ("mm", 1.0), "theta": ("deg", 1.0), "d": ("mm", 1.0)}
 
@@ -77,7 +80,7 @@ def compliance(robot: Robot) -> Effect:
 
 @lru_cache(_KEPT)
 def _compliance(turning: tuple[int, ...]) -> Effect:
-    acts = {f"c{k}": ("1e-6 rad/(N.mm)", 1.0, [(f"theta{k}", Torque(k))]) for k in turning}
+    acts = {f"c{k}": (COMPLIANCE, 1.0, [(f"theta{k}", Torque(k))]) for k in turning}
     return effect("compliance", "base model", "robot", "Gears yield to gravity.", acts)
 
 

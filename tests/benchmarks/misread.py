@@ -19,7 +19,7 @@ import numpy as np
 import tomli_w
 from scipy.spatial.transform import Rotation
 
-from calib import DataError, read_dataset
+from calib import DataError, forward, load_robot, read_dataset
 from calib.arm.robot import BUILT_IN
 from mocks.campaign import make_campaign
 from mocks.world import ROBOTS
@@ -92,12 +92,59 @@ def _metres(link: dict[str, Any]) -> None:
     link["a_mm"], link["d_mm"] = link["a_mm"] / 1000.0, link["d_mm"] / 1000.0
 
 
+def _inches(link: dict[str, Any]) -> None:
+    link["a_mm"], link["d_mm"] = link["a_mm"] / 25.4, link["d_mm"] / 25.4
+
+
 def _mirrored_alpha(link: dict[str, Any]) -> None:
     link["alpha_deg"] = -link["alpha_deg"]
 
 
 def _other_convention(files: Files) -> None:
     files[2]["convention"] = {"dh": "mdh", "mdh": "dh"}[files[2]["convention"]]
+
+
+def _tools(factor: float) -> Callable[[Files], None]:
+    def do(files: Files) -> None:
+        tools = files[1]["tool_targets"]
+        files[1]["tool_targets"] = {name: [factor * x for x in at] for name, at in tools.items()}
+
+    return do
+
+
+def _exchanged(files: Files) -> None:
+    other = {"T1": "T2", "T2": "T1"}
+    for row in files[0]:
+        row["tool_target"] = other.get(row["tool_target"], row["tool_target"])
+
+
+def _reversed(files: Files) -> None:
+    for row in files[0]:
+        for k in (1, 2, 3):
+            row[f"j{k}_deg"], row[f"j{7 - k}_deg"] = row[f"j{7 - k}_deg"], row[f"j{k}_deg"]
+
+
+def _as_fanuc(files: Files) -> None:
+    for row in files[0]:
+        row["j3_deg"] = -row["j3_deg"] - row["j2_deg"]
+    files[1]["beyond_limits"] = True
+
+
+def _of_two_stations(files: Files) -> None:
+    turn = Rotation.from_euler("xyz", (5.0, -10.0, 130.0), degrees=True)
+    for row in files[0][12:]:
+        there = turn.apply([row[axis] for axis in _POINT]) + np.array([800.0, -300.0, 90.0])
+        row.update(zip(_POINT, there, strict=True))
+
+
+def _of_another_target(files: Files) -> None:
+    """The last five readings are of a point 70 mm further along the flange."""
+    robot = load_robot(files[1]["robot"])
+    rows = files[0][15:]
+    angles = np.radians([[row[f"j{k}_deg"] for k in range(1, 7)] for row in rows])
+    flange = forward(robot, robot.model_angles(angles, files[1].get("joint_coupling", "none")))
+    for row, along in zip(rows, 70.0 * flange[:, :3, 2], strict=True):
+        row.update(zip(_POINT, [row[axis] for axis in _POINT] + along, strict=True))
 
 
 def mistakes(robot: dict[str, Any]) -> Iterator[tuple[str, Callable[[Files], None], str, bool]]:
@@ -117,9 +164,18 @@ def mistakes(robot: dict[str, Any]) -> Iterator[tuple[str, Callable[[Files], Non
         yield f"points {late:+d} rows", _slipped(late), words, False
     for unit, factor in (("metres", 1e-3), ("inches", 1.0 / 25.4), ("micrometres", 1e3)):
         yield f"points in {unit}", _points((factor, factor, factor)), unit, False
+    for unit, factor in (("metres", 1e-3), ("inches", 1.0 / 25.4), ("micrometres", 1e3)):
+        yield f"tool in {unit}", _tools(factor), f"tool targets are in {unit}", False
+    yield "tool targets exchanged", _exchanged, "Exchange T1 and T2", False
+    yield "joints reversed", _reversed, "in reverse order", False
+    yield "two stations", _of_two_stations, "8 of 20 .* another station", False
+    yield "another target", _of_another_target, r"5 of 20 .* another tool target: at \[.*(69|70|71)", False
+    if not robot.get("joint_matrices"):
+        yield "joint 3 as Fanuc counts", _as_fanuc, "minus its joint 2: the two are coupled", False
     yield "points mirrored", _points((1.0, -1.0, 1.0)), "left-handed", False
     yield "robot file in radians", _links(_radians), "degrees", True
     yield "robot file in metres", _links(_metres), "by 1000", True
+    yield "robot file in inches", _links(_inches), "by 25.4", True
     yield "the other convention", _other_convention, "Set convention", True
     for k, link in enumerate(robot["link"], start=1):
         if abs(np.sin(np.radians(link["alpha_deg"]))) > 0.1:

@@ -110,6 +110,15 @@ def test_a_robot_that_nothing_brings_near_its_readings_is_refused(tmp_path: Path
         identify(read_dataset(tmp_path / "data.csv"))
 
 
+def test_a_robot_whose_lengths_would_be_others_is_refused(tmp_path: Path) -> None:
+    """A fit makes any arm of any other: one whose upper arm is 80 mm longer is not that of the file."""
+    cell = Cell(1)
+    cell.add["a3"] += 80.0
+    cell.measure("p", 60, noise=NOISE, validation=0)
+    with pytest.raises(DataError, match=r"would have a3 = 3\d\d mm instead of 270"):
+        identify(cell.dataset(tmp_path))
+
+
 def test_a_robot_far_from_its_zeros_is_placed_where_nothing_else_is_freed(tmp_path: Path) -> None:
     """How far it is off is what was asked; with its zeros freed the same readings are explained."""
     rows, header, _ = copy.deepcopy(GOOD["abb-irb120"])

@@ -21,6 +21,7 @@ from calib.model import Design
 from calib.units import to_internal
 from mocks.campaign import make_campaign
 from tests.calib.campaigns import simulate, write_files
+from tests.calib.cells import NOISE, Cell
 from tests.calib.chain import chain
 
 
@@ -195,6 +196,17 @@ def test_no_chain_is_walked_twice_where_the_fit_stands(
     assert result.converged
     assert result.faulty_rows == ()
     assert 3 <= len(walked) == len(set(walked)) <= 6
+
+
+def test_a_gear_softer_than_usual_is_not_held_to_the_usual_size(tmp_path: Path) -> None:
+    """Ten usual sizes: held to one, it came out several standard errors short, and effects were named for the rest."""
+    cell = Cell(1)
+    cell.soft[5] = 1e-5
+    cell.measure("p", 60, noise=NOISE, validation=0)
+    result = identify(cell.dataset(tmp_path))
+    i = result.model.index["c6"]
+    assert abs(result.estimate[i] - 1e-5) < 4.0 * result.standard_errors[i]
+    assert result.standard_errors[i] < 1e-6
 
 
 def test_standard_errors_are_those_of_repetition(tmp_path: Path) -> None:

@@ -110,6 +110,7 @@ REFUSED = {
     "weightless load": (GOOD.replace("mass_kg = 2.7", "mass_kg = 0.0"), "load"),
     "flat load": (GOOD.replace("[50.0, 25.0, 100.0]", "[50.0, 25.0]"), "load"),
     "text for a number": (GOOD.replace("a_mm = 270.0", 'a_mm = "long"'), "long"),
+    "a flag for a number": (GOOD.replace("a_mm = 270.0", "a_mm = true"), "link[3].a_mm"),
     "nan": (GOOD.replace("a_mm = 270.0", "a_mm = nan"), "link"),
     "infinite": (GOOD.replace("d_mm = 302.0", "d_mm = inf"), "link"),
     "text for a load": (GOOD.replace("mass_kg = 2.7", 'mass_kg = "2.7 kg"'), "mass_kg"),
