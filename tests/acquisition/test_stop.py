@@ -148,7 +148,7 @@ def test_a_stop_ends_the_run_whatever_the_controller_makes_of_it(stage: Stage) -
     stage.bench.faults[MOVE] = stop
     outcome = stage.execute()
     assert (outcome.state.value, stage.run.status().state) == ("stopped", "stopped")
-    assert outcome.reason.startswith("Stopped on request; motion stopped by the controller.")
+    assert outcome.reason.startswith("Stopped on request; arm: motion stopped by the controller.")
 
 
 def test_no_link_is_closed_while_a_stop_uses_it(stage: Stage) -> None:
