@@ -28,7 +28,7 @@ class Identity:
     firmware: str
     protocol: str
     simulated: bool | None = None
-    alias: str = ""
+    alias: str = field(default="", repr=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -230,7 +230,9 @@ class Sequencer:
             if planned.visit.between_balls:
                 return self._checks.moved(planned)
             if isinstance(reading, PointReading):
-                return self._companions.changed(planned, reading)
+                world = self._nests.world  # its own for each station of the instrument
+                at = reading.xyz_mm if world is None else world.to_world(reading.xyz_mm)
+                return self._companions.changed(planned, reading.target, at)
         return None
 
     def _length(self, planned: Planned, base_target: str) -> LengthReading:

@@ -101,7 +101,8 @@ def _refuse_misread(
         lambda: chain(
             of_points(meaning),
             of_joints(meaning),
-            of_tools(meaning, conditions.target_names),
+            # tool targets that are fitted are only where the fit begins
+            () if "tool" in header.groups else of_tools(meaning, conditions.target_names),
             of_robot(meaning),
             of_rows(everything, rows, measured),
         ),

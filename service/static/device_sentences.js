@@ -1,6 +1,12 @@
 // What an examination of the devices says (acquisition/examination), English and German; read by sentences.js.
 
 export const DEVICE_SENTENCES = [
+  // the computer: its priority
+  ["its session has nice {n}", "ihre Sitzung hat nice {n}"], ["the program has nice {n}", "das Programm hat nice {n}"],
+  ["its session has nice {n}: beside a busy computer a stop may take seconds to reach the robot", "ihre Sitzung hat nice {n}: neben einem ausgelasteten Rechner kann ein Halt Sekunden brauchen, bis er beim Roboter ist"], ["the program has nice {n}: beside a busy computer a stop may take seconds to reach the robot", "das Programm hat nice {n}: neben einem ausgelasteten Rechner kann ein Halt Sekunden brauchen, bis er beim Roboter ist"],
+  ["its session has nice {n} and the program has nice {m}: beside a busy computer a stop may take seconds to reach the robot", "ihre Sitzung hat nice {n}, das Programm nice {m}: neben einem ausgelasteten Rechner kann ein Halt Sekunden brauchen, bis er beim Roboter ist"],
+  ["beside a busy computer a stop may take seconds to reach the robot", "neben einem ausgelasteten Rechner kann ein Halt Sekunden brauchen, bis er beim Roboter ist"],
+  ["Start it in a session of its own without nice, as a service of the system, or with less beside it.", "Es in einer eigenen Sitzung ohne nice starten, als Dienst des Systems, oder mit weniger daneben."],
   // devices: the link, who answers
   ["its simulator answers, {n} s", "sein Simulator antwortet, {n} s"], ["whoever works it answers, {n} s", "wer es bedient, antwortet, {n} s"], ["{place} answers, {n} s", "{place} antwortet, {n} s"],
   ["{who}, no serial number reported", "{who}, keine Seriennummer gemeldet"], ["{who}, no serial number reported, {more}", "{who}, keine Seriennummer gemeldet, {more}"], ["{who}, serial {serial}, software {version}", "{who}, Seriennummer {serial}, Software {version}"], ["{who}, serial {serial}", "{who}, Seriennummer {serial}"],

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib import Dataset, identify, load_robot
+from calib.errors import DataError
 from calib.fit import placing
 from calib.fit.circle_points import find_sweeps, fit_axes, starts
 from tests.benchmarks.arm import tool_frames
@@ -220,8 +221,12 @@ def test_a_long_unknown_tool_is_found_from_circles(tmp_path: Path, monkeypatch: 
         if not circles:
             monkeypatch.setattr(placing, "starts", lambda _: {})
         for cell, data in cells:
-            result = identify(data)
-            lost[circles] += not (result.converged and miss(cell, data, result).max() < 1e-3)
+            try:
+                result = identify(data)
+            except DataError:  # ended so far off that the arm is taken for another
+                lost[circles] += 1
+            else:
+                lost[circles] += not (result.converged and miss(cell, data, result).max() < 1e-3)
     assert lost[True] == 0
     assert lost[False] >= 1
 

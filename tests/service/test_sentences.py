@@ -53,6 +53,7 @@ PIECES = {
     "software 7",
     "serial 7",
     "runs at 7",
+    r" nice (\d+)",
 }
 PIECES |= {
     "7 +- 7 s a second",
