@@ -38,7 +38,7 @@ from calib.fit.least_squares import Dropped
 from calib.fit.left_out import all_readings
 from calib.fit.of_type import TypePrior
 from calib.fit.placing import base_model_of, place_nominal
-from calib.fit.readings import readings_of
+from calib.fit.readings import Readings, readings_of
 from calib.fit.statistics import ErrorStatistics, statistics_of
 from calib.model.effect import Effect
 from calib.model.model import Design, RobotModel
@@ -81,6 +81,12 @@ class Diagnosis:
     def by_repeats(self) -> bool:
         """Whether the verdict rests on the noise that repeated visits show, since there is more than was declared."""
         return self.p_lack_of_fit < NOISY and self.verdict in ("complete", "attributed", "ambiguous")
+
+    @property
+    def held_out(self) -> Readings | None:
+        """The readings of the validation set as the final model sees them; None without any."""
+        rows = self.dataset.validation_rows
+        return readings_of(self.dataset, rows, self.final.model, self.final.estimate) if rows.any() else None
 
     @property
     def stretch(self) -> float | None:

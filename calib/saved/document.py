@@ -70,7 +70,7 @@ def model_document(
         "device": [dict(each) for each in identification.header.devices],
         "measured": None if occasion is None else {"began": occasion.began, "ended": occasion.ended},
     }
-    document[KEY] = LeftOpen.of(identification).to_json()
+    document[KEY] = LeftOpen.of(identification, None if diagnosis is None else diagnosis.held_out).to_json()
     if regression is not None:
         document["regression"] = document_of(regression)
     document["content_sha256"] = content_hash(document)

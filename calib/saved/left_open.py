@@ -27,11 +27,11 @@ from calib.array import Array
 from calib.effects import Survey, compliance_of, unclaimed
 from calib.errors import DataError
 from calib.fit.identification import Identification
-from calib.fit.readings import linearised
+from calib.fit.readings import Readings
 from calib.model.effect import Effect
 from calib.model.model import RobotModel
 from calib.saved.model_checks import numbers_of, refuse_effects
-from calib.saved.scatter import by_pose, joints_apart, likely_scatter
+from calib.saved.scatter import Scattering, likely_scatter
 
 _PREFIX = "open"
 KEY = "left_open"
@@ -40,19 +40,23 @@ KEY = "left_open"
 @dataclass(frozen=True)
 class LeftOpen:
     """Effects with k parameters that the model of a calibration does not hold. estimate (k,), covariance (k, k) and
-    taken_on (m, k), internal units: d, D and G above; scatter: of the joints, rad, in what neither explains, and
-    poses: that showed it, None in files that do not say it."""
+    taken_on (m, k), internal units: d, D and G above; scatter (N,): of every joint, rad, in what neither
+    explains, and poses: that showed it, None in files that do not say it."""
 
     effects: tuple[Effect, ...]
     estimate: Array
     covariance: Array
     taken_on: Array
-    scatter: float | None = None
+    scatter: Array | None = None
     poses: float | None = None
 
     @classmethod
-    def of(cls, found: Identification) -> LeftOpen:
-        """The effects that can set in between two campaigns, as far as the readings of a fit left them open."""
+    def of(cls, found: Identification, held_out: Readings | None = None) -> LeftOpen:
+        """The effects that can set in between two campaigns, as far as the readings of a fit left them open.
+
+        held_out: readings that the fit had not seen; they say with the others how much the joints scatter, since of
+        what a model lacks they show what the fit has taken on elsewhere, and nothing else.
+        """
         model, m = found.model, len(found.estimate)
         survey = Survey(
             robot=model.robot,
@@ -64,25 +68,28 @@ class LeftOpen:
         had = {effect.label for effect in model.effects}
         effects = tuple(effect for effect in unclaimed(survey) if effect.label not in had)
         beside = model.append(*(effect.apart(_PREFIX) for effect in effects))
-        pose = found.readings.conditions.pose
-        poses, size, robot = len(np.unique(pose)), beside.prior_std[m:], model.robot
-        k = len(size)
-        estimate = np.concatenate([found.estimate, np.zeros(k + robot.joints)])
-        grams, alongs = [], []
-        for part, residual, columns in linearised(
-            beside.append(joints_apart(robot)), found.readings, estimate
-        ):
-            every = by_pose(columns, pose, part, robot.steps)
-            grams.append(every.T @ every)
-            alongs.append(every.T @ residual.ravel())
-        gram, along = np.sum(grams, axis=0), np.sum(alongs, axis=0)
+        k, size = len(beside.prior_std) - m, beside.prior_std[m:]
+        every = (found.readings,) if held_out is None else (found.readings, held_out)
+        (gram, along), *more = Scattering(beside, found.estimate, every).shown()
         noise = max(found.noise_scale, 1.0) ** 2
-        taken_on = found.covariance @ gram[:m, m:] / noise
-        beyond, along = gram[m:, m:] - gram[m:, :m] @ taken_on, along[m:]
-        covariance = _left(beyond[:k, :k] / noise, size)
+        taken_on = found.covariance @ gram[:m, m : m + k] / noise
+        left = _left((gram[m : m + k, m : m + k] - gram[m : m + k, :m] @ taken_on) / noise, size)
+        estimate, known = left @ along[m : m + k] / noise, found.covariance / noise
+        along = np.concatenate([np.zeros(m), along[m:]])  # the fit has ended: its prior pulls as much
+        for seen, off in more:
+            gram, along, known = (
+                gram + seen,
+                along + off,
+                np.linalg.solve(np.eye(m) + known @ seen[:m, :m], known),
+            )
+        beyond = gram[m:, m:] - gram[m:, :m] @ known @ gram[:m, m:]
+        along = along[m:] - gram[m:, :m] @ known @ along[:m]
         explains = beyond[k:, :k] @ _left(beyond[:k, :k], size)
-        scatter = likely_scatter(beyond[k:, k:] - explains @ beyond[:k, k:], along[k:] - explains @ along[:k])
-        return cls(effects, covariance @ along[:k] / noise, covariance, taken_on[:, :k], scatter, poses)
+        scatter = likely_scatter(
+            beyond[k:, k:] - explains @ beyond[:k, k:], along[k:] - explains @ along[:k], model.robot.joints
+        )
+        poses = len(np.unique(found.readings.conditions.pose))
+        return cls(effects, estimate, left, taken_on, scatter, poses)
 
     def beside(
         self, model: RobotModel, estimate: Array, covariance: Array
@@ -107,7 +114,7 @@ class LeftOpen:
             "estimate_internal_units": _digits(self.estimate),
             "covariance_internal_units": [_digits(row) for row in self.covariance],
             "taken_on_internal_units": [_digits(row) for row in self.taken_on],
-            "scatter_rad": self.scatter,
+            "scatter_rad": None if self.scatter is None else _digits(self.scatter),
             "poses": self.poses,
         }
 
@@ -134,12 +141,13 @@ class LeftOpen:
             numbers_of(table["estimate_internal_units"], (k,), f"{KEY}.estimate", path),
             covariance,
             numbers_of(taken_on, (rows, k), f"{KEY}.taken_on", path),
-            *(_number(table, key, path) for key in ("scatter_rad", "poses")),
+            _known(table, "scatter_rad", (model.robot.joints,), path),
+            None if (poses := _known(table, "poses", (), path)) is None else float(poses),
         )
 
 
-def _number(table: Mapping[str, Any], key: str, path: Path) -> float | None:
-    return None if table.get(key) is None else float(numbers_of(table[key], (), f"{KEY}.{key}", path))
+def _known(table: Mapping[str, Any], key: str, shape: tuple[int, ...], path: Path) -> Array | None:
+    return None if table.get(key) is None else numbers_of(table[key], shape, f"{KEY}.{key}", path)
 
 
 def _left(shown: Array, size: Array) -> Array:

@@ -113,7 +113,7 @@ def as_saved(identification: Identification, diagnosis: Diagnosis | None = None)
         devices=header.devices,
         held_std=identification.held_std,
         dropped=identification.dropped,
-        left_open=LeftOpen.of(identification),
+        left_open=LeftOpen.of(identification, None if diagnosis is None else diagnosis.held_out),
     )
 
 

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.fit.least_squares import jacobian
 from calib.fit.readings import readings_of
@@ -21,10 +22,12 @@ from calib.saved import SavedModel
 from calib.watch.baseline import Baseline, in_series
 
 
-def scatter_beyond(saved: SavedModel, dataset: Dataset) -> float:
-    """The angle, rad, by which the joints scatter more than declared, as the file of the model says; of a file that
-    does not, by which they would have to for the errors that the calibration found on readings it had not seen; without
-    such readings, for those of its fit. Nothing where these are as declared."""
+def scatter_beyond(saved: SavedModel, dataset: Dataset) -> Array:
+    """(N,) the angles, rad, by which the joints scatter more than declared, as the file of the model says.
+
+    Of a file that does not say it, the one angle by which all would have to for the errors that the calibration found
+    on readings it had not seen; without such readings, for those of its fit. Nothing where these are as declared.
+    """
     if saved.left_open is not None and saved.left_open.scatter is not None:
         return saved.left_open.scatter
     dataset = in_series(saved, dataset)
@@ -33,7 +36,7 @@ def scatter_beyond(saved: SavedModel, dataset: Dataset) -> float:
     of_points = bool((dataset.fit_rows & dataset.pointed).any())
     rows = dataset.fit_rows & (dataset.pointed if of_points else dataset.spanned)
     if not rows.any():
-        return 0.0
+        return np.zeros(saved.model.robot.joints)
     readings = readings_of(dataset, rows, model, estimate)
     joints, noise = model.robot.joint_slots, dataset.header.noise
     design = Design(model, readings.conditions)
@@ -54,4 +57,5 @@ def scatter_beyond(saved: SavedModel, dataset: Dataset) -> float:
     known = instrument + float(noise.of_each_joint(model.robot.kinds) ** 2 @ by_joint)
     held_out = saved.held_out_rms_mm
     beyond = (saved.noise_scale**2 - 1.0) * known if held_out is None else held_out**2 - known - uncertain
-    return float(np.sqrt(max(beyond, 0.0) / float(model.robot.steps**2 @ by_joint)))
+    steps = model.robot.steps
+    return np.full(len(steps), np.sqrt(max(beyond, 0.0) / float(steps**2 @ by_joint)))

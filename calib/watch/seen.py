@@ -55,11 +55,11 @@ class Seen:
 
     @classmethod
     def of(
-        cls, saved: SavedModel, dataset: Dataset, *, frame_known: bool = True, lack: float | None = None
+        cls, saved: SavedModel, dataset: Dataset, *, frame_known: bool = True, lack: Array | None = None
     ) -> Seen:
         """The usable readings of a data set. frame_known False: where robot and instrument stand is not compared.
 
-        lack: what the model lacks, as scatter of the joints, rad; None: as `scatter_beyond` finds it.
+        lack (N,): what the model lacks, as scatter of every joint, rad; None: as `scatter_beyond` finds it.
 
         Raises DataError as the readers do; what makes them no watch of this robot is `refusals.refuse_unlike`'s.
         """
@@ -91,8 +91,8 @@ class Seen:
         )
         lack = scatter_beyond(saved, dataset) if lack is None else lack
         lasting = np.column_stack([of_parameters @ root_of(covariance), of_frame])
-        if lack > 0.0:
-            lasting = np.column_stack([lasting, lack * _by_joint(readings, frames, model)[measured]])
+        if lack.any():
+            lasting = np.column_stack([lasting, _by_joint(readings, frames, model, lack)[measured]])
         passing = of_frame
         if not frame_known:
             where = next(c for e, c in zip(causes, of_causes, strict=True) if e.label == "base_shift")
@@ -193,11 +193,11 @@ def _measured(readings: Readings) -> NDArray[np.bool_]:
     return np.any(readings.observed.whiten != 0.0, axis=1).reshape(-1)
 
 
-def _by_joint(readings: Readings, frames: Frames, model: RobotModel) -> Array:
-    """(k n, N V) whitened change of the readings where one joint is off by a rad in one of V poses, in all visits to
-    it; a slide by as many mm as others deg."""
+def _by_joint(readings: Readings, frames: Frames, model: RobotModel, lack: Array) -> Array:
+    """(k n, N V) whitened change of the readings where one joint is off by its `lack` in one of V poses, in all visits
+    to it; a slide by as many mm as others deg."""
     robot, pose = model.robot, readings.conditions.pose
-    columns = robot.steps[:, None, None] * readings.observed.columns(frames, robot.joint_slots)
+    columns = (lack * robot.steps)[:, None, None] * readings.observed.columns(frames, robot.joint_slots)
     each = pose == np.arange(pose.max() + 1)[:, None]
     apart = (columns[:, None] * each[None, :, None, :]).reshape(-1, *columns.shape[1:])
     whitened = readings.observed.by_visit(apart)

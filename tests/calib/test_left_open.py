@@ -17,7 +17,7 @@ from calib.data import Dataset, Noise, read_dataset
 from calib.errors import DataError
 from calib.fit import identify
 from calib.fit.identification import Identification
-from calib.fit.readings import linearised
+from calib.fit.readings import linearised, readings_of
 from calib.saved import SavedModel, as_saved, load_model, save_model
 from calib.saved.left_open import LeftOpen
 from calib.units import DEG
@@ -113,7 +113,10 @@ def test_the_file_keeps_it_and_refuses_what_it_cannot_be(found: Identification, 
     assert made.left_open is not None
     np.testing.assert_allclose(read.left_open.covariance, made.left_open.covariance, rtol=1e-9)
     np.testing.assert_allclose(read.left_open.taken_on, made.left_open.taken_on, rtol=1e-9)
-    assert (read.left_open.scatter, read.left_open.poses) == (made.left_open.scatter, 17)
+    assert read.left_open.scatter is not None
+    assert made.left_open.scatter is not None
+    np.testing.assert_allclose(read.left_open.scatter, made.left_open.scatter, rtol=1e-9)
+    assert read.left_open.poses == made.left_open.poses == 17
     table = made.left_open.to_json()
     impossible = np.array(table["covariance_internal_units"])
     impossible[0, 1] *= -1e6
@@ -122,6 +125,7 @@ def test_the_file_keeps_it_and_refuses_what_it_cannot_be(found: Identification, 
         ("covariance_internal_units", [[0.0]]),
         ("estimate_internal_units", [float("nan")]),
         ("scatter_rad", "much"),
+        ("scatter_rad", [0.0]),
         ("poses", [10]),
         ("taken_on_internal_units", [*table["taken_on_internal_units"], [0.0]]),
     ):
@@ -129,18 +133,47 @@ def test_the_file_keeps_it_and_refuses_what_it_cannot_be(found: Identification, 
             LeftOpen.from_json({**table, key: value}, found.model, file)
 
 
-def test_what_moves_a_pose_as_a_whole_is_found_as_scatter(tmp_path: Path) -> None:
-    """Waves of every gear, by ten poses and by 40, of which the parameters take on most and much: 0.005 deg."""
+def wavy(*sizes_deg: float) -> World:
+    """An arm with a wave of such a size, RMS, in every gear."""
     world = worn({})
     world.effects = [
-        world.draw_effect(f"periodic:j{k}:n100").with_values(A=0.005 * np.sqrt(2.0), B=0.0)
-        for k in range(1, 7)
+        world.draw_effect(f"periodic:j{k}:n100").with_values(A=size * np.sqrt(2.0), B=0.0)
+        for k, size in enumerate(sizes_deg, start=1)
     ]
+    return world
+
+
+def test_what_moves_a_pose_as_a_whole_is_found_as_scatter(tmp_path: Path) -> None:
+    """Waves of every gear, by ten poses and by 40, of which the parameters take on most and much: 0.005 deg."""
     for n, least, most in ((30, 0.5, 2.0), (120, 0.8, 1.25)):
-        left = as_saved(identify(data_of(world, tmp_path, n, 1))).left_open
+        left = as_saved(identify(data_of(wavy(*[0.005] * 6), tmp_path, n, 1))).left_open
         assert left is not None
-        assert least < (left.scatter or 0.0) / (0.005 * DEG) < most
+        assert left.scatter is not None
+        assert least < np.sqrt(np.mean(left.scatter**2)) / (0.005 * DEG) < most
         assert left.poses == n // 3
+
+
+def test_every_joint_has_a_scatter_of_its_own(tmp_path: Path) -> None:
+    """A small gear of the wrist that is off by six times as much as the others."""
+    left = as_saved(
+        identify(data_of(wavy(0.003, 0.003, 0.003, 0.003, 0.003, 0.02), tmp_path, 120, 1))
+    ).left_open
+    assert left is not None
+    assert left.scatter is not None
+    assert 0.6 < left.scatter[5] / (0.02 * DEG) < 1.7
+    assert np.all(left.scatter[:5] < 0.008 * DEG)
+
+
+def test_readings_that_the_fit_has_not_seen_show_what_it_took_on(tmp_path: Path) -> None:
+    data = data_of(wavy(*[0.005] * 6), tmp_path, 120, 1)
+    few, rest = np.isin(np.arange(120), range(30)), np.isin(np.arange(120), range(30, 120))
+    found = identify(replace(data, sets=np.where(few, "calibration", "validation")))
+    alone = LeftOpen.of(found).scatter
+    both = LeftOpen.of(found, readings_of(data, rest, found.model, found.estimate)).scatter
+    assert alone is not None
+    assert both is not None
+    off = [abs(np.log(np.sqrt(np.mean(s**2)) / (0.005 * DEG))) for s in (alone, both)]
+    assert off[1] < 0.15 < off[0]
 
 
 def test_readings_without_a_clock_are_judged(saved: SavedModel, tmp_path: Path) -> None:

@@ -151,7 +151,7 @@ def test_the_error_of_the_baseline_is_in_the_spread(
 ) -> None:
     """Residuals of models drawn from the covariance, through the chain, are white beside the noise."""
     data = measure()
-    seen = Seen.of(saved, data, lack=0.0)
+    seen = Seen.of(saved, data, lack=np.zeros(6))
     noise = np.random.default_rng(5)
     size = np.sqrt(np.diag(seen.covariance))
     scale = np.where(size > 0.0, size, 1.0)

@@ -73,7 +73,7 @@ def test_legs_are_planned_and_see_what_the_lengths_of_legs_show(by_legs: SavedMo
     step = 1e-6
     moved = replace(found.visits, joints=found.visits.joints + step * np.eye(6)[0])
     by_difference = (planned(by_legs, header, moved).lengths - would.lengths) / step
-    seen = Seen.of(by_legs, would, lack=0.0)
+    seen = Seen.of(by_legs, would, lack=np.zeros(6))
     column = seen.columns[[c.label for c in seen.causes].index("joint_step:j1")][:, 0]
     np.testing.assert_allclose(column * header.noise.length_mm, by_difference, atol=0.02)
 
@@ -216,11 +216,11 @@ def test_what_is_declared_of_slides_is_not_taken_for_what_the_model_lacks(tmp_pa
     visits = Visits(joints, np.ones_like(joints), np.full(2, 5.0 * DEG), ((("T1", ""),),) * 2)
     header = replace(header_of(POINTS), robot=scara, loads=scara.loads)
     noise = Noise("isotropic", sigma_mm=0.01)
-    assert scatter_beyond(saved, planned(saved, replace(header, noise=noise), visits)) > 0.0
+    assert np.all(scatter_beyond(saved, planned(saved, replace(header, noise=noise), visits)) > 0.0)
     # a slide moves the point by as much as it scatters, and this is all of the error
     slides = replace(noise, repeatability_mm=float(np.sqrt(held_out**2 - 3 * 0.01**2)))
     known = planned(saved, replace(header, noise=slides), visits)
-    assert scatter_beyond(saved, known) == pytest.approx(0.0, abs=1e-6)
+    np.testing.assert_allclose(scatter_beyond(saved, known), 0.0, atol=1e-6)
 
 
 def test_a_frame_of_its_own_may_lie_anywhere(by_points: SavedModel) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib.array import Array
 from calib.data.header import Header
 from calib.errors import DataError
 from calib.saved import SavedModel
@@ -72,14 +73,14 @@ def plan(
     would = planned(saved, header, offered)
     lack = scatter_beyond(saved, would)
     # what the model lacks is drawn anew with each pose, as the repeatability is with each visit
-    noise = header.noise
+    noise, usual = header.noise, float(np.median(lack))
     rougher = replace(
         noise,
-        repeatability=float(np.hypot(noise.repeatability, lack)),
-        repeatability_mm=float(np.hypot(noise.repeatability_mm, lack / DEG)),
+        repeatability=float(np.hypot(noise.repeatability, usual)),
+        repeatability_mm=float(np.hypot(noise.repeatability_mm, usual / DEG)),
     )
     would = replace(would, header=replace(header, noise=rougher))
-    seen = Seen.of(saved, would, frame_known=frame_known, lack=0.0)
+    seen = Seen.of(saved, would, frame_known=frame_known, lack=np.zeros_like(lack))
     which = seen.visit % len(candidates)
     chosen = choose(seen, which, count)
     once = candidates.take(chosen)
@@ -129,7 +130,7 @@ def judged(
     rate: float = RATE,
     *,
     frame_known: bool = True,
-    lack: float | None = None,
+    lack: Array | None = None,
 ) -> Shown:
     """The causes that some visits will show. lack: as `Seen.of`."""
     seen = Seen.of(saved, planned(saved, header, visits), frame_known=frame_known, lack=lack)

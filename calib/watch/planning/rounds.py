@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from calib.array import Array
 from calib.data.header import Header
 from calib.saved import SavedModel
 from calib.watch.planning.planned import planned
@@ -53,7 +54,7 @@ class Ways:
     header: Header
     limit: float
     frame_known: bool = True
-    lack: float | None = None
+    lack: Array | None = None
 
     def sizes(self, visits: Visits, rounds: Rounds) -> dict[str, float]:
         """The size from which every cause is seen that has one at which it should be; infinite where nothing shows
