@@ -58,7 +58,11 @@ async def serve(cell: Cell, port: int) -> None:
     """Serve until told to end by a signal."""
     loop, end = asyncio.get_running_loop(), asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: loop.call_soon_threadsafe(end.set))
+        try:
+            # A plain handler may wait for ever: one that comes as the loop begins to wait is not run before it ends.
+            loop.add_signal_handler(number, end.set)
+        except NotImplementedError:  # Windows
+            signal.signal(number, lambda *_: loop.call_soon_threadsafe(end.set))
     for endpoint in await cell.start(port):
         sys.stdout.write(json.dumps(endpoint.line()) + "\n")
     sys.stdout.flush()
