@@ -65,8 +65,11 @@ class NestCheck:
 
 @dataclass(frozen=True)
 class Campaign:
-    """One campaign. `source`: its text, kept in the record; robot: `maker`, `model` and `serial` of the one robot that
-    may be measured, whose model judges what is; empty for any."""
+    """A measurement campaign as its file describes it.
+
+    source: the text of the file, kept in the record; robot: `maker`, `model` and `serial` of the only robot that may be
+    measured, such as that of a watch's baseline; empty for any.
+    """
 
     blocks: tuple[Block, ...]
     settle: Settle

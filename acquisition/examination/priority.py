@@ -20,7 +20,7 @@ REMEDY = "Start it in a session of its own without nice, as a service of the sys
 
 
 def low_priority() -> str:
-    """What stands behind other programs, in words: the session, the program; empty where nothing does."""
+    """A phrase that names what has a lower priority than other programs, the session or the program; empty if none."""
     found = None
     with suppress(OSError):
         found = re.search(r" nice (\d+)", _SESSION.read_text("ascii"))

@@ -184,7 +184,7 @@ def _waves(angle: Array, orders: int, wide: bool) -> Array:
 
 
 def _to_order(angle: Array, wide: bool) -> int:
-    """How many of the first waves reach to _PAIRED orders of a turn."""
+    """The number of leading waves whose orders are at most _PAIRED per turn."""
     if wide:
         return _PAIRED + 1
     return int(np.clip(np.ceil(_PAIRED * np.ptp(angle) / np.pi), _PAIRED, _WAVES))

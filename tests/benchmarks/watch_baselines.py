@@ -125,7 +125,7 @@ def watched(saved: SavedModel, dataset: Dataset, check: Visits, world: World, nu
 
 
 def alarms(kind: Kind, seed: int) -> tuple[int, bool]:
-    """How many of WATCHES watches of an unchanged arm raise an alarm, and whether its baseline states a rate."""
+    """The number of false alarms in WATCHES watches of an unchanged arm, and whether its baseline states a rate."""
     world = World("abb-irb120", seed, [], session=Session(round((1.0 + HELD_OUT) * kind.readings)))
     dataset = calibrated(world, kind)
     world.effects = [effect for effect in world.effects if effect.label not in _PASSING]

@@ -80,7 +80,7 @@ def test_json_on_standard_output_stands_alone(data: Path) -> None:
 def test_the_table_for_people_goes_to_standard_output(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Where nothing is ambiguous and the accuracy asked for is met."""
+    """A diagnosis without ambiguity, and accurate enough, proposes no further poses."""
     campaign = tmp_path / "follow_up.toml"
     assert main(["diagnose", str(data), "--follow-up", str(campaign), "--accept-rms", "0.5"]) == 0
     assert not campaign.exists()

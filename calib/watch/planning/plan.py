@@ -72,7 +72,8 @@ def plan(
     offered = candidates.again(2 if both else 1)
     would = planned(saved, header, offered)
     lack = scatter_beyond(saved, would)
-    # what the model lacks is drawn anew with each pose, as the repeatability is with each visit
+    # What the model lacks is drawn anew with each pose, as the repeatability is with each visit. The noise has one
+    # figure for all joints: that of a wrist, which may be off by ten times as much, would hide the others.
     noise, usual = header.noise, float(np.median(lack))
     rougher = replace(
         noise,

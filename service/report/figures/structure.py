@@ -127,7 +127,7 @@ def _taken(quantity: Quantity, rows: NDArray[np.bool_]) -> Quantity:
 
 
 def _quantity(where: str, design: Design, dataset: Dataset, sample: Sample) -> Quantity | None:
-    """What a place is drawn over; from which side the tool is seen depends on where the base was found."""
+    """The quantity over which structure is drawn. The side from which the tool is seen depends on the fitted base."""
     conditions = design.conditions
     if SEEN not in where:
         return quantity_of(where, conditions, dataset.header)
