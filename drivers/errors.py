@@ -15,6 +15,8 @@ in one sentence what to do.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import ClassVar, TypedDict, Unpack
 
 _ROLES = ("", "robot", "instrument", "operator")
@@ -84,6 +86,17 @@ class AcquisitionError(Exception):
             "raw": self.raw.decode("latin-1"),
             "what_to_do": self.what_to_do,
         }
+
+
+@contextmanager
+def naming(device: str, command: str) -> Iterator[None]:
+    """An error raised inside that names no device is one of `device`, during `command` unless it says another."""
+    try:
+        yield
+    except AcquisitionError as error:
+        if not error.device:
+            error.device, error.command = device, error.command or command
+        raise
 
 
 class LinkError(AcquisitionError):

@@ -15,7 +15,7 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from drivers.errors import CommandRefused, LinkTimeout, ProtocolError
+from drivers.errors import CommandRefused, LinkTimeout, ProtocolError, naming
 from drivers.link import TcpLink
 
 _LONGEST = 120
@@ -161,11 +161,8 @@ class AbbConversation:
                 raw = self.link.read_until(
                     b" #\n", command=command, deadline=deadline, seconds=limit, limit=80, meanwhile=meanwhile
                 )
-                try:
+                with naming(self.link.device, command):
                     return replace(parse_numbered(raw, code, number), request=request)
-                except ProtocolError as error:
-                    error.device, error.command = self.link.device, command
-                    raise
 
     def log_joints(self) -> tuple[float, ...]:
         """Joint angles (deg) from the stream that a stock controller pushes on its log port.

@@ -13,7 +13,7 @@ from contextlib import suppress
 
 from drivers.abb.simple_packets import ANSWER_SIZE, END, JOINTS, STOP, encode_point, parse_reply
 from drivers.abb.simple_stream import AbbSimpleDeadlines
-from drivers.errors import CommandRefused, LinkError, LinkLost, MotionStopped, ProtocolError
+from drivers.errors import CommandRefused, LinkError, LinkLost, MotionStopped, naming
 from drivers.link import TcpLink
 
 _TAKEOVER_PAUSE_S = 0.05
@@ -98,10 +98,7 @@ class MotionServer:
                 data = encode_point(sequence, joints_rad, external, duration_s)
                 self._link.send(data, command=command, send_s=limits.send_s)
                 raw = self._link.read_exactly(ANSWER_SIZE, command=command, deadline=name, seconds=seconds)
-                try:
+                with naming(self._device, command):
                     taken = parse_reply(raw)
-                except ProtocolError as error:
-                    error.device, error.command = self._device, command
-                    raise
         if not taken:
             raise CommandRefused("controller answered FAILURE", device=self._device, command=command, raw=raw)

@@ -36,6 +36,7 @@ from drivers.errors import (
     OutOfRange,
     ProtocolError,
     TargetNotSeen,
+    naming,
 )
 from drivers.link import Address, TcpLink, WireSink
 from drivers.serial_link import SerialLink
@@ -194,21 +195,19 @@ class MbpClient:
         self._checksum_needed = self.serial is not None
         self.events.clear()
         self.link.open(connect_s=connect_s)
-        try:
-            hello = self.ask("HELLO", {"proto": 1, "client": "truepose", "crc": 1}, "reply_s", reply_s)
-        except CommandRefused as error:
-            self.link.close()
-            raise ProtocolError(
-                f"greeting refused: {error.message}",
-                device=self.device,
-                command="HELLO",
-                raw=error.raw,
-                what_to_do="Update the bridge or this program: they speak different versions of MBP.",
-            ) from error
-        promised = hello.fields.get("crc") == "1"
-        if promised and not hello.summed:
-            self.link.close()
-            raise ProtocolError("checksum missing", device=self.device, command="HELLO", raw=hello.raw)
+        with naming(self.device, "HELLO"):
+            try:
+                hello = self.ask("HELLO", {"proto": 1, "client": "truepose", "crc": 1}, "reply_s", reply_s)
+            except CommandRefused as error:
+                self.link.close()
+                update = "Update the bridge or this program: they speak different versions of MBP."
+                raise ProtocolError(
+                    f"greeting refused: {error.message}", raw=error.raw, what_to_do=update
+                ) from error
+            promised = hello.fields.get("crc") == "1"
+            if promised and not hello.summed:
+                self.link.close()
+                raise ProtocolError("checksum missing", raw=hello.raw)
         self._checksum_needed = self.serial is not None or promised or hello.summed
         return hello
 
@@ -270,11 +269,8 @@ class MbpClient:
                     command=command,
                 )
             line = self.link.read_until(b"\n", command=command, deadline=deadline, seconds=left, limit=LIMIT)
-        try:
+        with naming(self.device, command):
             return parse(line, checksum_needed=self._checksum_needed)
-        except ProtocolError as error:
-            error.device, error.command = self.device, command
-            raise
 
     def _error(self, message: Message, command: str) -> AcquisitionError:
         code = message.fields.get("code", "")

@@ -30,6 +30,7 @@ from drivers.errors import (
     NotArmed,
     NotReady,
     ProtocolError,
+    naming,
 )
 from drivers.interfaces import Identity, InstrumentStatus
 from drivers.link import Address, WireSink, parse_url
@@ -98,7 +99,8 @@ class MbpSession:
         self.disconnect()
         with self._lock:
             hello = self._greet()
-            self._refuse_another_bridge(hello)
+            with naming(self._name, "HELLO"):
+                self._refuse_another_bridge(hello)
             self._hello = hello
             self._last_t_s = -math.inf
         if first and self.weakness:
@@ -119,13 +121,8 @@ class MbpSession:
         for key, wanted in needed.items():
             if shown[key] != wanted:
                 self.client.link.close()
-                raise ProtocolError(
-                    f"{key} is {shown[key]}, needed {wanted}",
-                    device=self._name,
-                    command="HELLO",
-                    raw=hello.raw,
-                    what_to_do=_ELSEWHERE[key],
-                )
+                why = f"{key} is {shown[key]}, needed {wanted}"
+                raise ProtocolError(why, raw=hello.raw, what_to_do=_ELSEWHERE[key])
 
     def _greet(self) -> mbp.Message:
         """A bridge notices late that its client (us, a moment ago) is gone: `takeover_s` is left to it."""
@@ -205,10 +202,11 @@ class MbpSession:
 
     @contextmanager
     def measuring(self, command: str) -> Iterator[None]:
-        """A whole measurement, events counted from its beginning. Raises NotArmed."""
-        with self._lock:
+        """A whole measurement, events counted from its beginning; an error inside that names no device is one of this,
+        during `command`. Raises NotArmed."""
+        with self._lock, naming(self._name, command):
             if not self.armed:
-                raise NotArmed("measurement without arming", device=self._name, command=command)
+                raise NotArmed("measurement without arming")
             self.client.events.clear()
             yield
 
@@ -248,16 +246,16 @@ class MbpSession:
     def arming(self) -> Iterator[None]:
         """Initialise what is off, insist on READY, do what else is needed, then armed.
 
-        Raises NotReady, EmergencyStop.
+        An error inside that names no device is one of this, during "arm". Raises NotReady, EmergencyStop.
         """
-        with self._lock:
+        with self._lock, naming(self._name, "arm"):
             if self.status().state == "OFF":
                 self.ask("INIT", {}, "init_s", self._limits().init_s)
             state = self.status().state
             if state == "ESTOP":
-                raise EmergencyStop("instrument is in an emergency stop", device=self._name, command="arm")
+                raise EmergencyStop("instrument is in an emergency stop")
             if state != "READY":
-                raise NotReady(f"instrument is {state}", device=self._name, command="arm")
+                raise NotReady(f"instrument is {state}")
             yield
             self._stopping.clear()
             self.armed = True

@@ -75,17 +75,15 @@ def status_of(session: MbpSession) -> InstrumentStatus:
     return replace(status, t_air_c=t_air_c, pressure_hpa=pressure_hpa, humidity_percent=humidity_percent)
 
 
-def point_at(
-    session: MbpSession, near_mm: Sequence[float], seconds: float, device: str, **fields: object
-) -> None:
+def point_at(session: MbpSession, near_mm: Sequence[float], seconds: float, **fields: object) -> None:
     """Send the beam there (tracker's frame) and have the nearest SMR found. Raises ConfigError for no place."""
     x, y, z = (float(value) for value in near_mm)
     if not all(math.isfinite(value) and abs(value) < FARTHEST_MM for value in (x, y, z)):
-        raise ConfigError(f"cannot point at {near_mm}", device=device, command="POINT")
+        raise ConfigError(f"cannot point at {near_mm}", command="POINT")
     session.ask("POINT", {"x": x, "y": y, "z": z, "find": 1, **fields}, "point_s", seconds)
 
 
-def point_of(session: MbpSession, reply: mbp.Message, asked: Asked, device: str) -> PointReading:
+def point_of(session: MbpSession, reply: mbp.Message, asked: Asked) -> PointReading:
     """The reading, in the tracker's own frame. Raises ProtocolError, BeamBroken, TargetNotSeen, NoisyMeasurement."""
 
     def value(key: str, low: float = -FARTHEST_MM, high: float = FARTHEST_MM) -> float:
@@ -117,7 +115,7 @@ def point_of(session: MbpSession, reply: mbp.Message, asked: Asked, device: str)
         (max(std) > asked.scatter_limit_mm, f"scattered by {max(std):g} mm"),
     ):
         if bad:
-            raise NoisyMeasurement(f"reading {why}", device=device, command="MEASURE", raw=reply.raw)
+            raise NoisyMeasurement(f"reading {why}", raw=reply.raw)
     return PointReading(
         target=asked.target,
         xyz_mm=(x, y, z),

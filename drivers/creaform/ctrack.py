@@ -107,8 +107,6 @@ class CTrack:
             if known < self._least[1]:
                 raise NotReady(
                     f"reference {self._reference!r} has {known} targets, needed {self._least[1]}",
-                    device=self.name,
-                    command="arm",
                     raw=reply.raw,
                     what_to_do="Stick more reflective targets on the base and teach the reference body again.",
                 )
@@ -136,11 +134,7 @@ class CTrack:
             raise ConfigError(f"samples = {samples} must be at least 1", device=self.name, command="measure")
         with self.session.measuring("MEASURE"):
             if target not in self._bodies:
-                raise ConfigError(
-                    f"no body {target!r}; the bridge has {', '.join(self._bodies)}",
-                    device=self.name,
-                    command="MEASURE",
-                )
+                raise ConfigError(f"no body {target!r}; the bridge has {', '.join(self._bodies)}")
             seconds = samples / self._rate_hz + self.deadlines.measure_margin_s
             fields = {
                 "model": target,
@@ -190,8 +184,6 @@ class CTrack:
             raise TargetNotSeen(
                 f"{seen} targets of {target} and {seen_base} of {self._reference} visible, "
                 f"needed {self._least[0]} and {self._least[1]}",
-                device=self.name,
-                command="MEASURE",
                 raw=reply.raw,
                 what_to_do="Clear the view of the cameras on tool and base, then repeat the measurement.",
             )
@@ -207,7 +199,7 @@ class CTrack:
             (turn_mrad > self._scatter_limits[1], f"scattered by {turn_mrad:g} mrad"),
         ):
             if bad:
-                raise NoisyMeasurement(f"pose {why}", device=self.name, command="MEASURE", raw=reply.raw)
+                raise NoisyMeasurement(f"pose {why}", raw=reply.raw)
         return PoseReading(
             target=target,
             xyz_mm=(x, y, z),

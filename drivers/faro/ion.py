@@ -91,7 +91,7 @@ class FaroTracker:
         check_question(target, samples, self.name)
         with self.session.measuring("MEASURE"):
             if near_mm is not None:
-                point_at(self.session, near_mm, self.deadlines.point_s, self.name)
+                point_at(self.session, near_mm, self.deadlines.point_s)
             lasts_s = samples / self._rate_hz
             seconds = lasts_s + self.deadlines.measure_margin_s
             fields: dict[str, object] = {
@@ -105,7 +105,7 @@ class FaroTracker:
             reply = self.session.ask("MEASURE", fields, "measure_s", seconds)
             with self.session.understood():
                 asked = Asked(target, samples, lasts_s, *self._limits)
-                return point_of(self.session, reply, asked, self.name)
+                return point_of(self.session, reply, asked)
 
     def stop(self) -> None:
         """Abort what is under way and disarm; from any thread, at any time. Raises LinkError."""

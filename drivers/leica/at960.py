@@ -104,7 +104,6 @@ class LeicaTracker:
             if used_mm != self._reflector_mm:
                 raise NotReady(
                     f"the tracker uses a reflector of {used_mm:g} mm, the cell one of {self._reflector_mm:g} mm",
-                    device=self.name,
                     command="TARGET",
                     raw=reply.raw,
                     what_to_do=_SMR,
@@ -126,16 +125,14 @@ class LeicaTracker:
         fields: dict[str, object] = {"samples": samples, "rate": self._rate_hz, "face": self._face}
         with self.session.measuring("MEASURE"):
             if near_mm is not None:
-                point_at(
-                    self.session, near_mm, self.deadlines.point_s, self.name, radius=self._search_radius_mm
-                )
+                point_at(self.session, near_mm, self.deadlines.point_s, radius=self._search_radius_mm)
             else:
                 fields["target"] = target
             seconds = lasts_s + self.deadlines.measure_margin_s
             reply = self.session.ask("MEASURE", fields | {"timeout": seconds}, "measure_s", seconds)
             with self.session.understood():
                 asked = Asked(target, samples, lasts_s, *self._limits)
-                return point_of(self.session, reply, asked, self.name)
+                return point_of(self.session, reply, asked)
 
     def stream(self, rate_hz: float) -> AbstractContextManager[Iterator[Sample | None]]:
         """Points of the SMR that was measured last, in continuous mode. Raises NotArmed, LinkError."""

@@ -28,6 +28,7 @@ from drivers.errors import (
     ProtocolError,
     TargetNotSeen,
     Unmeasurable,
+    naming,
 )
 from drivers.interfaces import Identity, InstrumentStatus, PointReading
 from drivers.leica import emscon_packets as tpi
@@ -129,15 +130,15 @@ class EmsconTracker:
 
         Raises LinkError, NotReady (also for another reflector than before), ConfigError (no such reflector).
         """
-        with self._lock:
+        with self._lock, naming(self.name, "arm"):
             self._ask(tpi.SET_UNITS, *_UNITS)
             if self.status().state == "OFF":
                 self._ask(tpi.INITIALIZE, deadline="init_s", seconds=self.deadlines.init_s)
             state = self.status()
             if state.state != "READY":
-                raise NotReady(f"tracker is {state.state}", device=self.name, command="arm", raw=state.raw)
+                raise NotReady(f"tracker is {state.state}", raw=state.raw)
             if not self.has_weather_station():
-                raise NotReady("no weather station", device=self.name, command="arm")
+                raise NotReady("no weather station")
             self._put_settings_in_order()
             self._ask(tpi.SET_COORDINATES, 0)  # right-handed Cartesian
             self._ask(tpi.SET_MODE, 0)  # stationary
@@ -174,8 +175,6 @@ class EmsconTracker:
         if number != self._reflector_first:
             raise NotReady(
                 f"the tracker uses reflector {number}, until now it was {self._reflector_first}",
-                device=self.name,
-                command="arm",
                 raw=packet.raw,
                 what_to_do="Choose the reflector of before in the program of the tracker, then confirm.",
             )
@@ -183,7 +182,7 @@ class EmsconTracker:
     def _reflector_number(self, wanted: str) -> int:
         """One packet a reflector comes in answer to one question."""
         numbers: dict[str, int] = {}
-        with self._link.question("GetReflectors", unread_allowed=True):
+        with self._link.question("GetReflectors", unread_allowed=True), naming(self.name, "GetReflectors"):
             packet = self._ask(tpi.GET_REFLECTORS)
             for left in range(int(packet.values[0]) - 1, -1, -1):
                 name = packet.values[4].decode("utf-16-le", "replace").split("\0")[0]
@@ -191,13 +190,10 @@ class EmsconTracker:
                 if left:
                     packet = self._next("GetReflectors", "reply_s", self._clock() + self.deadlines.reply_s)
                     if (packet.kind, packet.number) != (tpi.COMMAND, tpi.GET_REFLECTORS):
-                        raise self._strange(packet, "GetReflectors")
+                        raise _strange(packet)
         if wanted not in numbers:
-            raise ConfigError(
-                f"no reflector {wanted!r}; the tracker has {', '.join(numbers)}",
-                device=self.name,
-                command="GetReflectors",
-            )
+            known = ", ".join(numbers)
+            raise ConfigError(f"no reflector {wanted!r}; the tracker has {known}", command="GetReflectors")
         return numbers[wanted]
 
     # -- measuring ----------------------------------------------------------------------------------------
@@ -251,8 +247,9 @@ class EmsconTracker:
         end = self._clock() + seconds
         self._ask(tpi.START_MEASUREMENT)
         error: AcquisitionError | None = None
-        with self._link.question("StartMeasurement", unread_allowed=True):
-            packet = self._next("StartMeasurement", "measure_s", end)
+        what = "StartMeasurement"
+        with self._link.question(what, unread_allowed=True), naming(self.name, what):
+            packet = self._next(what, "measure_s", end)
             if (packet.kind, packet.number) == (
                 tpi.COMMAND,
                 tpi.STOP_MEASUREMENT,
@@ -261,7 +258,7 @@ class EmsconTracker:
             elif packet.kind == tpi.ERROR or (packet.kind == tpi.SINGLE and packet.status != 0):
                 error = tpi.error_of(packet, self.name, "measure")
             elif packet.kind != tpi.SINGLE:
-                raise self._strange(packet, "StartMeasurement")
+                raise _strange(packet)
         if error is not None:
             raise error
         return packet
@@ -332,7 +329,7 @@ class EmsconTracker:
         """The good answer to one command. Raises LinkError, or what its status means."""
         what = f"command {number}"
         error: AcquisitionError | None = None
-        with self._lock, self._link.question(what, unread_allowed=True):
+        with self._lock, self._link.question(what, unread_allowed=True), naming(self.name, what):
             self._send(number, *arguments)
             end = self._clock() + (self.deadlines.reply_s if seconds is None else seconds)
             packet = self._next(what, deadline, end)
@@ -340,7 +337,7 @@ class EmsconTracker:
                 # Unsolicited, as when somebody walks through the beam
                 packet = self._next(what, deadline, end)
             if packet.kind not in (tpi.COMMAND, tpi.ERROR) or packet.number != number:
-                raise self._strange(packet, what)
+                raise _strange(packet)
             if packet.status != 0:
                 error = tpi.error_of(packet, self.name, what)
             if isinstance(error, LinkError):
@@ -357,36 +354,19 @@ class EmsconTracker:
     def _next(self, what: str, deadline: str, end: float) -> Packet:
         """The next packet that was asked for; changes of status are noted."""
         while True:
-            try:
-                header = self._read(tpi.HEADER.size, what, deadline, end)
-                packet = tpi.parse(header + self._read(tpi.rest_of(header), what, deadline, end))
-            except ProtocolError as error:
-                error.device, error.command = self.name, what
-                raise
+            header = self._read(tpi.HEADER.size, what, deadline, end)
+            packet = tpi.parse(header + self._read(tpi.rest_of(header), what, deadline, end))
             if packet.kind in tpi.UNASKED:
                 continue
             if packet.kind != tpi.CHANGE:
                 return packet
             self._changes.append(packet.number)
             if packet.number in _GONE:
-                raise LinkLost(
-                    f"tracker says {packet.number}: it is going away",
-                    device=self.name,
-                    command=what,
-                    raw=packet.raw,
-                )
+                raise LinkLost(f"tracker says {packet.number}: it is going away", raw=packet.raw)
 
     def _read(self, count: int, what: str, deadline: str, end: float) -> bytes:
         left = max(end - self._clock(), 0.0)
         return self._link.read_exactly(count, command=what, deadline=deadline, seconds=left)
-
-    def _strange(self, packet: Packet, what: str) -> ProtocolError:
-        return ProtocolError(
-            f"packet of type {packet.kind}, command {packet.number} is not the answer",
-            device=self.name,
-            command=what,
-            raw=packet.raw,
-        )
 
     def _impossible(self, why: str, packet: Packet) -> ProtocolError:
         self._link.close()
@@ -397,3 +377,8 @@ class EmsconTracker:
             raw=packet.raw,
             what_to_do="The answer cannot be a measurement: look at the tracker's own program, then connect again.",
         )
+
+
+def _strange(packet: Packet) -> ProtocolError:
+    said = f"packet of type {packet.kind}, command {packet.number} is not the answer"
+    return ProtocolError(said, raw=packet.raw)

@@ -135,7 +135,6 @@ class Qc20w:
                 raise NotReady(
                     f"the bar is calibrated to {self.calibration.length_mm:g} mm, "
                     f"{self._nominal_mm:g} mm are needed now",
-                    device=self.name,
                     command="CAL",
                     raw=reply.raw,
                     what_to_do=_MOUNT,
@@ -151,7 +150,6 @@ class Qc20w:
         now = _calibration(reply)
         return NotReady(
             f"bar {now.serial or '?'} of {now.length_mm:g} mm answers, until now it was {self._serial or '?'}",
-            device=self.name,
             command="CAL",
             raw=reply.raw,
             what_to_do="Connect the bar of before; another one belongs into a record of its own.",
@@ -219,8 +217,6 @@ class Qc20w:
             if abs(zero) > ZERO_LIMIT_MM:
                 raise OutOfRange(
                     f"a zero of {zero:+.3f} mm; a bar well seated in its calibrator shows {ZERO_LIMIT_MM:g} mm at most",
-                    device=self.name,
-                    command="ZERO",
                     raw=reply.raw,
                     what_to_do="Seat both balls of the bar in the calibrator of its length, then repeat.",
                 )
@@ -261,8 +257,6 @@ class Qc20w:
         if value("over", -1, 1) != 0 or abs(d) > STROKE_MM:
             raise OutOfRange(
                 f"deviation of {d:+.4f} mm, the stroke is +-{STROKE_MM:g} mm",
-                device=self.name,
-                command="READ",
                 raw=reply.raw,
                 what_to_do=_MOUNT,
             )
@@ -273,7 +267,7 @@ class Qc20w:
             (sd > self._scatter_limit_mm, f"scattered by {sd:g} mm"),
         ):
             if bad:
-                raise NoisyMeasurement(f"length {why}", device=self.name, command="READ", raw=reply.raw)
+                raise NoisyMeasurement(f"length {why}", raw=reply.raw)
         bar = self.calibration
         assert bar is not None  # armed
         warm = 1.0 + bar.expansion_per_k * (temp - REFERENCE_C)

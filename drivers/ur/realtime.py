@@ -12,10 +12,10 @@ import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from drivers.errors import ProtocolError
+from drivers.errors import ProtocolError, naming
 from drivers.link import TcpLink
 from drivers.ur.deadlines import UrDeadlines
-from drivers.ur.state import UrState, Witness, check_state, naming
+from drivers.ur.state import UrState, Witness, check_state
 
 LENGTHS = (1060, 1108, 1116, 1140, 1220)  # 3.2, 3.5 and 5.0, 3.10 and 5.4, 3.14 and 5.9, 5.10
 _TIME, _Q_TARGET, _QD_TARGET, _Q_ACTUAL, _QD_ACTUAL = 4, 12, 60, 252, 300

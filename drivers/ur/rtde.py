@@ -19,10 +19,10 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from drivers.errors import Busy, LinkTimeout, ProtocolError
+from drivers.errors import Busy, LinkTimeout, ProtocolError, naming
 from drivers.link import TcpLink
 from drivers.ur.deadlines import UrDeadlines
-from drivers.ur.state import UrState, Witness, check_state, naming
+from drivers.ur.state import UrState, Witness, check_state
 
 _LOG = logging.getLogger(__name__)
 

@@ -16,10 +16,9 @@ import zlib
 from dataclasses import dataclass
 
 from drivers.dh_numbers import DhNumbers, Row
-from drivers.errors import LinkTimeout, ProtocolError
+from drivers.errors import LinkTimeout, ProtocolError, naming
 from drivers.link import Address, TcpLink, WireSink
 from drivers.ur.deadlines import UrDeadlines
-from drivers.ur.state import naming
 
 _STATE, _MESSAGE = 16, 20
 _KINEMATICS, _CONFIGURATION = 5, 6

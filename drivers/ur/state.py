@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 from drivers.errors import (
@@ -137,16 +136,6 @@ def carries(before: UrState, now: UrState) -> bool:
             strict=True,
         )
     )
-
-
-@contextmanager
-def naming(device: str, command: str) -> Iterator[None]:
-    """Add to a ProtocolError of a parser whose answer to what it was."""
-    try:
-        yield
-    except ProtocolError as error:
-        error.device, error.command = device, command
-        raise
 
 
 class Witness:
