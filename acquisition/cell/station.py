@@ -13,7 +13,6 @@ Source: the usual test for a change with known covariance (Johnson & Wichern, ch
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,30 +25,18 @@ SEAT_MM = 0.005  # centring and seat of an SMR in its nest; makers state 2.5 to 
 FALSE_ALARM = 1e-3
 
 
-@dataclass(frozen=True)
-class Change:
-    """Distance by which the nests are off, mm (the largest), and T in units of its limit: beyond 1 something moved."""
-
-    off_mm: float
-    ratio: float
-
-    @property
-    def beyond_noise(self) -> bool:
-        """Whether the nests, or the instrument, moved; a drift beyond the noise counts as a move."""
-        return self.ratio > 1.0
-
-
-def change_of(
+def moved_by(
     before_mm: Mapping[str, Sequence[float]], now_mm: Mapping[str, Sequence[float]], noise: NoiseFigures
-) -> Change:
-    """Compare nests of the same names, both in the instrument's frame."""
+) -> tuple[float, float] | None:
+    """Distance, mm, by which nests of the same names, both in the instrument's frame, are off (the largest), and T in
+    units of its limit. None within the noise: beyond it they or the instrument moved, and a drift counts as a move."""
     names = list(before_mm)
     before = np.array([before_mm[name] for name in names], dtype=np.float64)
     moved = np.array([now_mm[name] for name in names], dtype=np.float64) - before
     each = covariance_of(before, noise)
     distance = float(np.einsum("ni,nij,nj->", moved, np.linalg.inv(2.0 * each), moved))
     limit = float(chdtri(3 * len(names), FALSE_ALARM))
-    return Change(float(np.linalg.norm(moved, axis=1).max()), distance / limit)
+    return (float(np.linalg.norm(moved, axis=1).max()), distance / limit) if distance > limit else None
 
 
 def covariance_of(points: NDArray[np.float64], noise: NoiseFigures) -> NDArray[np.float64]:

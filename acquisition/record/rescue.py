@@ -39,9 +39,8 @@ _NAMES = {
 
 @dataclass(frozen=True)
 class Rescue:
-    """The outcome of a rescue: `out`, how many readings were saved of how many, and what was lost, in sentences."""
+    """The outcome of a rescue: how many readings were saved of how many, and what was lost, in sentences."""
 
-    out: Path
     saved: int
     measured: int
     lost: tuple[str, ...]
@@ -77,7 +76,7 @@ def rescue(record: Path, out: Path) -> Rescue:
             export(folder, out)
         else:
             lost = _write(found, out, record)
-    return Rescue(out, len(found.readings), found.measured, lost)
+    return Rescue(len(found.readings), found.measured, lost)
 
 
 def _write(found: Salvage, out: Path, record: Path) -> tuple[str, ...]:

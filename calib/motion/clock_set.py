@@ -7,8 +7,6 @@ samples were lost. A clock that was set back makes times that decrease: those st
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from calib.motion.likeness import SURE, Speeds, likeness, peak
@@ -18,17 +16,9 @@ LEAST_STEP_S = 0.05
 _SHORTEST_GAP_S, _SHORTEST_PART_S = 0.2, 15.0
 
 
-@dataclass(frozen=True)
-class ClockSet:
-    """Offset of the robot's clock before the tracker's instant `at`, and what is added from then on; all s."""
-
-    offset: float
-    step: float
-    at: float
-
-
-def set_at_gap(robot: Speeds, tracker: Speeds) -> ClockSet | None:
-    """The longest gap of a stream, where one clock was set forward in it; None where none was."""
+def set_at_gap(robot: Speeds, tracker: Speeds) -> tuple[float, float, float] | None:
+    """The longest gap of a stream, where one clock was set forward in it: the offset of the robot's clock before, what
+    is added from then on, and the tracker's instant of that, s. None where none was."""
     for cut, other, sign in ((robot, tracker, 1.0), (tracker, robot, -1.0)):
         parts = _parted(cut)
         if parts is None:
@@ -41,7 +31,7 @@ def set_at_gap(robot: Speeds, tracker: Speeds) -> ClockSet | None:
         step = offsets[1] - offsets[0]
         if LEAST_STEP_S < sign * step < gap_s + 2.0 * LEAST_STEP_S:
             at = after.begin if sign < 0.0 else before.begin + len(before.speed) * cut.step - offsets[0]
-            return ClockSet(offsets[0], step, at)
+            return offsets[0], step, at
     return None
 
 

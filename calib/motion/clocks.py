@@ -101,7 +101,8 @@ def correlated(
     """
     step, middle = robot.step, 0.5 * len(tracker.speed)
     if (cut := set_at_gap(robot, tracker)) is not None:
-        return Clocks(cut.offset, 0.0, tracker.begin + middle * step, cut.step, cut.at), None
+        before, added, at = cut
+        return Clocks(before, 0.0, tracker.begin + middle * step, added, at), None
     lags, alike, both = likeness(robot, tracker)
     highest = float(alike.max())
     good = np.flatnonzero(alike >= (highest - _SAME if highest > SURE else highest))

@@ -19,6 +19,7 @@ import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,8 +76,7 @@ def pair_errors(measured: Array, predicted: Array, *, tile: int = TILE) -> Summa
     )
 
 
-@dataclass(frozen=True)
-class _Bracket:
+class _Bracket(NamedTuple):
     """The interval in which the quantile is looked for, in bins of equal width."""
 
     low: float

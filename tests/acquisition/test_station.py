@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition.cell.cell import NoiseFigures
-from acquisition.cell.station import FALSE_ALARM, SEAT_MM, change_of
+from acquisition.cell.station import FALSE_ALARM, SEAT_MM, moved_by
 
 NESTS = {"N1": (2400.0, 900.0, -350.0), "N2": (1800.0, 900.0, -350.0), "N3": (2400.0, 300.0, -350.0)}
 NOISE = NoiseFigures()
@@ -34,7 +34,7 @@ def share_moved(shift_mm: float, tries: int) -> float:
     for _ in range(tries):
         direction = rng.normal(size=3)
         shift = tuple(float(x) for x in shift_mm * direction / np.linalg.norm(direction))
-        moved += change_of(measured(rng), measured(rng, shift), NOISE).beyond_noise
+        moved += moved_by(measured(rng), measured(rng, shift), NOISE) is not None
     return moved / tries
 
 
@@ -51,7 +51,8 @@ def test_what_would_shift_the_world_beyond_the_noise_is_seen() -> None:
 
 def test_a_change_in_figures() -> None:
     """One nest 0.3 mm further along the beam: T = 0.3^2 / 2 (range^2 + seat^2); chi-squared, 3 d.o.f.: 16.266."""
-    change = change_of({"N1": (1000.0, 0.0, 0.0)}, {"N1": (1000.3, 0.0, 0.0)}, NOISE)
+    moved = moved_by({"N1": (1000.0, 0.0, 0.0)}, {"N1": (1000.3, 0.0, 0.0)}, NOISE)
+    assert moved is not None
     variance = 2.0 * ((0.010 + 2e-6 * 1000.0) ** 2 + SEAT_MM**2)
-    assert change.off_mm == pytest.approx(0.3)
-    assert change.ratio == pytest.approx(0.3**2 / variance / 16.266, rel=1e-4)
+    assert moved[0] == pytest.approx(0.3)
+    assert moved[1] == pytest.approx(0.3**2 / variance / 16.266, rel=1e-4)

@@ -13,7 +13,7 @@ import numpy as np
 
 from acquisition.cell import world_frame
 from acquisition.cell.cell import Cell
-from acquisition.cell.station import change_of, covariance_of
+from acquisition.cell.station import covariance_of, moved_by
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import NestsDisagree
 from acquisition.record.planned import Planned
@@ -64,10 +64,11 @@ class Nests:
         found = world_frame.from_nests(nests, self._cell.nests, self._cell.nests_u_mm)
         kept = self._store.world
         if kept is not None:
-            change = change_of(self._nests_of(kept), nests, self._cell.instrument.noise)
-            if not change.beyond_noise:
+            moved = moved_by(self._nests_of(kept), nests, self._cell.instrument.noise)
+            if moved is None:
                 return kept
-            self._store.add_event("instrument_moved", nests_off_mm=change.off_mm, ratio=change.ratio)
+            off_mm, ratio = moved
+            self._store.add_event("instrument_moved", nests_off_mm=off_mm, ratio=ratio)
         self._store.set_world(found, nests, new_station=kept is not None)
         self._doubt(nests)
         return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any
@@ -244,18 +245,7 @@ def _export_streams(record: Path, out: Path, json: str | None) -> None:
                 f"Next: truepose align {path.robot} {path.tracker} {path.robot.with_name('aligned.csv')} "
                 f"--robot {cell.robot.model.name} --tool {tool} --instrument {cell.instrument.name}"
             )
-    document = [
-        {
-            "name": path.name,
-            "target": path.target,
-            "robot": str(path.robot),
-            "tracker": str(path.tracker),
-            "samples": path.samples,
-            "lost": path.lost,
-            "complete": path.complete,
-        }
-        for path in paths
-    ]
+    document = [asdict(path) | {"robot": str(path.robot), "tracker": str(path.tracker)} for path in paths]
     write_json({"format": "truepose-streams/1", "record": str(record), "paths": document}, json)
 
 

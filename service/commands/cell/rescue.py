@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -34,21 +35,12 @@ def rescue_command(
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.rest()
         terminal.out.print(
-            f"{rescued.out}: {rescued.saved} of {wording.counted(rescued.measured, 'reading')} saved.",
+            f"{place}: {rescued.saved} of {wording.counted(rescued.measured, 'reading')} saved.",
             soft_wrap=True,
         )
         for sentence in rescued.lost or ("Nothing was lost.",):
             terminal.note(sentence)
-        if rescued.out.suffix != ".csv":
-            terminal.note(f"Next: truepose campaign status {rescued.out}")
-    write_json(
-        {
-            "format": "truepose-rescue/1",
-            "record": str(record),
-            "out": str(rescued.out),
-            "saved": rescued.saved,
-            "measured": rescued.measured,
-            "lost": list(rescued.lost),
-        },
-        json,
-    )
+        if place.suffix != ".csv":
+            terminal.note(f"Next: truepose campaign status {place}")
+    named = {"format": "truepose-rescue/1", "record": str(record), "out": str(place)}
+    write_json(named | asdict(rescued), json)

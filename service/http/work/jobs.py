@@ -17,7 +17,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -66,24 +66,6 @@ _FOLDERS = {
     "upkeep": "upkeeps",
 }
 _WITH_RESULTS = (*_FOLDERS.values(), "loops")
-
-
-@dataclass(frozen=True)
-class Baseline:
-    """A model to judge by. own: the id of the job that found it, or the hash of a document."""
-
-    own: str
-    content: bytes
-
-    @property
-    def sha256(self) -> str:
-        """The hash of the document, by which a history knows it."""
-        return hashlib.sha256(self.content).hexdigest()
-
-    @property
-    def file(self) -> str:
-        """Its name in verdicts: the same for the same model, however it was named."""
-        return f"{self.sha256[:12]}.json"
 
 
 class Jobs:
@@ -143,12 +125,20 @@ class Jobs:
         """Put a search of placements of the base balls in the queue, as `add`."""
         return self._add("placement", {"dataset_id": "", "cell": cell.source, "order": asdict(order)}, {})
 
-    def watch(self, kind: str, baseline: Baseline, dataset_id: str, asked: dict[str, Any]) -> dict[str, Any]:
-        """Put the plan of a watch, a watch or an upkeep in the queue, as `add`. asked: as `service.watch_job` takes
-        it."""
-        about = {"id": baseline.own, "sha256": baseline.sha256, "file": baseline.file}
-        order = {"dataset_id": dataset_id, "baseline": about, **asked}
-        return self._add(kind, order, {baseline.file: baseline.content})
+    def watch(
+        self, kind: str, own: str, content: bytes, dataset_id: str, asked: dict[str, Any]
+    ) -> dict[str, Any]:
+        """Put the plan of a watch, a watch or an upkeep in the queue, as `add`.
+
+        own, content: of the model to judge by; the id of the job that found it, or the hash of its document. asked: as
+        `service.watch_job` takes it.
+        """
+        sha256 = hashlib.sha256(content).hexdigest()  # by which a history knows it
+        file = (
+            f"{sha256[:12]}.json"  # its name in verdicts: the same for the same model, however it was named
+        )
+        about = {"id": own, "sha256": sha256, "file": file}
+        return self._add(kind, {"dataset_id": dataset_id, "baseline": about, **asked}, {file: content})
 
     def watches(self, kind: str, most: int) -> list[dict[str, Any]]:
         """The newest plans of watches, watches or upkeeps, newest first, without those whose files are damaged."""

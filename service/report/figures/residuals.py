@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +29,7 @@ Amounts = Callable[[Readings], Mapping[str, Array | float]]
 Law = Callable[[Readings, Design], Array]
 
 
-@dataclass(frozen=True)
-class Seen:
+class Seen(NamedTuple):
     """The values of one quantity in n readings: estimate y, standard error sd, fitted law, in internal units."""
 
     y: Array

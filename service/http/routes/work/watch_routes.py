@@ -27,7 +27,6 @@ from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.wire.problems import not_found
 from service.http.work.idempotency import begun
-from service.http.work.jobs import Baseline
 from service.kept_dataset import CSV
 
 router = APIRouter(route_class=JsonRoute, tags=["watches"])
@@ -35,14 +34,14 @@ PLANS, WATCHES, UPKEEPS = path_of("watch-plans"), path_of("watches"), path_of("u
 Limit = Annotated[int, Query(ge=1, le=500, description="Number of them, newest first.", examples=[50])]
 
 
-def _baseline(here: Service, body: OfBaseline) -> Baseline:
-    """The model that is judged by. Raises Problem 404, DataError."""
+def _baseline(here: Service, body: OfBaseline) -> tuple[str, bytes]:
+    """The id and the document of the model that is judged by. Raises Problem 404, DataError."""
     if body.model_id:
-        return Baseline(body.model_id, here.jobs.model_file(body.model_id).read_bytes())
+        return body.model_id, here.jobs.model_file(body.model_id).read_bytes()
     content = here.history.ask(history_calls.content, body.model_document)
     if content is None:
         raise not_found("document", body.model_document)
-    return Baseline(body.model_document, content)
+    return body.model_document, content
 
 
 def _readings(here: Service, body: OfReadings) -> dict[str, Any]:
@@ -63,7 +62,7 @@ def _judge(here: Service, kind: str, body: OfReadings, more: dict[str, Any]) -> 
         **more,
     }
     data = str(here.datasets.path(dataset["id"]) / CSV)
-    return here.jobs.watch(kind, baseline, dataset["id"], {"data": data, "order": order})
+    return here.jobs.watch(kind, *baseline, dataset["id"], {"data": data, "order": order})
 
 
 @router.post("/watch-plans", operation_id="createWatchPlan", status_code=202, response_model=WatchPlanShown)
@@ -88,7 +87,7 @@ def create_watch_plan(here: Here, body: WatchPlanAsked, idempotency_key: Idempot
             "frame_known": not body.new_frame,
         }
         asked = {"cell": here.cell.source, "order": order}
-        return begun(PLANS, here.jobs.watch("watch_plan", _baseline(here, body), "", asked))
+        return begun(PLANS, here.jobs.watch("watch_plan", *_baseline(here, body), "", asked))
 
     return here.keys.once(idempotency_key, (PLANS, body), work)
 
