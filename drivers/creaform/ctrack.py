@@ -39,7 +39,7 @@ _VOID: Mapping[str, type[AcquisitionError]] = {
 
 
 class CTrack:
-    """One C-Track. Verbs block; `stop` may be called from any thread."""
+    """The driver of a C-Track. Methods block; `stop` may be called from any thread."""
 
     unverified_on_hardware = True
 

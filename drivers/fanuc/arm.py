@@ -42,7 +42,7 @@ _AGREE_DEG = 0.002  # two readings of a robot at rest: twice the resolution of M
 
 
 class FanucArm:
-    """One Fanuc robot. Verbs block; `stop` and `status` answer while another thread waits for a move.
+    """The driver of a Fanuc robot. Methods block; `stop` and `status` answer while another thread waits for a move.
 
     `hold_deg`: how far from its target a servo may hold a joint (`drivers.read_back`).
     """

@@ -18,7 +18,7 @@ from drivers.link import WireSink
 
 
 class FaroTracker:
-    """One FARO tracker. Verbs block; `stop` may be called from any thread."""
+    """The driver of a FARO tracker. Methods block; `stop` may be called from any thread."""
 
     unverified_on_hardware = True
 

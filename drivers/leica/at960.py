@@ -30,7 +30,7 @@ _FACES = {"one": ("1", 1.0), "both": ("BOTH", 2.0)}
 
 
 class LeicaTracker:
-    """One AT960. Verbs block; `stop` may be called from any thread."""
+    """The driver of an AT960. Methods block; `stop` may be called from any thread."""
 
     unverified_on_hardware = True
 

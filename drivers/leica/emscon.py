@@ -47,7 +47,7 @@ _GONE = (851, 997, 998)  # sensor disconnected, server closing
 
 
 class EmsconTracker:
-    """One tracker. Verbs block; `stop` may be called from any thread."""
+    """The driver of an emScon tracker. Methods block; `stop` may be called from any thread."""
 
     unverified_on_hardware = True
 

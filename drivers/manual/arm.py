@@ -28,7 +28,8 @@ _ROUNDING = 1e-9
 
 
 class ManualArm:
-    """One robot. `resolution_deg`: of its pendant; `within_deg`: how far from a request it may stand, None: that.
+    """A robot that a person drives. `resolution_deg`: of its pendant; `within_deg`: how far from a request it may
+    stand, None: that.
 
     axes, units: what each joint is called and counted in, deg or mm; empty: j1, j2, ..., all in deg.
     """

@@ -25,7 +25,8 @@ _ONE_POINT_MM = 1.0  # rows of one point lie closer together
 
 
 class ManualMeter:
-    """One instrument. `unit`: of what it shows, mm, m or in; `within_mm`: how far off a point may be."""
+    """An instrument that a person reads. `unit`: of its display, mm, m or in; `within_mm`: how far off a point may
+    be."""
 
     unverified_on_hardware = True
     weakness = "its readings are typed by a person"

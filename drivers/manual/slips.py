@@ -21,7 +21,7 @@ _UNITS = (1000.0, 0.001, 25.4, 1.0 / 25.4, math.degrees(1.0), math.radians(1.0))
 
 @dataclass(frozen=True)
 class Slip:
-    """One slip. `index`: of the number; None where it concerns all. `meant`: the numbers without it."""
+    """A slip of the hand. `index`: of the number; None where it concerns all. `meant`: the numbers without it."""
 
     reason: str
     index: int | None

@@ -38,7 +38,7 @@ class Mistyped(Exception):
 
 @dataclass(frozen=True)
 class Row:
-    """One row: the numbers, and each as it was typed, with a decimal point."""
+    """A row that was typed: its numbers, and each as text with a decimal point."""
 
     values: tuple[float, ...]
     texts: tuple[str, ...]

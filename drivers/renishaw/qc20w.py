@@ -58,7 +58,7 @@ class BarCalibration:
 
 
 class Qc20w:
-    """One ballbar. `nominal_mm`: its length with the extension bars that the cell file asks for."""
+    """The driver of a ballbar. `nominal_mm`: its length with the extension bars that the cell file asks for."""
 
     unverified_on_hardware = True
 

@@ -53,7 +53,7 @@ _WEAKNESS = (
 
 
 class UrArm:
-    """One UR arm. Verbs block; `stop` and `status` use connections of their own and work from any thread.
+    """The driver of a UR arm. Methods block; `stop` and `status` use connections of their own and work from any thread.
 
     `reach_mm`: from axis 1 to the end of the tool, arm outstretched (850 for a UR5, 1300 for a UR10, and the tool);
     the speed of the joints is held so that the tool there stays below `speed_mm_s`. `hold_deg`: how far from its target
