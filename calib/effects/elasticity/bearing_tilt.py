@@ -44,7 +44,8 @@ def bearing_tilt(joint: int, largest: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint or carriage that moved and across whose axis gravity pulls, now more, now less."""
+    """The candidates, one for each joint or carriage that moved and across whose axis gravity pulls, in varying
+    strength."""
     moment = survey.conditions.moment
     return [
         Candidate(bearing_tilt(k, survey.largest(moment[:, k - 1, :2])))

@@ -48,7 +48,8 @@ def changes(survey: Survey) -> list[Effect]:
 
 
 def offer(survey: Survey) -> list[Steps]:
-    """One scan a joint that moved; a step of joint 1 is one of the base about its axis, with fewer parameters."""
+    """The candidates, a scan for each joint that moved; a step of joint 1 is one of the base about its axis, with
+    fewer parameters."""
     ranks = change_points(survey)
     if not len(ranks):
         return []

@@ -36,5 +36,5 @@ def parallel_twist(link: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each link between parallel axes, but for those whose twist the base model finds."""
+    """The candidates, one for each link between parallel axes, except those whose twist the base model identifies."""
     return [Candidate(parallel_twist(k)) for k in survey.robot.parallel_axes]

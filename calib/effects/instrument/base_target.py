@@ -42,7 +42,7 @@ def base_target_shift(name: str) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each base target to which enough distances were measured."""
+    """The candidates, one for each base target to which enough distances were measured."""
     conditions = survey.conditions
     count = np.bincount(conditions.anchor[conditions.anchor >= 0], minlength=len(conditions.anchor_names))
     return [

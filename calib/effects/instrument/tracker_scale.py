@@ -49,7 +49,7 @@ def changes(survey: Survey) -> list[Effect]:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate, where the target moved."""
+    """The candidate, where the target moved; else none."""
     if not any(survey.varies(survey.conditions.point[:, axis]) for axis in range(3)):
         return []
     return [Candidate(tracker_scale(survey.station))]

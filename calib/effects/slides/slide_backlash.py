@@ -40,6 +40,6 @@ def changes(survey: Survey) -> list[Effect]:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that slid and was approached from both sides."""
+    """The candidates, one for each joint that slid and was approached from both sides."""
     side = survey.conditions.side
     return [Candidate(slide_backlash(k)) for k in survey.sliding if survey.varies(side[:, k - 1])]

@@ -35,7 +35,7 @@ def slide_compliance(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that slid and along which gravity pulls, now more, now less."""
+    """The candidates, one for each joint that slid and along which gravity pulls, in varying strength."""
     force = survey.conditions.torque
     return [
         Candidate(slide_compliance(k))

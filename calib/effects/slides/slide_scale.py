@@ -33,5 +33,5 @@ def slide_scale(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that slid."""
+    """The candidates, one for each joint that slid."""
     return [Candidate(slide_scale(k)) for k in survey.sliding]

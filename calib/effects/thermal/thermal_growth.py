@@ -47,6 +47,6 @@ def thermal_growth(robot: Robot, reference_c: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One, where the temperature was recorded and moved."""
+    """One, where the temperature was recorded and varied."""
     air_c = survey.air_c
     return [] if air_c is None else [Candidate(thermal_growth(survey.robot, air_c))]

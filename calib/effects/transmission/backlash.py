@@ -44,6 +44,6 @@ def changes(survey: Survey) -> list[Effect]:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that was approached from both sides."""
+    """The candidates, one for each joint that was approached from both sides."""
     side = survey.conditions.side
     return [Candidate(backlash(k)) for k in survey.moving if survey.varies(side[:, k - 1])]

@@ -45,7 +45,7 @@ def backlash_load(joint: int, largest: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that was approached from both sides, under loads of many sizes."""
+    """The candidates, one for each joint that was approached from both sides, under loads of many sizes."""
     side, torque = survey.conditions.side, survey.conditions.torque
     return [
         Candidate(backlash_load(k, survey.largest(torque[:, k - 1])))

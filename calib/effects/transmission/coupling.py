@@ -45,7 +45,7 @@ def pairs(joints: int) -> list[tuple[int, int]]:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each pair that turns and of which the first joint moved."""
+    """The candidates, one for each pair that turns and of which the first joint moved."""
     slides = survey.robot.slides
     return [
         Candidate(coupling(a, b))

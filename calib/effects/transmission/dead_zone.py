@@ -44,7 +44,8 @@ def dead_zone(joint: int, width: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint whose load comes near zero or changes its side: far from it the gap is an offset."""
+    """The candidates, one for each joint whose load comes near zero or changes its side: far from it the gap is an
+    offset."""
     candidates = []
     for joint in survey.moving:
         torque = survey.conditions.torque[:, joint - 1]

@@ -36,5 +36,5 @@ def encoder_scale(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that moved, unless a curve over its angle has the scale already."""
+    """The candidates, one for each joint that moved, unless a curve over its angle has the scale already."""
     return [Candidate(encoder_scale(k)) for k in survey.moving if k not in survey.curves]

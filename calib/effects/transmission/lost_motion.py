@@ -38,6 +38,6 @@ def lost_motion(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that was approached from both sides."""
+    """The candidates, one for each joint that was approached from both sides."""
     side = survey.conditions.side
     return [Candidate(lost_motion(k)) for k in survey.moving if survey.varies(side[:, k - 1])]
