@@ -1,4 +1,4 @@
-"""Bearing tilt: the bearing of a joint yields to the moment across its axis, c M_x about x and c M_y about y.
+"""Bearing tilt: the bearing of a joint tilts under the moment across its axis, c M_x about x and c M_y about y.
 
 One compliance for both directions, since a bearing is round. Bearings are built for what they carry: the usual size
 is an angle under the largest moment.

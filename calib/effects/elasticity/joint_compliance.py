@@ -1,5 +1,5 @@
-"""Joint compliance: the gear of a joint yields to gravity, never against it, c tau. Source: Nubiola, Annex I (level
-3)."""
+"""Joint compliance: the gear of a joint deflects with the gravity torque, c tau, with c >= 0. Source: Nubiola, Annex
+I (level 3)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joint offset: the zero of a joint is off by a constant angle. `geometry` holds it already, as theta_K.
+"""Joint offset: the zero of a joint is off by a constant angle; the group `geometry` contains it as theta_K.
 
 The zero of joint 1 is the turn of the base about z, which every model frees.
 """

@@ -43,7 +43,7 @@ def joint_step(joint: int, rank: float) -> Effect:
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """A zero that was lost since a calibration: of every joint that moved, the first too."""
+    """The effects of a zero lost since a calibration, for every joint that moved, including the first."""
     return [joint_step(k, 0) for k in survey.moving]
 
 

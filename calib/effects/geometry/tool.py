@@ -1,4 +1,4 @@
-"""Tool: its targets sit elsewhere on the flange than measured: all shifted, all turned, or one shifted.
+"""Tool: its targets are not at their measured places on the flange: all shifted, all turned, or one shifted.
 
 What shifts along the last axis or turns about it is d and theta of the last link. With one target a shift and a
 turn look the same.
@@ -79,7 +79,7 @@ def target_offset(target: str, series: Sequence[str]) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """Offset and tilt of the tool, and a shift of every measured target; nothing where the base model has them."""
+    """The candidates, offset and tilt of the tool and a shift of each target; none where the base model has them."""
     if survey.frees_tool:
         return []
     conditions = survey.conditions

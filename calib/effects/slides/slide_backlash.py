@@ -35,7 +35,7 @@ def slide_backlash(joint: int) -> Effect:
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """Play that has set in since a calibration: of every slide that was approached from both sides."""
+    """The effects of play that began since a calibration, for every slide that was approached from both sides."""
     return [candidate.effect for candidate in offer(survey)]
 
 

@@ -1,6 +1,6 @@
-"""Compliance of a slide: the carriage gives along its axis to the weight that hangs on it, c F.
+"""Compliance of a slide: the carriage deflects along its axis under the weight that it carries, c F.
 
-Where the axis keeps its direction the force is always the same and its zero has it: then nothing is offered.
+If the axis keeps its direction, the force is constant and part of the zero: then nothing is offered.
 """
 
 from __future__ import annotations

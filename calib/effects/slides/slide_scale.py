@@ -1,4 +1,4 @@
-"""Scale of a slide: the carriage goes by (1 + k) times what is counted, k q, by the pitch of rack, screw or belt."""
+"""Scale of a slide: the carriage moves (1 + k) times the counted travel, k q, by the pitch of rack, screw or belt."""
 
 from __future__ import annotations
 

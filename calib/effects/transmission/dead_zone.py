@@ -1,6 +1,6 @@
 """Dead zone: the load rests on one flank of the teeth or the other, gap/2 x sign(tau), wherever the joint came from.
 
-A gap is never less than nothing. The sign is smoothed, tanh(tau / width), with a width of 5 % of the largest torque:
+A gap is never negative. The sign is smoothed, tanh(tau / width), with a width of 5 % of the largest torque:
 gears have some drag. The width is a constant of the effect, so that it predicts the same at other torques.
 """
 

@@ -1,4 +1,4 @@
-"""Encoder scale: the joint turns by (1 + k) times what it counts, k theta. Source: level-1 models, Nubiola ch. 1.
+"""Encoder scale: the joint turns by (1 + k) times the counted angle, k theta. Source: level-1 models, Nubiola ch. 1.
 
 Gear ratios are whole numbers and encoders have whole counts: what is left is a belt's pitch, per mille at most.
 """

@@ -20,7 +20,7 @@ Set = tuple[str, ...]
 @dataclass(frozen=True)
 class Question:
     """A question that the files leave open. key: what `--answer KEY=CHOICE` names; choices: the answers; proposed: the
-    likeliest; evidence: whether the robot can tell."""
+    likeliest; evidence: whether the robot can decide it."""
 
     key: str
     text: str
