@@ -1,4 +1,4 @@
-"""The odds of causes: what each explains of whitened residuals, in any number of watches at once.
+"""The evidence for causes: what each explains of whitened residuals, in any number of watches at once.
 
 Residuals r are white where nothing has changed: N(0, I) over q rows. A cause with p parameters of usual sizes S has the
 columns A (q, p), A S = U s V'. With the prior N(0, S^2) for its parameters
@@ -200,7 +200,7 @@ class Odds:
         return np.column_stack(held) > 1.0 - _TWIN
 
     def always(self, cause: int) -> list[int]:
-        """Other causes that do all that this one can do, at any size: these readings never tell it from them."""
+        """The causes that can imitate this one at any size, so that these readings never distinguish them."""
         own = self.causes[cause].directions
         out = []
         for d, other in enumerate(self.causes):

@@ -33,7 +33,7 @@ def refuse_unlike(
     """Raise DataError where readings cannot be judged by the baseline of the file `path`; returns what could not be
     checked.
 
-    frame_known False: robot or instrument stand elsewhere on purpose; missing_allowed: poses may be missing;
+    frame_known False: robot or instrument were moved on purpose; missing_allowed: poses may be missing;
     warmth_known False: how warm the robot is is what the readings are to say.
     """
     refuse_other_robot(saved, dataset, path)
