@@ -87,7 +87,7 @@ class CTrack:
 
     @property
     def weakness(self) -> str:
-        """The errors that this bridge cannot see; empty where it sends checksums. Once connected."""
+        """The errors that this bridge cannot detect; empty where it sends checksums. Once connected."""
         return self.session.weakness
 
     def identify(self) -> Identity:
@@ -154,7 +154,7 @@ class CTrack:
                 return self._reading(reply, target, samples)
 
     def stop(self) -> None:
-        """Abort what is under way and disarm; from any thread. Raises LinkError."""
+        """Abort the measurement in progress and disarm; from any thread. Raises LinkError."""
         self.session.stop()
 
     def status(self) -> InstrumentStatus:

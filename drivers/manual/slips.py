@@ -1,4 +1,4 @@
-"""Slips of the hand: which single slip makes what was typed out of what was expected.
+"""Slips of the hand: the single slip that turns the expected numbers into the typed ones.
 
     order   two numbers exchanged           sign    one of them with the other sign
     swap    two neighbouring digits          digit   a digit missing, doubled or another one

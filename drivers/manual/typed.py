@@ -1,6 +1,6 @@
 """Numbers as people type or paste them: decimal comma or point, with or without names and units, one row or several.
 
-What could mean two things is refused with what is wrong, never guessed: thousands separators, commas between
+Ambiguous text is refused with the reason, never guessed: thousands separators, commas between
 numbers without a blank, another count than asked for, another unit.
 """
 
