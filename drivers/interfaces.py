@@ -65,7 +65,7 @@ class InstrumentStatus:
 
 @dataclass(frozen=True, slots=True)
 class PointReading:
-    """One averaged point in the instrument's own frame (mm).
+    """An averaged point in the instrument's own frame (mm).
 
     `std_mm`: standard deviation of single samples per axis; `t_s`: device clock at the end of the average
     (s); `age_s`: how old the average was when it was sent (s).
@@ -87,7 +87,7 @@ class PointReading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseReading(PointReading):
-    """One averaged pose: its point, and the orientation of the target's own frame.
+    """An averaged pose: its point, and the orientation of the target's own frame.
 
     `rot_wxyz`: unit quaternion, scalar first and not negative, that turns vectors of the target's frame into
     the instrument's (or the reference's) frame; `rot_std_mrad`: scatter of single frames about any axis;
@@ -102,7 +102,7 @@ class PoseReading(PointReading):
 
 @dataclass(frozen=True, slots=True)
 class LengthReading:
-    """One averaged length between the centres of two balls (mm).
+    """An averaged length between the centres of two balls (mm).
 
     `length_mm` is the bar's calibrated length at the temperature of the reading plus the deviation that the
     sensor shows, less its zero: `deviation_mm` and `zero_mm` are what went into it.
@@ -128,7 +128,7 @@ Reading = PointReading | LengthReading
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One sample of a stream: joints (deg) of a robot, a point (mm, own frame) of an instrument.
+    """A sample of a stream: joints (deg) of a robot, a point (mm, own frame) of an instrument.
 
     `t_s`: device clock (s); `number`: how the device counts its samples, None where it does not; `doubt`: why this
     sample is not trusted, empty where it is.

@@ -1,7 +1,7 @@
-"""TCP byte link shared by all drivers.
+"""The TCP byte link that all drivers use.
 
 One rule makes late, split, glued, duplicated and half answers harmless: **any fault closes the link**. An
-answer can then never meet the wrong question, because the connection on which it would arrive is gone. The
+answer can then never be taken for that to another question, because its connection is closed. The
 other rules: nothing unread before asking, one question outstanding, an answer ends at its exact terminator
 (half a line at the end of the stream is an error), every wait has a deadline with a name.
 """

@@ -236,7 +236,7 @@ def together(model: RobotModel, estimate: Array, covariance: Array, weight: Arra
 
 def _redundant(at: Linearisation, prior: TypePrior) -> tuple[frozenset[str], dict[str, str]]:
     """Parameters that are redundant here as they were in the type, and go; and the shared ones that made up for a
-    parameter which these readings tell from them, with the reason why their prior does not hold."""
+    parameter which these readings distinguish from them, with the reason why their prior does not hold."""
     index, columns = at.design.model.index, at.columns
     gone, unlike = set[str](), dict[str, str]()
     for drop in prior.redundant:

@@ -37,7 +37,7 @@ _DRAWS = 20_000
 
 @dataclass(frozen=True)
 class Columns:
-    """One cause as the readings see it: U (q, r), s (r,), and S V (p, r) in internal units; bounds of a lone
+    """A cause in the rows of the readings: U (q, r), s (r,), and S V (p, r) in internal units; bounds of a lone
     parameter, internal units. plain: of a cause that shifts and turns, what it is where it only shifts."""
 
     effect: Effect

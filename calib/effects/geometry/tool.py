@@ -43,7 +43,7 @@ KINDS = (
 
 
 def tool_offset() -> Effect:
-    """All targets shifted across the last axis; parameters x, y, mm."""
+    """The effect of all targets shifted across the last axis; parameters x, y, mm."""
     return effect(
         "tool_offset",
         "frames and tool",
@@ -54,7 +54,8 @@ def tool_offset() -> Effect:
 
 
 def tool_tilt() -> Effect:
-    """All targets turned about a line across the last axis, through the flange; parameters rx, ry, deg."""
+    """The effect of all targets turned about a line across the last axis, through the flange; parameters rx, ry,
+    deg."""
     return effect(
         "tool_tilt",
         "frames and tool",
@@ -65,7 +66,7 @@ def tool_tilt() -> Effect:
 
 
 def target_offset(target: str, series: Sequence[str]) -> Effect:
-    """One target shifted on the tool in all `series`; parameters x, y, z, mm, flange frame."""
+    """The effect of one target shifted on the tool in all `series`; parameters x, y, z, mm, flange frame."""
     return effect(
         f"target_offset:{target}",
         "frames and tool",

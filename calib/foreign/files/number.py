@@ -81,7 +81,7 @@ def suffix_of(cell: str) -> str:
 
 
 def notation_of(columns: Iterable[Iterable[str]]) -> Notation | None:
-    """The notation of the numbers of a table, column by column; None where the numbers do not tell it, or disagree."""
+    """The notation of the numbers of a table, column by column; None where the numbers do not show it, or disagree."""
     decimals: set[str] = set()
     thousands: set[str] = set()
     open_marks: set[str] = set()

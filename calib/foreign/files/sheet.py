@@ -29,7 +29,7 @@ FEWEST_NUMBERS = 3
 
 @dataclass(frozen=True)
 class Row:
-    """One row: its line (from 1) in the file, its cells, and whether the file marks it as a comment."""
+    """A row of a sheet: its line (from 1) in the file, its cells, and whether the file marks it as a comment."""
 
     line: int
     cells: tuple[str, ...]

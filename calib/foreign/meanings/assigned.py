@@ -41,7 +41,7 @@ class Finding:
 
 @dataclass
 class Assigned:
-    """One table while its columns are assigned: its map so far, the findings and the questions."""
+    """A table while its columns are assigned: its map so far, the findings and the questions."""
 
     layout: Layout
     answers: Answers
