@@ -1,4 +1,4 @@
-"""The array of every number here: float64, its shape said where it is used."""
+"""The type of all arrays of numbers: float64; the docstring of each function gives the shape."""
 
 from __future__ import annotations
 

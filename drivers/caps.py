@@ -1,4 +1,4 @@
-"""Caps of a robot by its cell file: how fast, how far. Every target is held against it before anything is sent."""
+"""Limits of a robot from its cell file, of speeds and joints. Every target is checked before anything is sent."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Caps:
         self._units = units or ["deg"] * joints
 
     def check(self, target_deg: Sequence[float]) -> None:
-        """Check a target. Raises JointLimit naming the first joint that may not go there; NaN may not."""
+        """Check a target. Raises JointLimit naming the first joint beyond its limits; NaN is refused too."""
         if len(target_deg) != len(self._pairs):
             raise JointLimit(
                 f"{len(target_deg)} joints given, {len(self._pairs)} needed",
@@ -58,9 +58,10 @@ class Caps:
                 )
 
     def seconds(self, turns_deg: Sequence[float]) -> float:
-        """Seconds for joints to turn by so much (deg, six, not negative) at both caps.
+        """The duration of a joint move, s, at both speed limits, for the angles of its joints (deg, not negative).
 
-        No joint is faster than one; the tool is nowhere faster than the sum of turn x lever over the time, the other.
+        The joints keep one limit. The speed of the tool is at most the sum of angle x lever over the time, and keeps
+        the other.
         """
         path_mm = sum(math.radians(dq) * lever for dq, lever in zip(turns_deg, _LEVER_MM, strict=True))
         return max(max(turns_deg) / self.speeds[1], path_mm / self.speeds[0])

@@ -1,4 +1,4 @@
-"""The declaration of a driver about itself, so that no other part of the program has to know it by its name.
+"""The declaration of a driver: what other packages have to know of it, so that none of them names it.
 
 Each maker's folder has one file `declaration.py` with the declarations of its drivers; `drivers.registry` lists them.
 """
@@ -103,5 +103,5 @@ class InstrumentDriver:
 
     @property
     def measures_lengths(self) -> bool:
-        """A ballbar: distances to balls on the base instead of points."""
+        """Whether it is a ballbar, which measures distances to balls on the base instead of points."""
         return self.stroke_mm is not None

@@ -1,4 +1,4 @@
-"""The details that a device gives of itself beyond its common status, asked read-only and without arming.
+"""Details of a device beyond its common status, read without arming it.
 
 Each protocol has something of its own; a driver's declaration says how to ask for it. For `truepose doctor`; a
 campaign needs none of it.

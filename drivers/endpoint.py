@@ -1,4 +1,4 @@
-"""The address of a device, by one name however it is written.
+"""The canonical address of a device, however its URL is written.
 
 `tcp://localhost:5000`, `TCP://127.0.0.1:05000/` and `tcp://[::1]:5000?background=5002` lead to one socket. The URL is
 taken apart by the parser that the drivers use, so that what is named here is what they connect to.
@@ -18,7 +18,7 @@ _LOOPBACK = "loopback"
 def endpoints(url: str) -> frozenset[str]:
     """The `IP:port` of every address that the host name of a URL has, or the real path of a serial device.
 
-    All addresses of this computer to itself, IPv4 or IPv6, are one: `localhost` may be any of them. A name that
+    All loopback addresses, IPv4 or IPv6, count as one: `localhost` may be any of them. A name that
     cannot be resolved now is kept as it is. Raises ConfigError for what is no address.
     """
     if "://" not in url:

@@ -1,4 +1,4 @@
-"""Additions by other packages: lists in modules that they name as entry points."""
+"""Additions from other packages: lists in modules that they name as entry points."""
 
 from __future__ import annotations
 

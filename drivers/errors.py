@@ -31,7 +31,7 @@ class Where(TypedDict, total=False):
 
 
 class AcquisitionError(Exception):
-    """Root of all errors of devices and of the campaign; caught only by class below it."""
+    """The base class of all errors of devices and of the campaign; code catches its subclasses only."""
 
     code: ClassVar[int] = 0
     exit_code: ClassVar[int] = 1
@@ -135,35 +135,35 @@ class Unmeasurable(AcquisitionError):
 
 
 class BeamBroken(Unmeasurable):
-    """Beam interrupted during or before the reading."""
+    """The beam was interrupted before or during the reading."""
 
     code = 2001
     advice = "Clear the line of sight, bring the beam back to the SMR and repeat the measurement."
 
 
 class TargetNotSeen(Unmeasurable):
-    """Target lost, not found, or not seated where it was asked for."""
+    """The target was lost, not found, or is not in the nest that was asked for."""
 
     code = 2002
     advice = "Check that the SMR is seated and faces the instrument, then repeat the measurement."
 
 
 class OutOfRange(Unmeasurable):
-    """Beyond the travel of the instrument."""
+    """The reading is beyond the stroke of the instrument."""
 
     code = 2003
     advice = "The point lies outside the instrument's range: skip the pose or move the instrument."
 
 
 class NoisyMeasurement(Unmeasurable):
-    """Reading made, but stale, inaccurate or scattered: void."""
+    """A reading that is stale, inaccurate or scattered; it is not used."""
 
     code = 2004
     advice = "Wait until robot and air are calm, then repeat the measurement."
 
 
 class Refused(AcquisitionError):
-    """The device is well and says no, or the driver refuses before asking it."""
+    """A working device refused, or the driver refused before it asked the device."""
 
     code = 3000
     advice = "Read the message, put the device in order and confirm to go on."
@@ -244,13 +244,13 @@ class CommandRefused(Refused):
 
 
 class LeftOut(Refused):
-    """A person skips what a device asked them for, or wants the reading before it once more."""
+    """A person skipped a reading that they were asked for, or wants the previous reading again."""
 
     code = 3010
     advice = "The reading is left out; it can be measured again later."
 
     def __init__(self, message: str, *, again: bool = False, **where: Unpack[Where]) -> None:
-        """`again`: it is not left out, something else is measured before it."""
+        """`again`: the reading is not left out; the previous one is measured again first."""
         super().__init__(message, **where)
         self.again = again
 

@@ -1,8 +1,8 @@
-"""The interfaces that the sequencer may ask a device for: small protocols, one per capability, and what they answer.
+"""The interfaces of devices: small protocols, one per capability, and the types of their answers.
 
-Verbs are blocking and idempotent: `move_to` is absolute and `measure` is a whole measurement, so asking again
+Methods are blocking and idempotent: `move_to` is absolute and `measure` is a whole measurement, so asking again
 after a fault is safe. Nothing moves on `connect`. `stop` halts motion (it does not disconnect), may be called
-from any thread while another verb is pending, and disarms. Every verb raises only errors of `drivers.errors`
+from any thread while another method is pending, and disarms. Every method raises only errors of `drivers.errors`
 and ends within its named deadline. Degrees, millimetres, seconds, degrees Celsius, hectopascals.
 """
 
@@ -19,7 +19,7 @@ from typing import Protocol, runtime_checkable
 class Identity:
     """The identity of the device at an address. `simulated` is None where the protocol does not say.
 
-    `alias`: another name that no second device has, told also where the serial number is not.
+    `alias`: another unique name, known also where the serial number is not.
     """
 
     maker: str
@@ -65,7 +65,7 @@ class InstrumentStatus:
 
 @dataclass(frozen=True, slots=True)
 class PointReading:
-    """One averaged point in the instrument's own frame (mm).
+    """An averaged point in the instrument's own frame (mm).
 
     `std_mm`: standard deviation of single samples per axis; `t_s`: device clock at the end of the average
     (s); `age_s`: how old the average was when it was sent (s).
@@ -87,7 +87,7 @@ class PointReading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseReading(PointReading):
-    """One averaged pose: its point, and the turn of the target's own frame.
+    """An averaged pose: its point, and the orientation of the target's own frame.
 
     `rot_wxyz`: unit quaternion, scalar first and not negative, that turns vectors of the target's frame into
     the instrument's (or the reference's) frame; `rot_std_mrad`: scatter of single frames about any axis;
@@ -102,7 +102,7 @@ class PoseReading(PointReading):
 
 @dataclass(frozen=True, slots=True)
 class LengthReading:
-    """One averaged length between the centres of two balls (mm).
+    """An averaged length between the centres of two balls (mm).
 
     `length_mm` is the bar's calibrated length at the temperature of the reading plus the deviation that the
     sensor shows, less its zero: `deviation_mm` and `zero_mm` are what went into it.
@@ -128,10 +128,10 @@ Reading = PointReading | LengthReading
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One sample of a stream: joints (deg) of a robot, a point (mm, own frame) of an instrument.
+    """A sample of a stream: joints (deg) of a robot, a point (mm, own frame) of an instrument.
 
     `t_s`: device clock (s); `number`: how the device counts its samples, None where it does not; `doubt`: why this
-    sample is not believed, empty where it is.
+    sample is not trusted, empty where it is.
     """
 
     t_s: float
@@ -151,10 +151,10 @@ class Answer(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Numbers that a person reads off a display and types beside CONFIRM.
+    """Numbers that a person reads off a display and types with CONFIRM.
 
-    names: of the numbers, in their order; shown: what the display should show, as it writes it, empty where nobody
-    knows; needed: False where CONFIRM alone says that it shows just that.
+    names: of the numbers, in their order; shown: the expected text of the display, empty where unknown; needed: False
+    where CONFIRM alone means that the display shows the expected text.
     """
 
     names: tuple[str, ...]
@@ -167,7 +167,7 @@ class Entry:
 class Prompt:
     """A question to a person. `expects`: the answers that make sense, in the order shown; `picture`: its name.
 
-    entry: what is typed beside CONFIRM; None: nothing.
+    entry: numbers that are typed with CONFIRM; None: none.
     """
 
     id: str
@@ -179,7 +179,7 @@ class Prompt:
 
 @dataclass(frozen=True, slots=True)
 class Typed:
-    """CONFIRM with what a person typed beside it."""
+    """CONFIRM with the text that a person typed."""
 
     text: str
 
@@ -193,7 +193,7 @@ Raises LeftOut where they skip it, NoOperator, and what unwinds the caller.
 
 @runtime_checkable
 class Device(Protocol):
-    """Common to everything that is connected."""
+    """The methods that every device has."""
 
     name: str
     unverified_on_hardware: bool
@@ -207,20 +207,20 @@ class Device(Protocol):
 
 @runtime_checkable
 class Candid(Protocol):
-    """A device that says what its wire cannot see, in a sentence; empty when it sees everything. Once connected."""
+    """A device that says which errors its protocol cannot detect, in a sentence; empty: none. Once connected."""
 
     @property
     def weakness(self) -> str: ...
 
 
 def weakness_of(device: Device) -> str:
-    """The weakness of the wire of a connected device: a damaged request, or a damaged answer. Empty: nothing."""
+    """The errors that the protocol of a connected device cannot detect, in a sentence; empty: none."""
     return device.weakness if isinstance(device, Candid) else ""
 
 
 @runtime_checkable
 class RobotArm(Device, Protocol):
-    """A robot that goes to joint angles (deg). `can_stop` is valid once connected."""
+    """A robot that moves to joint angles (deg). `can_stop` is valid once connected."""
 
     @property
     def can_stop(self) -> bool: ...
@@ -257,7 +257,7 @@ class LengthMeter(Device, Protocol):
     """Measures the length between a ball on the tool and a ball on the base, both by name.
 
     `zero` reads the sensor in its calibrator (mm) and takes that as the zero of later readings. `build`: a person has
-    built the bar to another length (mm); it is disarmed, and arming holds that against its calibration.
+    built the bar to another length (mm); it is disarmed, and arming compares the length with its calibration.
     """
 
     def measure(self, target: str, *, base_target: str, samples: int = 100) -> LengthReading: ...
@@ -272,8 +272,8 @@ class Streams(Protocol):
     """A robot or an instrument that sends samples while the robot moves (`streams` of its declaration).
 
     The samples of a robot flow beside `move_to`, over a connection of their own; an instrument answers nothing else
-    meanwhile, and sends the target that it measured last. The iterator gives None when nothing has come for a moment,
-    so that whoever reads may look around; it raises LinkError, and MotionStopped after `stop`.
+    meanwhile, and sends the target that it measured last. The iterator yields None when nothing has come for a moment,
+    so that its reader can do other work; it raises LinkError, and MotionStopped after `stop`.
     """
 
     def stream(self, rate_hz: float) -> AbstractContextManager[Iterator[Sample | None]]: ...
@@ -281,21 +281,22 @@ class Streams(Protocol):
 
 @runtime_checkable
 class Paced(Protocol):
-    """A robot that can be recorded in motion, and drives more slowly for a while; never faster than it was made for."""
+    """A robot that can be recorded in motion at a lower speed for a while; never above the speeds it was opened
+    with."""
 
     def at_speed(self, speed_deg_s: float) -> AbstractContextManager[None]: ...
 
 
 @runtime_checkable
 class Attended(Protocol):
-    """A device that a person works: driven or read by hand. What it cannot know it asks through `ask`."""
+    """A device that a person operates. It asks the person through `ask`."""
 
     def attend(self, ask: Asking) -> None: ...
 
 
 @runtime_checkable
 class Guided(Protocol):
-    """A robot that a person drives: `move_over` tells the whole way at once, over postures (deg) to the last one."""
+    """A robot that a person drives: `move_over` shows the whole path, over postures (deg) to the last one."""
 
     def move_over(self, over_deg: Sequence[Sequence[float]], joints_deg: Sequence[float]) -> JointReading: ...
 

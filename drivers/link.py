@@ -1,7 +1,7 @@
-"""TCP byte link shared by all drivers.
+"""The TCP byte link that all drivers use.
 
 One rule makes late, split, glued, duplicated and half answers harmless: **any fault closes the link**. An
-answer can then never meet the wrong question, because the connection on which it would arrive is gone. The
+answer can then never be taken for that to another question, because its connection is closed. The
 other rules: nothing unread before asking, one question outstanding, an answer ends at its exact terminator
 (half a line at the end of the stream is an error), every wait has a deadline with a name.
 """
@@ -27,13 +27,14 @@ _HOST = re.compile(r"[A-Za-z0-9_.:-]+")
 
 
 class WireSink(Protocol):
-    """Takes every byte that passes, for the record."""
+    """A receiver of every byte that is sent or received, for the record."""
 
     def record(self, device: str, direction: str, data: bytes) -> None: ...
 
 
 class WireLog:
-    """Writes JSON lines of t_s, device, dir (`>` to the device, `<` from it, `!` opened, closed) and data.
+    """A wire log that writes JSON lines of t_s, device, dir (`>` to the device, `<` from it, `!` opened, closed) and
+    data.
 
     `data` is latin-1 text, so that every byte survives the round trip. Time in seconds of the clock given.
     """
@@ -64,7 +65,7 @@ class Address:
 
 
 def beside(address: Address, option: str, port: int, device: str) -> Address:
-    """The same controller at another of its ports: that of the option, else `port`. Raises ConfigError."""
+    """The address of the same controller with the port of the option, else `port`. Raises ConfigError."""
     text = address.options.get(option, str(port))
     if not text.isdecimal() or not 0 < int(text) < 65536:
         raise ConfigError(f"{option}={text!r} is not a port", device=device)
@@ -88,9 +89,9 @@ def parse_url(url: str) -> Address:
 
 
 class TcpLink:
-    """One connection to one device. Not shared between threads, except `close`, which is always safe.
+    """A TCP connection to a device. Not shared between threads, except `close`, which is always safe.
 
-    `clock`: s, by which deadlines are kept, also by those who speak over the link.
+    `clock`: returns s; all deadlines on this link are measured by it.
     """
 
     poll_s = 0.1  # how often a waiting question looks at its `meanwhile`
@@ -115,7 +116,7 @@ class TcpLink:
         return self._socket is not None
 
     def open(self, *, connect_s: float) -> None:
-        """Connect afresh. Raises LinkTimeout or LinkLost."""
+        """Connect anew. Raises LinkTimeout or LinkLost."""
         self.close()
         where = f"{self.address.host}:{self.address.port}"
         try:
@@ -145,7 +146,7 @@ class TcpLink:
 
     @contextmanager
     def question(self, command: str, *, unread_allowed: bool = False) -> Iterator[None]:
-        """Everything between asking and having understood the answer: any exception closes the link.
+        """A context manager from the question to the parsed answer: any exception in it closes the link.
 
         `unread_allowed` is for protocols whose device may speak unasked (events) and whose answers carry the
         number of their question.
@@ -338,5 +339,5 @@ class TcpLink:
 
 
 def _words(error: OSError | ValueError) -> str:
-    """The words of the system for an error, without its number."""
+    """The text of the operating system for an error, without its number."""
     return getattr(error, "strerror", None) or str(error)

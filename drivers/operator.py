@@ -38,7 +38,7 @@ def refused(prompt: Prompt, answer: Answer | Typed) -> str:
 
 
 class TerminalOperator:
-    """Asks on a terminal. Answers: the word or its first letter; an empty line confirms nothing.
+    """An operator at a terminal. Answers are the word or its first letter; an empty line confirms nothing.
 
     Where numbers are asked for, any other line is what was typed.
     """
@@ -88,7 +88,7 @@ class TerminalOperator:
 
 
 class RemoteOperator:
-    """Asks by publishing the prompt; another thread (HTTP, a test) brings the answer by the prompt's id."""
+    """An operator who is asked by publishing the prompt; another thread (HTTP) brings the answer by the prompt's id."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -98,12 +98,13 @@ class RemoteOperator:
 
     @property
     def pending(self) -> Prompt | None:
-        """The prompt being asked now."""
+        """The prompt that is being asked, or None."""
         with self._changed:
             return self._pending
 
     def ask(self, prompt: Prompt) -> Answer | Typed:
-        """Wait, for ever if need be. Raises NoOperator when closed, Busy when already asking."""
+        """Publish the prompt and wait for its answer without a limit. Raises NoOperator when closed, Busy when
+        already asking."""
         with self._changed:
             if self._pending is not None:
                 raise Busy(f"already asking {self._pending.id}", device="operator", command=prompt.id)
@@ -132,14 +133,14 @@ class RemoteOperator:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Nobody will answer any more; who waits gets NoOperator."""
+        """Close: nobody will answer any more, and a waiting `ask` raises NoOperator."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
 
 
 class RehearsalOperator:
-    """Confirms everything at once. Only for simulated cells: nobody looks."""
+    """An operator that confirms every prompt at once, for simulated cells only."""
 
     def ask(self, prompt: Prompt) -> Answer:
         return Answer.CONFIRM

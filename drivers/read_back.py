@@ -1,12 +1,12 @@
-"""Checks of the joints read back: they are held against the request, as exactly as the wire shows them.
+"""Checks of the joints read back against the request, as precisely as the protocol reports them.
 
-A reading of the campaign is filed under the angles that were commanded. So these must be the ones that the controller
-carried out: a joint that is read back further from its target than half a step of the reply, plus what a servo may be
-off when it holds, was not sent there, and the move counts as `NotReached` (docs/decisions/0016).
+A reading of a campaign is stored with the commanded angles, so the controller must have carried them out. A move has
+ended at its target if every joint is read back within half the resolution of the reply, plus the largest error of a
+servo at rest; else it counts as `NotReached` (docs/decisions/0016).
 
-What a servo may be off is taken from the data sheets: twice the pose repeatability (ISO 9283) over the reach. IRB 120:
-0.01 mm over 580 mm, 0.002 deg. LR Mate 200iC: 0.02 mm over 704 mm, 0.003 deg. UR5: 0.1 mm over 850 mm, 0.013 deg. An
-arm that held its joints worse could not repeat as its maker says. Not tried on a controller.
+The largest error of a servo is taken from the data sheets: twice the pose repeatability (ISO 9283) over the reach.
+IRB 120: 0.01 mm over 580 mm, 0.002 deg. LR Mate 200iC: 0.02 mm over 704 mm, 0.003 deg. UR5: 0.1 mm over 850 mm, 0.013
+deg. An arm that held its joints worse could not repeat as its maker says. Not tried on a controller.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from drivers.interfaces import JointReading
 
 
 def apart_deg(one: Sequence[float], other: Sequence[float]) -> float:
-    """The largest difference of a joint, in the unit of the two."""
+    """The largest difference of a joint, in the unit of the arguments."""
     return max(abs(a - b) for a, b in zip(one, other, strict=True))
 
 

@@ -1,4 +1,4 @@
-"""The drivers that there are, one line a maker: a new one is its folder and its line here.
+"""The table of all drivers, one line for each maker. A new driver needs its folder and a line here.
 
 Other packages bring theirs by entry points of the group `truepose.drivers`: modules with `DRIVERS`, as a maker's
 `declaration.py`. They are looked for when a name is asked for that is not in the tables.
@@ -49,12 +49,12 @@ def instrument_driver(name: str) -> InstrumentDriver:
 
 
 def open_robot(driver: str, url: str, **options: Any) -> RobotArm:
-    """A robot by the name of its driver, not yet connected. Raises ConfigError."""
+    """Make the driver of a robot by its name, not yet connected. Raises ConfigError."""
     return _make("robot", driver, robot_driver(driver).make, url, options)
 
 
 def open_instrument(driver: str, url: str, **options: Any) -> PointMeter | LengthMeter:
-    """An instrument by the name of its driver, not yet connected. Raises ConfigError."""
+    """Make the driver of an instrument by its name, not yet connected. Raises ConfigError."""
     return _make("instrument", driver, instrument_driver(driver).make, url, options)
 
 

@@ -1,8 +1,8 @@
-"""Serial byte link with the verbs and the one rule of `drivers.link`: any fault closes it.
+"""Serial byte link with the methods and the rule of `drivers.link`: any fault closes it.
 
 Any pyserial URL: `/dev/rfcomm0`, `COM5`, `socket://host:port`, `rfc2217://host:port`, `loop://`. 115200 8N1.
 A serial line has no connections, so bytes of an earlier conversation may still be on their way after opening:
-what is read is only believed because every line carries its sum and the number of its question.
+answers are accepted only because every line carries its checksum and the number of its question.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ BAUD = 115200
 
 
 class SerialLink:
-    """One serial port. Not shared between threads, except `close`, which is always safe."""
+    """A serial port. Not shared between threads, except `close`, which is always safe."""
 
     poll_s = 0.05  # how long a read may hold up a `close` from another thread
 
@@ -81,7 +81,7 @@ class SerialLink:
 
     @contextmanager
     def question(self, command: str, *, unread_allowed: bool = True) -> Iterator[None]:
-        """One question and its answer: any exception closes the link."""
+        """A context manager for one question and its answer: any exception closes the link."""
         try:
             yield
         except BaseException:

@@ -7,7 +7,7 @@ from typing import TypedDict
 
 
 class Waiting(TypedDict, total=False):
-    """The wait for an answer: the name of its deadline, s where it is not that of every question, what goes on then."""
+    """The wait for an answer: name of its deadline, length in s if it is unusual, and what is called meanwhile."""
 
     deadline: str
     seconds: float | None

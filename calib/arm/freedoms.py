@@ -1,16 +1,17 @@
-"""The freedoms that an arm has to move its tool point by, found from the rank of its Jacobian, not from its type.
+"""The degrees of freedom of an arm's tool point, found from the rank of its Jacobian, not from its type.
 
-Six axes and more turn and shift in every direction. A SCARA or a palletizer shifts in three and turns about one; a
-positioner of two axes turns about two. The Jacobian J (6 x m) of the joints that the controller can move says which:
+Six axes and more shift and turn the tool in every direction. A SCARA or a palletizer shifts it in three directions and
+turns it about one; a two-axis positioner turns it about two. The Jacobian J (6 x m) of the joints that the controller
+can move determines them:
 
     count    the largest number of singular values above `SINGULAR` of the first, among postures all over the limits
     places   whether three of them shift the tool point: then its position comes first and orientation takes what is
              left of the joints; otherwise shift and turn are weighed with `LEVER_MM`
 
 A joint that its limits hold in place (the wrist of a palletizer, kept level by its rods) does not count, nor does a
-slide that the other joints can do without: a track stays where it stands. Of several ways to turn (seven axes) the
-one nearest to the posture in hand is taken. Sources: Siciliano & Slotine 1991 (position before orientation); Wampler
-1986 (damping).
+slide that the other joints do not need: a track keeps its position. If several changes of the joints give the same
+turn (seven axes), the one nearest to the present posture is taken. Sources: Siciliano & Slotine 1991 (position before
+orientation); Wampler 1986 (damping).
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class Freedoms:
 
     columns: (N, m) change of the model's joints for a unit of every joint that is moved: 1 rad, or `LEVER_MM` of a
     slide. count, places: see above.
-    turns: how many directions it can turn about, wherever the tool point goes.
+    turns: number of directions about which it can turn, whatever happens to the tool point.
     """
 
     columns: Array
@@ -73,11 +74,12 @@ class Freedoms:
 
     @property
     def all(self) -> bool:
-        """Whether the arm has all six."""
+        """Whether the arm has all six degrees of freedom."""
         return self.count == 6
 
     def step(self, jacobian: Array, miss: Array) -> tuple[Array, Array]:
-        """The joints' change (n, N) that makes up for what can be made up of `miss`, and that part of it (n, 6).
+        """The change of the joints (n, N) that corrects the part of `miss` that the arm can correct, and this part
+        (n, 6).
 
         jacobian: (n, 6, N) scaled; miss: (n, 6) scaled alike.
         """

@@ -15,7 +15,7 @@ motions before it have made. Each has a name, its *slot*:
     tool.x .. tool.rz      the tool at the flange
     target.x .. target.rz  the measured target on the tool; its turns move no point, only its orientation
     anchor.x .. anchor.z   beside the chain, in the world: the base target to which a distance was measured
-    length.zero            what a length meter shows at distance nought
+    length.zero            what a length meter shows at zero distance
 
 Arrays hold one reading a column, so every product runs over all readings at once: vectors are (3, n).
 Sources: Craig's and Denavit's conventions; Hayati 1983 for beta; Nubiola, Annex I (I.2) for the base.
@@ -36,7 +36,7 @@ from calib.array import Array
 
 @dataclass(frozen=True)
 class Motion:
-    """One elementary motion: `slot` turns about (`turns`) or shifts along axis 0, 1 or 2."""
+    """An elementary motion: `slot` turns about (`turns`) or shifts along axis 0, 1 or 2."""
 
     slot: str
     turns: bool
@@ -167,7 +167,8 @@ class Frames:
         return np.stack(columns, axis=-1).transpose(1, 0, 2)
 
     def _go(self, motions: Sequence[Motion], values: Mapping[str, Array | float]) -> None:
-        """Move along a row of motions. Local names, and no call a motion: of few readings most time is Python's."""
+        """Move along a row of motions. Local names and no function call for each motion, because with few readings
+        Python takes most of the time."""
         # Arrays are replaced, never changed in place: what `axis` and `origin` refer to stays valid.
         columns, p, record = [self.x, self.y, self.z], self.p, self.record
         for motion in motions:

@@ -1,4 +1,4 @@
-"""The nominal robot, as its maker describes it: DH numbers, joint limits, loads, how the controller counts.
+"""The nominal robot, as its maker describes it: DH parameters, joint limits, loads, and joint matrices.
 
 Read from `calib/arm/robots/NAME.toml` (`format = "truepose-robot/1"`) or from a file of the user's own. Two
 conventions: modified DH (Craig), `Rx(alpha) Ry(beta) Tx(a) Rz(theta) Tz(d)`, and standard DH,
@@ -111,12 +111,12 @@ class Robot:
 
     @cached_property
     def joint_units(self) -> Array:
-        """(N,) one unit of every joint as it is read and written, inside: joints / joint_units is for people."""
+        """(N,) the displayed unit of every joint in internal units: joints / joint_units are deg or mm."""
         return np.array([FACTORS[kind] for kind in self.kinds])
 
     @cached_property
     def steps(self) -> Array:
-        """(N,) by what to multiply a small angle, rad, for each joint: a slide goes as many mm as others turn deg."""
+        """(N,) factors of a small angle, rad, for each joint: a slide moves as many mm as other joints turn deg."""
         return self.joint_units / DEG
 
     @cached_property
@@ -284,7 +284,7 @@ def robot_from(table: Mapping[str, Any], path: Path) -> Robot:
 def _twisted(
     table: Mapping[str, Any], convention: Convention, alpha: Sequence[float], path: Path
 ) -> tuple[int, ...]:
-    """The links whose beta is the twist of `parallel_axes`, which names axes parallel to the one before them."""
+    """The links whose beta is the twist of `parallel_axes`, the axes that are parallel to the previous one."""
     axes = tuple(int(k) for k in table.get("parallel_axes", ()))
     behind, other = (1, "mdh") if convention == "dh" else (0, "dh")
     for k in axes:
@@ -313,7 +313,7 @@ def _three(values: Any) -> tuple[float, float, float]:
 
 
 def refuse_impossible(robot: Robot, path: Path) -> None:
-    """Raise DataError, naming the key, for a robot that no maker can build."""
+    """Raise DataError, naming the key, for a robot that cannot be built."""
     for key, value in (("name", robot.name), ("maker", robot.maker), ("source", robot.source)):
         if not isinstance(value, str) or not value:
             raise DataError(f"is {value!r}.", do="Give text.", file=path, key=key)

@@ -1,4 +1,4 @@
-"""The hash of a robot: everything of it that moves it, and nothing that only describes it."""
+"""The hash of a robot: of all numbers on which its motion depends, and of no description."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ DESCRIPTION = ("name", "maker", "source", "capsules")
 
 
 def robot_hash(robot: Robot) -> str:
-    """SHA-256 of everything of a robot that moves it; of a robot without slides what older versions made of it."""
+    """SHA-256 of all numbers on which a robot's motion depends; without slides the same as in older versions."""
     table = {key: value for key, value in asdict(robot).items() if key not in DESCRIPTION}
     table = {key: value for key, value in table.items() if key not in ("slides", "external") or value}
     return hashlib.sha256(json.dumps(table, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Starts for what the world hides: base pose, tool frame and base targets, from the nominal robot and the readings.
+"""Start values for unknown positions: base pose, tool frame and base targets, from the nominal robot and the readings.
 
 Weighted Kabsch alignment of nominal points with measured ones; where the tool targets are unknown too, it alternates
 with the linear solution for them, and Gauss-Newton ends it. Weights (Huber) keep gross errors out. Distances give

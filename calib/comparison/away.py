@@ -1,7 +1,8 @@
 """A regression a few degrees away from its samples: at the same postures with one wrist joint turned.
 
-Nobody measured there; the fitted model takes the place of the arm. A model of geometry carries over to such postures, a
-regression on absolute positions has never seen its columns move, and a regression on residuals can only add a little.
+There are no measurements there; the fitted model takes the place of the arm. A model of geometry carries over to such
+postures, a regression on absolute positions has never seen its columns move, and a regression on residuals can only
+add a little.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _WRIST = 3  # joints
 class Away:
     """Difference between a predictor and the fitted model at turned postures, mm, for the joint that is worst.
 
-    inside: how many of the turned postures lie in the region of the regression: there nothing would refuse it.
+    inside: number of turned postures within the region of the regression, where it would be used.
     """
 
     name: str
@@ -38,7 +39,7 @@ class Away:
 def away(comparison: Comparison) -> tuple[Away, ...]:
     """The test with the wrist turned away, for every regression that was trained.
 
-    A regression on positions is held against the model of the level asked for."""
+    A regression on positions is compared with the model of the level asked for."""
     predictors = {s.predictor.name: s.predictor for s in comparison.scored}
     conditions = comparison.dataset.conditions.take(comparison.rows)
     out = []

@@ -1,4 +1,5 @@
-"""A data set as a level of calibration sees it: what is freed, and what these readings can never show held."""
+"""A data set for a level of calibration: which parameters are freed, and which are held because no reading shows
+them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The waypoint of each sample: one waypoint has those between which the robot hardly moved."""
+"""The waypoint of each sample: samples between which the robot hardly moved share a waypoint."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Bounds on a correction: how far it may go before it says more about the model than about the robot.
+"""Bounds on a correction: a larger one means a wrong model, not a wrong robot.
 
-Robots that were identified are off by some tenths of a degree and some millimetres; 10 deg in a joint is a file that
-was changed, a model of another robot, or a fit that went astray. What is compared is where the flange is, with
+Identified robots differ from nominal by some tenths of a degree and some millimetres; 10 deg in a joint means a file
+that was changed, a model of another robot, or a failed fit. What is compared is where the flange is, with
 the model and without, all over the joint ranges: single parameters may be large and cancel, as the UR's d_2 and d_3.
 """
 
@@ -25,7 +25,7 @@ _SECONDS, _AIR_C = 3600.0, 20.0  # for effects of time and temperature where non
 
 @dataclass(frozen=True)
 class Bounds:
-    """Largest turn of the flange, deg, and largest shift, mm, that a model may make of it."""
+    """The largest rotation, deg, and the largest shift, mm, of the flange that a model may cause."""
 
     turn_deg: float = 2.0
     shift_mm: float = 15.0
@@ -40,7 +40,7 @@ def refuse_unlikely(
     coupling: str = "none",
     file: Path | str | None = None,
 ) -> None:
-    """Raise DataError, naming the parameter that does most of it, where a model corrects beyond `bounds`.
+    """Raise DataError, naming the parameter with the largest share, where a model corrects beyond `bounds`.
 
     estimate: (m,) internal units. Conditions that are not stated are those of a usual room.
     """

@@ -3,7 +3,8 @@
 It holds what belongs to the robot and to its mounting, never what belongs to the instrument. Where the world is the
 nominal base frame, the identified base is part of the error; where the base was placed by the fit (a model with
 placements), the world is arbitrary, and the identified base frame takes its place: its parameters are left out.
-A regression that is based on the model shifts every target by what it says of its own point: it knows no turn.
+A regression based on the model shifts every target by the error that it predicts for its own point; it corrects no
+orientation.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The part of a model that a table of constants can carry, and what the rest costs.
+"""The part of a model that a table of constants can hold, and the error without the rest.
 
 A DH table, a URDF or joint offsets hold numbers for the slots of the chain. At stated conditions some effects are
 such numbers: geometry, joint offsets, thermal growth at the stated temperature, half the backlash at the stated

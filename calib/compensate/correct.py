@@ -1,13 +1,13 @@
-"""Corrected targets: joint angles at which the real robot takes the pose that the nominal robot would have taken.
+"""Corrected targets: joint angles at which the real robot reaches the pose that the nominal robot would have reached.
 
 The controller keeps its nominal model, so it is sent a false target F instead of the wanted pose T:
 
     F = T;   F <- F . FK_cal(IK_nom(F))^-1 . T
 
-until the calibrated robot at IK_nom(F) is in T. Source: Nubiola, thesis 1.5; Nubiola & Bonev 2014. For a joint
+until the calibrated robot at IK_nom(F) reaches T. Source: Nubiola, thesis 1.5; Nubiola & Bonev 2014. For a joint
 target q the wanted pose is T = FK_nom(q). FK_cal: `calib.compensate.calibrated`, under stated conditions
 (`calib.model.stated`). An arm with fewer than six freedoms (`calib.arm.freedoms`) is asked for the pose nearest
-to T that they lead to; what it cannot move or turn is left, and said.
+to T that it can reach; the rest of the pose error stays and is reported.
 """
 
 from __future__ import annotations

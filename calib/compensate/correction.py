@@ -1,4 +1,4 @@
-"""The outcome of a correction, target by target: the joints to drive, or why it must not be driven."""
+"""The result of a correction for each target: the joints to drive, or why the target must not be driven."""
 
 from __future__ import annotations
 

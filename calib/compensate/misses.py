@@ -1,4 +1,4 @@
-"""The miss of a corrected pose: the part that the arm could make up for, and the part that it cannot."""
+"""The remaining error of a corrected pose: the part that the arm could correct, and the part that it cannot."""
 
 from __future__ import annotations
 

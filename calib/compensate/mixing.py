@@ -9,7 +9,7 @@ from calib.array import Array
 
 
 class Memory:
-    """Anderson's mixing: from the last steps, where they would end.
+    """Anderson mixing: extrapolates the last steps to their limit.
 
     The pose shift alone errs by a share of what is left that grows with the joints' errors; with them the fourth
     iteration reaches 1e-6 mm in 98 % of poses, without it in 70 to 95 %. The fixed point is the same.

@@ -33,8 +33,8 @@ class Table:
     def hold_out(self, kind: Holdout, share: float, seed: int) -> Table:
         """Mark a share of the rows as validation: whole poses drawn at random, or blocks of consecutive rows.
 
-        A random hold-out flatters: its neighbours took part in the fit. Readings of one pose are held out together, or
-        the fit would have seen what it is to predict. Raises DataError for a share outside (0, 1).
+        A random hold-out is optimistic: its neighbours took part in the fit. Readings of one pose are held out
+        together, or the fit would have seen what it is to predict. Raises DataError for a share outside (0, 1).
         """
         if not 0.0 < share < 1.0:
             raise DataError(

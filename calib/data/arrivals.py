@@ -1,7 +1,7 @@
 """The arrivals of the robot, reading by reading: order in time, joint angles before, and side of approach.
 
-As recorded where it is recorded, else derived from the order of the rows of the same series: one series says
-nothing about how the next began.
+Sides and previous angles are used as recorded; else they are derived from the order of the rows within a series. A
+series does not show how the next one began.
 """
 
 from __future__ import annotations

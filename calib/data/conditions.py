@@ -1,8 +1,8 @@
-"""Under which conditions every reading was taken: what drives an effect, as arrays over n readings.
+"""The conditions under which the readings were taken, on which effects depend, as arrays over n readings.
 
 Joints are those of the model (behind the joint matrix), rad, or mm of one that slides; times s; temperatures degC;
 torques and moments N.mm, forces along a slide N.
-A quantity nobody recorded is NaN; regressors that need it are then not offered.
+A quantity that was not recorded is NaN; effects that need it are then not offered.
 """
 
 from __future__ import annotations
@@ -81,6 +81,6 @@ def numbered(keys: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def row_keys(columns: Array) -> list[bytes]:
-    """One key a row of columns (n, c): rows have the same where all their numbers are the same, to the last digit."""
+    """(n,) a key for each row of columns (n, c); rows with exactly the same numbers have the same key."""
     numbers = np.ascontiguousarray(columns + 0.0)  # -0 becomes 0
     return numbers.view(f"V{numbers.itemsize * numbers.shape[1]}").ravel().tolist()

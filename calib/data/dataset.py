@@ -22,7 +22,7 @@ SETS = ("calibration", "reference", "repeat", "validation")
 
 @dataclass(frozen=True)
 class Dataset:
-    """n readings and what holds for all of them."""
+    """n readings, and the header that holds for all of them."""
 
     path: Path
     header: Header
@@ -57,38 +57,38 @@ class Dataset:
 
     @cached_property
     def pointed(self) -> NDArray[np.bool_]:
-        """(n,) a point was measured."""
+        """(n,) whether a point was measured."""
         return np.isfinite(self.points[:, 0])
 
     @cached_property
     def turned(self) -> NDArray[np.bool_]:
-        """(n,) an orientation was measured, and its noise declared: without, nobody knows what it is worth."""
+        """(n,) whether an orientation was measured and its noise declared; without a noise it is not used."""
         weighed = np.isfinite(self.u_rotation) | (self.header.noise.rotation > 0.0)
         return np.isfinite(self.orientation[:, 0]) & weighed
 
     @cached_property
     def spanned(self) -> NDArray[np.bool_]:
-        """(n,) a distance was measured."""
+        """(n,) whether a distance was measured."""
         return np.isfinite(self.lengths)
 
     @cached_property
     def usable(self) -> NDArray[np.bool_]:
-        """(n,) measured and not rejected."""
+        """(n,) whether the row was measured and not rejected."""
         return np.isin(self.status, ("", "ok")) & (self.pointed | self.spanned)
 
     @cached_property
     def fit_rows(self) -> NDArray[np.bool_]:
-        """(n,) rows that may enter a fit."""
+        """(n,) whether the row may enter a fit."""
         return self.usable & (self.sets != "validation")
 
     @cached_property
     def validation_rows(self) -> NDArray[np.bool_]:
-        """(n,) measured rows that only ever judge."""
+        """(n,) whether the row was measured and is held out."""
         return self.usable & (self.sets == "validation")
 
     @cached_property
     def numbers(self) -> int:
-        """Number of values that were measured in the rows that enter a fit."""
+        """Number of measured values in the rows that enter a fit."""
         rows = self.fit_rows
         return int(
             3 * (self.pointed & rows).sum() + 3 * (self.turned & rows).sum() + (self.spanned & rows).sum()

@@ -1,4 +1,4 @@
-"""Expected points: where the nominal robot in its place holds the target, reading by reading.
+"""Expected points: the position of the target for each reading, by the nominal robot in its fitted place.
 
 An error of scale is in proportion to them, never to the measured point, which a validation row must not lend to its
 own prediction. A nominal robot errs by some millimetres; of that, a scale of 10e-6 makes less than 0.0001 mm.

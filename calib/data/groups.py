@@ -1,4 +1,4 @@
-"""Groups of parameters that a data set may ask a base model to free, as `[model] fit` names them, and the levels."""
+"""The groups of parameters of a base model by their names in `[model] fit`, and the levels."""
 
 from __future__ import annotations
 

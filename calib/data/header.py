@@ -1,4 +1,4 @@
-"""The header of a data set, `NAME.toml`: robot, instrument, world, noise, targets. Refuses what it cannot mean."""
+"""The header of a data set, `NAME.toml`: robot, instrument, world, noise, targets. Refuses impossible values."""
 
 from __future__ import annotations
 
@@ -251,7 +251,7 @@ def _priors(table: TomlTable) -> dict[str, float]:
 
 
 def _unknown(table: TomlTable) -> tuple[str, ...]:
-    """Keys that mean nothing here. Raises DataError for one that is hardly other than a key that does."""
+    """The unknown keys of a header. Raises DataError for one that looks like a misspelt known key."""
     places = [(table, _KEYS), (table.table("model"), _MODEL_KEYS), (table.table("noise"), _NOISE_KEYS)]
     places.append((table.table("measured"), OCCASION_KEYS))
     series = table.table("series")

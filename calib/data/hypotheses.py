@@ -44,7 +44,7 @@ File = Literal["data", "header"]
 
 @dataclass(frozen=True)
 class Meaning:
-    """Readings of one series as the files, or a hypothesis about them, would have them.
+    """The readings of one series as the files say, or as a hypothesis says.
 
     robot: nominal; angles: (n, N) rad as the controller counts; which: (n,) index of the tool target;
     points: (n, 3) mm, or None where distances were measured; lengths, anchor: (n,) mm and index of the base target;
@@ -100,7 +100,7 @@ class Counting:
     offset: Array
 
     def of(self, meaning: Meaning) -> Meaning:
-        """The same readings, their joints counted in this way."""
+        """The same readings with their joints counted by this matrix."""
         return replace(meaning, angles=meaning.angles @ self.matrix.T + self.offset)
 
 
@@ -143,7 +143,7 @@ def explained(
     tool_unknown: bool,
     zero_unknown: bool,
 ) -> Explanation | None:
-    """The hypothesis that explains the readings clearly better than the files do; None where none does or need be.
+    """The hypothesis that explains the readings clearly better than the files do; None where there is none, or no need.
 
     others: the hypotheses to try; tools: (T, 3) mm, nominal targets.
     """

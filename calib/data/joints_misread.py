@@ -1,4 +1,4 @@
-"""Hypotheses that a data set counts the joints otherwise than the robot does: signs, zeros, order, units, couplings."""
+"""Hypotheses about wrongly counted joints of a data set: signs, zeros, order, units, couplings."""
 
 from __future__ import annotations
 

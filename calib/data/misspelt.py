@@ -1,4 +1,4 @@
-"""Columns whose name is hardly other than that of one which is missing: a mistyped `status` lets rejected rows in."""
+"""Columns that look like misspelt missing ones: with a misspelt `status` rejected rows would be used."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ _DIGITS = re.compile(r"\d+")
 
 
 def refuse_misspelt(table: Columns, robot: Robot) -> None:
-    """Raise DataError for a column that nobody reads and that must be a known one, mistyped.
+    """Raise DataError for an unknown column that must be a misspelt known one.
 
-    One that differs in its number alone is meant as it stands: a seventh axis.
+    A name that differs only in its number is accepted as it is: a seventh axis.
     """
     of_joint = zip(robot.joint_columns, robot.approach_columns, robot.previous_columns, strict=True)
     known = [*_ONCE, *chain.from_iterable(zip(*of_joint, strict=True))]

@@ -1,7 +1,7 @@
-"""Readings of one series that are of two: from another station, or of another target of the tool.
+"""Mixed readings in one series: some from another station, or of another target of the tool.
 
-The nominal robot is put where it agrees with most readings. What is left over is believed to be of a second kind where
-it agrees among itself: under another place of the base, or with one other point of the flange.
+The nominal robot is placed where it agrees with most readings. The other readings are of a second kind if they agree
+with each other: with another place of the base, or with another point on the flange.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _ROUNDS = 3
 
 @dataclass(frozen=True)
 class Mixture:
-    """The readings of the smaller kind.
+    """The smaller group of mixed readings.
 
     rows: (m,) index of them; miss: median distance, mm, by which the robot misses them where it fits the others;
     offset: (3,) mm in the flange frame, by which their target is off, None where they are of another station.

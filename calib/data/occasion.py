@@ -1,4 +1,4 @@
-"""The occasion of a data set: when its readings were made, and by whom."""
+"""When the readings of a data set were taken, and by whom."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Plausibility: files that mean something else than they say, and repeated readings, which a fit would not notice.
+"""Plausibility: detects files that mean something else than they say, and repeated readings.
 
-A left-handed frame, a wrong unit or a joint of the wrong sign leaves the readings consistent among themselves, and the
-least squares distant by decimetres. Each is tried in turn (`calib.data.hypotheses`): where the nominal robot then fits
-clearly better, the readings are refused by that name. `remarks` says what is no error but limits what the readings
-can show.
+With a left-handed frame, a wrong unit or a joint of the wrong sign the readings stay consistent among themselves, and
+the least-squares fit misses them by decimetres. Each is tried in turn (`calib.data.hypotheses`): where the nominal
+robot then fits clearly better, the readings are refused by that name. `remarks` says what is no error but limits what
+the readings can show.
 """
 
 from __future__ import annotations

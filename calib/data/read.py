@@ -1,6 +1,6 @@
 """A data set read from its files, `NAME.csv` + `NAME.toml` (`truepose-dataset/1`), or from what they would hold.
 
-What cannot be trusted is refused by file, line and column.
+Implausible values are refused with file, line and column.
 """
 
 from __future__ import annotations

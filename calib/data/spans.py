@@ -1,4 +1,4 @@
-"""Distances between two balls of the base, or two of the tool: rows of a data set in which the arm takes no part.
+"""Distances between two balls on the base, or two on the tool: rows of a data set in which the arm takes no part.
 
     tool_target  base_target  other_target  length_mm
     T1                        T2            150.0031     two balls of the tool

@@ -16,7 +16,7 @@ _BEYOND = 2.0  # deg or mm, by which a joint may exceed its limit: limits are se
 
 
 def refuse_beyond_limits(dataset: Dataset, table: Columns) -> None:
-    """Raise DataError where no robot goes: a typing error, or another robot."""
+    """Raise DataError for joints beyond the limits: a typing error, or another robot."""
     robot, conditions = dataset.header.robot, dataset.conditions
     units = robot.joint_units
     shown = robot.controller_angles(conditions.joints, dataset.header.coupling) / units

@@ -1,7 +1,7 @@
-"""The visits of a campaign: which readings were taken while the robot stood still.
+"""The visits of a campaign: which readings were taken during one rest of the robot.
 
-Readings of one visit share where the robot came to rest. As recorded (column `visit`, any text) where it is recorded;
-else they are readings of one pose with no other between them, arrived at by the same move. A target that is read
+Readings of one visit share the position in which the robot came to rest. The column `visit` (any text) names them;
+without it, consecutive readings of one pose that was reached by the same move are one visit. A target that is read
 again after the robot has moved begins a new visit; one that is read again without a move does not.
 """
 

@@ -1,9 +1,8 @@
-"""The carry-over of a finding: the effects found on one series, judged on another set of readings of the same robot.
+"""The carry-over of a diagnosis: the effects found in one data set, judged on another one of the same robot.
 
 Three models are fitted to the calibration rows of the other data set and judged on its validation rows: its own
-base model without effects; everything of the robot frozen as found, its mounting alone fitted (base, tool, and what
-leans or loads the arm); the same with the base model and the amplitudes of the effects fitted anew, at the orders
-found.
+base model without effects; the robot unchanged and only its mounting fitted (base, tool, and effects that lean or
+load the arm); and the base model and the amplitudes of the effects fitted again, at the orders found.
 """
 
 from __future__ import annotations
@@ -90,7 +89,7 @@ def carry_over(diagnosis: Diagnosis, other: Dataset) -> CarryOver:
 
 
 def _carries(effect: Effect) -> bool:
-    """A robot keeps its gears and its mounting; drifts, steps and temperatures belong to one session.
+    """Whether an effect carries over: gears and mounting do; drifts, steps and temperatures belong to one session.
 
     What leans or loads the arm shares its columns with the compliances: without it these would carry a part of it.
     """

@@ -1,4 +1,4 @@
-"""The certainty of a claim where rows are not independent, or few: the whole scan, repeated on what chance makes of it.
+"""The significance of an effect where rows are dependent or few: the whole scan is repeated on randomised residuals.
 
 Where poses repeat, or several targets are read in one, the rows of a pose share its repeatability; where poses are few,
 the tails of the residual count. Then the largest of all candidates at all places of their scans is taken on each of

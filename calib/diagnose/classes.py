@@ -1,9 +1,9 @@
-"""Equivalence classes: which other candidates explain the same as well, and with what weight.
+"""Equivalence classes: the other candidates that explain the readings as well as an effect, and their weights.
 
-Each effect of the model is taken out in turn. Every label whose entry in its place costs less than 6 in
-evidence belongs to its class, with weight exp(-delta/2), normalised. A candidate with 95 % of the weight is a
-name; anything less is ambiguous. A twin, whose columns on these readings hold all that the effect does, costs nothing:
-no reading speaks for either, whatever their labels and however many columns each has.
+Each effect of the model is taken out in turn. Every label whose entry in its place costs less than 6 in evidence
+belongs to its class, with weight exp(-delta/2), normalised. A candidate with 95 % of the weight is certain; with less
+the class is ambiguous. A twin, whose columns contain the whole effect on these readings, costs nothing, because no
+reading distinguishes the two, whatever their labels and numbers of columns.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _FIT_WIDTH = 30.0  # by how much worse an order may fit before its evidence is n
 
 @dataclass(frozen=True)
 class Evidence:
-    """The evidence for one effect of the model, all others being there."""
+    """The evidence for one effect of the model, with all others in the model."""
 
     candidates: dict[str, float]  # label -> weight, heaviest first
     effects: dict[str, Effect]  # label -> the candidate itself
@@ -46,7 +46,7 @@ class Evidence:
 
     @property
     def certain(self) -> bool:
-        """Whether one candidate holds nearly all the weight."""
+        """Whether one candidate has at least 95 % of the weight."""
         return max(self.candidates.values()) >= CERTAIN
 
 

@@ -1,7 +1,7 @@
-"""Diagnosis from end to end: identify, search, refit, judge on readings that took no part.
+"""The diagnosis: identify, search for effects, refit, and judge on held-out readings.
 
-The choice, the refit and the screening of rows see calibration rows only. Validation rows are predicted at the
-end, by the nominal robot in its place, by the base model, and by the model with the effects.
+The choice of effects, the refits and the rejection of rows use calibration rows only. Validation rows are predicted at
+the end, by the nominal robot in its place, by the base model, and by the model with the effects.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _HARM = 0.02  # share by which the held-out error must be smaller without an eff
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The result: what the base model lacked, and the error before and after on validation rows."""
+    """The result of a diagnosis: the effects found, and the error before and after on validation rows."""
 
     dataset: Dataset
     base: Identification
@@ -106,7 +106,7 @@ def diagnose(
     prior: TypePrior | None = None,
     progress: Progress = silent,
 ) -> Diagnosis:
-    """Find what the base model of a data set lacks. prior: what robots of the type share.
+    """Find the effects that the base model of a data set lacks. prior: what robots of the type share.
 
     Raises DataError when it cannot even be identified, and for the prior of another type.
     """
@@ -315,7 +315,7 @@ def _fits(space: Space) -> bool:
 
 
 def _verdict(found: list[Found], structure: list[Structure], fits: bool) -> Verdict:
-    """The verdict. No cause is named for certain, and no class, where more is left than noise explains."""
+    """The verdict. No cause or class is certain where the residuals exceed what noise explains."""
     if structure:
         return "unexplained"
     if not fits:
@@ -336,7 +336,7 @@ def _harmful(dataset: Dataset, final: Identification, found: list[Found]) -> tup
 
 
 def _notes(dataset: Dataset) -> tuple[str, ...]:
-    """Sentences on effects that these readings cannot show, so that nobody takes silence for absence."""
+    """Sentences on effects that these readings cannot show: not found does not mean absent."""
     conditions = dataset.conditions.take(dataset.fit_rows)
     notes = []
     axes = dataset.header.robot.axes

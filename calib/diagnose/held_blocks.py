@@ -1,4 +1,4 @@
-"""The carry-over within a data set: every effect judged on blocks of readings that a fit has not seen.
+"""Cross-validation of effects within a data set: each is judged on blocks of readings that the fit has not seen.
 
 The readings are cut into blocks (stretches of time; where the poses follow a path these are regions too). With H the
 hat matrix of the linearised fit, what a fit without block B leaves there is
@@ -7,7 +7,7 @@ hat matrix of the linearised fit, what a fit without block B leaves there is
 
 so no fit is repeated. An effect that is taken out of the model takes its own direction q out of H and gives its share
 c back to the residual: H - q q', r + q c. Its gain in a block is by how much |e_B|^2 falls when the model has it.
-Random hold-out flatters, since every held-out reading has neighbours in the fit. Source: Christensen, Pearson &
+A random hold-out is optimistic, since every held-out reading has neighbours in the fit. Source: Christensen, Pearson &
 Johnson 1992 (case deletion by blocks); Roberts et al. 2017 (why blocks).
 """
 

@@ -1,4 +1,4 @@
-"""An effect that was found: what it is, how large, and the evidence for it."""
+"""An effect that was found: its size, and the evidence for it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The null distribution of these residuals: the same readings with the sign of whole poses drawn anew.
+"""The null distribution of the residuals: the same residuals with random signs for whole poses.
 
 Readings of one pose share its repeatability and what the model lacks there, and real residuals have tails; neither is
 in an F test that takes every row for itself. The residuals of a pose keep their sizes and what they have in common,

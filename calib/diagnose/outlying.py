@@ -1,7 +1,7 @@
-"""The test that the readings left out lie together: then they are no gross errors, but a law that acts on few readings.
+"""The test whether the rejected readings lie together: then they are no gross errors, but an effect on few readings.
 
-A weak floor that yields under the largest moments alone spoils a fortieth of the readings, which are left out as if
-somebody had hit the tripod; the others fit to the noise. Gross errors know nothing of the pose. So for every driver
+A weak floor that yields only under the largest moments disturbs a fortieth of the readings. They are rejected like
+gross errors, and the others fit to within the noise. But gross errors do not depend on the pose. So for every driver
 with functions F the mean of F over the readings left out is compared with that over as many poses drawn at random,
 
     T = |mean of F over those left out - mean of F|^2,

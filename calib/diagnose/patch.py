@@ -1,4 +1,4 @@
-"""A smooth map of what no named effect explains: a patch, never a cause.
+"""A patch: a smooth map of the residuals that no effect explains. It names no cause.
 
 Kernel ridge regression of the residual vectors on the joint angles (on cos and sin of each, so that a turn closes),
 with a Gaussian kernel on some landmark readings (Nystrom). Width and ridge are chosen on blocks of readings that were
@@ -45,7 +45,7 @@ class Patch:
 
     @property
     def worth_it(self) -> bool:
-        """Whether readings that it was not fitted to get better by more than a little."""
+        """Whether the errors on left-out blocks become clearly smaller."""
         return self.block_rms_with < _WORTH * self.block_rms_without
 
 

@@ -1,6 +1,6 @@
-"""The places where structure may live: what may drive it, and along which directions it may act.
+"""The places where the residuals are tested for structure: quantities that may drive it, and directions of action.
 
-Each driver is some smooth functions of the conditions, weighted so that the slow ones count most; they claim no cause.
+Each driver is a set of smooth functions of the conditions, the slow ones weighted most; it names no cause.
 An error acts at the tool point along the world's axes or the tool's, along the line of sight, on all lengths of the
 arm, tilts the base (or the instrument beside it), or turns one joint.
 """
@@ -191,7 +191,7 @@ def _to_order(angle: Array, wide: bool) -> int:
 
 
 def _circle(angle: Array) -> Array:
-    """(n, 2) places on a circle: angles a turn apart are one place."""
+    """(n, 2) cos and sin, so that angles a turn apart are the same."""
     return np.column_stack([np.cos(angle), np.sin(angle)])
 
 

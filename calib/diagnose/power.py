@@ -1,4 +1,4 @@
-"""The power of the readings: the smallest size of every effect that a claim would have found, 95 times in 100.
+"""The power of the readings: the smallest size of each effect that would have been found in 95 of 100 cases.
 
 With A = X'PX what the readings know of an effect's columns beside the model, and s the noise, an effect of amplitudes b
 raises the fall of the residual squares by lambda = b'A b / s^2, and a claim needs a fall that chance reaches once in
@@ -28,7 +28,7 @@ _QUANTILES = 32  # of the noise along an effect
 
 @dataclass(frozen=True)
 class Visible:
-    """Smallest size of one effect that would have shown, in `unit`; None where these readings show none of it."""
+    """The smallest detectable size of an effect, in `unit`; None where these readings cannot show it."""
 
     label: str
     size: float | None
@@ -36,7 +36,7 @@ class Visible:
 
 
 def visible(scores: Scores) -> tuple[Visible, ...]:
-    """The smallest size of everything that was looked for. Of a scan, the median over its places."""
+    """The smallest detectable size of every effect of the library; for a scan, the median over its places."""
     found = []
     for index, family in enumerate(scores.families):
         places = len(family.raw)

@@ -1,4 +1,4 @@
-"""Refinement of what was scanned, off the places of the scan: every effect by the family that offered it."""
+"""Refinement of scanned values (orders, time constants, change points) between the places of the scan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The error from noise, as declared and as repeated readings show it, and whether each pose has an error of its own.
+"""Tests of the residuals against the declared noise and the noise of repeats, and for an error of each pose.
 
 Readings of one visit share where the robot came to rest, so three targets read at once are no three tries: unless the
 repeatability is declared, and the rows are whitened for it, degrees of freedom count as if every visit had one reading.
@@ -23,14 +23,14 @@ _FEWEST = 30  # rows by which noise is known from repeats
 
 
 def p_lack_of_fit(space: Space) -> float:
-    """Chance that noise of the declared size leaves this much."""
+    """The p-value of the residuals for the declared noise."""
     freedom = max(space.rows - float(np.sum(space.basis_of_readings**2)), 1.0)
     apart = _apart(space, len(space.fitted.readings.rows))
     return float(chdtrc(freedom * apart, float(np.sum(space.residual**2)) * apart))
 
 
 def p_beyond_repeats(space: Space) -> float | None:
-    """Chance that the noise which repeated readings show leaves this much; None where too few are repeated.
+    """The p-value of the residuals for the noise that repeated readings show; None where too few are repeated.
 
     Repeats are visits of one pose with one target, arrived at from the same sides: what differs among them is noise,
     with the robot's repeatability.

@@ -88,7 +88,7 @@ def select(
 
 
 def _total(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> float:
-    """Extended BIC of the model as it is, up to a constant: whether a round of changes was worth it."""
+    """The extended BIC of a model, up to a constant, by which rounds of changes are compared."""
     tries = sum(math.log(scores.multiplicity_of(effect)) for effect in chosen)
     parameters = space.basis.shape[1]
     return space.rows * math.log(space.rss) + parameters * math.log(space.rows) + 2.0 * tries

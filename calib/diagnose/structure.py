@@ -1,4 +1,4 @@
-"""The rest that a fit leaves: noise of the declared size, more noise, or structure, and where the structure lives.
+"""Tests of the residuals of a fit for structure, and along which quantity the structure is.
 
 Structure is looked for at every place (`calib.diagnose.places`) by a score test: with the functions F of a driver and
 what the residual has along a direction, reading by reading, as s,
@@ -8,8 +8,9 @@ what the residual has along a direction, reading by reading, as s,
 which is r'Kr for the kernel K that driver and direction make, without forming it. Its distribution without structure,
 and that of the largest over all places, come from the same residuals with the signs of whole poses drawn anew
 (`calib.diagnose.null`). The test is free of the size of the noise. Source: Lin 1997 (score tests with kernels).
-Every place is asked twice, with slow functions counting most and with all counting alike: an interaction of orders 2
-and 3 drowns in the slow ones of its two joints. The smaller p counts, of the data as of the draws.
+Each place is tested with two weightings, with slow functions weighted most and with all weighted equally, because an
+interaction of orders 2 and 3 is hidden by the slow functions of its two joints. The smaller p counts, for the data as
+for the draws.
 
 Places that one would look at first (`likely`) share half of the chance of an alarm among them, all others the other
 half. Source: Genovese, Roeder and Wasserman 2006 (weighted p-values).

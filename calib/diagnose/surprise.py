@@ -1,4 +1,4 @@
-"""The surprise of held-out readings: what the model misses there beside what noise and its parameters let expect.
+"""The held-out error compared with what noise and the uncertainty of the parameters let expect.
 
 A held-out error above that of the fit says little by itself: of thirty readings a model with thirty parameters follows
 half of the noise, and where the arm was never measured its predictions are vague. Both are in the covariance of what is
@@ -8,7 +8,7 @@ found it, s,
     r' (I + J C J' / s^2)^-1 r / s^2
 
 is a chi-square over the rows held out. What exceeds it is neither: the model does not hold there, or those readings are
-faulty. It decides nothing and is only said. Source: Rao 1973, 4a.7 (prediction); Woodbury 1950 (the inverse).
+faulty. It decides nothing and is only reported. Source: Rao 1973, 4a.7 (prediction); Woodbury 1950 (the inverse).
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ _NOTICED = 1.1  # times what was expected that are worth a word
 
 @dataclass(frozen=True)
 class Surprise:
-    """Readings held out: how many times as far off as expected, and the chance of as much."""
+    """The ratio of the held-out error to its expectation, and its p-value."""
 
     times: float
     p_value: float
 
     @property
     def real(self) -> bool:
-        """Whether it is more than chance makes, and enough to be told."""
+        """Whether it is significant, and large enough to be reported."""
         return self.p_value < _CHANCE and self.times > _NOTICED
 
 

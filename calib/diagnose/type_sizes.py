@@ -1,4 +1,4 @@
-"""The completed model beside the type of its robot: everything that robots of the type share, tried anew.
+"""The completed model with the prior of the robot's type, all of whose rows are tried again.
 
 The search knows nothing of the sizes that effects have in the type: an effect is claimed by the readings, or not at
 all. Once it is in the model its parameters have the type's mean and spread for a prior, as those of the base model do.

@@ -1,4 +1,4 @@
-"""The worth of each effect on readings that took no part: the error without it and with it.
+"""The value of each effect on held-out readings: the error without it and with it.
 
 Without it, all other parameters take what they can of it: the fit is repeated to first order, which its covariance
 allows. With x the estimate, C its covariance and e the effect's parameters, x - C_e C_ee^-1 x_e is the estimate under

@@ -1,6 +1,6 @@
-"""The library of effects: one file a kind, which holds all that is known of it and is named in `LIBRARY`.
+"""The library of effects: one file for each kind, which holds all that is known of it and is named in `LIBRARY`.
 
-The files stand by what they act on: `geometry`, `transmission`, `elasticity`, `thermal`, `slides`, `instrument`.
+The files are sorted by what they act on: `geometry`, `transmission`, `elasticity`, `thermal`, `slides`, `instrument`.
 """
 
 from collections.abc import Sequence
@@ -60,7 +60,7 @@ from calib.scan.scores import Family
 
 
 class Entry(Protocol):
-    """A file of the library: the kinds it holds, and what it proposes for some readings."""
+    """The interface of a file of the library: its kinds, and its candidates for some readings."""
 
     @property
     def KINDS(self) -> tuple[Kind, ...]:
@@ -116,14 +116,14 @@ def entries() -> tuple[Entry, ...]:
 
 
 def offers(survey: Survey) -> list[Family]:
-    """Everything the library can propose for these readings, less what their base model has already."""
+    """All candidates of the library for these readings, without those that the base model contains."""
     proposals = [proposal for entry in entries() for proposal in entry.offer(survey)]
     new = [p for p in proposals if not (isinstance(p, Candidate) and survey.frees(p.effect))]
     return [family_by_axis(p, survey.robot) for p in new]
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """The effects that may have set in since a calibration and that these readings could show."""
+    """The effects that may have begun since a calibration and that these readings could show."""
     return [by_axis(found, survey.robot) for entry in SETS_IN for found in entry.changes(survey)]
 
 

@@ -1,4 +1,4 @@
-"""Effects called by the names of axes: where a track carries the arm, link 2 is joint 1 to everybody.
+"""Effects named by axes: on a track, link 2 of the chain is joint 1 of the arm.
 
 Files of the library count joints as links, 1 to N. Of an arm without slides before its joints and without external axes
 the two are the same.
@@ -47,7 +47,7 @@ def by_axis(effect: Effect, robot: Robot) -> Effect:
 
 
 def family_by_axis(family: Family, robot: Robot) -> Family:
-    """The family whose effects are called so."""
+    """The family with effects named by their axes."""
     if counts_alike(robot):
         return family
     if isinstance(family, Candidate):

@@ -1,4 +1,4 @@
-"""Effects that other packages bring: entry points of the group `truepose.effects`, each a module like those here."""
+"""Effects of other packages: entry points of the group `truepose.effects`, each a module like those in this package."""
 
 from __future__ import annotations
 

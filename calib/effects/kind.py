@@ -1,6 +1,6 @@
-"""A kind of effect beside its mathematics: what a technician checks, and what distinguishes it from others.
+"""A kind of effect apart from its mathematics: what a technician checks, and what distinguishes it from others.
 
-Every file of the library names its kinds; reports and follow-ups ask them here, and nothing else knows an effect.
+Every file of the library declares its kinds; reports and follow-ups use only these declarations.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A fit taken up again: its readings, its estimate, and what took no part in it."""
+"""A fit continued with another model, from its estimate and with its readings."""
 
 from __future__ import annotations
 

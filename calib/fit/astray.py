@@ -1,4 +1,4 @@
-"""Distances between balls of one body that the rest of a fit does not bear out: another bar, or a ball that moved."""
+"""Distances between balls of one body that contradict the rest of a fit: another bar, or a ball that moved."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _CLEAR = 1e-9  # of a distance that nothing else shows
 
 
 def astray(solution: Solution) -> list[str]:
-    """Distances between balls of one body that neither the readings nor the stated positions bear out, the worst first.
+    """The distances between balls of one body that contradict readings and stated positions, the worst first.
 
     Left out of the fit, one would miss it by r / (1 - h), with the variance 1 / (1 - h), h its leverage; it no longer
     speaks about the others then, so that it does not accuse them.

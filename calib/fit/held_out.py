@@ -1,4 +1,4 @@
-"""The errors of a model on readings, as people judge them: how far the point, or the distance, is from measured."""
+"""The errors of a model on readings, mm: predicted against measured points or distances."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The result of an identification: immutable, and everything else (report, prediction, export) a function of it."""
+"""The result of an identification. It is immutable; report, prediction and export are functions of it."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Identification:
 
     @property
     def converged(self) -> bool:
-        """Whether it ended where it should; its parameters are of use only then."""
+        """Whether the iteration converged; else the parameters must not be used."""
         return self.ending is Ending.CONVERGED
 
     @property

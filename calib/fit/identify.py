@@ -1,4 +1,4 @@
-"""Identification: from a data set to the parameters of its base model, with what is known about them.
+"""Identification: the parameters of the base model from a data set, with their uncertainty.
 
 start -> rank analysis -> plain least squares. Where its residual shows readings that may have steered it: from the
 start again with Huber's weights, then the bisquare; rows that do not belong are relabelled or rejected; plain least
@@ -56,7 +56,7 @@ _FAR = 10.0  # ratio of found noise to declared, or its inverse, that is reporte
 
 
 def silent(_: str) -> None:
-    """A progress callback that says nothing."""
+    """A progress callback that does nothing."""
 
 
 def identify(
@@ -88,7 +88,7 @@ def identify(
 
 
 def _beside_type(dataset: Dataset, plain: RobotModel, prior: TypePrior, progress: Progress) -> Identification:
-    """A fit that knows what robots of the type share, and gives it up wherever this robot lies outside."""
+    """A fit with the prior of the robot's type, without those rows of it that this robot contradicts."""
     header = dataset.header
     of_robot = [e.label for e in plain.effects if e.owner == "robot"]
     prior.refuse_other(header.robot, header.coupling, of_robot)

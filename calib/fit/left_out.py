@@ -1,4 +1,4 @@
-"""The readings that a fit left out: which they are, and by how much each misses what the model says."""
+"""The readings that a fit left out, and their errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Readings that no parameter brings near the robot, or only one that makes another robot of it."""
+"""The refusal of fits that miss the readings, or that come out as another robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The prior that a robot's type gives, beside the readings of this robot: Gaussian rows on parameters, and their trial.
+"""The prior from a robot's type: Gaussian rows on parameters, and the tests whether this robot agrees with them.
 
 A parameter that robots of the type share has the prior N(centre, spread^2) in the place of its usual size. With V its
 posterior variance and h = V / spread^2 the share of it that the prior decides, the fit without this one prior row
@@ -44,7 +44,8 @@ _SAME = 1e-5  # of a column: what may be left of it where others make up for it
 
 @dataclass(frozen=True)
 class Share:
-    """One parameter of a type: the mean over its robots, and the spread of a further one about it (unit as shown)."""
+    """A parameter of a type: mean over its robots, and standard deviation of a further robot about it (display
+    unit)."""
 
     name: str
     unit: str
@@ -142,7 +143,7 @@ class Beside:
 
     @property
     def no_member(self) -> bool:
-        """Whether this robot lies so far outside that it is no robot of the type."""
+        """Whether this robot lies so far outside that the whole prior is left out."""
         return len(self.outside) > MOST_OUTSIDE or self.p_value < TOGETHER
 
     def warnings(self) -> list[str]:
@@ -166,7 +167,7 @@ def held_to(
     """The base model of some readings, linearised at its start, with what its type shares in the place of usual sizes.
 
     What was redundant in the type and is redundant here too leaves the model: the prior is of what makes up for it.
-    spoken_for: parameters of which the user said something else.
+    spoken_for: parameters for which the user gave another prior.
     """
     gone, unlike = _redundant(at, prior)
     effects = tuple(_less(e, gone) for e in at.design.model.effects)
@@ -235,7 +236,7 @@ def together(model: RobotModel, estimate: Array, covariance: Array, weight: Arra
 
 def _redundant(at: Linearisation, prior: TypePrior) -> tuple[frozenset[str], dict[str, str]]:
     """Parameters that are redundant here as they were in the type, and go; and the shared ones that made up for a
-    parameter which these readings tell from them, with the reason why their prior does not hold."""
+    parameter which these readings distinguish from them, with the reason why their prior does not hold."""
     index, columns = at.design.model.index, at.columns
     gone, unlike = set[str](), dict[str, str]()
     for drop in prior.redundant:

@@ -70,7 +70,7 @@ class Offset:
     judged: Judged
 
     def in_words(self) -> str:
-        """A sentence on a target that is out of place."""
+        """A sentence on a displaced target."""
         return self.judged.in_words(f"{self.kind.capitalize()} {self.name}", self.u_mm)
 
 

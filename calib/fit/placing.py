@@ -1,4 +1,4 @@
-"""The base model of a data set in its place: what the header frees, with a start for what the world hides.
+"""The base model of a data set with start values for the unknown positions of base, tool and base targets.
 
 The start of every series is found from its own readings: the base pose by aligning the nominal robot with measured
 points or with base targets located by distances, the tool frame by averaging. Where the series has sweeps of single
@@ -242,7 +242,7 @@ def _adapted(effects: tuple[Effect, ...], dataset: Dataset) -> tuple[Effect, ...
 
 
 def place_nominal(dataset: Dataset, model: RobotModel) -> tuple[RobotModel, Array]:
-    """The nominal robot in its place: base (and tool, where freed) fitted, nothing else. Returns model and estimate."""
+    """The nominal robot with only its base (and tool, where freed) fitted. Returns model and estimate."""
     of_place = (e for e in model.effects if e.group == "base model" and e.places <= _OF_PLACE)
     placed = replace(model, effects=tuple(of_place))
     start = np.zeros(len(placed.parameters))

@@ -1,4 +1,4 @@
-"""Readings that do not belong: weights that keep them from steering the fit, and the test that rejects them.
+"""Outliers: weights that keep them from influencing the fit, and the test that rejects them.
 
 Distances are norms of whitened readings, each judged by the chi distribution of as many degrees of freedom as it
 has rows (a point 3, a pose 6, a length 1). The scale is the larger of what the median and what the 90 % quantile
@@ -54,7 +54,7 @@ def _quantile(rows: int, quantile: float) -> float:
 
 
 def huber(residual: Array, freedom: Freedom) -> Array:
-    """(n,) weights 1 within, k/d beyond."""
+    """(n,) Huber's weights: 1 within the limit k, k / d beyond it, for distances d."""
     distance = distances(residual) / max(noise_scale(residual, freedom), 1e-300)
     return np.minimum(1.0, _chi(freedom, _HUBER) / np.maximum(distance, 1e-300))
 
@@ -82,7 +82,7 @@ def _limit(rows: int, chance: float) -> float:
 
 
 def outliers(residual: Array, freedom: Freedom) -> NDArray[np.bool_]:
-    """(n,) readings beyond the threshold."""
+    """(n,) whether a reading lies beyond the threshold."""
     return distances(residual) > threshold(residual, freedom)
 
 

@@ -1,4 +1,4 @@
-"""Gears that are softer than usual: the size that holds compliances is of industrial arms; small ones yield more."""
+"""Gears softer than usual: the usual size of compliances is that of industrial arms; small arms are softer."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _SOFTER = 3.0  # usual sizes from which on the readings contradict the size
 
 
 def softer_than_usual(found: Identification, told: Collection[str]) -> dict[str, float]:
-    """Gears so much softer than the size that holds them that the readings contradict it, as small arms have them.
+    """The gears whose compliance contradicts its usual size, as in small arms.
 
-    By name, with a size that holds them no more, in their unit; told: parameters whose size the header gives.
+    Returns name -> a size that no longer constrains it, in its unit. told: parameters whose size the header gives.
     """
     soft = {}
     for p, value in zip(found.model.parameters, found.estimate, strict=True):

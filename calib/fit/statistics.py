@@ -1,4 +1,4 @@
-"""Position errors as people judge them: n, RMS, mean, 95 %, maximum of distances in mm."""
+"""Statistics of position errors: n, RMS, mean, 95 % quantile and maximum of distances in mm."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The uncertainty of a prediction: the parameters' covariance carried to the tool point, C_p = J C J'.
+"""The uncertainty of a prediction: the covariance of the parameters propagated to the tool point, C_p = J C J'.
 
-Small where the readings were, large where the model extrapolates: a joint that was never loaded, a corner that was
-never measured. It holds what the readings did not determine, not what the model lacks. Source: GUM, first-order
+It is small near the readings and large where the model extrapolates: a joint that was never loaded, a corner that was
+never measured. It contains what the readings did not determine, not what the model lacks. Source: GUM, first-order
 propagation.
 """
 

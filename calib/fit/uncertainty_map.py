@@ -1,8 +1,8 @@
 """The map of where a model can be trusted: the expanded uncertainty of its predictions over the whole workspace.
 
 Poses drawn evenly, half within the joint ranges that were measured, half within the robot's limits. A joint that was
-hardly loaded, a parameter that only its prior holds, shows as a large U outside. Source: GUM; a UR10 whose fifth
-compliance was never loaded threw a pose 27 mm off and gave no sign.
+hardly loaded, or a parameter that only its prior determines, shows as a large U outside. Source: GUM. (A UR10 whose
+fifth compliance was never loaded was 27 mm off in one pose, without any other sign.)
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Files as people export them, read by a map of their columns: the map proposed, kept, and applied.
+"""Files of other programs, read by a map of their columns, which is proposed, saved and applied.
 
-`files` reads cells and finds the table, `meanings` says what its columns are, `proposal` proposes the map and asks
-what is open, `map` keeps it, `readings` applies it; `convert` goes the whole way from files and a map to a data set.
+`files` reads cells and finds the table, `meanings` finds what its columns mean, `proposal` proposes the map and asks
+open questions, `map` reads and writes it, `readings` applies it; `convert` makes a data set from files and a map.
 """
 
 from calib.foreign.convert import Converted, converted, data_set_of

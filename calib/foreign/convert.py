@@ -1,4 +1,4 @@
-"""Foreign files and their map become a data set, which its nominal robot has been held against."""
+"""A data set from foreign files and their map, checked against its nominal robot."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _layout(made: FileMap, path: Path, map_path: Path | str) -> Layout:
 
 
 def data_set_of(table: Table, csv: Path, files: Sequence[Path]) -> Dataset:
-    """The data set that a table is as the file `csv`, held against its nominal robot and not written.
+    """The data set that a table would be as the file `csv`, checked against its nominal robot, not written.
 
     files: those it was made of. Raises DataError for a table that is no data set, saying that the map can be changed.
     """

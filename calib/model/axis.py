@@ -1,4 +1,4 @@
-"""Over what the picture of an effect is drawn, where what drives it has an axis of its own."""
+"""The axis over which the picture of an effect is drawn."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from calib.units import DEG
 class Axis:
     """A label with its unit, and (n,) values in that unit.
 
-    joint: the joint whose place it is; None for another quantity. cycles: of a law that repeats so many times a turn.
-    sided: the law is another one on either side of approach.
+    joint: the joint whose position it is; None for another quantity. cycles: periods per turn of a periodic law.
+    sided: the law differs between the two sides of approach.
     """
 
     label: str

@@ -1,7 +1,7 @@
 """The base model of level 1, 2 or 3: base pose, link geometry, Hayati's twist, gear compliance, tool targets.
 
-Groups as the data set's `[model] fit` names them. Expected sizes are wide: they only steady what the data say
-nothing about. Source: Nubiola, Annex I (31 parameters); Hayati 1983 (beta).
+Groups as the data set's `[model] fit` names them. Expected sizes are wide: they only constrain what the data do
+not determine. Source: Nubiola, Annex I (31 parameters); Hayati 1983 (beta).
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def tool(
 
 
 def geometry(robot: Robot) -> Effect:
-    """DH numbers of the links that the base pose cannot absorb."""
+    """The DH parameters of the links that the pose of the base cannot absorb."""
     return _geometry(robot.geometric_links)
 
 
@@ -68,7 +68,7 @@ def _geometry(links: tuple[tuple[str, int], ...]) -> Effect:
 
 
 def parallel_twist(robot: Robot) -> Effect:
-    """Hayati's beta where two axes are meant to be parallel."""
+    """Hayati's beta where two axes are parallel by design."""
     acts = {f"beta{k}": ("deg", 0.2, [(f"beta{k}", Constant())]) for k in robot.parallel_axes}
     return effect("parallel_twist", "base model", "robot", "Axes meant to be parallel are twisted.", acts)
 
@@ -114,7 +114,7 @@ def base_targets(names: Mapping[str, float | None]) -> Effect:
 
 
 def length_zero(series: str, several: bool) -> Effect:
-    """The reading of a series' length meter at distance nought: a draw-wire's zero, the length of a bar."""
+    """The reading of a series' length meter at zero distance: the zero of a draw-wire, the length of a bar."""
     name = f"length_zero[{series}]" if several else "length_zero"
     acts = {name: ("mm", None, [("length.zero", InSeries(series) if several else Constant())])}
     return effect(name, "base model", "instrument", "Lengths count from an unknown zero.", acts)

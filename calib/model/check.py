@@ -1,4 +1,4 @@
-"""`check_effect`: the conformance check that every effect, ours or a user's, passes before it is trusted."""
+"""`check_effect`: the conformance check that every effect must pass, of the library or of another package."""
 
 from __future__ import annotations
 

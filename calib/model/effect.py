@@ -1,4 +1,4 @@
-"""An effect: a label, an owner, linear parameters, and where each acts times what drives it.
+"""An effect: a label, an owner, and linear parameters, each acting on slots in proportion to regressors.
 
 value of a slot = nominal + sum of weight x parameter x regressor, through the exact chain;
 a column of the Jacobian = sum of twist of the slot x weight x regressor, its derivative.
@@ -31,7 +31,7 @@ _CURVE = 6  # parameters of one unit above which they are the waves of one curve
 
 @dataclass(frozen=True)
 class Parameter:
-    """One linear parameter: unique name, unit it is shown in, and the size that is usual, in that unit.
+    """A linear parameter: unique name, unit in which it is shown, and its usual size in that unit.
 
     A parameter with a `size` is held to it weakly where the data say nothing (a Gaussian prior of that standard
     deviation); without one it is free. centre: where robots of the type have it, in that unit, and `size` is then their
@@ -61,7 +61,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Term:
-    """One triple: `parameter` moves `slot` by weight x regressor (weight in internal units)."""
+    """A term of an effect: `parameter` moves `slot` by weight x regressor (weight in internal units)."""
 
     parameter: str
     slot: str
@@ -107,7 +107,7 @@ class Effect:
 
         values (p,) and covariance (p, p) in internal units. For one parameter it is the parameter itself; for a curve
         of many waves, its root mean square over a turn. Where units differ, of those of which the readings are surest:
-        a tool that turned is not told by how little it shifted.
+        the angle of a tool that turned, not its small shift.
         """
         units = dict.fromkeys(p.unit for p in self.parameters)
         of_unit = {unit: [i for i, p in enumerate(self.parameters) if p.unit == unit] for unit in units}
@@ -128,7 +128,7 @@ class Effect:
         return to_display(size, unit), to_display(spread, unit), unit
 
     def apart(self, prefix: str) -> Effect:
-        """The effect with parameters of names that no other has: `prefix` and a dot before each."""
+        """The effect with unique names of its parameters: `prefix` and a dot before each."""
         return replace(
             self,
             parameters=tuple(replace(p, name=f"{prefix}.{p.name}") for p in self.parameters),
@@ -188,7 +188,7 @@ def effect(
     acts: Mapping[str, Written],
     shape: Mapping[str, float] | None = None,
 ) -> Effect:
-    """Write an effect down briefly.
+    """An effect from a brief notation.
 
     acts: short parameter name -> (unit, expected size in that unit, [(slot, regressor[, weight]), ...][, (lowest,
     highest) that physics allows, in that unit]).

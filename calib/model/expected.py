@@ -1,4 +1,4 @@
-"""Effects that robots of a type were found to have: named places of the scans, to which half of all tries go.
+"""Effects that were found in other robots of the type: they share half of the chance of a false effect.
 
 A search that may err once in so many tries (`calib.scan.evidence`) can spend them as it likes, as long as the shares
 were fixed before the readings and add up to one: a place with share w counts for 1 / w tries. So what is frequent in a

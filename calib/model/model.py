@@ -28,7 +28,7 @@ ALL_OWNERS: tuple[Owner, ...] = ("robot", "mounting", "instrument")
 
 @dataclass(frozen=True)
 class RobotModel:
-    """A robot in the world.
+    """A model of a robot in the world: nominal robot, mounting and effects.
 
     placements: series -> (4, 4) constant pose from which the base parameters count, mm;
     targets: series -> target -> (x, y, z) nominal in the flange frame, mm; station: (x, y, z) mm in the world;

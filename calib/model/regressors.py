@@ -1,4 +1,4 @@
-"""Regressors, which drive an effect: functions of the conditions, one value a reading.
+"""Regressors, which drive an effect: functions of the conditions with one value for each reading.
 
 A regressor is a small frozen object with `evaluate(conditions) -> (n,)` (or a plain 1.0 for a constant). Its
 fields are its shape: joint, harmonic order, change point, time constant. Joints count from 1. Where a picture of it
@@ -29,7 +29,7 @@ from calib.units import DEG
 
 
 class Regressor(Protocol):
-    """A frozen dataclass that gives one number a reading."""
+    """The interface of regressors: a frozen dataclass with one value for each reading."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
@@ -43,7 +43,7 @@ class Constant:
     """1 for every reading."""
 
     def evaluate(self, conditions: Conditions) -> float:
-        """1.0"""
+        """The constant 1.0."""
         return 1.0
 
 
@@ -101,7 +101,8 @@ class JointAngle:
 
 @dataclass(frozen=True)
 class Beam:
-    """One coordinate (0, 1, 2) of the vector from the station to the target, world; station_mm: that of the station."""
+    """A coordinate (0, 1, 2) of the vector from the station to the target, mm; station_mm: that of the station,
+    world."""
 
     axis: int
     station_mm: float

@@ -1,4 +1,4 @@
-"""The error that the readings of one visit share: the robot came to rest a little off, and all of them see it.
+"""The error that the readings of a visit share: the deviation of the robot's rest position.
 
 With A the derivative of the readings of a visit by the joints, times the repeatability and whitened by the
 instrument's noise, their covariance is I + A A'. Its inverse root

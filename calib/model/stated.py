@@ -1,8 +1,8 @@
 """The conditions for which a correction holds, and the robot's conditions at any joint angles under them.
 
-A corrected target is only right for the approach, temperature and time that it was made for. What follows the
-joints (gravity torque, the joints before the last move) is rebuilt for every pose that the iteration tries; what
-was stated (side of approach, temperature, time, "after the last step") stays.
+A corrected target is valid only for the approach, temperature and time for which it was computed. Conditions that
+follow from the joints (gravity torque, the joints before the last move) are computed for every pose of the iteration;
+stated ones (side of approach, temperature, time, "after the last step") stay.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The arm of an alignment: where its base and tool are, its geometry, and what its gears add to what they count.
+"""The arm of an alignment: base, tool, geometry, and the errors of its gears.
 
 Every term displaces a slot of the chain by its parameter times a drive of the instant:
 

@@ -1,8 +1,8 @@
 """The offset of two clocks from the speeds alone: the start of the alignment.
 
-The speed of the tool does not depend on where base and instrument are. The likeness of the two speeds finds the offset
-of the clocks to some hundredths of a second, that of windows their rate, and whether one of them was set while both
-were running; `calib.motion.alignment` does the rest.
+The speed of the tool does not depend on where base and instrument are. The correlation of the two speeds gives the
+offset of the clocks to some hundredths of a second, that of windows their rate, and whether one of them was set while
+both were running; `calib.motion.alignment` does the rest.
 """
 
 from __future__ import annotations

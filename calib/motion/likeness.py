@@ -1,4 +1,4 @@
-"""The likeness of the speeds of two streams, by the lag between them."""
+"""The correlation of the speeds of two streams, by the lag between them."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def _near(meaning: Meaning, tool: Array) -> bool:
 def refuse_misread(
     robot: Robot, moved: JointStream, tracked: PointStream, tool: Array, clocks: Clocks
 ) -> None:
-    """Raise DataError where the nominal arm fits the points clearly better once a stream is read in another way.
+    """Raise DataError where the nominal arm fits the points clearly better with another meaning of a stream.
 
     tool: (3,) mm, nominal; clocks: by the speeds alone.
     """

@@ -1,7 +1,7 @@
 """The error of a moving robot: along its path and across it, by speed, with and without the arm's static part.
 
 Error = measured less predicted at the joints that the robot reported for that instant. Of the nominal arm's error one
-part is static, a matter of where the arm is: what its geometry, its bending and its gears add, as fitted. What remains
+part is static and depends on the posture only: geometry, deflection and gears, as fitted. What remains
 is dynamic: bending under acceleration, the instrument's own lag, joints reported late. The clocks were
 set by this same error: a lag that is the same at all speeds (along = lag x speed) is part of their offset, and only
 its change with speed is seen here. ISO 9283, 8.2, judges a path by its largest distances; this table by RMS and

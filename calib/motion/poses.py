@@ -1,4 +1,4 @@
-"""A data set of the poses at which a moving robot was still: what `truepose identify` reads.
+"""A data set of the poses at which a moving robot was at rest, for `truepose identify`.
 
 One row a standstill, the mean of its samples, or every slow sample. The uncertainty of a row has two parts:
 

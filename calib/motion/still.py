@@ -1,4 +1,4 @@
-"""The rests of a moving robot: samples slower than a limit, gathered into poses, numbered as waypoints."""
+"""The standstills of a moving robot: samples slower than a limit, grouped into poses and numbered as waypoints."""
 
 from __future__ import annotations
 

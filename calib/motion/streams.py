@@ -1,6 +1,6 @@
 """Two streams of one motion: joints by the robot's clock, points by the instrument's.
 
-Both are refused by name where they cannot be what they say: times that repeat or go back, or that are no seconds.
+Impossible streams are refused by name: times that repeat or go back, or that are not in seconds.
 Samples that were lost leave a gap; nothing is interpolated across one.
 """
 

@@ -35,7 +35,7 @@ def program_version() -> str:
 
 
 def prior_document(lesson: Lesson) -> dict[str, Any]:
-    """A lesson as its file has it, with its `content_sha256`."""
+    """The document of a lesson, with its `content_sha256`."""
     prior = lesson.prior()
     document: dict[str, Any] = {
         "format": FORMAT,

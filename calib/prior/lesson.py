@@ -1,4 +1,4 @@
-"""The common part of robots of one type, learnt from the model files of some of them.
+"""What robots of one type share, learnt from the model files of some of them.
 
 Of every robot the readings alone count: what its own fit held parameters to (usual sizes, or an earlier prior of the
 type) is taken out of its covariance again,
@@ -37,10 +37,10 @@ _MOST_OUTSIDE = 0.3  # of a robot's parameters, beyond which all of it is left o
 
 @dataclass(frozen=True)
 class Learnt:
-    """One parameter over the robots of a type, in its unit: mean and spread with their standard uncertainties, robots
-    whose readings told it, and the standard deviation of a further robot about the mean.
+    """A parameter over the robots of a type, in its unit: mean and spread with their standard uncertainties, the number
+    of robots whose readings determined it, and the standard deviation of a further robot about the mean.
 
-    usual: the size that held it so far; None where it was free. kept: whether the type says more than that.
+    usual: its usual size so far; None where it was free. kept: whether the prior of the type is tighter than that.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Learnt:
 
     @property
     def kept(self) -> bool:
-        """Whether the type says more than the usual size does."""
+        """Whether the prior of the type is tighter than the usual size."""
         return self.usual is None or self.of_next < self.usual
 
 
@@ -83,7 +83,7 @@ class Lesson:
     left_out: tuple[tuple[str, str], ...]
 
     def prior(self, sha256: str = "") -> TypePrior:
-        """The same as a fit takes it."""
+        """The prior of the type for a fit."""
         robot = self.members[0].saved.model.robot
         return TypePrior(
             robot=robot.name,
@@ -165,7 +165,7 @@ def _row(p: Parameter, j: int, found: Hierarchy, told: NDArray[np.bool_]) -> Lea
 
 
 def _common(members: Sequence[Member]) -> list[Parameter]:
-    """The robot's parameters that enough of the models told, in the order in which they come."""
+    """The robot's parameters that enough of the models determined, in order."""
     counts = Counter(name for m in members for name in m.own if m.tells(name))
     known = {p.name: p for m in reversed(members) for p in m.own.values()}
     order = dict.fromkeys(name for m in members for name in m.own)

@@ -1,4 +1,4 @@
-"""One robot of a type: its model file, and what its readings alone say of the robot's parameters."""
+"""A robot of a type: its model file, and what its readings alone determine of the robot's parameters."""
 
 from __future__ import annotations
 

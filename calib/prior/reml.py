@@ -1,4 +1,4 @@
-"""Mean and spread of parameters over robots, of which each is known to an uncertainty of its own.
+"""Mean and spread of parameters over robots whose values have different uncertainties.
 
     x_i ~ N(mu, T),  T = diag(t),        what the readings of robot i say of x_i: precision L_i, right side L_i y_i
 

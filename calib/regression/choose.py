@@ -1,7 +1,7 @@
 """gamma, lambda and the width of the kernel, by cross-validation over groups of samples.
 
-Samples of one waypoint are copies of each other but for the noise: left out one by one they flatter any regression, so
-whole waypoints are left out. Of the turned outputs (see `mls_svr`) each has one ridge, rho_j = 1 / (gamma s_j): the
+Samples of one waypoint differ only by noise: leaving them out one by one would be optimistic, so whole waypoints are
+left out. Of the turned outputs (see `mls_svr`) each has one ridge, rho_j = 1 / (gamma s_j): the
 first one rho_1, all others rho_2 = (1 + lambda) rho_1. The turn keeps squares, so the error of a pair (gamma, lambda)
 is the first output's error at rho_1 plus the others' at rho_2: one scan over rho serves all pairs.
 """

@@ -12,7 +12,7 @@ Khanesar et al. 2022, whose z has the products of s234 and c234 exchanged: away 
 the arm by 156 mm, which nothing in that paper's data could show. Where the tool points down, s234 s5 = 1, so that
 s5 = s234 = +-1 and c5 = c234 = 0: the sums above are then eleven columns and an offset, `TOOL_DOWN`. The products one
 by one are not: of the 37 columns 29 stay independent (s2c3c4 alone is no constant), 18 more than the arm needs, and
-with some forty waypoints they learn by heart.
+with some forty waypoints they overfit.
 
 The constant is in none of the sets: the regression has an offset of its own for every output.
 """

@@ -1,4 +1,4 @@
-"""The region in which a regression may be asked: between the joint angles that it was trained on, and nowhere else."""
+"""The region in which a regression may be used: between the joint angles of its training, and nowhere else."""
 
 from __future__ import annotations
 

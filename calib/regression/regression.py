@@ -1,4 +1,4 @@
-"""A trained regression of a robot: what it adds to the model that it is based on, and where it may be asked.
+"""A trained regression of a robot: the correction that it adds to its model, and the region where it may be used.
 
 It works in the base frame, which every series shares, and whose axes are those of the features:
 
@@ -68,13 +68,13 @@ class Regression:
 
     @property
     def region(self) -> Region:
-        """The region in which it may be asked."""
+        """The region in which it may be used."""
         return Region.of(self.joints)
 
     def shift(self, robot: Robot, joints: Array) -> Array:
         """(k, 3) what it adds to the point that its model predicts, mm, base frame, at model angles (k, N), rad.
 
-        Nothing is refused here: `region` says where the answer means something.
+        Nothing is refused here: the prediction is valid within `region` only.
         """
         said = self.svr.predict(evaluate(products_of(self.wanted.features, robot), joints))
         if self.wanted.on == "residuals":

@@ -1,7 +1,7 @@
-"""A robot file out of a table of DH numbers, as makers, papers and spreadsheets print them.
+"""Import of a robot file from a table of DH parameters, as makers, papers and spreadsheets print them.
 
 Columns are found by the usual words, in any order; angles may be in deg or rad (`pi/2` too), lengths in mm or m. A unit
-that neither the header nor the numbers show is asked for; what was taken is said.
+that neither the header nor the numbers show is asked for; assumptions are reported.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ class Heading:
 
 @dataclass(frozen=True)
 class Cell:
-    """The number of a cell; whether it is a multiple of pi, and whether the joint's own variable stands in it."""
+    """The number of a cell; whether it is a multiple of pi, and whether it contains the joint's own variable."""
 
     value: float
     pi: bool = False
@@ -55,7 +55,7 @@ class Cell:
 
 
 def heading(text: str) -> Heading:
-    """The heading that a column's name stands for: `alpha_{i-1} [deg]` is alpha in degrees."""
+    """The meaning of a column's name: `alpha_{i-1} [deg]` is alpha in degrees."""
     if len(text) > _LONGEST:
         return Heading(None, "")
     word, unit = text.strip().lower().replace("−", "-"), ""
@@ -93,7 +93,7 @@ def cell(text: str) -> Cell | None:
 
 
 def _terms(text: str) -> Iterator[tuple[float, bool] | None]:
-    """Every term of a sum, with whether it holds pi; None where something else stands."""
+    """Every term of a sum, with whether it holds pi; None where there is anything else."""
     at = 0
     while at < len(text):
         found = _TERM.match(text, at)

@@ -1,4 +1,4 @@
-"""A robot file that is written: what it shall hold, and its text with a comment wherever a person has to look."""
+"""The draft of a robot file: its contents, and its text with a comment wherever a person has to check."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ CONVENTIONS: dict[Convention, str] = {
 
 @dataclass(frozen=True)
 class DraftLink:
-    """One link: its DH numbers (deg, mm), the limits of its joint (deg, or mm where it slides), and a comment."""
+    """A link of a draft: its DH parameters (deg, mm), the limits of its joint (deg, or mm where it slides), and a
+    comment."""
 
     alpha_deg: float
     a_mm: float
@@ -39,7 +40,7 @@ class DraftLink:
 
 @dataclass(frozen=True)
 class Draft:
-    """The contents of a robot file to be written. remarks: sentences that stand above it; matrices: name -> (N,
+    """The contents of a robot file to be written. remarks: sentences at its top; matrices: name -> (N,
     N), offsets (N,)."""
 
     name: str
@@ -128,5 +129,5 @@ def _quoted(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """One line without the control characters that TOML does not allow."""
+    """A line without the control characters that TOML does not allow."""
     return "".join(letter if letter.isprintable() else "?" for letter in " ".join(text.split()))

@@ -1,4 +1,4 @@
-"""A handful of readings that a robot file is held against: joints, points, and which target of the tool was seen.
+"""A handful of readings with which a robot file is checked: joints, points, and the measured tool targets.
 
 A data set has a header beside it; of it only the tool targets and the joint matrix are taken, since nothing else
 matters before a fit. Without a header, or where it frees the tool, they are unknown and come out of the readings.

@@ -14,9 +14,9 @@ _NUMBERS = (("alpha", "alpha_deg", DEG), ("a", "a_mm", 1.0), ("theta", "theta_de
 
 
 def line_of(text: str, key: str, link: int | None = None) -> int | None:
-    """Number of the line, from 1, on which `key` stands in the `link`-th [[link]] (1-based), or above all tables.
+    """Number of the line, from 1, of `key` in the `link`-th [[link]] (1-based), or above all tables.
 
-    None where it is written in another way.
+    None where the file is written differently.
     """
     at, inside = 0, link is None
     for number, line in enumerate(text.splitlines(), start=1):

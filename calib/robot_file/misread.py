@@ -1,7 +1,7 @@
-"""A robot file held against a handful of readings: the usual mistake by name, with the lines that mend it.
+"""A robot file checked with a handful of readings: names the usual mistakes, and the lines that correct them.
 
-The hypotheses are those that every data set is held against before a fit (`calib.data.hypotheses`). Where no single one
-explains the readings, the joints are tried in every combination of directions, with and without a coupling of two
+The hypotheses are those with which every data set is checked before a fit (`calib.data.hypotheses`). Where no single
+one explains the readings, the joints are tried in every combination of directions, with and without a coupling of two
 neighbours: a controller that counts otherwise than the table seldom differs in one joint only.
 """
 
@@ -29,7 +29,7 @@ _NAME = "counted"
 
 @dataclass(frozen=True)
 class Mistake:
-    """One thing that explains the readings: what is wrong, and what to write where, line by line."""
+    """A mistake that explains the readings: what is wrong, and the corrected lines."""
 
     what: str
     lines: tuple[str, ...]

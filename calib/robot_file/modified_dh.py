@@ -5,7 +5,7 @@
 z_k is axis k, x_k the common normal of axes k and k + 1. Where a normal is not unique it is chosen so that numbers
 become small: of parallel axes the one through the normal before (d = 0), of axes that coincide the direction before
 (theta = 0), of axes that meet the sense that turns less. The frame before the first link keeps the z of the base link,
-so that gravity in the base frame stays what it is; behind the last it stands where the tip is nearest to axis N.
+so that gravity in the base frame stays the same; the last frame is where axis N is nearest to the tip.
 Sources: Denavit, Hartenberg 1955 (common normals); Craig, chapter 3 (the frames).
 """
 

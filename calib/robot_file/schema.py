@@ -1,7 +1,7 @@
 """The JSON schema of robot files (draft 2020-12), for editors that complete and check TOML, and for other programs.
 
-What a schema cannot say, the reader does: limits in order, matrices that can be inverted, axes that are parallel. A
-test holds both against each other, key by key.
+The reader checks what a schema cannot express: limits in order, invertible matrices, parallel axes. A test compares
+both, key by key.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A serial chain out of a tree: the joints from one link to another, fixed ones folded in, mimic joints by name."""
+"""A serial chain from a tree of joints: the joints between two links, with fixed ones merged and mimic joints named."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """URDF: the joints and links of a robot as ROS describes it, in m and rad, as a tree.
 
 Only what a chain of joints needs is read: `origin`, `axis`, `limit` and `mimic` of joints, mass and centre of links.
-An angle that is a multiple of 45 deg rounded to a few digits (1.5708) is taken as that multiple, and said: axes that
+An angle that is a multiple of 45 deg rounded to a few digits (1.5708) is read as that multiple and reported: axes that
 are parallel but for a rounding have no common normal near the robot. Source: the URDF specification (joint, link).
 """
 

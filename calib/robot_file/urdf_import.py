@@ -1,5 +1,5 @@
-"""A robot file out of a URDF: exact, whatever the axes, up to a constant frame before the first joint and one behind
-the last, both of which are said."""
+"""Import of a robot file from a URDF: exact up to a constant frame before the first joint and one after the last,
+both of which are reported."""
 
 from __future__ import annotations
 

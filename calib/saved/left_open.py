@@ -1,9 +1,9 @@
-"""Effects that a calibration left open: they could be there, and its model does not hold them.
+"""Effects that a calibration left open: they may be present although its readings did not show them.
 
-A diagnosis names what readings show beyond chance. What is smaller is not absent: an arm has some play in every joint,
-and fifty readings do not show 0.003 deg of it. A later watch may, and must not take it for new. With X the whitened
-columns of the model at its readings, B those of the effects, S their usual sizes, C the covariance of the model's
-parameters and s the noise of the fit,
+A diagnosis names the effects that are significant. A smaller one is not absent: an arm has some play in every joint,
+and fifty readings do not show 0.003 deg of it. A later watch may show it, and must not take it for new. With X the
+whitened columns of the model at its readings, B those of the effects, S their usual sizes, C the covariance of the
+model's parameters and s the noise of the fit,
 
     D = ((B'B - B'X C X'B / s^2) / s^2 + S^-2)^-1,    G = C X'B / s^2:
 

@@ -47,7 +47,7 @@ def content_hash(document: Mapping[str, Any]) -> str:
 
 
 def refuse_changed(document: Mapping[str, Any], path: Path) -> tuple[str, ...]:
-    """Raise DataError for a document that is not what was written; returns what is to be said of one without a hash."""
+    """Raise DataError for a document that was changed after it was written; returns a remark on one without a hash."""
     written = document.get("content_sha256")
     if written is None:
         return (

@@ -1,8 +1,7 @@
 """`MODEL.json`: an identified model on disk (`truepose-model/1`), complete enough to predict from.
 
-A hash is no signature: it shows that a file was changed, not who wrote it. A fit that did
-not converge is refused: nobody should drive a robot with it. A regression that is based on the model is kept in the
-same file, under the same hash (`calib.saved.regression`).
+The hash is no signature: it shows that a file was changed, not who wrote it. A fit that did not converge is refused.
+A regression that is based on the model is kept in the same file, under the same hash (`calib.saved.regression`).
 """
 
 from __future__ import annotations
@@ -86,7 +85,7 @@ class SavedModel:
 
     @property
     def usual(self) -> StatedConditions:
-        """The conditions that the readings were made in."""
+        """The conditions under which the readings were taken."""
         air = self.holds_for.get("temperature_c")
         return StatedConditions(
             temperature_c=np.nan if air is None else air, loads=self.loads, gravity=self.gravity
@@ -140,7 +139,7 @@ def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | N
     """Read a model, and refuse one that is not what was written, or corrects beyond `bounds` (default `Bounds()`).
 
     Its robot must be that of `robot_file`, or the built-in one of its name; of a robot of the user's own without its
-    file the table in the model is believed, and `notes` says so. Raises DataError naming file and key.
+    file the table in the model is used, and `notes` says so. Raises DataError naming file and key.
     """
     document = read_json(path)
     if not isinstance(document, dict) or document.get("format") != FORMAT:

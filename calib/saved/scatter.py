@@ -1,4 +1,4 @@
-"""The scatter of each joint that a model leaves: what it lacks, as readings show it.
+"""The scatter of each joint that a model does not explain, estimated from its residuals.
 
 A law that a model does not hold, a wave of a gear say, moves the joints of a pose alike in every reading there: of ten
 poses with three targets each it is drawn ten times, not in ninety rows, and most of it is taken on by the parameters.

@@ -1,4 +1,4 @@
-"""A model file of which a few parameters were updated: the old file with other numbers, and where they come from.
+"""A model file with updated parameters: the old file with a few new values and their origin.
 
 What was not looked at again (data, conditions, held-out error, regression) stays as it was; `updates` says what is
 newer, oldest first; `measured` is that of the readings it was updated by.

@@ -1,4 +1,4 @@
-"""The test that a candidate must pass: an F test with every try counted, and the evidence to rank those that pass.
+"""The F test that a candidate must pass, with every try counted, and the evidence that ranks those that pass.
 
 Evidence (twice the log, larger is better) = n log(RSS before / after) - sum of log(1 + mu_j) - 2 log(multiplicity).
 mu_j are the eigenvalues of S A S / s^2: what the readings know of the candidate's columns (A), against what is
@@ -22,7 +22,7 @@ WHOLE_ORDER = 10.0  # evidence that a harmonic order off the whole numbers must 
 def p_value(
     gain: float, columns: int, rss: float, freedom: int, multiplicity: float, counts: float = 1.0
 ) -> float:
-    """Chance of a fall of `gain` in `rss` (before it) by noise, over all tries. 1 where nothing is left to test.
+    """The p-value, over all tries, of a reduction of `rss` (before it) by `gain`. 1 where nothing is left to test.
 
     counts: share of the gain that counts, where noise is larger along it than elsewhere.
     """

@@ -1,4 +1,4 @@
-"""An effect that is offered as it stands, and its scores."""
+"""A candidate without a scan, and its scores."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from calib.scan.space import Space
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect that the diagnosis may propose as it stands: nothing about it is scanned."""
+    """An effect that the diagnosis may propose as it is: nothing about it is scanned."""
 
     effect: Effect
 

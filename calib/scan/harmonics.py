@@ -40,7 +40,7 @@ class Harmonics:
 
     @property
     def whole(self) -> bool:
-        """Whether only whole orders are believed."""
+        """Whether only whole orders are accepted."""
         return bool(np.all(self.orders == np.round(self.orders)))
 
     def scores(self, space: Space) -> FamilyScores:

@@ -1,7 +1,7 @@
-"""The bounds of physics: an estimate beyond the bounds of its parameter, by more than its noise, rules the effect out.
+"""Physical bounds: an estimate that exceeds the bounds of its parameter by more than its noise excludes the effect.
 
-A gap below nothing, a gear that turns against its load: the readings then show something else that looks alike. Within
-its noise of the bound an estimate stays. The bounds are those that each effect declares in its own file.
+A negative gap, or a gear that turns against its load, means that the readings show another effect that looks similar.
+An estimate within its noise of the bound is accepted. The bounds are those that each effect declares in its own file.
 """
 
 from __future__ import annotations

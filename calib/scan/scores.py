@@ -107,7 +107,7 @@ class Family(Protocol):
 
 @dataclass(frozen=True)
 class Score:
-    """One candidate at one place of its scan: fall of the residual sum of squares, columns that count, evidence."""
+    """A candidate at one place of its scan: reduction of the residual sum of squares, columns that count, evidence."""
 
     label: str
     effect: Effect

@@ -47,7 +47,8 @@ class Shapes:
         return [family._better(space, effect) for family, effect in own]
 
     def _better(self, space: Space, effect: Effect) -> Effect:
-        """One Gauss-Newton step of the logarithm; its derivative by differences, since the columns are cheap."""
+        """The effect after a Gauss-Newton step of the logarithm; its derivative by differences, since the columns are
+        cheap."""
         constant = effect.shape[self.key]
         nudge = 1e-3
         longer, shorter = (space.effect_columns(self.at(constant * math.exp(h))) for h in (nudge, -nudge))

@@ -1,4 +1,4 @@
-"""The residuals of a fit, and what it already explains: the space in which candidates are judged.
+"""The residuals of a fit, and the space that its model explains, beside which candidates are judged.
 
 With J the whitened Jacobian of the fitted model (priors and distances between balls stacked below it), J = QR, a
 candidate's columns X count only by P X, P = I - QQ': what the base model absorbs is no evidence. The residual r is

@@ -1,4 +1,4 @@
-"""The continuous D-optimal design over the candidates: what no selection can exceed, with its certificate.
+"""The continuous D-optimal design over the candidates: a certified upper bound for every selection.
 
 Weights w_i >= 0 of sum one in place of "taken or not": maximise log det sum w_i X_i'X_i. Multiplicative steps
 w_i <- w_i (d_i / m)^power with d_i = tr(M^-1 X_i'X_i) (Silvey, Titterington and Torsney 1978); candidates that the

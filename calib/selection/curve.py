@@ -1,4 +1,4 @@
-"""The uncertainty of predictions after so many poses, and when more poses no longer pay.
+"""The uncertainty of predictions against the number of poses, and the number from which more poses bring little.
 
 The selection is shortened by the pose whose loss costs least, again and again, and lengthened by the candidate that
 adds most; for every count U = 2 sqrt(largest eigenvalue of X C X' + R): C the inverse information of the poses so

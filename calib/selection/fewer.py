@@ -1,4 +1,4 @@
-"""The number of poses that suffices where robots of the type have been measured before.
+"""The number of poses that suffices with the prior of the robot's type.
 
 What the type shares (`calib.prior`) is information that is there before the first pose: one row a parameter, 1 /
 spread^2. The poses are chosen without it, since a robot that lies outside its type is known by its readings alone; they
@@ -44,7 +44,8 @@ class BesideType:
 
 
 def information_of(candidates: Candidates, prior: TypePrior) -> Array:
-    """(m,) information on every parameter of the candidates, in units of their columns; 0 where the type is silent."""
+    """(m,) information on every parameter of the candidates, in units of their columns; 0 where the type has no
+    prior."""
     return np.array(
         [
             (unit / to_internal(prior.shares[p.name].spread, p.unit)) ** 2

@@ -1,4 +1,4 @@
-"""The circle of a sweep, which the joint's own error must not bend.
+"""The circle through the points of a sweep, fitted so that the joint's own error does not distort it.
 
 Fitted to commanded angles alone, the circle takes a part of the joint's error for a place of its centre: over half a
 turn an error of three waves grows by half. Fitted to distances from plane and circle alone, a short arc leaves its

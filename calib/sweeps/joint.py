@@ -1,10 +1,10 @@
 """Single joints: tangential error over its angle, lost motion between its two directions, and its axis.
 
-While joint k alone turns, a target runs on a circle. The tangential error of a reading is the angle at which the target
-lies on that circle less the commanded one; its mean over both directions, over the range, is the error range of the
-joint, and what the readings of the way up have more than those of the way down is its reversal value: positive where
-the joint comes to rest beyond its target, negative where it stops short. Both hold what the arm adds beside its gear:
-gravity winds up the joints before it too. Source: Nubiola 2.4.1 and Figures 2.10 to 2.15; ISO 230-2 (reversal value).
+While joint k alone turns, a target runs on a circle. The tangential error of a reading is the angle at which the
+target lies on that circle minus the commanded one. The range of its mean over both directions is the error range of
+the joint. The difference of the readings on the way up and on the way down is its reversal value: positive where the
+joint comes to rest beyond its target, negative where it stops short. Both contain the deflection of the other joints
+under gravity. Source: Nubiola 2.4.1 and Figures 2.10 to 2.15; ISO 230-2 (reversal value).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class AxisDifference:
 
 @dataclass(frozen=True)
 class JointSweep:
-    """One sweep of n readings at p places.
+    """The result of a sweep of n readings at p places.
 
     angle, tangential: (n,) rad; radial: (n,) mm outside the circle; upwards: (n,); joint: 1-based; places: (p,)
     rad, the commanded angles, ascending; error: (p,) rad, the tangential error there without the reversal; reversal:

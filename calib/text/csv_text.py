@@ -1,4 +1,4 @@
-"""CSV as this program takes it: rows with their line numbers, lines and columns bounded."""
+"""The reader of CSV: rows with their line numbers; the lengths of lines and the number of columns are bounded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written beside their place first, synced, then renamed."""
+"""Atomic writing of files: a temporary file beside the target is written, synced, then renamed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cells that a spreadsheet would work out when somebody opens the table in it, written so that it does not.
+"""Cells that a spreadsheet would evaluate as formulas, escaped so that it does not.
 
 Source: OWASP, CSV injection: a cell that begins with = + - @, a tab or an end of line.
 """

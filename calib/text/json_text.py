@@ -1,4 +1,4 @@
-"""JSON as this program takes it: bounded, finite, every key once. All JSON from files and requests is read here."""
+"""The reader of all JSON from files and requests: bounded, finite numbers, every key once."""
 
 from __future__ import annotations
 

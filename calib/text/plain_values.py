@@ -1,4 +1,4 @@
-"""Values that JSON and TOML have and arithmetic cannot hold: integers of hundreds of digits, NaN, endless nesting."""
+"""The refusal of unusual values in JSON and TOML: integers of hundreds of digits, NaN, deep nesting."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Files of text that people and other programs wrote: read whole, or refused by name.
+"""Text files that people and other programs wrote: read completely, or refused with the reason.
 
-Everything that is read goes through `read_text`: it refuses folders, devices, files that are too large or not UTF-8,
+All text files are read by `read_text`, which refuses folders, devices, files that are too large or not UTF-8,
 each with the reason. A byte order mark is taken off; lines may end as on any system and end with LF from here on.
 """
 

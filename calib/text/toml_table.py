@@ -1,4 +1,4 @@
-"""A table of a TOML file whose getters say what they need: a value that is not that is refused by file and key."""
+"""A table of a TOML file with typed getters: a wrong value is refused with file and key."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class TomlTable:
         return value
 
     def word(self, key: str, allowed: Sequence[Word], default: Word | None = None) -> Word:
-        """One of the words of `allowed`."""
+        """A text that is one of `allowed`."""
         return allowed[allowed.index(self.text(key, default, allowed))]
 
     def flag(self, key: str, default: bool = False) -> bool:

@@ -1,4 +1,4 @@
-"""TOML as this program takes it: bounded, finite, of a few levels. All TOML from files and requests is read here."""
+"""The reader of all TOML from files and requests: bounded, finite numbers, a few levels."""
 
 from __future__ import annotations
 

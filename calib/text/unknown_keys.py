@@ -1,4 +1,4 @@
-"""Keys that nobody reads: a mistyped one would be ignored, and its default taken instead."""
+"""The refusal of unknown keys: a misspelt one would be ignored and its default used."""
 
 from __future__ import annotations
 

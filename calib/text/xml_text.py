@@ -1,7 +1,7 @@
-"""XML as this program takes it: elements and attributes, of a few levels; no document type, so no entities.
+"""The reader of XML: elements and attributes of a few levels; no document type, so no entities.
 
-Whoever may declare an entity can let ten lines become gigabytes, or have a file of this computer read. Nothing that
-is read here needs one.
+Entities could expand ten lines to gigabytes, or include a file of this computer. No format that is read here needs
+them.
 """
 
 from __future__ import annotations

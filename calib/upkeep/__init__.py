@@ -1,4 +1,4 @@
-"""Upkeep of what is known of a robot: control charts of a parameter's history, and the date of the next check."""
+"""Control charts of a parameter's history, and the date of the next check."""
 
 from calib.upkeep.chart import ControlChart, Signal, chart_of
 from calib.upkeep.check import Check

@@ -1,4 +1,4 @@
-"""A check: what was found on a day, how sure it is, and how long the robot had been used by then."""
+"""A check: a value found on a day, its uncertainty, and the robot's hours of use by then."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Step:
 
 
 class Unit(NamedTuple):
-    """The unit in which intervals are counted: one of it, and many."""
+    """The unit in which intervals are counted, in the singular and the plural."""
 
     one: str
     many: str

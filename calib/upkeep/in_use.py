@@ -1,4 +1,4 @@
-"""Intervals in hours of use: a robot that stands does not wear.
+"""Intervals in hours of use: a robot that is not used does not wear.
 
 Any method whose intervals are then hours; the date follows from how much the robot was used lately. A longest time in
 days stays, since feet settle and tools are bumped by the calendar too.
@@ -20,8 +20,8 @@ from calib.upkeep.staircase import Staircase
 
 @dataclass(frozen=True)
 class InUse:
-    """by: the method, its intervals in hours of use; hours_a_day: use until two readings of the counter tell it;
-    longest_days: whatever the use. Raises DataError for values out of range."""
+    """by: the method, its intervals in hours of use; hours_a_day: use assumed until two readings of the counter show
+    it; longest_days: whatever the use. Raises DataError for values out of range."""
 
     by: Staircase | Drift
     hours_a_day: float = 16.0

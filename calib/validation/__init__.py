@@ -1,4 +1,4 @@
-"""Validation: what a calibration is worth on readings that took no part in it."""
+"""Validation: the errors of a calibration on held-out readings."""
 
 from calib.validation.ballbar import SphereTest, over_the_fixture, sphere_tests
 from calib.validation.compare import Difference, apart, differences, refuse_incomparable

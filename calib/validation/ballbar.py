@@ -27,7 +27,8 @@ _ALIKE = np.cos(np.radians(2.0))  # turns of the tool that count as the same
 
 @dataclass(frozen=True)
 class SphereTest:
-    """One sphere: a target about a ball on the base. errors_mm (n,): measured less predicted radius."""
+    """The result of a sphere test: a target about a ball on the base. errors_mm (n,): measured less predicted
+    radius."""
 
     target: str
     base_target: str
@@ -76,7 +77,8 @@ def sphere_tests(
 
 
 def spheres_of(dataset: Dataset, rows: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
-    """Masks (n,) of the spheres: one distance a standing, from one target to one ball, the tool turned always alike."""
+    """Masks (n,) of the spheres: one distance in each pose, from one target to one ball, always with the same
+    orientation of the tool."""
     conditions = dataset.conditions
     spanned = np.flatnonzero(rows & dataset.usable & dataset.spanned)
     legs = np.unique(

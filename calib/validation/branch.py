@@ -4,7 +4,7 @@ Signs of what vanishes in the three singular surfaces, for arms with a spherical
 the axis of joint i, o_i a point on it, w where axes 5 and 6 meet (the wrist centre of a spherical wrist):
 
     front / back    (z_1 x z_2) . (w - o_1), relative to its sign at the zero pose: the wrist lies before or behind
-                    axis 1; of an arm that stands upright at zero, its own sign
+                    axis 1; for an arm that is upright at zero, its own sign
     up / down       z_2 . ((o_3 - o_2) x (e - o_3)) > 0 is up: the branch of theta_3; e is w, or a point on axis 4
                     where axes 3 and 4 are parallel (URs)
     flip / noflip   z_5 . (z_4 x z_6) > 0 is noflip: the sign of sin theta_5

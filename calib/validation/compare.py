@@ -35,7 +35,7 @@ _COVERAGE = 2.0
 
 @dataclass(frozen=True)
 class Difference:
-    """One parameter of the robot in both calibrations, in `unit`; None where a calibration lacks or dropped it."""
+    """A parameter of the robot in both calibrations, in `unit`; None where a calibration lacks or dropped it."""
 
     name: str
     unit: str

@@ -1,8 +1,8 @@
-"""Hold-outs side by side: what the base model's error is worth depends on how the judging readings were left out.
+"""The error of the base model by kind of hold-out: it depends on how the validation readings were chosen.
 
 The readings that may enter a fit are split again, five times by each rule, and the base model is fitted to the rest:
 
-    random   poses drawn at random: each has its neighbours in the fit, which flatters
+    random   poses drawn at random: each has neighbours in the fit, which is optimistic
     region   slabs of the workspace along the direction in which the robot moved most
     time     fifths of every series in the order of measuring
     series   one whole series; the robot from the others is then placed on every second reading of it

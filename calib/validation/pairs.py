@@ -1,4 +1,4 @@
-"""Distance error over all pairs of points: how wrong distances between places of the workspace are.
+"""Distance error over all pairs of points of the workspace.
 
     e_ij = | |m_i - m_j| - |p_i - p_j| |,  i < j,  measured m and predicted p
 
@@ -127,7 +127,7 @@ class _Sweep:
         )
 
     def over(self, bracket: _Bracket) -> _Tally:
-        """One pass over all pairs."""
+        """The sums of one pass over all pairs."""
         starts = range(0, self.points.shape[1], self.tile)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             strips = list(pool.map(lambda start: self._strip(start, bracket), starts))

@@ -1,6 +1,6 @@
-"""A calibrated robot put up elsewhere: base (and tool, where the model frees it) fitted, everything of the robot held.
+"""A calibrated robot at another place: base (and tool, where the model frees it) fitted, the robot unchanged.
 
-What the instrument and the mounting added to the old set-up stays behind. For every series, with x_i the flange of
+Effects of the instrument and the mounting in the old set-up are left out. For every series, with x_i the flange of
 the calibrated robot in its base frame,
 
     minimise  sum_i w_i | m_i - (R (x_i + F_i t_k) + T) |^2   over R, T and the targets t_k,
@@ -83,7 +83,7 @@ def place(
 def targets_in_base(dataset: Dataset, model: RobotModel, estimate: Array) -> Array:
     """(n, 3) where a model expects the target of every reading, mm, in the base frame of the robot.
 
-    Where the base stands and what the instrument does are left out; the tool is as the model has it.
+    The pose of the base and the effects of the instrument are left out; the tool is that of the model.
     """
     effects = tuple(
         effect

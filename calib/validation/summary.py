@@ -1,6 +1,6 @@
-"""Errors in a few numbers, as calibration papers and standards give them: mean, standard deviation, mean + 3 s, RMS.
+"""Statistics of errors as calibration papers and standards give them: mean, standard deviation, mean + 3 s, RMS.
 
-`calib.fit.statistics.ErrorStatistics` is what the JSON of `diagnose` holds; this one says more.
+The JSON of `diagnose` has the shorter `calib.fit.statistics.ErrorStatistics`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The baseline as a watch uses it: what it says of readings that were taken after all that its campaign saw."""
+"""The baseline of a watch: the saved model, for readings that were taken after its campaign."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ _ANGLES = 2.5  # of joints in all poses, for each parameter
 def too_few_poses(saved: SavedModel) -> str:
     """A sentence where a baseline was calibrated at too few poses to hold a stated rate of false alarms, else empty.
 
-    Of 10 poses a model of some 31 parameters takes on most of what it lacks, and names nothing of it: of 14 such arms 3
-    alarmed in every watch. Of 17 poses none did (`tests.benchmarks.watch_baselines`).
+    With 10 poses a model of some 31 parameters absorbs most of what it lacks without naming it: of 14 such arms 3
+    alarmed in every watch. With 17 poses none did (`tests.benchmarks.watch_baselines`).
     """
     poses = None if saved.left_open is None else saved.left_open.poses
     free = np.count_nonzero(np.diag(saved.covariance))

@@ -1,4 +1,4 @@
-"""One cause of a change: how large it is by some readings, through the exact chain, and what may be said of it."""
+"""A cause of a change: its size by some readings, through the exact chain, and its sentences."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Cause:
 
     @property
     def remedy(self) -> str:
-        """The remedy for the cause, with the size alone: nobody turns a joint by an uncertainty."""
+        """The remedy for the cause, with its size but without the uncertainty."""
         digits = str(self.size).partition(" (")[0]
         return kind_of(self.label).remedy_of(self.label, digits)
 

@@ -1,4 +1,4 @@
-"""The verdict on a robot that was measured again: unchanged, or changed by what, and what to do."""
+"""The verdict on a robot that was measured again: unchanged, or what has changed and what to do."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Kind = Literal["unchanged", "changed", "ambiguous", "unexplained"]
 
 @dataclass(frozen=True)
 class Question:
-    """One question of the alarm: T-squared of all rows and its limit, and the smallest p-value, of T-squared and of
+    """A test of the alarm: T-squared of all rows and its limit, and the smallest p-value, of T-squared and of
     every cause, and its limit. share: of the variance of noise that is left; watches: how many were averaged."""
 
     t_squared: float
@@ -36,14 +36,14 @@ class Question:
 
     @property
     def alarm(self) -> bool:
-        """Whether this is more than chance, at the stated rate."""
+        """Whether the test is significant at the stated rate of false alarms."""
         return self.p_value < self.p_limit
 
 
 @dataclass(frozen=True)
 class Verdict:
     """The verdict. causes: the class with its weights, likeliest first; left: p-value of what the likeliest leaves;
-    apart: whether other poses could tell the class apart."""
+    apart: whether other poses could distinguish the members of the class."""
 
     kind: Kind
     rate: float

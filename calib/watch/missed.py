@@ -1,4 +1,4 @@
-"""The miss of the corrected robot at the check poses: the error that is permitted or not, with its U.
+"""The error of the corrected robot at the check poses, with its U, to be compared with the permitted error.
 
     rms^2 = sum e_i^2 / n,    u(rms)^2 = sum g_i' N_i g_i + (J' g)' F (J' g),    g_i = e_i d_i / (n rms)
 

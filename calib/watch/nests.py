@@ -1,4 +1,4 @@
-"""Nests measured again in mid-watch: has the instrument moved since they were measured first?
+"""Nests measured again during a watch: the test whether the instrument has moved since.
 
 Two readings of a nest differ by noise with twice its covariance. With s^2 along its worst direction the square of the
 difference over 2 s^2 is at most chi-squared with 3 degrees of freedom; the rate holds for all nests together

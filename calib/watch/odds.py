@@ -1,4 +1,4 @@
-"""The odds of causes: what each explains of whitened residuals, in any number of watches at once.
+"""The evidence for causes: what each explains of whitened residuals, in any number of watches at once.
 
 Residuals r are white where nothing has changed: N(0, I) over q rows. A cause with p parameters of usual sizes S has the
 columns A (q, p), A S = U s V'. With the prior N(0, S^2) for its parameters
@@ -37,7 +37,7 @@ _DRAWS = 20_000
 
 @dataclass(frozen=True)
 class Columns:
-    """One cause as the readings see it: U (q, r), s (r,), and S V (p, r) in internal units; bounds of a lone
+    """A cause in the rows of the readings: U (q, r), s (r,), and S V (p, r) in internal units; bounds of a lone
     parameter, internal units. plain: of a cause that shifts and turns, what it is where it only shifts."""
 
     effect: Effect
@@ -200,7 +200,7 @@ class Odds:
         return np.column_stack(held) > 1.0 - _TWIN
 
     def always(self, cause: int) -> list[int]:
-        """Other causes that do all that this one can do, at any size: these readings never tell it from them."""
+        """The causes that can imitate this one at any size, so that these readings never distinguish them."""
         own = self.causes[cause].directions
         out = []
         for d, other in enumerate(self.causes):

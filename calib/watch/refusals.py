@@ -1,4 +1,4 @@
-"""Refusals by name, before anything is judged, of readings that are no watch of a baseline."""
+"""Refusals, before any judgement, of readings that cannot be compared with a baseline."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def refuse_unlike(
     """Raise DataError where readings cannot be judged by the baseline of the file `path`; returns what could not be
     checked.
 
-    frame_known False: robot or instrument stand elsewhere on purpose; missing_allowed: poses may be missing;
+    frame_known False: robot or instrument were moved on purpose; missing_allowed: poses may be missing;
     warmth_known False: how warm the robot is is what the readings are to say.
     """
     refuse_other_robot(saved, dataset, path)
@@ -96,7 +96,7 @@ def missing(dataset: Dataset) -> list[str]:
 
 
 def _robot(saved: SavedModel, dataset: Dataset, path: Path) -> tuple[str, ...]:
-    """The same robot by its serial number; what was not reported is said."""
+    """Refuse another robot, by its serial number; returns what was not reported."""
     was, now = (_serial(devices, "robot") for devices in (saved.devices, dataset.header.devices))
     if was and now and was != now:
         raise DataError(
@@ -124,7 +124,7 @@ def _serial(devices: Sequence[Mapping[str, str]], role: str) -> str:
 
 
 def _same_tool(saved: SavedModel, dataset: Dataset) -> None:
-    """Targets where the baseline had them, and the load that it was measured with."""
+    """Refuse other tool targets, or another load, than those of the baseline."""
     conditions, header = dataset.conditions, dataset.header
     known = next(iter(saved.model.targets.values()))
     stated = header.targets_of(conditions.series_names[0])
@@ -173,7 +173,7 @@ def _same_warmth(saved: SavedModel, dataset: Dataset) -> tuple[str, ...]:
 
 
 def _same_frame(saved: SavedModel, dataset: Dataset) -> tuple[str, ...]:
-    """One frame in both campaigns: set up on nests, or an instrument that was not moved."""
+    """Refuse different frames: both campaigns need nests, or an instrument that was not moved."""
     header = dataset.header
     if header.nests or not dataset.pointed.any():
         return ()
@@ -193,7 +193,7 @@ def _same_frame(saved: SavedModel, dataset: Dataset) -> tuple[str, ...]:
 
 
 def _same_sides(saved: SavedModel, dataset: Dataset) -> None:
-    """Sides of approach for which the baseline holds: play that was always there must not look new."""
+    """Refuse other sides of approach than the baseline's: old play must not look new."""
     side = dataset.conditions.side[dataset.fit_rows]
     for k, holds in enumerate(saved.holds_for.get("approach") or ()):
         wrong = {"from below": -1.0, "from above": 1.0}.get(holds)

@@ -57,7 +57,7 @@ class Seen:
     def of(
         cls, saved: SavedModel, dataset: Dataset, *, frame_known: bool = True, lack: Array | None = None
     ) -> Seen:
-        """The usable readings of a data set. frame_known False: where robot and instrument stand is not compared.
+        """The usable readings of a data set. frame_known False: the positions of robot and instrument are not compared.
 
         lack (N,): what the model lacks, as scatter of every joint, rad; None: as `scatter_beyond` finds it.
 

@@ -1,4 +1,4 @@
-"""The baseline with what has changed: the parameters of one cause, everything else as it was.
+"""The update of a baseline: the parameters of one cause change, everything else stays.
 
 With e ~ P the error of the baseline and r = A x + J e + ... (`calib.watch.seen`), the estimate of x is that of a least
 squares in which e is noise; so

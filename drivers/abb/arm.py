@@ -56,7 +56,7 @@ _WEAKNESS = (
 
 
 class AbbArm:
-    """One ABB robot. Verbs block; `stop` and `status` use the background connection where there is one.
+    """The driver of an ABB robot. Methods block; `stop` and `status` use the background connection where there is one.
 
     `hold_deg`: how far from its target a servo may hold a joint (`drivers.read_back`).
     """
@@ -116,7 +116,7 @@ class AbbArm:
 
     @property
     def weakness(self) -> str:
-        """The errors that this dialect cannot see; empty for CALSRV. Valid once connected."""
+        """The errors that this dialect cannot detect; empty for CALSRV. Valid once connected."""
         return "" if self._superset else _WEAKNESS
 
     @property
@@ -172,7 +172,7 @@ class AbbArm:
                 raise
 
     def _look_behind_silence(self) -> None:
-        """T_ROB1 is silent; the background task, if there is one, may know of an emergency stop."""
+        """T_ROB1 does not answer: ask the background task, if there is one, for an emergency stop."""
         with self._back.lock, suppress(LinkError):
             self._back.link.open(connect_s=self.deadlines.ping_s)
             if self._back.probe():
@@ -181,7 +181,7 @@ class AbbArm:
     def identify(self) -> Identity:
         """Serial number, RobotWare and type. Raises LinkError, CommandRefused.
 
-        Asked until two answers agree, as for positions: by it a record knows its robot, and others are refused.
+        Asked until two answers agree, as for positions, because a record refuses another robot by its serial number.
         """
         found = self._asked_who()
         for _ in range(_MOST_LOOKS):
@@ -269,7 +269,7 @@ class AbbArm:
     def position(self) -> JointReading:
         """Joint angles as the controller reads them back now. Raises LinkError.
 
-        Asked until two answers agree, for neither dialect has a checksum; of a robot that moves the last one.
+        Asked until two answers agree, because neither dialect has a checksum; the last one if the robot moves.
         """
         reading = self._read_back()
         for _ in range(_MOST_LOOKS):
@@ -326,7 +326,7 @@ class AbbArm:
         return self.deadlines.move_factor * far / self._caps.speeds[1] + self.deadlines.move_margin_s
 
     def _look(self) -> None:
-        """Feed the watchdog while a move is pending, and see what T_ROB1 cannot report any more."""
+        """Feed the watchdog during a move, and detect states that T_ROB1 can no longer report."""
         if self._clock() < self._next_look:
             return
         self._next_look = self._clock() + 2 * self._main.link.poll_s

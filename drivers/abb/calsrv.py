@@ -5,7 +5,7 @@
     208 <seq> <ms> <v_tcp> <v_ori> #                       watchdog and speeds, shown back in the same form
 
 The robot moves when the sum that comes with `go` is that of the request 201 as it arrived there. So a target that was
-damaged on its way moves nothing: this side sees it in the answer, the other side by the sum.
+damaged on its way moves nothing: the driver notices it in the answer, the controller by the checksum.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _REFUSALS: Mapping[int, tuple[type[AcquisitionError], str]] = {
 
 
 def sum_of(request: bytes) -> int:
-    """Fletcher's sum of a request, modulo 251 so that it fits a RAPID num: any one byte that is wrong changes it."""
+    """Fletcher's checksum of a request, modulo 251 so that it fits a RAPID num; any single wrong byte changes it."""
     low = high = 0
     for byte in request:
         low = (low + byte) % 251
@@ -57,7 +57,7 @@ def sum_of(request: bytes) -> int:
 
 
 class CalSrv:
-    """Both connections of a controller that runs CALSRV: `main` moves, `back` answers meanwhile."""
+    """Both connections to a controller that runs CALSRV: `main` moves the robot, `back` answers during a move."""
 
     def __init__(self, main: AbbConversation, back: AbbConversation, name: str) -> None:
         self._main = main
@@ -71,7 +71,7 @@ class CalSrv:
         self._compare(CONDITIONS, self._numbers(CONDITIONS, answer), wanted, 1e-3, answer.raw)
 
     def show(self, target: Sequence[float]) -> int:
-        """Show the target to the controller, and compare what it understood: the sum that lets it go there.
+        """Send a target, and compare what the controller shows back; returns the checksum that starts the move.
 
         Nothing moves. Raises LinkError, JointLimit, CommandRefused.
         """
@@ -80,7 +80,8 @@ class CalSrv:
         return sum_of(answer.request)
 
     def go(self, proof: int, seconds: float, meanwhile: Callable[[], None]) -> None:
-        """Go to the target that was shown; back when the robot is there. Raises LinkError, and refusals."""
+        """Start the move to the target that was sent; returns when the robot is there. Raises LinkError,
+        CommandRefused."""
         self._ask(self._main, GO, (proof,), deadline="move_s", seconds=seconds, meanwhile=meanwhile)
 
     def joints(self) -> tuple[tuple[float, ...], bytes]:
@@ -150,7 +151,7 @@ class CalSrv:
     def _ask(
         self, talk: AbbConversation, code: int, values: Sequence[float] = (), **waiting: Unpack[Waiting]
     ) -> Numbered:
-        """A numbered question; a refusal is raised as what it means."""
+        """The answer to a numbered question; raises a refusal as its error class."""
         answer = talk.ask_numbered(code, values, **waiting)
         if answer.errno:
             raise self._refusal(answer, code)

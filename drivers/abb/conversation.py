@@ -75,7 +75,7 @@ def parse_numbered(raw: bytes, code: int, number: int) -> Numbered:
 
 
 class AbbConversation:
-    """One connection to the controller; one question at a time, from any thread."""
+    """A connection to the controller: one question at a time, from any thread."""
 
     def __init__(self, link: TcpLink, deadlines: AbbDeadlines) -> None:
         self.link = link
@@ -84,7 +84,8 @@ class AbbConversation:
         self._numbers = itertools.cycle(range(1, 10000))  # four digits keep a reply within 80 characters
 
     def ping(self, *, again: bool = False) -> None:
-        """Ping. `again`: servers before open_abb's pull request 15 lose the first answer of a connection."""
+        """Send a ping and wait for its answer. `again`: servers before open_abb's pull request 15 lose the first
+        answer of a connection."""
         ask = (b"0 #", b"0 ", _PING, "ping_s", self.deadlines.ping_s)
         with self.lock, self.link.question("0"):
             try:
@@ -121,7 +122,7 @@ class AbbConversation:
         quiet_s: float = 0.0,
         sure: re.Pattern[bytes] | None = None,
     ) -> re.Match[bytes]:
-        """One open_abb question and its ping; `complete` is the form of the answer, group 1 its data.
+        """The data of the answer to an open_abb question, which a ping follows; `complete`: the form of the answer.
 
         `quiet_s` and `sure` say when one without a recognisable end has ended (`drivers.link`).
         Raises LinkError, CommandRefused.
@@ -149,7 +150,7 @@ class AbbConversation:
         seconds: float | None = None,
         meanwhile: Callable[[], None] | None = None,
     ) -> Numbered:
-        """One question to CALSRV; a refusal is an answer as well. Raises LinkError."""
+        """The answer of CALSRV to one question, which may be a refusal. Raises LinkError."""
         limit = self.deadlines.reply_s if seconds is None else seconds
         command = str(code)
         with self.lock:

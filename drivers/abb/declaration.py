@@ -12,7 +12,7 @@ from drivers.interfaces import RobotStatus
 
 
 def _simple_details(device: AbbSimpleArm, status: RobotStatus) -> Details:
-    """Whether motion is possible, where mode, motors and emergency stop are well."""
+    """Why motion is not possible although mode, motors and emergency stop are in order."""
     flags = parse_state(status.raw).flags
     well = flags.mode == "auto" and flags.motors_on and flags.emergency_stop is False
     if not well or (flags.motion_possible and not flags.in_error):

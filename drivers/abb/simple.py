@@ -8,14 +8,14 @@ The state port is two above that of the address, or `tcp://192.168.125.1:11000?s
 - A point nearer than 0.1 deg is skipped when it is the first of its trajectory. So each has two: where the robot
   is, and the target. External axes are ordered to stay where they are.
 - Angles are float32 radians: 1.4e-5 deg at 180 deg, in what is sent and in what is read. Speed is sent as a duration.
-- The second of two clients is accepted and never heard, and what it sent is carried out when the first goes. So no
-  point is sent on a connection before a stop was answered on it, which moves nothing and is sent by `connect`.
+- The server accepts a second client but does not read from it; what it sent is carried out when the first client
+  disconnects. So `connect` sends a stop, which moves nothing, and no point is sent before that stop was answered.
 - The stop (sequence -4) is read while the robot moves, hence `can_stop`. There is no watchdog: a robot whose client
   is gone finishes its move. Whenever a move does not end well the driver says stop, over a fresh connection if need be.
-- Nothing has a checksum. Where the robot is, and where a trajectory begins, is believed of three states in a row that
-  agree; at the end of a move the target stands for the third. Two do not do: of two joints that each lost another bit
-  of their exponents, both are near 0. A point that is damaged on its way moves the robot, which only the read-back
-  shows. `weakness` says so.
+- Nothing has a checksum. Where the robot is, and where a trajectory begins, is accepted from three consecutive
+  states that agree; at the end of a move from two that agree with the target. Two alone do not suffice: two damaged
+  states can agree, if both joints are near 0 and each lost a bit of its exponent. A point that is damaged on its way
+  moves the robot, which only the read-back shows. `weakness` says so.
 
 Angles are those that the controller counts; some ABB arms couple joints 2 and 3. Nothing was tried on a controller.
 """
@@ -58,7 +58,8 @@ _SILENT = "Check that all three ROS programs run on the controller and that no o
 
 
 class AbbSimpleArm:
-    """One ABB robot under abb_driver. Verbs block; `stop` and `status` may be called from any thread.
+    """The driver of an ABB robot that runs abb_driver. Methods block; `stop` and `status` may be called from any
+    thread.
 
     `hold_deg`: how far from its target a servo may hold a joint (`drivers.read_back`).
     """
@@ -105,12 +106,12 @@ class AbbSimpleArm:
 
     @property
     def can_stop(self) -> bool:
-        """The motion server reads a stop while another task moves the robot."""
+        """True: the motion server reads a stop while another task moves the robot."""
         return True
 
     @property
     def weakness(self) -> str:
-        """The errors that this protocol cannot see."""
+        """The errors that this protocol cannot detect."""
         return _WEAKNESS
 
     def connect(self) -> None:
@@ -145,7 +146,7 @@ class AbbSimpleArm:
         self._stream.close()
 
     def identify(self) -> Identity:
-        """simple_message does not say which robot this is; that it has joints is all that is known."""
+        """The identity; simple_message reports no serial number or type. Raises LinkError."""
         self.position()
         return Identity("ABB", "", "", "", "simple_message")
 
@@ -227,14 +228,15 @@ class AbbSimpleArm:
                 )
 
     def position(self) -> JointReading:
-        """Joint angles read back: three states in a row that agree. Raises LinkError, Busy (it goes on moving)."""
+        """The joint angles read back, from three consecutive states that agree. Raises LinkError, Busy (still
+        moving)."""
         return _reading(self._state_at_rest("position"))
 
     def _state_at_rest(self, command: str) -> AbbState:
         return self._confirmed(command, _is_at_rest)
 
     def _confirmed(self, command: str, good: Callable[[AbbState, AbbState], bool]) -> AbbState:
-        """The last of three states in a row, each of which agrees with the one before. Raises LinkError, Busy."""
+        """The last of three consecutive states that agree. Raises LinkError, Busy."""
         end = self._clock() + self.deadlines.settle_s
         number, before = self._stream.following(self._stream.count, command)
         alike = 1
@@ -254,7 +256,7 @@ class AbbSimpleArm:
         self._motion.halt()
 
     def status(self) -> RobotStatus:
-        """AbbState of the controller. Raises LinkError."""
+        """State of the controller. Raises LinkError."""
         now = self._confirmed("status", lambda before, now: True)
         flags = now.flags
         return RobotStatus(
@@ -269,13 +271,13 @@ class AbbSimpleArm:
     # -- checks -------------------------------------------------------------------------------------------
 
     def _duration(self, here: AbbState, target: Sequence[float]) -> float:
-        """Seconds that keep both caps: no joint faster than one, the tool nowhere faster than the other."""
+        """The duration of a move, s, at which neither the joints nor the tool exceed their speed limits."""
         turns = [abs(a - b) for a, b in zip(here.joints_deg, target, strict=True)]
         return self._caps.seconds(turns) + _RAMP_S
 
 
 def _is_at_rest(before: AbbState, now: AbbState) -> bool:
-    """Whether two states in a row are those of a robot that does not move."""
+    """Whether two consecutive states show a robot at rest."""
     external = zip(before.external, now.external, strict=True)
     return (
         now.flags.moving is False

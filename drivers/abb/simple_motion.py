@@ -1,7 +1,8 @@
 """The motion server of abb_driver (TCP 11000): one point and its reply at a time, and a stop that gets through.
 
-A second client is accepted and not heard, and what it sent is carried out when the first one goes. So a connection
-counts as open when a stop was answered on it; a stop moves nothing and clears what an earlier client left behind.
+The server accepts a second client but does not read from it; what it sent is carried out when the first client
+disconnects. So a connection counts as open when a stop was answered on it; a stop moves nothing and discards what an
+earlier client sent.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ _NOWHERE = (0.0,) * JOINTS, (0.0,) * 4, 0.0  # a stop carries no point
 
 
 def patiently(open_: Callable[[], None], takeover_s: float, clock: Callable[[], float]) -> None:
-    """Open, again for so long: a server starts afresh when it sees that its client (us, a moment ago) is gone."""
+    """Open, and retry for a while: the server restarts when it notices that its last client has disconnected."""
     end = clock() + takeover_s
     while True:
         try:
@@ -33,7 +34,7 @@ def patiently(open_: Callable[[], None], takeover_s: float, clock: Callable[[], 
 
 
 class MotionServer:
-    """Points go one at a time, from any thread. `stopped`: somebody said stop since the arming."""
+    """The connection to the motion server: one point at a time, from any thread. `stopped`: a stop since arming."""
 
     def __init__(self, link: TcpLink, deadlines: AbbSimpleDeadlines) -> None:
         self.deadlines = deadlines
@@ -62,7 +63,7 @@ class MotionServer:
         self._link.close()
 
     def halt(self) -> None:
-        """Say stop, on a fresh connection if this one is lost. Raises LinkError."""
+        """Send a stop, on a new connection if this one is lost. Raises LinkError."""
         with self._saying:
             try:
                 self.say(STOP, *_NOWHERE, "stop")
@@ -85,7 +86,7 @@ class MotionServer:
         duration_s: float,
         command: str,
     ) -> None:
-        """One point and its reply.
+        """Send one point and wait for its reply.
 
         Raises LinkError, CommandRefused, MotionStopped (the last point of a trajectory after a stop: not sent).
         """

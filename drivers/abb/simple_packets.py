@@ -6,8 +6,8 @@
       its reply           length 12   no body
     STATUS (13)           length 40   7 i32: drives, e-stop, error code, in error, in motion, mode, motion possible
 
-Source: ros-industrial/abb_driver, `rapid/ROS_messages.sys`, `ROS_motionServer.mod` and `ROS_stateServer.mod`. Nothing
-carries a number, a time or a sum: what is believed of it is the business of `drivers.abb.simple`.
+Source: ros-industrial/abb_driver, `rapid/ROS_messages.sys`, `ROS_motionServer.mod` and `ROS_stateServer.mod`. No
+message has a number, a time or a checksum; `drivers.abb.simple` decides what is accepted.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Flags:
 
 @dataclass(frozen=True, slots=True)
 class AbbState:
-    """One JOINT and the STATUS behind it. `joints_rad` (6,), `external` (4,) as they came."""
+    """A JOINT message and the STATUS after it. `joints_rad` (6,), `external` (4,) as received."""
 
     joints_rad: tuple[float, ...]
     external: tuple[float, ...]
@@ -69,13 +69,13 @@ class AbbState:
 
     @property
     def resolution_deg(self) -> float:
-        """One step of a float32 at the largest joint angle; 1.4e-5 deg at 180 deg."""
+        """The resolution of a float32 at the largest joint angle, deg; 1.4e-5 deg at 180 deg."""
         _, exponent = math.frexp(max(map(abs, self.joints_rad)))
         return math.degrees(math.ldexp(1.0, exponent - 24))
 
 
 def parse_state(raw: bytes) -> AbbState:
-    """A JOINT and a STATUS, STATE_SIZE bytes. Raises ProtocolError."""
+    """The state in a JOINT and a STATUS, STATE_SIZE bytes. Raises ProtocolError."""
     if len(raw) != STATE_SIZE:
         raise ProtocolError("joints and status of a wrong length", raw=raw)
     values = _STATE.unpack(raw)
@@ -121,7 +121,7 @@ def parse_reply(raw: bytes) -> bool:
 def raise_if_unfit(state: AbbState, device: str, command: str) -> None:
     """Check a state. Raises EmergencyStop, WrongMode, and in a move EnableLost and ProtectiveStop, before one NotReady.
 
-    What the controller does not know to be well is not well.
+    A state that the controller does not know counts as bad.
     """
     flags, where, moving = state.flags, {"device": device, "command": command}, command == "move_to"
     if flags.emergency_stop:

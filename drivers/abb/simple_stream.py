@@ -38,7 +38,7 @@ class AbbSimpleDeadlines:
 class StateStream:
     """The newest state of one controller. `following` may be asked from any thread.
 
-    `wire` sees the states that somebody asked for; over the link it would see every one.
+    `wire` gets only the states that were asked for.
     """
 
     def __init__(self, link: TcpLink, deadlines: AbbSimpleDeadlines, wire: WireSink | None) -> None:
@@ -61,7 +61,7 @@ class StateStream:
         self.following(self.count, "connect")
 
     def close(self) -> None:
-        """Close; whoever waits for a state is woken; never raises."""
+        """Close, and wake threads that wait for a state; never raises."""
         self._link.close()
         reader, self._reader = self._reader, None
         if reader is not None:

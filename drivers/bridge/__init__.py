@@ -1,1 +1,1 @@
-"""MBP/1, the line protocol of the bridges beside vendors' libraries, whoever made the instrument (docs/bridge.md)."""
+"""MBP/1, the line protocol of the bridges to vendors' libraries, for instruments of all makers (docs/bridge.md)."""

@@ -1,4 +1,4 @@
-"""MBP/1, the Metrology Bridge Protocol: lines between a driver and a bridge beside a vendor's library.
+"""MBP/1, the Metrology Bridge Protocol: lines between a driver and a bridge to a vendor's library.
 
     request   <seq> <CMD> [k=v ...]*crc          ack      <seq> ACK eta=<s>
     answer    <seq> OK [k=v ...]  |  <seq> ERR code=<n> text="..." retry=<0|1>
@@ -85,7 +85,7 @@ _ADVICE: Mapping[int, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One line understood. `kind`: OK, ERR, ACK, EVENT or SAMPLE; `number`: of question, event or sample."""
+    """A parsed line. `kind`: OK, ERR, ACK, EVENT or SAMPLE; `number`: of question, event or sample."""
 
     kind: str
     number: int
@@ -112,7 +112,7 @@ def _text(value: object) -> str:
 
 
 def parse(line: bytes, *, checksum_needed: bool = False) -> Message:
-    """One line without its LF. Raises ProtocolError for anything that is not exactly a message."""
+    """The message in a line without its LF. Raises ProtocolError for anything else."""
     line = line.removesuffix(b"\r")
     found = _SUM.search(line)
     body = line[: found.start()] if found else line
@@ -165,7 +165,7 @@ def number(message: Message, key: str, low: float = -math.inf, high: float = mat
 
 @dataclass(slots=True)
 class MbpClient:
-    """Asks one question at a time over a link; keeps the events that came between."""
+    """A client that asks one question at a time over a link, and keeps the events that came between."""
 
     address: Address
     device: str

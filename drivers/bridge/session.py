@@ -54,7 +54,7 @@ _STATES = ("OFF", "WARMING", "READY", "BUSY", "ERROR", "ESTOP")
 
 
 class MbpSession:
-    """One client of one bridge of `kind`. Questions block; `stop` may be called from any thread."""
+    """The client of a bridge of `kind`. Questions block; `stop` may be called from any thread."""
 
     def __init__(
         self,
@@ -125,7 +125,7 @@ class MbpSession:
                 raise ProtocolError(why, raw=hello.raw, what_to_do=_ELSEWHERE[key])
 
     def _greet(self) -> mbp.Message:
-        """A bridge notices late that its client (us, a moment ago) is gone: `takeover_s` is left to it."""
+        """Greet; retry for `takeover_s`, because a bridge notices late that its last client has disconnected."""
         limits = self._limits()
         end = self._clock() + limits.takeover_s
         while True:
@@ -148,7 +148,7 @@ class MbpSession:
             heart.join()
 
     def _beat(self, quit_: threading.Event) -> None:
-        """Prompts and moves can take longer than the 30 s after which a bridge drops a silent client."""
+        """Keep the connection alive: a bridge drops a client that is silent for 30 s, and prompts take longer."""
         while not quit_.wait(self._heartbeat_s):
             with self._lock:
                 if quit_.is_set() or not self.client.link.is_open:
@@ -161,7 +161,7 @@ class MbpSession:
 
     @property
     def weakness(self) -> str:
-        """The errors that this bridge cannot see; empty where it sends checksums. Once connected."""
+        """The errors that this bridge cannot detect; empty where it sends checksums. Once connected."""
         return "" if self.client.checksums else _WEAKNESS
 
     def identify(self) -> Identity:
@@ -202,8 +202,10 @@ class MbpSession:
 
     @contextmanager
     def measuring(self, command: str) -> Iterator[None]:
-        """A whole measurement, events counted from its beginning; an error inside that names no device is one of this,
-        during `command`. Raises NotArmed."""
+        """A context manager for a whole measurement; events count from its beginning. Raises NotArmed.
+
+        An error inside that names no device is one of this device, during `command`.
+        """
         with self._lock, naming(self._name, command):
             if not self.armed:
                 raise NotArmed("measurement without arming")
@@ -212,7 +214,7 @@ class MbpSession:
 
     @contextmanager
     def understood(self) -> Iterator[None]:
-        """Content that is impossible raises ProtocolError: nothing more is believed on this connection."""
+        """A context manager for parsing an answer: a ProtocolError in it disarms and closes the connection."""
         try:
             yield
         except ProtocolError as error:
@@ -261,7 +263,7 @@ class MbpSession:
             self.armed = True
 
     def stop(self) -> None:
-        """Abort what is under way and disarm; from any thread, at any time. Raises LinkError."""
+        """Abort the command in progress and disarm; from any thread, at any time. Raises LinkError."""
         self.armed = False
         self._stopping.set()
         if self._lock.acquire(blocking=False):

@@ -39,7 +39,7 @@ _VOID: Mapping[str, type[AcquisitionError]] = {
 
 
 class CTrack:
-    """One C-Track. Verbs block; `stop` may be called from any thread."""
+    """The driver of a C-Track. Methods block; `stop` may be called from any thread."""
 
     unverified_on_hardware = True
 
@@ -87,7 +87,7 @@ class CTrack:
 
     @property
     def weakness(self) -> str:
-        """The errors that this bridge cannot see; empty where it sends checksums. Once connected."""
+        """The errors that this bridge cannot detect; empty where it sends checksums. Once connected."""
         return self.session.weakness
 
     def identify(self) -> Identity:
@@ -148,7 +148,7 @@ class CTrack:
                 return self._reading(reply, target, samples)
 
     def stop(self) -> None:
-        """Abort what is under way and disarm; from any thread. Raises LinkError."""
+        """Abort the measurement in progress and disarm; from any thread. Raises LinkError."""
         self.session.stop()
 
     def status(self) -> InstrumentStatus:

@@ -1,11 +1,11 @@
-"""Fanuc R-30iA and later, with one of three wires, chosen by the options of the address.
+"""Fanuc R-30iA and later, with one of three protocols, chosen by the options of the address.
 
     tcp://192.168.1.10:18735                 MAPPDK text dialect; second connection on the next port
     tcp://192.168.1.10:502?modbus=hmi        Modbus TCP, registers R[] and PR[] (option R553, from V8.30)
     tcp://192.168.1.10:502?modbus=io         Modbus TCP, group signals only (R-30iA)
 
-`drivers.fanuc.mappdk` and `drivers.fanuc.modbus` have the wires; here is what they share. All angles are those
-that the controller counts, as in a data set with `joint_coupling = "fanuc-j23"`.
+`drivers.fanuc.mappdk` and `drivers.fanuc.modbus` implement the protocols; this module has what they share. All angles
+are those that the controller counts, as in a data set with `joint_coupling = "fanuc-j23"`.
 
 A stock MAPPDK move ends in CNT, never FINE: its answer may come before the robot is at rest. Every move is therefore
 followed by readings until two of them, some time apart, agree with each other and with the target. Every other
@@ -42,7 +42,7 @@ _AGREE_DEG = 0.002  # two readings of a robot at rest: twice the resolution of M
 
 
 class FanucArm:
-    """One Fanuc robot. Verbs block; `stop` and `status` answer while another thread waits for a move.
+    """The driver of a Fanuc robot. Methods block; `stop` and `status` answer while another thread waits for a move.
 
     `hold_deg`: how far from its target a servo may hold a joint (`drivers.read_back`).
     """
@@ -108,7 +108,7 @@ class FanucArm:
 
     @property
     def weakness(self) -> str:
-        """The errors that this dialect cannot see; empty where a target is confirmed before it moves the robot."""
+        """The errors that this dialect cannot detect; empty where a target is confirmed before it moves the robot."""
         return self._controller.weakness
 
     def connect(self) -> None:
@@ -181,7 +181,7 @@ class FanucArm:
     def position(self) -> JointReading:
         """Joint angles read back: two readings, `gap_s` apart, that agree.
 
-        Raises LinkError, Busy (it goes on moving).
+        Raises LinkError, Busy (still moving).
         """
         end = self._clock() + self.deadlines.settle_s
         with self._lock:
@@ -230,7 +230,7 @@ class FanucArm:
     # -- checks -------------------------------------------------------------------------------------------
 
     def _pace(self, target: tuple[float, ...]) -> tuple[int, float]:
-        """Speed in whole percent that keeps both caps, 1 at least, and the time that the move may take (s).
+        """The speed in whole percent, at least 1, that keeps both speed limits, and the longest time of the move (s).
 
         A Fanuc joint move at p % takes max |dq_i| / (p v_i). Its tool is nowhere faster than
         sum |dq_i| lever_i / time.

@@ -1,4 +1,4 @@
-"""The Fanuc controller as its arm asks for it, whichever wire it speaks: MAPPDK text or Modbus registers.
+"""The interface of a Fanuc controller, common to both protocols: MAPPDK text and Modbus registers.
 
 Angles are the controller's own (deg): its joint 3 is counted from the horizontal. The conversion to the angles of
 a kinematic model is the joint matrix `fanuc-j23` of the robot file and happens where a model is used, never here.
@@ -50,7 +50,7 @@ class FanucDeadlines:
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """One absolute joint move: target (deg), speed (% of the joints' maximum), longest time (s).
+    """An absolute joint move: target (deg), speed (% of the joints' maximum), longest time (s).
 
     `stopped` is set by a stop from another thread, which may have overtaken the move.
     """
@@ -62,7 +62,8 @@ class Move:
 
 
 class FanucController(Protocol):
-    """One dialect. Questions are safe from any thread; `move` blocks until the controller says that it ended."""
+    """The interface of a dialect. Questions are safe from any thread; `move` blocks until the controller says that it
+    ended."""
 
     @property
     def deadlines(self) -> FanucDeadlines: ...
@@ -97,7 +98,7 @@ _ALARMS: dict[tuple[int, int], tuple[type[AcquisitionError], str]] = {
 
 
 def alarm(facility: int, number: int) -> tuple[type[AcquisitionError], str]:
-    """Class and text of an alarm that ended a move."""
+    """The error class and the text for an alarm that ended a move."""
     return _ALARMS.get((facility, number), (ProtectiveStop, f"alarm {facility}-{number:03d}"))
 
 
@@ -149,7 +150,7 @@ def raise_if_unfit(status: RobotStatus, device: str, command: str) -> None:
 
 
 class Looker:
-    """Calls `look` at most every LOOK_S, from the waiting loop of a question."""
+    """A callback for the waiting loop of a question that calls `look` at most every LOOK_S."""
 
     def __init__(self, look: Callable[[], None], clock: Callable[[], float]) -> None:
         self._look = look

@@ -69,7 +69,7 @@ _WEAKNESS = (
 
 
 class MappdkController:
-    """Both connections of a controller: the first moves, the second looks."""
+    """Both connections to a controller: the first moves the robot, the second reads its state."""
 
     def __init__(self, link: TcpLink, deadlines: FanucDeadlines) -> None:
         self.name = link.device
@@ -120,7 +120,7 @@ class MappdkController:
         self._logger.link.close()
 
     def identity(self) -> Identity:
-        """A stock server cannot say which robot it is; that it answers is all that is known."""
+        """The identity; a stock server reports none."""
         self.joints()
         return self._ours or Identity("Fanuc", "", "", "", "mappdk")
 
@@ -144,7 +144,7 @@ class MappdkController:
         return JointReading(joints, 1e-3, found[0])
 
     def move(self, move: Move) -> None:
-        """A stock server moves at once, CNT 0: as near to a stop point as it comes."""
+        """Move; a stock server begins at once, with CNT 0, which is the nearest to a stop point that it has."""
         joints = b":".join(b"%c%013.6f" % (b"-" if q < 0 else b"+", abs(q)) for q in move.target)
         look = Looker(self._look_for(move), self._clock)
         if self._ours is not None:

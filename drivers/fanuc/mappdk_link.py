@@ -77,7 +77,7 @@ def sealed(answer: bytes) -> bool:
 
 
 class MappdkLink:
-    """One connection; one question at a time, from any thread."""
+    """A connection to a MAPPDK server: one question at a time, from any thread."""
 
     def __init__(self, link: TcpLink, deadlines: FanucDeadlines) -> None:
         self.link = link
@@ -106,7 +106,7 @@ class MappdkLink:
         seconds: float | None = None,
         meanwhile: Callable[[], None] | None = None,
     ) -> re.Match[bytes]:
-        """One question and the `curpos` behind it. Raises LinkError, and what a refusal means."""
+        """The answer to a question, which `curpos` follows. Raises LinkError, and a refusal as its error class."""
         limit = self.deadlines.reply_s if seconds is None else seconds
         command = request.split(b":")[0].decode()
         with self._lock:

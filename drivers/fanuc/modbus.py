@@ -4,7 +4,7 @@ pymodbus by itself connects again unasked, passes over frames of other transacti
 damaged ones. Here its transport is replaced by `TcpLink`, with the one rule of all drivers: what is not exactly the
 answer to this request (same transaction, unit, function and size; a write with the same address) closes the link.
 Modbus TCP has no checksum: a target is read back before the robot is ordered to go, positions are read twice
-(`arm.py`), and the robot's program goes on nothing that one damaged write can leave (`registers.py`).
+(`arm.py`), and no single damaged write can start the robot's program (`registers.py`).
 
 A move: target, speed and a fresh number are written, then `go`; it has ended when the robot's program gives this very
 number back as done. Unused addresses of a Fanuc read 0 and swallow writes without an error, which the reading back
@@ -152,7 +152,7 @@ class ModbusRegisters:
 
 
 class ModbusController:
-    """One connection to the registers of a controller, in the profile that the address names."""
+    """The dialect of the registers of a controller, in the profile that the address names."""
 
     def __init__(self, link: TcpLink, deadlines: FanucDeadlines) -> None:
         self.name = link.device
@@ -191,7 +191,7 @@ class ModbusController:
         self._registers.link.close()
 
     def identity(self) -> Identity:
-        """These registers do not say which robot they belong to; that it has joints is all that is known."""
+        """The identity; the registers report no serial number or type."""
         self.joints()
         return Identity("Fanuc", "", "", "", self.dialect)
 

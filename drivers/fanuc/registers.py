@@ -5,7 +5,7 @@
 1e-4 deg, low first; where the option puts them is not published, so both base addresses are in the address:
 `?modbus=io&inputs=0&outputs=100&table=holding`. Addresses here count from 0.
 
-The robot-side program echoes the number of a command when it is done, so that an older "done" is never believed. It
+The robot-side program echoes the number of a command when it is done, so that an older "done" is not taken for it. It
 shows its version, and it starts on nothing that one damaged write can leave behind: in `hmi` the go word is the number
 plus 1000, written after everything else was read back; in `io` a sum over number, speed and joints must agree.
 """
@@ -84,7 +84,7 @@ def _unpack(words: Sequence[int], kind: ModbusClientMixin.DATATYPE) -> list[floa
 
 
 def sum_of(words: Sequence[int]) -> int:
-    """The sum that goes with a command, below 65521 and never that of words that are all zero."""
+    """The checksum of a command, below 65521 and different from that of all-zero words."""
     total = 7919
     for word in words:
         total = (31 * total + word) % 65521

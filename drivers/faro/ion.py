@@ -18,7 +18,7 @@ from drivers.link import WireSink
 
 
 class FaroTracker:
-    """One FARO tracker. Verbs block; `stop` may be called from any thread."""
+    """The driver of a FARO tracker. Methods block; `stop` may be called from any thread."""
 
     unverified_on_hardware = True
 
@@ -59,7 +59,7 @@ class FaroTracker:
 
     @property
     def weakness(self) -> str:
-        """The errors that this bridge cannot see; empty where it sends checksums. Once connected."""
+        """The errors that this bridge cannot detect; empty where it sends checksums. Once connected."""
         return self.session.weakness
 
     def identify(self) -> Identity:
@@ -108,7 +108,7 @@ class FaroTracker:
                 return point_of(self.session, reply, asked)
 
     def stop(self) -> None:
-        """Abort what is under way and disarm; from any thread, at any time. Raises LinkError."""
+        """Abort the measurement in progress and disarm; from any thread, at any time. Raises LinkError."""
         self.session.stop()
 
     def status(self) -> InstrumentStatus:

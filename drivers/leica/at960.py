@@ -30,7 +30,7 @@ _FACES = {"one": ("1", 1.0), "both": ("BOTH", 2.0)}
 
 
 class LeicaTracker:
-    """One AT960. Verbs block; `stop` may be called from any thread."""
+    """The driver of an AT960. Methods block; `stop` may be called from any thread."""
 
     unverified_on_hardware = True
 
@@ -79,7 +79,7 @@ class LeicaTracker:
 
     @property
     def weakness(self) -> str:
-        """The errors that this bridge cannot see; empty where it sends checksums. Once connected."""
+        """The errors that this bridge cannot detect; empty where it sends checksums. Once connected."""
         return self.session.weakness
 
     def identify(self) -> Identity:
@@ -116,7 +116,7 @@ class LeicaTracker:
     def measure(
         self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
     ) -> PointReading:
-        """Average `samples` readings of the SMR in nest `target`; verbs as in `drivers.faro.ion`.
+        """Average `samples` readings of the SMR in nest `target`; otherwise as in `drivers.faro.ion`.
 
         Raises NotArmed, LinkError, Unmeasurable, MotionStopped (after `stop`), NotReady, SafetyStop.
         """
@@ -139,7 +139,7 @@ class LeicaTracker:
         return point_stream(self.session, rate_hz, self.name)
 
     def stop(self) -> None:
-        """Abort what is under way and disarm; from any thread. Raises LinkError."""
+        """Abort the measurement in progress and disarm; from any thread. Raises LinkError."""
         self.session.stop()
 
     def status(self) -> InstrumentStatus:

@@ -1,4 +1,4 @@
-"""Leica AT901, AT401, AT402 over emScon packets (TCP 700). The AT960 goes through a bridge: `drivers.leica.at960`.
+"""Leica AT901, AT401, AT402 over emScon packets (TCP 700). The AT960 needs a bridge: `drivers.leica.at960`.
 
 A measurement packet names no question. What keeps a late or doubled one from being taken for another reading:
 the tracker's status is asked before every measurement, and a packet that arrives before that answer ends the
@@ -48,7 +48,7 @@ _GONE = (851, 997, 998)  # sensor disconnected, server closing
 
 
 class EmsconTracker:
-    """One tracker. Verbs block; `stop` may be called from any thread."""
+    """The driver of an emScon tracker. Methods block; `stop` may be called from any thread."""
 
     unverified_on_hardware = True
 
@@ -88,7 +88,7 @@ class EmsconTracker:
     # -- connection ---------------------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Open and ask who is there; the head does not move. Raises LinkError, ProtocolError, Busy."""
+        """Open and ask for the identity; the head does not move. Raises LinkError, ProtocolError, Busy."""
         if not self._warned:
             self._warned = True
             _LOG.warning("%s: this driver is UNVERIFIED ON HARDWARE: check its first readings", self.name)
@@ -114,7 +114,7 @@ class EmsconTracker:
 
     @property
     def weakness(self) -> str:
-        """The errors that this protocol cannot see."""
+        """The errors that this protocol cannot detect."""
         return _WEAKNESS
 
     def identify(self) -> Identity:
@@ -180,7 +180,7 @@ class EmsconTracker:
             )
 
     def _reflector_number(self, wanted: str) -> int:
-        """One packet a reflector comes in answer to one question."""
+        """The number of a reflector by its name: the server answers with one packet for each reflector."""
         numbers: dict[str, int] = {}
         with self._link.question("GetReflectors", unread_allowed=True), naming(self.name, "GetReflectors"):
             packet = self._ask(tpi.GET_REFLECTORS)
@@ -203,8 +203,8 @@ class EmsconTracker:
     ) -> PointReading:
         """A stationary measurement as long as `samples` at `rate_hz` take, 0.5 s at least.
 
-        With `near_mm` (tracker frame) the beam goes there first and looks for the reflector; without, what the
-        beam holds is measured: emScon knows nothing of targets by name. Raises as `drivers.faro.ion`.
+        With `near_mm` (tracker frame) the beam is first pointed there to find the reflector; without, the reflector
+        in the beam is measured, because emScon has no names of targets. Raises as `drivers.faro.ion`.
         """
         if samples < 1:
             raise ConfigError(f"samples = {samples} must be at least 1", device=self.name, command="measure")
@@ -229,7 +229,7 @@ class EmsconTracker:
             return self._reading(packet, target, samples)
 
     def _refuse_meddling(self, raw: bytes) -> None:
-        """Refuse what was measured, or would be, with settings of somebody else. Raises NotReady."""
+        """Refuse measurements with settings that another program changed. Raises NotReady."""
         error = meddled(self._changes)
         self._changes.clear()
         if error is not None:
@@ -297,7 +297,7 @@ class EmsconTracker:
         )
 
     def stop(self) -> None:
-        """Abort what is under way and disarm; from any thread, at any time. Raises LinkError."""
+        """Abort the measurement in progress and disarm; from any thread, at any time. Raises LinkError."""
         self._armed = False
         self._stopping.set()
         if self._lock.acquire(blocking=False):

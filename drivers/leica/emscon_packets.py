@@ -7,8 +7,8 @@ Little-endian, packed to 4 bytes: i32 size (counted with itself), i32 type, then
     8 status change  i32 code                         6, 7, 11 nivel, reflector, probe: 40, 36, up to 256 bytes
 
 Types 6, 7 and 11 come by themselves where another program has switched them on. An answer names its command and
-nothing else, so only one command may be outstanding. Sizes are checked against the kind of packet before anything of it
-is believed.
+nothing else, so only one command may be outstanding. Sizes are checked against the kind of packet before its content is
+used.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ _ERRORS: Mapping[int, tuple[type[AcquisitionError], str]] = {
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """One packet. `number`: of its command, or the code of a change; `values`: results of a good answer."""
+    """A packet. `number`: of its command, or the code of a change; `values`: results of a good answer."""
 
     kind: int
     number: int
@@ -127,7 +127,7 @@ def rest_of(header: bytes) -> int:
 
 
 def parse(data: bytes) -> Packet:
-    """One whole packet. Raises ProtocolError for anything that is not exactly one."""
+    """The packet in some bytes. Raises ProtocolError for anything else."""
     if len(data) < HEADER.size or len(data) - HEADER.size != rest_of(data[: HEADER.size]):
         raise ProtocolError("packet of the wrong size", raw=data)
     kind, body = HEADER.unpack(data[: HEADER.size])[1], data[HEADER.size :]

@@ -1,9 +1,9 @@
-"""The settings of an emScon tracker on which its points depend, and the changes of them that it tells.
+"""The settings of an emScon tracker on which its points depend, and the changes of them that it reports.
 
-They belong to the tracker and not to a connection: whatever another program left there, or sets meanwhile, acts on the
-points of this one. A transformation that is applied moves and scales them, a weather that is only read corrects no
-distance, another reflector shifts the beam's end. So arming puts them in order, and a change that is told afterwards
-disarms; the measuring time acts on noise alone. Order of the nine and codes of changes: ES_C_API_Def.h of the TPI,
+They belong to the tracker and not to a connection: settings that another program left or changes act on the points of
+this one. A transformation moves and scales the points, weather that is not applied corrects no distance, another
+reflector shifts the end of the beam. So arming sets them, and a change that is reported later disarms. The measuring
+time only affects the noise. Order of the nine and codes of changes: ES_C_API_Def.h of the TPI,
 SystemSettingsDataT, ES_SystemStatusChange.
 """
 

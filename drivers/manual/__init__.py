@@ -1,1 +1,1 @@
-"""Robots that a person drives and instruments that a person reads: what was seen is typed."""
+"""Robots that a person drives, and instruments that a person reads: the person types the numbers."""

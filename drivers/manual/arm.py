@@ -1,9 +1,9 @@
-"""A robot that a person drives by its pendant: every pose is a question, and its answer what the pendant shows.
+"""A robot that a person drives with its pendant: each pose is a prompt, answered with the angles on the pendant.
 
 Joints that turn are in deg, those that slide in mm, also where a name ends in `_deg`: a pendant shows both to as many
-digits. The target is shown to the resolution of the pendant. CONFIRM alone says that the pendant shows just that; where
-it shows something else, that is typed, and counts. Both are held against the request: farther off than `within_deg` the
-robot is not where it should be, or the angles were mistyped, and the question is asked again with what looks wrong.
+digits. The target is shown to the resolution of the pendant. CONFIRM alone means that the pendant shows the target;
+else the person types the angles shown, and these count. If they differ from the request by more than `within_deg`,
+the robot is not in the pose, or the angles were mistyped: the prompt is repeated with the likely mistake.
 
 Nothing moves by itself, and nothing can be stopped: `can_stop` is False, `stop` ends the waiting and says so.
 """
@@ -28,7 +28,8 @@ _ROUNDING = 1e-9
 
 
 class ManualArm:
-    """One robot. `resolution_deg`: of its pendant; `within_deg`: how far from a request it may stand, None: that.
+    """A robot that a person drives. `resolution_deg`: of its pendant; `within_deg`: how far from a request it may
+    stand, None: that.
 
     axes, units: what each joint is called and counted in, deg or mm; empty: j1, j2, ..., all in deg.
     """
@@ -81,7 +82,7 @@ class ManualArm:
         self._questions.attend = ask
 
     def connect(self) -> None:
-        """There is nothing to connect; where the robot is, is asked when it is needed."""
+        """Do nothing; the position of the robot is asked for when it is needed."""
         self.disarm()
 
     def disconnect(self) -> None:
@@ -89,20 +90,20 @@ class ManualArm:
         self.disarm()
 
     def identify(self) -> Identity:
-        """Nobody reports maker and model; the serial number is that of the cell file."""
+        """The identity, with the serial number of the cell file; maker and model are unknown."""
         return Identity("", "", self._serial, "", "by hand")
 
     def arm(self) -> None:
-        """Poses may be asked for from now on."""
+        """Allow prompts for poses."""
         self._armed = True
 
     def disarm(self) -> None:
-        """No more poses until armed again; where the robot is, is asked anew. Never raises."""
+        """Allow no prompts until armed again, and forget the position of the robot. Never raises."""
         self._armed = False
         self._here = None
 
     def position(self) -> JointReading:
-        """The joints as a person last said, or says now. Raises NoOperator, and what asking raises."""
+        """The joints that a person last entered, or enters now. Raises NoOperator, and what asking raises."""
         if self._here is None:
             entry = Entry(self._names, self._unit)
             rows, raw = self._questions.numbers(
@@ -115,11 +116,11 @@ class ManualArm:
         return self._here
 
     def move_to(self, joints_deg: Sequence[float]) -> JointReading:
-        """Have it driven to joint angles, deg: what the pendant then shows. Raises as `move_over`."""
+        """Ask a person to drive to joint angles, deg; returns the angles on the pendant. Raises as `move_over`."""
         return self.move_over((), joints_deg)
 
     def move_over(self, over_deg: Sequence[Sequence[float]], joints_deg: Sequence[float]) -> JointReading:
-        """Have it driven over postures to the last one, deg: what the pendant then shows.
+        """Ask a person to drive over postures to the last one, deg; returns the angles on the pendant.
 
         Raises NotArmed, JointLimit before anybody is asked; NoOperator, LeftOut and what unwinds asking.
         """
@@ -143,14 +144,14 @@ class ManualArm:
         return self._here
 
     def stop(self) -> None:
-        """Nothing reaches it. Raises CannotStop always: whoever drives it must be told."""
+        """Raises CannotStop always: only the person who drives the robot can stop it."""
         self._armed = False
         raise CannotStop(
             BY_HAND, device=self.name, command="stop", what_to_do="Tell whoever drives it to stop."
         )
 
     def status(self) -> RobotStatus:
-        """Nothing is reported."""
+        """The status; nothing is reported."""
         return RobotStatus("unknown", None, None, None)
 
     def _shown(self, q: float) -> str:
@@ -163,7 +164,7 @@ class ManualArm:
         return f"{', '.join(numbers)} {self._units[0]}"
 
     def _outside(self, rows: Sequence[Row]) -> Mistyped | None:
-        """One row, within the limits: else the robot was jogged where no path was checked."""
+        """The mistake in typed rows: not exactly one, or beyond the joint limits, where no path was checked."""
         if len(rows) != 1:
             return Mistyped("count", "", f"{len(rows)} rows were typed, one is needed")
         try:

@@ -12,7 +12,7 @@ from drivers.manual.typed import Mistyped, Row, rows_of
 
 
 class Questions:
-    """The questions of one device. Nobody is there to be asked before `attend`."""
+    """The prompts of a device. Before `attend` there is nobody to ask."""
 
     def __init__(self, device: str) -> None:
         self._device = device
@@ -28,7 +28,7 @@ class Questions:
         """Ask until the numbers can be taken: the rows, none where CONFIRM alone was enough, and what was typed.
 
         `judge` says what is wrong with rows, or None. The same rows, confirmed or typed once more after that, are
-        believed where `judge` has only a doubt (`Doubt`). Raises NoOperator, and what asking raises.
+        accepted where `judge` has only a doubt (`Doubt`). Raises NoOperator, and what asking raises.
         """
         if self.attend is None:
             raise NoOperator("nobody is there to be asked", device=self._device, command=picture)
@@ -57,7 +57,7 @@ class Questions:
 
 
 class Doubt(Mistyped):
-    """Numbers that may be right, and look wrong."""
+    """A doubt about numbers that look wrong but may be right."""
 
 
 def in_words(slip: Slip, names: Sequence[str], unit: str) -> str:

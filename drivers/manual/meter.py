@@ -25,7 +25,8 @@ _ONE_POINT_MM = 1.0  # rows of one point lie closer together
 
 
 class ManualMeter:
-    """One instrument. `unit`: of what it shows, mm, m or in; `within_mm`: how far off a point may be."""
+    """An instrument that a person reads. `unit`: of its display, mm, m or in; `within_mm`: how far off a point may
+    be."""
 
     unverified_on_hardware = True
     weakness = "its readings are typed by a person"
@@ -58,7 +59,7 @@ class ManualMeter:
         self._questions.attend = ask
 
     def connect(self) -> None:
-        """There is nothing to connect."""
+        """Do nothing: there is no connection."""
         self._armed = False
 
     def disconnect(self) -> None:
@@ -66,15 +67,15 @@ class ManualMeter:
         self._armed = False
 
     def identify(self) -> Identity:
-        """Nobody reports maker and model; the serial number is that of the cell file."""
+        """The identity, with the serial number of the cell file; maker and model are unknown."""
         return Identity("", "", self._serial, "", "by hand")
 
     def arm(self) -> None:
-        """Readings may be asked for from now on."""
+        """Allow prompts for readings."""
         self._armed = True
 
     def disarm(self) -> None:
-        """No more readings until armed again; never raises."""
+        """Allow no prompts until armed again; never raises."""
         self._armed = False
 
     def measure(
@@ -109,11 +110,11 @@ class ManualMeter:
         )
 
     def stop(self) -> None:
-        """Nothing of it moves; the waiting ends by itself."""
+        """Do nothing: the instrument does not move, and a waiting prompt ends by itself."""
         self._armed = False
 
     def status(self) -> InstrumentStatus:
-        """Nothing is reported: whoever reads it knows."""
+        """The status; nothing is reported."""
         return InstrumentStatus("READY")
 
     def _scatter(self, rows: Sequence[Row]) -> tuple[float, ...]:

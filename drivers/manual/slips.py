@@ -1,4 +1,4 @@
-"""Slips of the hand: which single slip makes what was typed out of what was expected.
+"""Slips of the hand: the single slip that turns the expected numbers into the typed ones.
 
     order   two numbers exchanged           sign    one of them with the other sign
     swap    two neighbouring digits          digit   a digit missing, doubled or another one
@@ -21,7 +21,7 @@ _UNITS = (1000.0, 0.001, 25.4, 1.0 / 25.4, math.degrees(1.0), math.radians(1.0))
 
 @dataclass(frozen=True)
 class Slip:
-    """One slip. `index`: of the number; None where it concerns all. `meant`: the numbers without it."""
+    """A slip of the hand. `index`: of the number; None where it concerns all. `meant`: the numbers without it."""
 
     reason: str
     index: int | None

@@ -1,6 +1,6 @@
 """Numbers as people type or paste them: decimal comma or point, with or without names and units, one row or several.
 
-What could mean two things is refused with what is wrong, never guessed: thousands separators, commas between
+Ambiguous text is refused with the reason, never guessed: thousands separators, commas between
 numbers without a blank, another count than asked for, another unit.
 """
 
@@ -38,7 +38,7 @@ class Mistyped(Exception):
 
 @dataclass(frozen=True)
 class Row:
-    """One row: the numbers, and each as it was typed, with a decimal point."""
+    """A row that was typed: its numbers, and each as text with a decimal point."""
 
     values: tuple[float, ...]
     texts: tuple[str, ...]

@@ -33,7 +33,7 @@ _MOST_BYTES = 50_000_000
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """One figure of an analysis. `unit` is empty where the file names a kind that is not known here."""
+    """A figure of an analysis. `unit` is empty where the file names a kind that is not known here."""
 
     analysis: str
     name: str

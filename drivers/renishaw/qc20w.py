@@ -6,7 +6,7 @@ the deviation d from the bar's calibrated length L0 (at 20 degC) within a stroke
     length = L0 (1 + alpha (T - 20 degC)) + scale (d - zero)
 
 L0, scale and, where the certificate gives it, alpha come from CAL; the zero of the sensor drifts and is read in
-the calibrator by `zero()`, kept in every reading and never applied behind anybody's back. After its radio link broke,
+the calibrator by `zero()`, is kept in every reading and never changed silently. After its radio link broke,
 whenever that was, CAL is asked again: the bridge may have paired with another bar, whose L0 is its own. A reading is
 refused when it is out of stroke, stale (`drivers.bridge.session` on clocks that step), scattered, or when the radio
 link broke within its time. mm, s, degC.
@@ -58,7 +58,7 @@ class BarCalibration:
 
 
 class Qc20w:
-    """One ballbar. `nominal_mm`: its length with the extension bars that the cell file asks for."""
+    """The driver of a ballbar. `nominal_mm`: its length with the extension bars that the cell file asks for."""
 
     unverified_on_hardware = True
 
@@ -109,7 +109,7 @@ class Qc20w:
 
     @property
     def weakness(self) -> str:
-        """The errors that this bridge cannot see; empty where it sends checksums. Once connected."""
+        """The errors that this bridge cannot detect; empty where it sends checksums. Once connected."""
         return self.session.weakness
 
     def identify(self) -> Identity:
@@ -204,7 +204,7 @@ class Qc20w:
             return reading
 
     def zero(self) -> float:
-        """Reads the sensor in its calibrator and takes that as `zero_mm` of later readings; returns it.
+        """Read the sensor in its calibrator; returns the value, which is `zero_mm` of later readings.
 
         Raises NotArmed, LinkError, OutOfRange (the bar is not in its calibrator, or badly seated), NotReady.
         """
@@ -224,7 +224,7 @@ class Qc20w:
             return self.zero_mm
 
     def build(self, nominal_mm: float) -> None:
-        """A person has built it to another length; the old zero is not its own. Armed anew it is held against CAL.
+        """Note that a person has built the bar to another length, whose zero is unknown; arming compares it with CAL.
 
         Raises ConfigError for a length that no bar has.
         """
@@ -236,7 +236,7 @@ class Qc20w:
         self.session.armed = False
 
     def stop(self) -> None:
-        """Abort what is under way and disarm; from any thread. Raises LinkError."""
+        """Abort the measurement in progress and disarm; from any thread. Raises LinkError."""
         self.session.stop()
 
     def status(self) -> InstrumentStatus:

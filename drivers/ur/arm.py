@@ -6,7 +6,7 @@ program runs, and target and actual joints agree and are at rest, never because 
 3.9 or later the program brings its own number and target back in registers and waits until they were compared, so that
 a damaged one moves nothing and an older end is not taken for this one; its watchdog (`rtde_set_watchdog`) stops the arm
 when this program is gone. Without those registers `weakness` says what is missing. `stopj` over a connection of
-its own stops at any time, and where 30003 does not answer, 30002 and the dashboard are told (`drivers.ur.other_ways`).
+its own stops at any time; where 30003 does not answer, 30002 and the dashboard are used (`drivers.ur.other_ways`).
 The other ports lie at their usual distances from the one in the URL; each can be given as an option (`realtime`,
 `secondary`, `dashboard`), and `feed=realtime` does without RTDE.
 
@@ -53,7 +53,7 @@ _WEAKNESS = (
 
 
 class UrArm:
-    """One UR arm. Verbs block; `stop` and `status` use connections of their own and work from any thread.
+    """The driver of a UR arm. Methods block; `stop` and `status` use connections of their own and work from any thread.
 
     `reach_mm`: from axis 1 to the end of the tool, arm outstretched (850 for a UR5, 1300 for a UR10, and the tool);
     the speed of the joints is held so that the tool there stays below `speed_mm_s`. `hold_deg`: how far from its target
@@ -137,8 +137,8 @@ class UrArm:
 
     @property
     def weakness(self) -> str:
-        """The errors that this controller cannot see; empty where a program is confirmed before it moves. Once
-        connected."""
+        """The errors that cannot be detected on this controller; empty where a program is confirmed before it moves.
+        Once connected."""
         return "" if self._feed.confirms else _WEAKNESS
 
     def connect(self) -> None:
@@ -256,7 +256,7 @@ class UrArm:
         return joint_stream(Rtde(self._link(self._address), self._deadlines, rate_hz))
 
     def at_speed(self, speed_deg_s: float) -> AbstractContextManager[None]:
-        """Moves that begin within the block are no faster than this, nor than the arm was made for. From one thread."""
+        """A context manager in which moves are no faster than this, nor than the arm's own limits. From one thread."""
         return self._motion.at_most(math.radians(speed_deg_s))
 
     def stop(self) -> None:
@@ -306,5 +306,5 @@ class UrArm:
 
 
 def _reading(state: UrState) -> JointReading:
-    """Doubles on the wire: nothing is rounded by the reply."""
+    """The reading of a state; the reply has doubles, so nothing is rounded."""
     return JointReading(tuple(math.degrees(q) for q in state.actual_rad), 0.0, state.raw)

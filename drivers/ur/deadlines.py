@@ -23,5 +23,5 @@ class UrDeadlines:
 
     @property
     def quick(self) -> UrDeadlines:
-        """Those of the first tries of a stop: who waits long for one way to the controller comes late to the next."""
+        """The deadlines for the first attempts of a stop: short, so that the other ports are tried in time."""
         return replace(self, connect_s=min(self.connect_s, 1.0), reply_s=min(self.reply_s, 0.3))

@@ -3,7 +3,7 @@
 Nothing acknowledges a program. A move has ended when no program runs and target and actual joints agree and
 are at rest; then it is judged by where: the controller's own target must be the one that was sent, and the joints be
 held there. A program over RTDE carries a number and a watchdog. It writes what it was given into registers, which the
-driver compares, and moves when an input register holds its number: one that was damaged on its way moves nothing.
+driver compares, and moves when an input register holds its number: a damaged program moves nothing.
 URScript: Universal Robots, "The URScript Programming Language", movej, stopj, rtde_set_watchdog,
 write_output_float_register, write_output_integer_register, read_input_integer_register.
 """
@@ -122,7 +122,8 @@ def not_ready(state: UrState) -> AcquisitionError | None:
 
 
 class Motion:
-    """Moves, one at a time, and `halt` from any thread. `stopped`: stopped or disconnected since the arming."""
+    """The moves of an arm, one at a time, and `halt` from any thread. `stopped`: by a stop or disconnect since
+    arming."""
 
     def __init__(self, realtime: Realtime, name: str, limits: Limits, clock: Callable[[], float]) -> None:
         self.stopped = threading.Event()

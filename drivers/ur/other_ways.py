@@ -1,7 +1,7 @@
-"""A stop for a UR arm whose port 30003 does not answer: the controller takes it at two others as well.
+"""A stop for a UR arm whose port 30003 does not answer: two other ports of the controller accept it.
 
-30002 takes URScript as 30003 does, and the dashboard ends the program that runs (`stop`). Neither says whether the arm
-stands; a further RTDE connection does. Universal Robots, "Remote control via TCP/IP", "Dashboard server".
+30002 takes URScript as 30003 does, and the dashboard ends the running program (`stop`). Neither reports whether the arm
+is at rest; a further RTDE connection does. Universal Robots, "Remote control via TCP/IP", "Dashboard server".
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ _ROBOT_MODE, _SAFETY_MODE, _PROGRAM_STATE = 756, 812, 1052
 
 
 def parse_packet(packet: bytes) -> UrState:
-    """One packet with its length field. Raises ProtocolError."""
+    """The state in a packet with its length field. Raises ProtocolError."""
 
     def numbers(offset: int, count: int) -> tuple[float, ...]:
         return struct.unpack_from(f">{count}d", packet, offset)
@@ -90,7 +90,7 @@ class Realtime:
             )
 
     def close(self) -> None:
-        """End every question under way except a stop; never raises."""
+        """End every pending question except a stop; never raises."""
         for link in tuple(self._asked):
             link.close()
 
@@ -100,10 +100,10 @@ class Realtime:
             witness.state()
 
     def claim(self) -> None:
-        """This port does not report who controls."""
+        """Do nothing: this port does not report which client controls."""
 
     def release(self, number: int) -> None:
-        """A program without a number waits for nothing."""
+        """Do nothing: a program without a number waits for nothing."""
 
     @contextmanager
     def _connection(self, command: str, *, outlives_close: bool = False) -> Iterator[TcpLink]:

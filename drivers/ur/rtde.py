@@ -100,7 +100,7 @@ def parse_text(payload: bytes) -> str:
 
 
 class Rtde:
-    """One RTDE connection, used by one thread at a time; `close` is safe from any."""
+    """An RTDE connection, used by one thread at a time; `close` is safe from any."""
 
     def __init__(self, link: TcpLink, deadlines: UrDeadlines, rate_hz: float = FREQUENCY_HZ) -> None:
         self.device = link.device
@@ -238,7 +238,7 @@ class Rtde:
         return parse_data(payload, self._recipe, numbered=self._echoed)
 
     def _tell(self, text: str) -> None:
-        """Once: a controller may say the same with every state."""
+        """Log a message once: a controller may repeat it with every state."""
         if text not in self._told and len(self._told) < _MOST_TEXTS:
             self._told.add(text)
             _LOG.warning("%s says: %s", self.device, text)

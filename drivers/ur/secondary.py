@@ -1,4 +1,4 @@
-"""The secondary client interface of a UR controller, TCP 30002: who it is, and its factory kinematics.
+"""The secondary client interface of a UR controller, TCP 30002: its identity and factory kinematics.
 
 Packages `>IB` size with its header, and type: 16 robot state, made of sub-packages of the same form, 20 message.
 On every new connection the controller sends its version message, and once the configuration data (sub-package 6:
@@ -83,7 +83,7 @@ def parse_version(message: bytes) -> str | None:
 
 
 def parse_configuration(content: bytes) -> tuple[str, DhNumbers]:
-    """Model of the arm, as far as its type tells, and nominal DH numbers. Raises ProtocolError."""
+    """The model of the arm, as far as its type shows, and nominal DH parameters. Raises ProtocolError."""
     if len(content) < struct.calcsize(_CONFIGURATION_LAYOUT):
         raise ProtocolError("configuration data of a wrong length", raw=content[:64])
     values = struct.unpack_from(_CONFIGURATION_LAYOUT, content)
@@ -113,7 +113,7 @@ def _numbers(alpha: Row, a: Row, theta: Row, d: Row) -> DhNumbers:
 
 
 def read_factory(address: Address, device: str, deadlines: UrDeadlines, wire: WireSink | None) -> Factory:
-    """Ask over a connection of its own. Raises LinkError."""
+    """The factory data of a controller, read over a connection of its own. Raises LinkError."""
     link = TcpLink(address, device, wire=wire)
     link.open(connect_s=deadlines.connect_s)
     try:

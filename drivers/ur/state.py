@@ -1,6 +1,6 @@
-"""The state of a UR controller, from whichever stream, and when it is believed.
+"""The state of a UR controller from either stream, and the test by which it is accepted.
 
-Neither RTDE nor the 30003 packet carries a checksum, and both repeat a state every 8 ms. So a state is believed
+Neither RTDE nor the 30003 packet carries a checksum, and both repeat a state every 8 ms. So a state is accepted
 when the next one confirms it: same modes and registers, and no joint further than its speed carries it in between.
 The clock of the controller has to grow from one to the next; a repeated, late or swapped package is a ProtocolError.
 So is a step of that clock within one question; between two questions it is not looked at.
@@ -139,14 +139,14 @@ def carries(before: UrState, now: UrState) -> bool:
 
 
 class Witness:
-    """Reads states until one is confirmed by the next."""
+    """A reader of states that accepts one when the next confirms it."""
 
     def __init__(self, read: Callable[[], UrState]) -> None:
         self._read = read
         self._last: UrState | None = None
 
     def state(self) -> UrState:
-        """The next state that is believed. Raises LinkError."""
+        """The next confirmed state. Raises LinkError."""
         before = self._last or self._read()
         for _ in range(_MOST_STATES):
             now = self._last = self._read()

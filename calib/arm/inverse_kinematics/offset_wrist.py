@@ -205,7 +205,7 @@ class OffsetWrist:
         return valid[front, up, 0, each], f[front, up, 0, each]
 
     def _ended(self, poses: Array, joints: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Joints (m, 6) after Newton's method, and whether they stand in the poses (m, 4, 4)."""
+        """Joints (m, 6) after Newton's method, and whether they reach the poses (m, 4, 4)."""
         ended = np.zeros(len(joints), dtype=bool)
         for _ in range(_ROUNDS):
             reached, jacobian = self.zero.reached(joints)

@@ -24,7 +24,7 @@ def inverse_kinematics(robot: Robot, poses: Array, *, seed: Array | None = None)
     """All branches of the flange poses (n, 4, 4), base frame, mm.
 
     seed: (n, N) model joints, rad or mm: a singular pose takes from it the joint that it leaves free, seven axes the
-    place of the elbow, an arm on a track where it stands; default 0.
+    place of the elbow, an arm on a track the position of the track; default 0.
     Raises DataError for a robot that has no inverse kinematics here, ValueError for arrays of the wrong shape or with
     numbers that are not finite.
     """

@@ -1,6 +1,6 @@
-"""An arm on a track, a column or a turntable: that axis stays where the seed has it, and the arm solves.
+"""An arm on a track, a column or a turntable: the external axis stays where the seed has it, and the arm is solved.
 
-The pose is taken back by the motion of the axis that carries the arm; what is left is an arm that is known.
+The pose is transformed back by the motion of the external axis; what is left is an arm with a known solution.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from calib.array import Array
 
 @dataclass(frozen=True)
 class Standing:
-    """An arm and the first axis of its zero pose, on which it stands."""
+    """An arm, and the first axis of its zero pose, which carries it."""
 
     zero: ZeroPose
     arm: Arm
@@ -33,7 +33,8 @@ class Standing:
         return self.arm.branches
 
     def solve(self, poses: Array, seed: Array) -> Solutions:
-        """All branches of the arm for flange poses (n, 4, 4), mm; seed (n, N): its first column is where it stands."""
+        """All branches of the arm for flange poses (n, 4, 4), mm; seed (n, N): its first column is the position of
+        the external axis."""
         moved = self.zero.moved(0, seed[:, 0])
         back = np.zeros_like(moved)
         back[:, :3, :3] = moved[:, :3, :3].transpose(0, 2, 1)

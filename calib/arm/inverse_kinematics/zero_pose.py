@@ -47,7 +47,7 @@ class ZeroPose:
         return len(self.turns)
 
     def without_first(self) -> ZeroPose:
-        """The arm that stands on its first axis, that axis at zero."""
+        """The arm without its first axis, which is at zero."""
         return ZeroPose(self.name, self.turns[1:], self.axes[1:], self.points[1:], self.flange)
 
     def moved(self, joint: int, amount: Array) -> Array:

@@ -1,1 +1,1 @@
-"""Effects of the elasticity: what gears, links, bearings and the pedestal yield to loads, and loads not as declared."""
+"""Effects of elasticity: gears, links, bearings and the pedestal deflect under loads; undeclared loads."""

@@ -1,4 +1,4 @@
-"""Bearing tilt: the bearing of a joint yields to the moment across its axis, c M_x about x and c M_y about y.
+"""Bearing tilt: the bearing of a joint tilts under the moment across its axis, c M_x about x and c M_y about y.
 
 One compliance for both directions, since a bearing is round. Bearings are built for what they carry: the usual size
 is an angle under the largest moment.
@@ -44,7 +44,8 @@ def bearing_tilt(joint: int, largest: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint or carriage that moved and across whose axis gravity pulls, now more, now less."""
+    """The candidates, one for each joint or carriage that moved and across whose axis gravity pulls, in varying
+    strength."""
     moment = survey.conditions.moment
     return [
         Candidate(bearing_tilt(k, survey.largest(moment[:, k - 1, :2])))

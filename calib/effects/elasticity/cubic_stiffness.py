@@ -42,7 +42,7 @@ def cubic_stiffness(joint: int, largest: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that gravity loads."""
+    """The candidates, one for each joint that gravity loads."""
     torque = survey.conditions.torque
     return [
         Candidate(cubic_stiffness(k, survey.largest(torque[:, k - 1])))

@@ -1,5 +1,5 @@
-"""Joint compliance: the gear of a joint yields to gravity, never against it, c tau. Source: Nubiola, Annex I (level
-3)."""
+"""Joint compliance: the gear of a joint deflects with the gravity torque, c tau, with c >= 0. Source: Nubiola, Annex
+I (level 3)."""
 
 from __future__ import annotations
 
@@ -34,5 +34,6 @@ def joint_compliance(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that gravity loads, but for those whose compliance the base model finds."""
+    """The candidates, one for each joint that gravity loads, except those whose compliance the base model
+    identifies."""
     return [Candidate(joint_compliance(k)) for k in survey.moving if survey.loaded(k)]

@@ -49,7 +49,7 @@ def link_torsion(robot: Robot, link: int, largest: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each link whose joint moved and that gravity twists, now more, now less."""
+    """The candidates, one for each link whose joint moved and that gravity twists, in varying strength."""
     candidates = []
     for link in survey.moving:
         moment = np.asarray(about_alpha(survey.robot, link).evaluate(survey.conditions))

@@ -1,4 +1,4 @@
-"""Payload: a load that is not as declared turns every joint by its compliance times the torque that is missing.
+"""Payload: a load that differs from the declared one turns every joint by its compliance times the missing torque.
 
 The torque is linear in mass and in mass x centre of the load on the last link. The compliances are those of the
 model as estimated, constants of the effect. They absorb most of a wrong mass (0.95). Source:
@@ -48,7 +48,7 @@ def payload_mass(
 ) -> Effect:
     """More mass on the last link, with its `centre` (mm, that link's frame); parameter mass, kg.
 
-    With the mass that was declared there the whole is never less than nothing.
+    Together with the declared mass it is never negative.
     """
     joints = [(f"theta{k}", LoadTorque(k, 1.0, *centre), c) for k, c in compliance.items()]
     return effect(
@@ -82,12 +82,12 @@ def payload_cog(load: Load, compliance: Compliance) -> Effect:
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """Another load since a calibration."""
+    """The effects of a load that has changed since a calibration."""
     return [candidate.effect for candidate in offer(survey)]
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """Both, where the model has compliances; a centre only of a load that is declared."""
+    """Mass and centre, where the model has compliances; the centre only of a declared load."""
     compliance = {k: c for k, c in survey.compliance.items() if c != 0.0 and survey.loaded(k)}
     if not compliance:
         return []

@@ -1,4 +1,4 @@
-"""Pedestal: what carries the robot leans by its own compliance times the arm's overturning moment.
+"""Pedestal: the support of the robot leans by its compliance times the overturning moment of the arm.
 
 About x and about y, each with a compliance of its own: a table, a rail or a frame is seldom as stiff about one as
 about the other. It leans about the origin of the base. In Nubiola's robots d_1 comes before the turns of the base,
@@ -46,7 +46,7 @@ def pedestal(robot: Robot) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One, where the arm reaches out in different directions."""
+    """The candidate, where the arm reaches out in different directions; else none."""
     overturning = survey.conditions.overturning
     if not (survey.strains(overturning[:, 0]) and survey.strains(overturning[:, 1])):
         return []

@@ -1,4 +1,4 @@
-"""Joint offset: the zero of a joint is off by a constant angle. `geometry` holds it already, as theta_K.
+"""Joint offset: the zero of a joint is off by a constant angle; the group `geometry` contains it as theta_K.
 
 The zero of joint 1 is the turn of the base about z, which every model frees.
 """
@@ -36,5 +36,5 @@ def joint_offset(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that moved, from 2 on, but for those whose zero the base model finds."""
+    """The candidates, one for each joint that moved, from 2 on, except those whose zero the base model identifies."""
     return [Candidate(joint_offset(k)) for k in survey.moving if k > 1]

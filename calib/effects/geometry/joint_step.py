@@ -43,12 +43,13 @@ def joint_step(joint: int, rank: float) -> Effect:
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """A zero that was lost since a calibration: of every joint that moved, the first too."""
+    """The effects of a zero lost since a calibration, for every joint that moved, including the first."""
     return [joint_step(k, 0) for k in survey.moving]
 
 
 def offer(survey: Survey) -> list[Steps]:
-    """One scan a joint that moved; a step of joint 1 is one of the base about its axis, with fewer parameters."""
+    """The candidates, a scan for each joint that moved; a step of joint 1 is one of the base about its axis, with
+    fewer parameters."""
     ranks = change_points(survey)
     if not len(ranks):
         return []

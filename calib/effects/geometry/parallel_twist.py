@@ -1,6 +1,6 @@
-"""Parallel twist: two axes meant to be parallel are not, Hayati's beta of link K. 0.01 deg cost 0.1 mm.
+"""Parallel twist: two axes that are parallel by design are not, Hayati's beta of link K. 0.01 deg cost 0.1 mm.
 
-On other links the DH numbers hold it already. Source: Hayati 1983.
+On other links the DH parameters contain it. Source: Hayati 1983.
 """
 
 from __future__ import annotations
@@ -36,5 +36,5 @@ def parallel_twist(link: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each link between parallel axes, but for those whose twist the base model finds."""
+    """The candidates, one for each link between parallel axes, except those whose twist the base model identifies."""
     return [Candidate(parallel_twist(k)) for k in survey.robot.parallel_axes]

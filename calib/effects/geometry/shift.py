@@ -1,4 +1,4 @@
-"""A step: the base is bumped, or the tool is, between two readings, and stays where it is.
+"""A step: the base or the tool is displaced between two readings, and stays displaced.
 
 The change point is the rank of the first reading after the step; it is scanned. Source: a reflector turned in
 its nest, a loosened clamp, a fork-lift against the pedestal.
@@ -74,7 +74,7 @@ MAKERS = {"base_shift": base_shift, "tool_shift": tool_shift}
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """The tool bumped, the base or the instrument moved since a calibration."""
+    """The effects of a displaced tool, and of a base or an instrument that moved, since a calibration."""
     del survey  # whatever is measured
     return [tool_shift(0), base_shift(0, _SETTLED_DEG)]
 
@@ -94,7 +94,7 @@ def change_points(survey: Survey) -> Array:
 
 
 def offer(survey: Survey) -> list[Steps]:
-    """Both kinds, at every change point."""
+    """The candidates, steps of the base and of the tool at every change point."""
     ranks = change_points(survey)
     if not len(ranks):
         return []

@@ -1,4 +1,4 @@
-"""Tool: its targets sit elsewhere on the flange than measured: all shifted, all turned, or one shifted.
+"""Tool: its targets are not at their measured places on the flange: all shifted, all turned, or one shifted.
 
 What shifts along the last axis or turns about it is d and theta of the last link. With one target a shift and a
 turn look the same.
@@ -43,7 +43,7 @@ KINDS = (
 
 
 def tool_offset() -> Effect:
-    """All targets shifted across the last axis; parameters x, y, mm."""
+    """The effect of all targets shifted across the last axis; parameters x, y, mm."""
     return effect(
         "tool_offset",
         "frames and tool",
@@ -54,7 +54,8 @@ def tool_offset() -> Effect:
 
 
 def tool_tilt() -> Effect:
-    """All targets turned about a line across the last axis, through the flange; parameters rx, ry, deg."""
+    """The effect of all targets turned about a line across the last axis, through the flange; parameters rx, ry,
+    deg."""
     return effect(
         "tool_tilt",
         "frames and tool",
@@ -65,7 +66,7 @@ def tool_tilt() -> Effect:
 
 
 def target_offset(target: str, series: Sequence[str]) -> Effect:
-    """One target shifted on the tool in all `series`; parameters x, y, z, mm, flange frame."""
+    """The effect of one target shifted on the tool in all `series`; parameters x, y, z, mm, flange frame."""
     return effect(
         f"target_offset:{target}",
         "frames and tool",
@@ -79,7 +80,7 @@ def target_offset(target: str, series: Sequence[str]) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """Offset and tilt of the tool, and a shift of every measured target; nothing where the base model has them."""
+    """The candidates, offset and tilt of the tool and a shift of each target; none where the base model has them."""
     if survey.frees_tool:
         return []
     conditions = survey.conditions

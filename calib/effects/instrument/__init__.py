@@ -1,1 +1,1 @@
-"""Effects of the instrument and of what it measures from: its scale, its drift, a base target out of place."""
+"""Effects of the instrument and its reference: its scale, its drift, a displaced base target."""

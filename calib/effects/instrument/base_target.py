@@ -1,7 +1,7 @@
-"""A base ball or nest out of place: the distances to one base target end elsewhere than its declared place.
+"""A displaced base ball or nest: the distances to one base target do not end at its declared position.
 
-Where the base model finds the places of the base targets they are not offered again. Where the base is free and only
-few balls are measured, a ball out of place and a base that is elsewhere share what they do; rank decides.
+Not offered where the base model fits the positions of the base targets. Where the base is free and only few balls are
+measured, a displaced ball and a displaced base look alike; the rank of the Jacobian decides.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def base_target_shift(name: str) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each base target to which enough distances were measured."""
+    """The candidates, one for each base target to which enough distances were measured."""
     conditions = survey.conditions
     count = np.bincount(conditions.anchor[conditions.anchor >= 0], minlength=len(conditions.anchor_names))
     return [

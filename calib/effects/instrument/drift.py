@@ -64,13 +64,13 @@ def drift_rotation(start_s: float = 0.0) -> Effect:
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """Both, since the first of the check poses, where the readings carry their time: the frame was set up then."""
+    """Both drifts, from the first check pose on, where the frame was set up; none where times are not recorded."""
     start_s = float(np.min(survey.conditions.time))
     return [drift_translation(start_s), drift_rotation(start_s)] if offer(survey) else []
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """Both, where the readings carry their time."""
+    """The candidates, both drifts, where the times of the readings are recorded; else none."""
     if not (survey.recorded("time") and survey.varies(survey.conditions.time)):
         return []
     return [Candidate(drift_translation()), Candidate(drift_rotation())]

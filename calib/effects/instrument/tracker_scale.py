@@ -1,8 +1,8 @@
 """Tracker scale: the instrument's millimetre is too long or too short, s (p - station) added to every point.
 
-A wrong refractive index does that: 1e-6 a kelvin of air, 270e-6 where nobody entered any. The instrument's frame is
-shifted in proportion, so a distance from another meter stays as it is. The link lengths absorb most of it (0.97).
-Source: Edlen 1966 (index of air).
+The cause is a wrong refractive index: 1e-6 for each kelvin of the air, 270e-6 if none was entered. The instrument's
+frame is shifted in proportion, so a distance from another meter stays as it is. The link lengths absorb most of it
+(0.97). Source: Edlen 1966 (index of air).
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ def tracker_scale(station_mm: tuple[float, float, float], usual_ppm: float = 50.
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """A scale that has changed since a calibration, of an instrument that was in order then: by its air."""
+    """The effect of a scale that has changed with the air since a calibration."""
     return [tracker_scale(survey.station, _AIR_PPM)] if offer(survey) else []
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate, where the target moved."""
+    """The candidate, where the target moved; else none."""
     if not any(survey.varies(survey.conditions.point[:, axis]) for axis in range(3)):
         return []
     return [Candidate(tracker_scale(survey.station))]

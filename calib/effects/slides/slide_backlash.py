@@ -35,11 +35,11 @@ def slide_backlash(joint: int) -> Effect:
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """Play that has set in since a calibration: of every slide that was approached from both sides."""
+    """The effects of play that began since a calibration, for every slide that was approached from both sides."""
     return [candidate.effect for candidate in offer(survey)]
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that slid and was approached from both sides."""
+    """The candidates, one for each joint that slid and was approached from both sides."""
     side = survey.conditions.side
     return [Candidate(slide_backlash(k)) for k in survey.sliding if survey.varies(side[:, k - 1])]

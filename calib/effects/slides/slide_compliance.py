@@ -1,6 +1,6 @@
-"""Compliance of a slide: the carriage gives along its axis to the weight that hangs on it, c F.
+"""Compliance of a slide: the carriage deflects along its axis under the weight that it carries, c F.
 
-Where the axis keeps its direction the force is always the same and its zero has it: then nothing is offered.
+If the axis keeps its direction, the force is constant and part of the zero: then nothing is offered.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def slide_compliance(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that slid and along which gravity pulls, now more, now less."""
+    """The candidates, one for each joint that slid and along which gravity pulls, in varying strength."""
     force = survey.conditions.torque
     return [
         Candidate(slide_compliance(k))

@@ -31,6 +31,6 @@ def slide_growth(joint: int, reference_c: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that slid, where the temperature was recorded and moved."""
+    """The candidates, one for each joint that slid, where the temperature was recorded and varied."""
     air_c = survey.air_c
     return [] if air_c is None else [Candidate(slide_growth(k, air_c)) for k in survey.sliding]

@@ -1,6 +1,6 @@
 """Guide of a slide: its rail is not straight and its screw not even, smooth curves over the travel.
 
-    straightness  the carriage goes aside, x and y: sines of 1 to 4 half waves over the travel, nought at both ends,
+    straightness  the carriage moves sideways, x and y: sines of 1 to 4 half waves over the travel, zero at both ends,
                   since a shift and a lean are the place and the direction of the axis
     angles        it pitches, yaws and rolls, rx, ry and rz: cosines of 1 to 4 half waves, since a constant is a turn of
                   what it carries

@@ -1,4 +1,4 @@
-"""Scale of a slide: the carriage goes by (1 + k) times what is counted, k q, by the pitch of rack, screw or belt."""
+"""Scale of a slide: the carriage moves (1 + k) times the counted travel, k q, by the pitch of rack, screw or belt."""
 
 from __future__ import annotations
 
@@ -33,5 +33,5 @@ def slide_scale(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that slid."""
+    """The candidates, one for each joint that slid."""
     return [Candidate(slide_scale(k)) for k in survey.sliding]

@@ -1,4 +1,4 @@
-"""Arm growth: every length of the arm is longer by one share than at its calibration, since it is warmer, or shorter.
+"""Arm growth: every length of the arm has grown by the same ratio since the calibration, because it is warmer.
 
 It sets in between two campaigns; within one, growth follows the clock (`warm_up`) or the air (`thermal_growth`).
 Source: aluminium grows by 23e-6 a kelvin, steel by 11.5e-6; an arm in production runs 5 to 20 K above the air.
@@ -40,5 +40,5 @@ def arm_growth(robot: Robot) -> Effect:
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """The arm grown since a calibration."""
+    """The effect of an arm that has grown since a calibration."""
     return [arm_growth(survey.robot)]

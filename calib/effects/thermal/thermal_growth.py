@@ -1,4 +1,4 @@
-"""Thermal growth: every length of the arm grows by the same share a kelvin, a and d times 1 + alpha (T - T-).
+"""Thermal growth: every length of the arm grows by the same ratio per kelvin, a and d times 1 + alpha (T - T-).
 
 Source: steel 11.5, aluminium 23 (1e-6/K).
 """
@@ -47,6 +47,6 @@ def thermal_growth(robot: Robot, reference_c: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One, where the temperature was recorded and moved."""
+    """The candidate, where the temperature was recorded and varied; else none."""
     air_c = survey.air_c
     return [] if air_c is None else [Candidate(thermal_growth(survey.robot, air_c))]

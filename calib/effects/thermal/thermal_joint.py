@@ -34,6 +34,6 @@ def thermal_joint(joint: int, reference_c: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint, where the temperature was recorded and moved."""
+    """The candidates, one for each joint, where the temperature was recorded and varied."""
     air_c = survey.air_c
     return [] if air_c is None else [Candidate(thermal_joint(k, air_c)) for k in survey.moving]

@@ -47,7 +47,8 @@ def warm_up(robot: Robot, time_constant_s: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Shapes]:
-    """One scan, up to a time constant as long as the session: a slower warm-up is a straight line in time."""
+    """The candidate, a scan up to a time constant as long as the session: a slower warm-up is a straight line in
+    time."""
     time = survey.conditions.time
     if not (survey.recorded("time") and survey.varies(time)):
         return []

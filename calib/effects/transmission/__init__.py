@@ -1,1 +1,1 @@
-"""Effects of the transmission of a turning joint: gears, play, friction, the encoder, drives that pass a joint."""
+"""Effects of the transmission of a turning joint: gears, play, friction, the encoder, drives through other joints."""

@@ -1,6 +1,6 @@
 """Backlash: the joint stops half a gap short on the side from which it came, gap/2 x side of approach.
 
-A gap is never less than nothing. Invisible, not absent, when every reading was approached from one side.
+A gap is never negative. If every reading was approached from one side, backlash cannot be seen.
 Source: Nubiola 2.4.1 and 2.5.
 """
 
@@ -39,11 +39,11 @@ def backlash(joint: int) -> Effect:
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """Play that has set in since a calibration: of every joint that was approached from both sides."""
+    """The effects of play that began since a calibration, for every joint that was approached from both sides."""
     return [candidate.effect for candidate in offer(survey)]
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that was approached from both sides."""
+    """The candidates, one for each joint that was approached from both sides."""
     side = survey.conditions.side
     return [Candidate(backlash(k)) for k in survey.moving if survey.varies(side[:, k - 1])]

@@ -1,7 +1,7 @@
 """Backlash that grows with the load: the housing yields and the teeth part, c/2 x |torque| x side of approach.
 
-Beside a constant play (`backlash`) it is what the play gains for every N.m that gravity puts on the joint; it is never
-below nothing. Invisible where every reading was approached from one side. Source: Slamani, Nubiola and Bonev 2012
+It is the increase of the play (`backlash`) with the gravity torque on the joint, and never negative. If every reading
+was approached from one side, it cannot be seen. Source: Slamani, Nubiola and Bonev 2012
 (backlash of an IRB 1600 that changes with the load).
 """
 
@@ -45,7 +45,7 @@ def backlash_load(joint: int, largest: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that was approached from both sides, under loads of many sizes."""
+    """The candidates, one for each joint that was approached from both sides, under loads of many sizes."""
     side, torque = survey.conditions.side, survey.conditions.torque
     return [
         Candidate(backlash_load(k, survey.largest(torque[:, k - 1])))

@@ -1,9 +1,9 @@
 """Coupling: joint B turns by k theta_A, because B's drive or its cables run through joint A.
 
 A is always nearer to the base than B: a drive passes the joints that carry it, so their turning winds it up;
-the joints behind it do not touch it. Offered are neighbours, where a cable or a belt crosses from one link to the
-next, and 4 with 6, since hollow wrists drive joint 6 by a shaft through joints 4 and 5. Controllers undo the ratio
-of a hollow wrist; what is left is its error.
+the joints beyond it do not affect it. Offered are neighbours, where a cable or a belt crosses from one link to the
+next, and 4 with 6, since hollow wrists drive joint 6 by a shaft through joints 4 and 5. Controllers compensate
+the ratio of a hollow wrist; the effect is its remaining error.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def pairs(joints: int) -> list[tuple[int, int]]:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each pair that turns and of which the first joint moved."""
+    """The candidates, one for each pair that turns and of which the first joint moved."""
     slides = survey.robot.slides
     return [
         Candidate(coupling(a, b))

@@ -1,6 +1,6 @@
 """Dead zone: the load rests on one flank of the teeth or the other, gap/2 x sign(tau), wherever the joint came from.
 
-A gap is never less than nothing. The sign is smoothed, tanh(tau / width), with a width of 5 % of the largest torque:
+A gap is never negative. The sign is smoothed, tanh(tau / width), with a width of 5 % of the largest torque:
 gears have some drag. The width is a constant of the effect, so that it predicts the same at other torques.
 """
 
@@ -44,7 +44,8 @@ def dead_zone(joint: int, width: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint whose load comes near zero or changes its side: far from it the gap is an offset."""
+    """The candidates, one for each joint whose load comes near zero or changes its side: far from it the gap is an
+    offset."""
     candidates = []
     for joint in survey.moving:
         torque = survey.conditions.torque[:, joint - 1]

@@ -1,4 +1,4 @@
-"""Encoder scale: the joint turns by (1 + k) times what it counts, k theta. Source: level-1 models, Nubiola ch. 1.
+"""Encoder scale: the joint turns by (1 + k) times the counted angle, k theta. Source: level-1 models, Nubiola ch. 1.
 
 Gear ratios are whole numbers and encoders have whole counts: what is left is a belt's pitch, per mille at most.
 """
@@ -36,5 +36,5 @@ def encoder_scale(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that moved, unless a curve over its angle has the scale already."""
+    """The candidates, one for each joint that moved, unless a curve over its angle has the scale already."""
     return [Candidate(encoder_scale(k)) for k in survey.moving if k not in survey.curves]

@@ -1,4 +1,4 @@
-"""Gear orders: the error of a joint comes back after a turn, so it is a Fourier series of whole orders.
+"""Gear orders: the error of a joint repeats every turn, so it is a Fourier series of whole orders.
 
     error(theta) = sum_n a_n cos(n theta) + b_n sin(n theta),    n = 1..100
 

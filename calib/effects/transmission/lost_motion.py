@@ -1,4 +1,4 @@
-"""Lost motion: the joint stops short of where it is sent, from either side, -width/2 x side of approach.
+"""Lost motion: the joint stops short of its target from either side, -width/2 x side of approach.
 
 The motor's side counts, friction winds up the drive, and what is left of the path to the gap's other flank is never
 made: the opposite of `backlash`, by whose law the joint comes to rest on the far side of its gap. Where every last move
@@ -38,6 +38,6 @@ def lost_motion(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint that was approached from both sides."""
+    """The candidates, one for each joint that was approached from both sides."""
     side = survey.conditions.side
     return [Candidate(lost_motion(k)) for k in survey.moving if survey.varies(side[:, k - 1])]

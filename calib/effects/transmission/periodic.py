@@ -57,7 +57,8 @@ def periodic(joint: int, order: float) -> Effect:
 
 
 def offer(survey: Survey) -> list[Harmonics]:
-    """One scan for each joint that moved, over all orders: what a narrow range confuses goes into one class.
+    """The candidates, a scan over all orders for each joint that moved; orders that a narrow range confuses share a
+    class.
 
     Beside a curve that has the lower whole orders already: the orders above them, and those between them only where the
     joint turned more than once, since its error comes back after a turn.

@@ -38,6 +38,6 @@ def settling(joint: int) -> Effect:
 
 
 def offer(survey: Survey) -> list[Candidate]:
-    """One candidate for each joint whose last moves differ."""
+    """The candidates, one for each joint whose last moves differ."""
     moved = survey.conditions.joints - survey.conditions.previous
     return [Candidate(settling(k)) for k in survey.moving if survey.varies(moved[:, k - 1])]

@@ -1,8 +1,8 @@
 """The layout of a sheet: which line names the columns, which gives units, where the readings are, and what is neither.
 
-A table is a run of rows whose numbers stand in the same columns, below a row of words. Lines above it are a preamble,
-a row of units may follow the names, names may stand in two lines (a group over x, y, z); a row of means or a remark
-below is left aside and said. Two tables on one sheet are never one.
+A table is a sequence of rows with numbers in the same columns, below a row of words. Lines above it are a preamble; a
+row of units may follow the names; names may take two lines (a group over x, y, z). A row of means or a remark below is
+left out and reported. Two tables on one sheet are never joined.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def _value(cell: str) -> bool:
 
 
 def _blocks(rows: Sequence[Row]) -> list[list[int]]:
-    """Runs of rows whose values stand in the commonest columns, apart where a row of words stands between."""
+    """Runs of rows with values in the most common columns, separated by rows of words."""
     where = [
         frozenset() if row.comment else frozenset(k for k, cell in enumerate(row.cells) if _value(cell))
         for row in rows

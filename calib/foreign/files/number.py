@@ -1,7 +1,7 @@
-"""Numbers as people's programs write them: decimal points or commas, thousands apart, a unit behind.
+"""Numbers as other programs write them: decimal points or commas, separated thousands, a unit behind.
 
-Which mark is which is told by all numbers of a table together. Where `1,234` may be one and a bit or a thousand and
-more, nobody can tell, and the reader of the table has to say it.
+All numbers of a table together show which mark is which. If they do not (`1,234` may be 1.234 or 1234), the caller has
+to give it.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def suffix_of(cell: str) -> str:
 
 
 def notation_of(columns: Iterable[Iterable[str]]) -> Notation | None:
-    """The notation of the numbers of a table, column by column; None where the numbers do not tell it, or disagree."""
+    """The notation of the numbers of a table, column by column; None where the numbers do not show it, or disagree."""
     decimals: set[str] = set()
     thousands: set[str] = set()
     open_marks: set[str] = set()

@@ -1,8 +1,8 @@
 """The size to which a workbook unpacks, counted part by part before anything is built of it.
 
 A few kilobytes may hold gigabytes: text that packs a thousandfold, one cell at the far end of a sheet, a merged range
-over all of it, a formula that every cell shares. Whoever builds cells first notices too late. Expat reads every part of
-the archive that is XML, keeps nothing of it, and refuses document types: no entity is ever declared.
+over all of it, a formula that every cell shares. A reader that builds cells notices too late. So Expat reads every
+part of the archive that is XML, keeps nothing of it, and refuses document types: no entity is ever declared.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def _too_large(path: Path, what: str) -> DataError:
 
 
 class _Count:
-    """One part as it is read. Raises DataError as soon as it holds too much."""
+    """The counter of a part while it is read. Raises DataError as soon as the part holds too much."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -1,4 +1,4 @@
-"""A sheet: rows of cells as a file has them, with the line of each, before anybody has said what they are.
+"""A sheet: the rows of cells of a file with their line numbers, before they are interpreted.
 
 Text in any usual encoding, its cells apart by tabs, semicolons, commas, bars or blanks; or one sheet of a workbook
 (`calib.foreign.files.workbook`).
@@ -29,7 +29,7 @@ FEWEST_NUMBERS = 3
 
 @dataclass(frozen=True)
 class Row:
-    """One row: its line (from 1) in the file, its cells, and whether the file marks it as a comment."""
+    """A row of a sheet: its line (from 1) in the file, its cells, and whether the file marks it as a comment."""
 
     line: int
     cells: tuple[str, ...]
@@ -93,7 +93,7 @@ def _rows(text: str, path: Path, separator: str) -> list[Row]:
 
 
 def wide_blanks(path: Path, line: int) -> list[str]:
-    """The cells of one line where two blanks or a tab stand between: names with blanks in them."""
+    """The cells of a line separated by two blanks or a tab, so that names may contain single blanks."""
     text = _text(path)[0].split("\n")[line - 1]
     mark = _COMMENT.match(text)
     return [cell for cell in _WIDE.split(text[mark.end() if mark else 0 :].strip()) if cell]

@@ -4,7 +4,7 @@
     P1     X         100.000   100.0213    0.021       ->      P1    100.0  100.02  0.021  ..
            Y         200.000   199.9871   -0.013
 
-A point begins where its X is; its name may stand on that line alone. What is neither X, Y nor Z (a distance, a
+A point begins at its X; its name may be given on that line only. What is neither X, Y nor Z (a distance, a
 diameter) is left.
 """
 

@@ -24,7 +24,7 @@ _COLUMN = re.compile(r"(\S.*)\[\s*+(\w++)\s*+\]")
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a file, the unit of its numbers, and by what they are multiplied."""
+    """A column of a file, the unit of its numbers, and the factor to internal units."""
 
     name: str
     unit: str

@@ -2,8 +2,8 @@
 belong together.
 
 It is proposed once (`calib.foreign.proposal`), kept, and used for every further file that is made alike: the names
-of the columns that it was made for are in it, and a file with other names is refused with what differs. `?` stands
-where nobody has decided.
+of the columns that it was made for are in it, and a file with other names is refused with the difference. `?` marks
+what is undecided.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class Map:
     within_s: float = 0.0
 
     def refuse_undecided(self, file: Path | str) -> None:
-        """Raise DataError naming every place where `?` stands."""
+        """Raise DataError naming every undecided key (`?`)."""
         places = [f"header.{key}" for key, value in self.header.items() if value == UNDECIDED]
         for number, each in enumerate(self.files, start=1):
             entries = {

@@ -20,7 +20,7 @@ Set = tuple[str, ...]
 @dataclass(frozen=True)
 class Question:
     """A question that the files leave open. key: what `--answer KEY=CHOICE` names; choices: the answers; proposed: the
-    likeliest; evidence: whether the robot can tell."""
+    likeliest; evidence: whether the robot can decide it."""
 
     key: str
     text: str
@@ -41,7 +41,7 @@ class Finding:
 
 @dataclass
 class Assigned:
-    """One table while its columns are assigned: its map so far, the findings and the questions."""
+    """A table while its columns are assigned: its map so far, the findings and the questions."""
 
     layout: Layout
     answers: Answers

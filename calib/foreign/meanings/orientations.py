@@ -1,4 +1,4 @@
-"""Columns of orientations: quaternions and angles by the conventions that their names tell, or that are asked."""
+"""Columns of orientations: quaternions and angles by the conventions that their names give, or that are asked for."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Words that people name columns by, English and German: what a name means, as far as it can be told.
+"""The meaning of column names, English and German, as far as it can be recognised.
 
 `Achse 1`, `J1`, `theta_1`, `A1` are joint 1; `X`, `Pos. X`, `x_ist`, `T2 X meas` coordinates with a role and a
 target; `A`, `B`, `C` angles of KUKA, `W`, `P`, `R` of Fanuc, `rx` .. nobody's. What is not known here is left aside

@@ -1,6 +1,6 @@
-"""The evidence of the nominal robot: how near it comes to readings, and with which answer to an open question.
+"""The evidence of the nominal robot: its distance from the readings under each answer to an open question.
 
-An answer is believed where the nominal robot in its best place, its tool unknown, then misses by less than 3 % of the
+An answer is accepted where the nominal robot in its best place, its tool unknown, then misses by less than 3 % of the
 extent of the readings and every other answer misses five times as much; for conventions of orientation the same with
 angles. A robot that is met to a hundredth of a millimetre was not measured: these are its controller's own numbers.
 """
@@ -107,7 +107,7 @@ def fit_of(readings: Readings, robot: Robot) -> Fit | None:
 def decided(
     questions: Sequence[Question], proposed: Callable[[dict[str, str]], Proposal]
 ) -> dict[str, tuple[str, str]]:
-    """Key of a question -> the answer that the robot alone leaves, and the reason; questions it does not tell are
+    """Key of a question -> the answer that the robot decides, and the reason; questions it does not decide are
     absent."""
     choices = [[choice for choice in question.choices if choice != LEAVE] for question in questions]
     if any(not each for each in choices) or np.prod([len(each) for each in choices]) > _MOST:

@@ -1,8 +1,8 @@
 """The proposal of a map: what was found in files that nobody has seen before, and what must be decided.
 
-`propose` is asked again with every answer. Questions that the nominal robot can tell (units, conventions, which of
-two sets of columns) are tried on it: where exactly one answer lets it reach the readings, that answer is taken and
-the reason said. Which robot it is, and whether rows belong together by their order, is never taken from the numbers.
+`propose` is called again with every answer. Questions that the nominal robot can decide (units, conventions, which of
+two sets of columns) are tried on it: if exactly one answer lets it reach the readings, that answer is taken and the
+reason is reported. Which robot it is, and whether rows belong together by their order, is never taken from the numbers.
 """
 
 from __future__ import annotations

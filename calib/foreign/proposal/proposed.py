@@ -11,7 +11,7 @@ from calib.foreign.meanings.assigned import Finding, Question
 
 @dataclass(frozen=True)
 class Part:
-    """One table of the proposal. findings: of its columns."""
+    """A table of the proposal. findings: of its columns."""
 
     layout: Layout
     findings: tuple[Finding, ...]

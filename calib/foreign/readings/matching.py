@@ -57,7 +57,7 @@ def with_target(name: str, poses: set[str]) -> tuple[str, str]:
 def matched(
     joints: Readings, points: Readings, made: Map, layouts: Sequence[Layout], map_path: Path | str
 ) -> Matched:
-    """The rows of two files that belong together. Raises DataError where the files do not tell."""
+    """The rows of two files that belong together. Raises DataError where the files do not show it."""
     if made.by == "name":
         return _by_name(joints, points, layouts, map_path)
     if made.by == "order":

@@ -44,7 +44,7 @@ def readings_of(
 
 
 class File:
-    """One file and its map. map_path: what messages call it."""
+    """A file and its map. map_path: name of the map in messages."""
 
     def __init__(self, made: FileMap, layout: Layout, map_path: Path | str) -> None:
         self.made, self.layout, self.map_path = made, layout, map_path
@@ -82,7 +82,7 @@ class File:
         return self._by_target(rows) if self.made.targets else rows
 
     def _by_target(self, rows: Readings) -> Readings:
-        """One row a target, where a row of the file measures several."""
+        """The readings with one row for each target, where a row of the file holds several."""
         points = [self._points(axes) for axes in self.made.targets.values()]
         every = rows.take(np.repeat(np.arange(len(rows)), len(points)))
         target = tuple(self.made.targets) * len(rows)

@@ -78,7 +78,7 @@ def joined(
     rows: tuple[NDArray[np.int64], NDArray[np.int64]],
     targets: tuple[str, ...] | None,
 ) -> Readings:
-    """Readings of two files, of which `rows` belong together. targets: (n,) as the names of points tell them."""
+    """Readings of two files, of which `rows` belong together. targets: (n,) from the names of the points."""
     joints, points = joints.take(rows[0]), points.take(rows[1])
     texts = {**joints.texts, **points.texts}
     if "pose" in joints.texts:

@@ -63,8 +63,8 @@ def plan(
 
     header: what the readings would be taken with; every candidate has as many readings as any other. times, repeats
     None: as few as show every cause from the size that it should be seen at, or about as small as any do. frame_known
-    False: where the instrument or the artefact stands will not be compared.
-    Raises DataError for fewer visits than can tell anything, or more than there are candidates.
+    False: the position of the instrument or the artefact will not be compared.
+    Raises DataError for too few visits to show anything, or more than there are candidates.
     """
     if not FEWEST <= count <= len(candidates):
         raise DataError(f"is {count}.", do=f"Give {FEWEST} to {len(candidates)} poses.", key="--poses")

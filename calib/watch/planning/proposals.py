@@ -2,7 +2,7 @@
 
 The readings of a wrist are short of lever, not of choice: of joint 6 every pose shows the same, by how much its targets
 are off the axis. With the lever r, n readings and their noise s a zero is seen from about 5 s / (r sqrt(n)), play from
-twice as much; so what helps are targets farther off, more targets, more readings while the robot stands, and more
+twice as much; so what helps are targets farther off, more targets, more readings in each rest, and more
 visits, which cost most.
 """
 

@@ -1,8 +1,8 @@
 """The rounds of a watch, visits to each check pose and readings there: as seldom as shows every cause that should be
 seen.
 
-Reading again while the robot stands averages the instrument's noise and costs a second or two; coming again, from the
-opposite sides, averages the robot's repeatability too, shows play by itself, and costs a move. Neither helps against
+Repeated readings during a rest average the instrument's noise and cost a second or two. Another visit from the opposite
+sides also averages the robot's repeatability, shows play by itself, and costs a move. Neither helps against
 what the baseline does not know, what it lacks, or a frame that is set up anew: a cause that these hide is to be seen
 from about where the most readings see it.
 """
@@ -47,7 +47,7 @@ class Rounds:
 
 @dataclass(frozen=True)
 class Ways:
-    """The ways in which some readings could be taken again and again. limit: p-value of an alarm; lack: as
+    """The possible repetitions of some readings. limit: p-value of an alarm; lack: as
     `Seen.of`."""
 
     saved: SavedModel

@@ -28,7 +28,7 @@ _NOTHING = 1e-12  # non-centrality of one unit
 @dataclass(frozen=True)
 class Smallest:
     """The sizes of one cause that are seen: smallest size and its unit; from which size it is named alone, None where
-    that takes more than ten times as much; always: labels of causes that no size tells from it.
+    that takes more than ten times as much; always: labels of causes that cannot be distinguished from it at any size.
 
     wanted: the size that should be seen, None where none is stated; share: of watches in which that is seen;
     lever_mm: of a joint's cause how far its axis is from the targets, root mean square, else None.

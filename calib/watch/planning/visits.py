@@ -46,7 +46,7 @@ class Visits:
         )
 
     def read_again(self, times: int) -> Visits:
-        """Everything read so many times in each visit, while the robot stands."""
+        """The visits with every reading repeated so many times in each rest of the robot."""
         return replace(
             self, read=tuple(tuple(pair for pair in each for _ in range(times)) for each in self.read)
         )
