@@ -53,6 +53,7 @@ from drivers.interfaces import Answer, Entry, LengthReading, PointReading, Readi
 
 LINK_TRIES = 5
 FIRST_BACK_OFF_S = 0.1  # on the wall; doubles with every try
+LOOK_EVERY_S = 5.0  # on the wall, at devices in a long wait
 GIVEN_UP_IN_A_ROW = 10  # then it is no longer the poses: somebody has to look
 # Before any target was seen the arm may be another than the one by which it keeps clear; what an instrument says again
 # and again is no pose's fault either.
@@ -82,7 +83,7 @@ class Sequencer:
         self._clock = clock
         self._calendar = Calendar(clock)
         zeroing = Zeroing(self._needs_another_bar, self._zero)
-        self._gates = Gates(store, campaign, control, self._ask, self._measure_nests, zeroing)
+        self._gates = Gates(store, campaign, self._wait, control, self._ask, self._measure_nests, zeroing)
         self._hands = Hands(cell, self._answer)
         self._touches = Touches(cell, self._attempts, rig, self._answer)
         self._placing = Placing(store, cell, campaign, self._consult)
@@ -134,7 +135,14 @@ class Sequencer:
         if self._campaign.warm_up_s > 0.0:
             now_s = self._store.moment().t_s or 0.0
             self._store.add_event("warm_up", until_t_s=now_s + self._campaign.warm_up_s)
-            self._control.wait(self._campaign.warm_up_s)
+            self._wait(self._campaign.warm_up_s)
+
+    def _wait(self, seconds: float) -> None:
+        """Campaign seconds in which nothing moves. A device that goes meanwhile is known at once, not at the end."""
+        end = self._clock.now() + seconds
+        while (left := end - self._clock.now()) > 0.0:
+            self._control.wait(min(left, LOOK_EVERY_S * self._clock.time_scale))
+            self._insist(self._rig.look)
 
     # -- one reading --------------------------------------------------------------------------------------
 

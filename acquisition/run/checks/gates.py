@@ -44,12 +44,14 @@ class Zeroing:
 
 
 class Gates:
-    """The checks before an execution goes on. `ask`: put a question to a person; `measure_nests`: all of them again."""
+    """The checks before an execution goes on. `wait`: so many seconds; `ask`: put a question to a person;
+    `measure_nests`: all of them again."""
 
     def __init__(
         self,
         store: Store,
         campaign: Campaign,
+        wait: Callable[[float], None],
         control: Control,
         ask: Callable[[str], object],
         measure_nests: Callable[[str], None],
@@ -57,7 +59,7 @@ class Gates:
     ) -> None:
         self._store = store
         self._campaign = campaign
-        self._control = control
+        self._wait, self._control = wait, control
         self._ask = ask
         self._measure_nests = measure_nests
         self._zeroing = zeroing
@@ -172,7 +174,7 @@ class Gates:
     def _again(self, gate: WarmUp, pose: int, spread_mm: float | None) -> None:
         if self._points:
             self._store.add_event("warming_up", readings=len(self._points), spread_mm=spread_mm)
-            self._control.wait(gate.every_s)
+            self._wait(gate.every_s)
         reason = "warming up" if self._points else "resumed: is the arm still warm?"
         self._store.measure_again([pose], reason)
 
