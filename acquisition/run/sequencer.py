@@ -19,7 +19,7 @@ clock, which does not count while a computer sleeps; on resuming they catch up w
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from acquisition.campaign.blocks.ballbar_geometry import BallbarGeometry
 from acquisition.campaign.campaign import Campaign
@@ -53,6 +53,7 @@ from drivers.interfaces import Answer, Entry, LengthReading, PointReading, Readi
 
 LINK_TRIES = 5
 FIRST_BACK_OFF_S = 0.1  # on the wall; doubles with every try
+LOOK_EVERY_S = 5.0  # on the wall, at devices in a long wait
 GIVEN_UP_IN_A_ROW = 10  # then it is no longer the poses: somebody has to look
 # Before any target was seen the arm may be another than the one by which it keeps clear; what an instrument says again
 # and again is no pose's fault either.
@@ -81,9 +82,9 @@ class Sequencer:
         self._desk = desk
         self._clock = clock
         self._calendar = Calendar(clock)
-        zeroing = Zeroing(self._needs_another_bar, self._zero)
-        self._gates = Gates(store, campaign, control, self._ask, self._measure_nests, zeroing)
-        self._hands = Hands(cell, self._answer)
+        zero = Zeroing(self._needs_another_bar, self._zero)
+        self._gates = Gates(store, cell, campaign, self._wait, control, self._ask, self._measure_nests, zero)
+        self._hands = Hands(cell, self._answer, lambda nest: self._nests.near_mm(nest) is None)
         self._touches = Touches(cell, self._attempts, rig, self._answer)
         self._placing = Placing(store, cell, campaign, self._consult)
         rig.attend(self._by_person)
@@ -99,7 +100,7 @@ class Sequencer:
         one = not any(isinstance(block.recipe, BallbarGeometry) for block in campaign.blocks)
         self._bar = bars_of(cell)[0] if one and cell.instrument.declared.measures_lengths else None
         self._reason = ""  # of the last answer
-        self._last: int | None = None  # planned reading of a pose that was measured last
+        self._last: tuple[int, ...] = ()  # planned reading of a pose that was measured last
         self._link_faults = 0  # in a row, as the three below
         self._tries = 0
         self._refusals = 0
@@ -109,32 +110,37 @@ class Sequencer:
     def run(self) -> None:
         """Measure what is left. Raises Pausing, Stopping, and the errors that pause a campaign."""
         self._calendar.look()
-        self._meet()
+        self._insist(self._rig.meet)
         self._warm_up()
         self._measure_nests("resumed: is the instrument still where it was?")
         # What comes next is asked of the record every time: a reading may be put off, or wanted once more.
-        while left := self._store.left("planned"):
-            self._next(left[0], last=False)
-        self._second_stage.plan()
-        while left := self._store.left("planned") or self._store.left("deferred"):
-            self._next(left[0], last=True)
+        while self._store.left("planned") or self._store.left("deferred"):
+            while left := self._store.left("planned"):
+                self._next(left[0], last=False)
+            self._second_stage.plan()
+            while left := self._store.left("planned") or self._store.left("deferred"):
+                self._next(left[0], last=True)
+            self._gates.look_back()
 
     # -- before the first pose ----------------------------------------------------------------------------
 
-    def _meet(self) -> None:
-        """Make sure that robot and instrument answer, and are free to be used."""
-        self._insist(self._rig.meet)
-
-    def _measure_nests(self, reason: str) -> None:
+    def _measure_nests(self, reason: str, *, aim: bool = True) -> None:
         self._arrival = None
-        self._nests.measure(reason)
+        self._nests.measure(reason, aim=aim)
 
     def _warm_up(self) -> None:
         """Wait for the warm-up, in every execution: a cell that is resumed next morning has cooled down."""
         if self._campaign.warm_up_s > 0.0:
             now_s = self._store.moment().t_s or 0.0
             self._store.add_event("warm_up", until_t_s=now_s + self._campaign.warm_up_s)
-            self._control.wait(self._campaign.warm_up_s)
+            self._wait(self._campaign.warm_up_s)
+
+    def _wait(self, seconds: float) -> None:
+        """Campaign seconds in which nothing moves. A device that goes meanwhile is known at once, not at the end."""
+        end = self._clock.now() + seconds
+        while (left := end - self._clock.now()) > 0.0:
+            self._control.wait(min(left, LOOK_EVERY_S * self._clock.time_scale))
+            self._insist(self._rig.look)
 
     # -- one reading --------------------------------------------------------------------------------------
 
@@ -158,7 +164,7 @@ class Sequencer:
         try:
             if self._touches.wanted(planned):
                 if self._by_hand(planned, self._touches.take) is Answer.CONFIRM:
-                    self._last = planned.id
+                    self._last = (planned.id,)
                     self._link_faults = self._given_up = self._tries = self._refusals = 0
                 return
             if self._by_hand(planned, self._hands.seat) is not Answer.CONFIRM:
@@ -224,7 +230,7 @@ class Sequencer:
             point = as_planned(self._cell, planned, self._arrivals.stands(planned, arrival), seen)
         self._attempts.measured(attempt, planned, reading, self._nests.world, point)
         if planned.visit.counted:
-            self._last = planned.id
+            self._last = (planned.id,)
             self._seen = True
             self._gates.measured(planned, point)
             if planned.visit.between_balls:
@@ -250,7 +256,7 @@ class Sequencer:
     def _point(self, planned: Planned, arrival: Arrival | None) -> PointReading:
         """Measured point of a target. Raises Misplaced, WronglySeated, TurnedOtherwise for what cannot be it."""
         if self._nests.world is None or arrival is None:
-            return self._rig.measure(planned.target, self._campaign.samples, None)
+            return self._rig.measure(planned.target, self._campaign.samples, self._nests.near_mm(planned))
         stands = self._arrivals.stands(planned, arrival)
         expected = Expectation(self._cell, planned, stands)
         near = tuple(float(x) for x in self._nests.world.to_tracker(expected.world_mm))
@@ -351,26 +357,29 @@ class Sequencer:
 
     def _consult(self, error: AcquisitionError) -> Answer:
         """Ask whether to go on. Raises Stopping for abort, NoOperator, Pausing."""
-        return self._ask(error.sentence)[0]
+        return self._ask(error.sentence)
 
     def _answer(self, text: str, picture: Picture) -> Answer:
-        return self._ask(text, picture)[0]
+        return self._ask(text, picture=picture)
 
-    def _ask(self, text: str, picture: Picture = WORDS_ALONE) -> tuple[Answer, str]:
-        """The answer and its reason; a redo is done with here. Raises Stopping for abort, NoOperator, Pausing."""
+    def _ask(self, text: str, again: Sequence[int] = (), picture: Picture = WORDS_ALONE) -> Answer:
+        """The answer; a redo is done with here. Raises Stopping for abort, NoOperator, Pausing."""
         self._arrival = None
         self._rig.may_have_moved()
-        given = self._desk.ask(text, picture, redo=self._last is not None)
-        return self._obeyed(given).answer, given.reason
+        again = again or self._last
+        return self._obeyed(self._desk.ask(text, picture, redo=bool(again)), again).answer
 
-    def _obeyed(self, given: Given) -> Given:
-        """An answer, with what it orders beside the question done. Raises Stopping for abort."""
+    def _obeyed(self, given: Given, again: Sequence[int]) -> Given:
+        """An answer, with what it orders beside the question done; again: what a redo measures once more.
+
+        Raises Stopping for abort.
+        """
         if given.answer is Answer.ABORT:
             self._control.stop()
             raise Stopping
-        if given.answer is Answer.REDO and self._last is not None:
-            self._store.measure_again([self._last], given.reason or "by the operator")
-            self._last = None
+        if given.answer is Answer.REDO and again:
+            self._store.measure_again(again, given.reason or "by the operator")
+            self._last = ()
             self._hands.doubt()  # somebody looks before the robot goes back there
         self._reason = given.reason
         return given
@@ -381,7 +390,8 @@ class Sequencer:
 
         Raises LeftOut for skip and redo, Stopping for abort, NoOperator, Pausing.
         """
-        given = self._obeyed(self._desk.ask(text, Picture(picture), redo=self._last is not None, entry=entry))
+        given = self._desk.ask(text, Picture(picture), redo=bool(self._last), entry=entry)
+        self._obeyed(given, self._last)
         if given.answer is not Answer.CONFIRM:
             again = given.answer is Answer.REDO
             raise LeftOut(given.reason or "by the operator", again=again, device="operator")

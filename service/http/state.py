@@ -35,6 +35,7 @@ _T = TypeVar("_T")
 SLICE_S = 1.0  # of a long poll: how long a client that has gone, or the end of the service, may hold a thread
 WAITERS = 100
 STOPPERS = 16
+ORDERS = 16
 RESTING = 4
 READERS = 2
 ORDINARY = 24  # more than WORKERS + CALLS: those threads only wait
@@ -77,6 +78,7 @@ class Service:
         self.closing = False
         # Threads of their own: however many ask, wait or read, a stop must be heard.
         self._stoppers = anyio.CapacityLimiter(STOPPERS)
+        self._orders = anyio.CapacityLimiter(ORDERS)  # which are written down first: a disk may hold them
         self._resting = anyio.CapacityLimiter(RESTING)
         self._waiters = anyio.CapacityLimiter(WAITERS)
         self.reading = Readings(READERS)  # how a run, a loop or a job is
@@ -134,17 +136,17 @@ class Service:
         return await anyio.to_thread.run_sync(what, limiter=self._waiters, abandon_on_cancel=True)
 
     async def urgent(self, what: Callable[[], _T]) -> _T:
-        """The value of `what`, called in a thread that is kept for orders to the robot and for its lease."""
-        return await anyio.to_thread.run_sync(what, limiter=self._stoppers)
+        """The value of `what`, called in a thread that is kept for orders, answers and the lease."""
+        return await anyio.to_thread.run_sync(what, limiter=self._orders)
 
-    async def order(self, name: str, what: Callable[[], _T]) -> _T:
-        """An order to a run or a loop: urgent for the one that uses the robot.
+    async def order(self, name: str, what: Callable[[], _T], *, stops: bool = False) -> _T:
+        """An order to a run or a loop: urgent for the one that uses the robot; a stop has threads of its own.
 
         The others move nothing, and their records may have to be opened, which can take seconds.
         """
-        if name in (self.book.busy_with, self.book.lent_to):
-            return await self.urgent(what)
-        return await anyio.to_thread.run_sync(what, limiter=self._resting)
+        if name not in (self.book.busy_with, self.book.lent_to):
+            return await anyio.to_thread.run_sync(what, limiter=self._resting)
+        return await anyio.to_thread.run_sync(what, limiter=self._stoppers if stops else self._orders)
 
     async def listed(self, name: str, documents: Callable[[], list[dict[str, Any]]]) -> Response:
         """All documents of a kind under this name, as JSON that is made once for all who ask meanwhile."""

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from acquisition.errors import Misplaced, NothingNew, TurnedOtherwise, WronglySeated
 from acquisition.record.event import Event
 from calib.arm import forward
-from drivers.errors import AcquisitionError, Busy, LinkLost, WrongMode
+from drivers.errors import AcquisitionError, Busy, EnableLost, LinkLost, WrongMode
 from drivers.interfaces import Answer, Identity, JointReading, PointReading, PoseReading, Prompt
 from tests.acquisition.fakes import FakeArm, FakeMeter, SeatingOperator
 from tests.acquisition.stage import Stage
@@ -210,6 +210,30 @@ def test_a_device_that_stays_dead_pauses_before_the_warm_up(stages: Callable[...
     assert stage.clock.now() - began < 60.0
     assert "move" not in stage.bench.log
     assert not any(entry.startswith("arm") for entry in stage.bench.log)
+
+
+@pytest.mark.parametrize("device", [FakeArm, FakeMeter])
+def test_a_link_lost_in_the_warm_up_is_said_at_once(
+    device: type, stages: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(self: FakeArm | FakeMeter) -> None:
+        if stage.clock.now() > WARM_UP_S / 10.0:
+            raise LinkLost("no route", device=self.name)
+
+    stage = stages(warm_up_s=WARM_UP_S)
+    monkeypatch.setattr(device, "status", gone)
+    assert stage.execute().state.value == "paused"
+    assert stage.clock.now() < WARM_UP_S / 5.0
+    assert "move" not in stage.bench.log
+
+
+def test_an_open_gate_ends_no_warm_up(stages: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch) -> None:
+    def open_gate(self: FakeArm) -> None:
+        raise EnableLost("the gate is open", device=self.name)
+
+    stage = stages(warm_up_s=WARM_UP_S)
+    monkeypatch.setattr(FakeArm, "status", open_gate)
+    assert stage.execute().state.value == "succeeded"
 
 
 def test_a_tracker_that_knows_no_names_is_aimed_by_hand(stages: Callable[..., Stage]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -18,6 +19,7 @@ from acquisition import Devices, Event, Outcome, Run, export
 from acquisition.campaign.blocks.block import Settle
 from acquisition.campaign.campaign import campaign_of_record
 from acquisition.record.drift import Drift, drift_of
+from acquisition.run.checks.gates import OLD_NESTS_S
 from acquisition.run.rig.settling import TRIES, until_still
 from calib import read_dataset
 from drivers import Answer, ConfigError, JointReading, NoisyMeasurement, PointReading
@@ -56,9 +58,10 @@ class CreepingMeter(FakeMeter):
 class Stage:
     """A run on fakes that creep."""
 
-    def __init__(self, folder: Path, *answers: Answer, **campaign: Any) -> None:
+    def __init__(self, folder: Path, *answers: Answer, driver: str = "faro", **campaign: Any) -> None:
         self.folder = folder
-        self.bench = Bench(a_cell(robot__table_z_mm=-2000.0))  # no table, no detours
+        cell = a_cell(robot__table_z_mm=-2000.0, instrument__driver=driver)  # no table, no detours
+        self.bench = Bench(cell)
         self.clock = JumpingClock()
         self.arm = FakeArm(self.bench)
         self.meter = CreepingMeter(self.bench, self.clock)
@@ -164,8 +167,8 @@ def test_nests_are_checked_after_so_many_readings(make: Callable[..., Stage]) ->
     assert stage.execute().state.value == "succeeded"
     nests = ["measure N1", "measure N2", "measure N3"]
     visit = ["move", "move", "measure T1", "measure T2"]
-    assert stage.bench.log[4:] == [*nests, *visit * 2, *nests, *visit * 2, *nests, *visit * 2]
-    assert [e.data["off_mm"] for e in stage.events("nests_checked")] == [0.0, 0.0]
+    assert stage.bench.log[4:] == [*nests, *visit * 2] * 3 + nests
+    assert [e.data["off_mm"] for e in stage.events("nests_checked")] == [0.0, 0.0, 0.0]
     assert stage.operator.asked == []
 
 
@@ -173,7 +176,31 @@ def test_a_check_in_mid_visit_waits_for_its_end(make: Callable[..., Stage]) -> N
     stage = make(nest_check={"every": 1, "limit_mm": 0.05}, block=[{"count": 2, "targets": ["T1", "T2"]}])
     assert stage.execute().state.value == "succeeded"
     assert stage.bench.log.count("move") == 4
-    assert len(stage.events("nests_checked")) == 1
+    assert len(stage.events("nests_checked")) == 2
+
+
+@pytest.mark.parametrize("answer", [Answer.CONFIRM, Answer.REDO])
+@pytest.mark.parametrize("driver", ["faro", "emscon"])
+@pytest.mark.parametrize("asked_for", [True, False])
+def test_an_instrument_that_moved_unseen_is_known_at_the_end(
+    make: Callable[..., Stage], answer: Answer, driver: str, *, asked_for: bool
+) -> None:
+    """This would catch: a tracker that locked on again 0.8 mm off after the last look at the nests."""
+    check = {"nest_check": {"every": 100, "limit_mm": 0.05}} if asked_for else {}
+    aims = 3 * (driver == "emscon")  # a person, once
+    stage = make(*[Answer.CONFIRM] * aims, answer, driver=driver, **check)
+
+    def push(event: Event) -> None:
+        if event.kind == "reading" and event.data["set"] == "calibration":
+            stage.bench.shift_mm = dict.fromkeys(stage.bench.cell.nests, 0.3)
+            stage.clock.wait(OLD_NESTS_S / 5.0, threading.Event())
+
+    assert stage.execute(push).state.value == "succeeded"
+    assert len(stage.operator.asked) == aims + 1
+    assert "is 0.300 mm from where the world frame has it" in stage.operator.asked[-1]
+    again = [e.data["poses"] for e in stage.events("measure_again") if len(e.data["poses"]) == 6]
+    assert len(again) == (answer is Answer.REDO)
+    assert stage.bench.log.count("measure T1") == 6 * (1 + len(again))
 
 
 def test_a_nest_beyond_the_limit_is_for_a_person_to_judge(make: Callable[..., Stage]) -> None:
@@ -200,8 +227,10 @@ def test_slow_creep_of_a_nest_adds_up(make: Callable[..., Stage]) -> None:
             stage.bench.shift_mm["N2"] = stage.bench.shift_mm.get("N2", 0.0) + 0.01
 
     assert stage.execute(push).state.value == "succeeded"
-    assert [e.data["off_mm"] for e in stage.events("nests_checked")] == pytest.approx([0.01, 0.02, 0.03])
-    assert len(stage.operator.asked) == 1
+    assert [e.data["off_mm"] for e in stage.events("nests_checked")] == pytest.approx(
+        [0.01, 0.02, 0.03, 0.04]
+    )
+    assert len(stage.operator.asked) == 2
     assert stage.events("instrument_moved") == []
 
 

@@ -55,9 +55,9 @@ CHANGES = (
     ),
     Change(
         "service/http/state.py",
-        "limiter=self._stoppers",
-        "limiter=self._waiters",
-        "a hundred clients that wait keep a stop from being heard",
+        "limiter=self._stoppers if stops else self._orders",
+        "limiter=self._orders",
+        "answers that a stalled disk holds keep a stop from being heard",
         ("tests/service/test_urgent.py",),
     ),
     Change(

@@ -27,7 +27,7 @@ from service.http.access.roles import Tokens
 from service.http.access.settings import Settings
 from service.http.app import create_app
 from service.http.runs import book
-from service.http.state import Service
+from service.http.state import ORDERS, Service
 from service.http.wire.paths import PREFIX
 from service.http.work.campaigns import Shelf
 from service.http.work.workers import Workers
@@ -200,6 +200,23 @@ def test_a_stop_is_answered_before_the_run_has_ended_and_the_next_one_waits_for_
         finally:
             let_go.set()
         assert (await again).status_code == 202, (await again).text
+
+    in_held_service(tmp_path, monkeypatch, scene)
+
+
+def test_a_stop_does_not_wait_behind_answers_that_a_disk_holds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def scene(held: Held) -> None:
+        client, run = held.client, await a_run(held)
+        prompt = (await client.get(run)).json()["prompt"]["id"]
+        monkeypatch.setattr(held.service.keys, "once", lambda *_: held.released.wait())
+        path = f"{run}/prompts/{prompt}/confirm"
+        held.requests += [asyncio.create_task(client.post(path)) for _ in range(ORDERS + 5)]
+        async with asyncio.timeout(PATIENCE_S):
+            while held.service._orders.available_tokens:
+                await asyncio.sleep(0.01)
+            assert (await client.post(f"{run}/stop")).status_code == 202
 
     in_held_service(tmp_path, monkeypatch, scene)
 

@@ -2,8 +2,9 @@
 
     warm-up      the first visit, the reference pose, is measured until its last readings lie close together; those
                  before stay in the record, out of use. Again in every execution: the arm may have cooled down
-    nest check   the nests are measured again after so many readings; when one is beyond the limit from where the
-                 world frame has it, a person decides
+    nest check   the nests are measured again after so many readings, and after the last; when one is beyond the limit
+                 from where the world frame has it, a person decides what becomes of the readings since. A campaign
+                 that asks for no check has the last one all the same, where it costs nobody a hand and they are old
     zero         the ballbar is read in its calibrator before the first visit, before each block and after so many
                  readings, and whenever a reading needs it built to another length
     new station  before the first reading of a block that asks for it, or when somebody says that the instrument is
@@ -19,7 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.campaign.campaign import Campaign, NestCheck, WarmUp
+from acquisition.campaign.campaign import Campaign, WarmUp
+from acquisition.cell.cell import Cell
 from acquisition.record.planned import Planned
 from acquisition.record.store import Store
 from acquisition.run.orders.control import Control
@@ -34,6 +36,12 @@ WHERE attempt.kind = 'measure' AND attempt.status = 'good' AND pose.kind = 'pose
 """
 
 
+OLD_NESTS_S = 1800.0
+LAST_LIMIT_MM = (
+    0.1  # of a last check that nobody asked for: trackers drift by some hundredths in the hours of a campaign
+)
+
+
 @dataclass(frozen=True)
 class Zeroing:
     """The ballbar in its calibrator. `another`: whether a reading needs another bar than the one that is built; `read`:
@@ -44,26 +52,34 @@ class Zeroing:
 
 
 class Gates:
-    """The checks before an execution goes on. `ask`: put a question to a person; `measure_nests`: all of them again."""
+    """The checks before an execution goes on.
+
+    wait: so many seconds; ask: put a question to a person, whose redo measures the readings given with it again;
+    measure_nests: all of them again, aimed at where they were with `aim` False.
+    """
 
     def __init__(
         self,
         store: Store,
+        cell: Cell,
         campaign: Campaign,
+        wait: Callable[[float], None],
         control: Control,
-        ask: Callable[[str], object],
-        measure_nests: Callable[[str], None],
+        ask: Callable[..., object],
+        measure_nests: Callable[..., None],
         zeroing: Zeroing,
     ) -> None:
         self._store = store
+        self._instrument = cell.instrument
         self._campaign = campaign
-        self._control = control
+        self._wait, self._control = wait, control
         self._ask = ask
         self._measure_nests = measure_nests
         self._zeroing = zeroing
         self._since_zero: int | None = None
         self._station: int | None = None  # of the instrument now; None: not yet looked up
-        self._since_nests = 0
+        self._since_nests: list[int] = []  # planned readings of poses that were measured
+        self._nests_at_s: float | None = None  # of the first of them
         self._visit: int | None = None  # of the last reading
         self._block: int | None = None  # of the last reading of a pose
         self._warming = campaign.warm_up
@@ -79,8 +95,8 @@ class Gates:
         self._set_up_where_it_is_now()
         check = self._campaign.nest_check
         between = planned.visit.number != self._visit  # the robot goes elsewhere anyway
-        if check is not None and between and self._since_nests >= check.every:
-            self._check_nests(check)
+        if check is not None and between and len(self._since_nests) >= check.every:
+            self._check_nests(check.limit_mm)
         old = self._campaign.zero_every and between and self._zero_is_old(planned)
         if old or self._zeroing.another(planned):
             self._since_zero = 0
@@ -90,7 +106,9 @@ class Gates:
 
     def measured(self, planned: Planned, world_mm: Sequence[float] | None) -> None:
         """A good reading of a pose; `world_mm` of a point."""
-        self._since_nests += 1
+        if not self._since_nests:
+            self._nests_at_s = self._store.moment().t_s
+        self._since_nests.append(planned.id)
         if self._since_zero is not None:
             self._since_zero += 1
         self._visit = planned.visit.number
@@ -126,21 +144,41 @@ class Gates:
         self._ask("Set up the instrument where it is to be, then confirm: the nests are measured there.")
         self._measured_nests(f"a new station of the instrument{f': {reason}' if reason else ''}")
 
-    def _measured_nests(self, reason: str) -> None:
-        self._measure_nests(reason)
-        self._since_nests = 0
+    def _measured_nests(self, reason: str, *, aim: bool = True) -> None:
+        self._measure_nests(reason, aim=aim)
+        self._since_nests = []
 
-    def _check_nests(self, check: NestCheck) -> None:
-        before = self._store.world_nests_mm or self._store.nests_mm()
-        self._measured_nests(f"check after {self._since_nests} readings: has the instrument moved?")
+    def look_back(self) -> None:
+        """After the last reading: is the instrument still where it was when the nests were measured?"""
+        check, declared = self._campaign.nest_check, self._instrument.declared
+        if declared.measures_lengths or not self._since_nests:
+            return
+        if check is not None:
+            self._check_nests(check.limit_mm)
+        elif not (self._instrument.one_smr or declared.by_hand or self._nests_age_s < OLD_NESTS_S):
+            self._check_nests(LAST_LIMIT_MM, asked_for=False)
+
+    @property
+    def _nests_age_s(self) -> float:
+        return (self._store.moment().t_s or 0.0) - (self._nests_at_s or 0.0)
+
+    def _check_nests(self, limit_mm: float, *, asked_for: bool = True) -> None:
+        kept = self._store.world_nests_mm
+        before = kept or self._store.nests_mm()
+        standing = {each.id for each in self._store.plan()}
+        since = [each for each in self._since_nests if each in standing]
+        self._measured_nests(f"check after {len(since)} readings: has the instrument moved?", aim=False)
         off = {name: _apart(before[name], point) for name, point in self._store.nests_mm().items()}
         worst = max(off, key=lambda name: off[name])
-        self._store.add_event("nests_checked", off_mm=off[worst], limit_mm=check.limit_mm)
-        if off[worst] > check.limit_mm:
+        self._store.add_event("nests_checked", off_mm=off[worst], limit_mm=limit_mm)
+        within_noise = self._store.world_nests_mm == kept
+        if off[worst] > limit_mm and (asked_for or not within_noise):
             self._ask(
                 f"Nest {worst} is {off[worst]:.3f} mm from where the world frame has it, "
-                f"the limit is {check.limit_mm:g} mm. Look at the instrument and its stand; "
-                "confirm to go on from the nests as they are now."
+                f"the limit is {limit_mm:g} mm. Look at the instrument and its stand; "
+                "confirm to go on from the nests as they are now; "
+                f"redo measures again what was measured since they were seen last ({len(since)}).",
+                since,
             )
 
     # -- the arm ------------------------------------------------------------------------------------------
@@ -172,7 +210,7 @@ class Gates:
     def _again(self, gate: WarmUp, pose: int, spread_mm: float | None) -> None:
         if self._points:
             self._store.add_event("warming_up", readings=len(self._points), spread_mm=spread_mm)
-            self._control.wait(gate.every_s)
+            self._wait(gate.every_s)
         reason = "warming up" if self._points else "resumed: is the arm still warm?"
         self._store.measure_again([pose], reason)
 

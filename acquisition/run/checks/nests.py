@@ -39,15 +39,23 @@ class Nests:
         self._try_at = try_at
         self._consult = consult
         self.world: WorldFrame | None = None
+        self._where_mm: Mapping[str, Sequence[float]] = {}
 
-    def measure(self, reason: str) -> None:
+    def near_mm(self, planned: Planned) -> Sequence[float] | None:
+        """Where the beam is sent for a nest, tracker frame; None: a person aims, or its name does."""
+        return self._where_mm.get(planned.target) if planned.visit.kind == "nest" else None
+
+    def measure(self, reason: str, *, aim: bool = True) -> None:
         """Measure all nests, anew where they were measured before: three seen from two stations would make no frame.
 
+        aim: not where they were last, for the instrument may stand elsewhere; a person aims one that knows no names.
         Raises what a try and the question to a person raise.
         """
         self.world = None
         if self._cell.instrument.declared.measures_lengths:
             return
+        by_place = not (aim or self._cell.instrument.declared.finds_by_name)
+        self._where_mm = self._store.nests_mm() if by_place else {}
         self._store.measure_nests_again(reason)
         while self.world is None:
             while left := self._store.left("planned", nests=True):
@@ -55,6 +63,7 @@ class Nests:
             try:
                 self.world = self._settled_world()
             except NestsDisagree as error:
+                self._where_mm = {}
                 self._store.measure_nests_again(error.message)
                 self._consult(error)
 

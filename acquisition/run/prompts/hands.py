@@ -11,6 +11,8 @@ of it still holds is only known within one execution: a new one asks again.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from acquisition.cell.bars import Bar, bar_for
 from acquisition.cell.cell import Cell
 from acquisition.cell.picture import scene
@@ -20,10 +22,10 @@ from drivers.interfaces import Answer
 
 
 class Hands:
-    """The manual work of one execution. `ask`: put a question to a person."""
+    """The manual work of one execution. ask: put a question to a person; lost: the beam cannot be sent to a nest."""
 
-    def __init__(self, cell: Cell, ask: Ask) -> None:
-        self._ask = ask
+    def __init__(self, cell: Cell, ask: Ask, lost: Callable[[Planned], bool]) -> None:
+        self._ask, self._lost = ask, lost
         self._one_smr = cell.instrument.one_smr
         self._aimed = not cell.instrument.declared.finds_by_name
         self._ballbar = cell.instrument.declared.measures_lengths
@@ -49,7 +51,7 @@ class Hands:
 
     def aim(self, planned: Planned) -> Answer:
         """The beam is on the SMR of a nest."""
-        if not self._aimed or planned.visit.kind != "nest":
+        if not self._aimed or planned.visit.kind != "nest" or not self._lost(planned):
             return Answer.CONFIRM
         return self._ask(
             f"Aim the tracker at the SMR in {planned.target} and press confirm.",

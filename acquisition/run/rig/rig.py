@@ -89,6 +89,19 @@ class Rig:
                     self._lost.discard(role)
             self._control.check_stop()
 
+    def look(self) -> None:
+        """Make sure that both still answer; what they say is for their arming. Raises LinkError, and as `meet`."""
+        self.meet()
+        robot, instrument = self._devices.robot, self._devices.instrument
+        for role, status in (("robot", robot.status), ("instrument", instrument.status)):
+            try:
+                with self.using(role):
+                    status()
+            except LinkError:
+                raise
+            except AcquisitionError:
+                continue  # an open gate ends no warm-up
+
     def make_ready(self) -> None:
         """Connect and arm what is not. Raises AcquisitionError, Stopping."""
         self.meet()

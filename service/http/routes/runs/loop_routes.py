@@ -122,4 +122,4 @@ async def stop_loop(here: Here, loop_id: LoopId) -> JSONResponse:
         problems = here.loops.stop(loop_id, by=who(here))
         return _accepted(here, loop_id, problems=[problem.as_dict() for problem in problems])
 
-    return await here.order(loop_id, work)
+    return await here.order(loop_id, work, stops=True)

@@ -141,7 +141,7 @@ async def stop_run(here: Here, run_id: RunId) -> JSONResponse:
         problems = [problem.as_dict() for problem in here.book.stop(run_id, by=who(here))]
         return accepted(here, run_id, at_once=True, problems=problems)
 
-    return await here.order(run_id, work)
+    return await here.order(run_id, work, stops=True)
 
 
 @router.post("/runs/{run_id}/dataset", operation_id="exportRun", status_code=201, response_model=DatasetShown)
