@@ -13,34 +13,30 @@ import subprocess
 import sys
 import threading
 from collections.abc import Sequence
-from types import FrameType
+
+from service import child
 
 GRACE_S = 3.0  # to end by itself, then it is killed
 
 
 def main(command: Sequence[str]) -> int:
-    """Run the command until it ends or our standard input does; its exit code."""
-    with subprocess.Popen(command, stdin=subprocess.DEVNULL) as child:
+    """Run the command until it ends, we are told to end or our standard input does; its exit code."""
+    threading.Thread(target=_watch, daemon=True).start()
+    return child.run(command, _end, stdin=subprocess.DEVNULL)
 
-        def end() -> None:
-            child.terminate()
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                child.wait(GRACE_S)
-            child.kill()
 
-        def on_signal(number: int, frame: FrameType | None) -> None:
-            threading.Thread(target=end, daemon=True).start()
+def _end(process: subprocess.Popen[bytes], _: int) -> None:
+    process.terminate()
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(GRACE_S)
+    process.kill()
 
-        def watch() -> None:
-            # Not through sys.stdin: its lock, held by this thread, would make the interpreter abort at its end.
-            while os.read(0, 1024):
-                pass
-            end()
 
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, on_signal)
-        threading.Thread(target=watch, daemon=True).start()
-        return child.wait()
+def _watch() -> None:
+    # Not through sys.stdin: its lock, held by this thread, would make the interpreter abort at its end.
+    while os.read(0, 1024):
+        pass
+    signal.raise_signal(signal.SIGTERM)
 
 
 if __name__ == "__main__":

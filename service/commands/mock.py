@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
-import signal
 import subprocess
 from pathlib import Path
-from types import FrameType
 from typing import Annotated
 
 import typer
 
 from calib.errors import DataError
 from drivers import INSTRUMENTS, ROBOTS
+from service import child
 from service.simulated_cell import command_of
 
 DEVICES = tuple(
@@ -32,18 +30,7 @@ def mock(
     _refuse(name, cell)
     arguments = [name, *([] if cell is None else [str(cell)]), "--port", str(port)]
     # In a session of its own, so that Ctrl-C reaches it once, through us.
-    with subprocess.Popen(command_of(*arguments), start_new_session=True) as child:
-
-        def forward(number: int, frame: FrameType | None) -> None:
-            with contextlib.suppress(ProcessLookupError):
-                child.send_signal(number)
-
-        before = {number: signal.signal(number, forward) for number in (signal.SIGTERM, signal.SIGINT)}
-        try:
-            code = child.wait()
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+    code = child.run(command_of(*arguments), subprocess.Popen[bytes].send_signal, own_session=True)
     raise typer.Exit(code)
 
 

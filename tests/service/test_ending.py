@@ -7,6 +7,7 @@ also where it was killed and could see to nothing, and clients that are never an
 from __future__ import annotations
 
 import os
+import signal
 import tomllib
 from concurrent.futures import Future
 from pathlib import Path
@@ -64,7 +65,8 @@ def test_it_ends_promptly_with_its_run_paused_and_its_workers_gone(tmp_path: Pat
         until(lambda: len(workers_of(service.process.pid)) == 2)
         workers = workers_of(service.process.pid)
         service.until(f"/runs/{run}", "running")
-        service.process.terminate()
+        nohup = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN  # what it starts ignores a hang-up too
+        service.process.send_signal(signal.SIGTERM if nohup else signal.SIGHUP)
         assert service.process.wait(PATIENCE_S) == 0
         assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
         for each in asked:
