@@ -102,9 +102,19 @@ class Store:
         with reading(self._engine) as connection:
             return set(already(connection, hashes))
 
-    def robots(self) -> list[Known]:
-        """All robots, by type and serial number."""
+    def named(self) -> list[RobotKey]:
+        """The keys of all robots, by type and serial number: no document is looked at."""
+        r = tables.robot.c
+        with reading(self._engine) as connection:
+            return [
+                RobotKey(*row)
+                for row in connection.execute(sa.select(r.serial, r.model).order_by(r.model, r.serial))
+            ]
+
+    def robots(self, robot: RobotKey | None = None) -> list[Known]:
+        """All robots, by type and serial number; or one."""
         d, r = tables.document.c, tables.robot.c
+        its = sa.select(r.id).where(*_of(robot, None, None))
         groups = (
             sa.select(
                 d.robot,
@@ -114,6 +124,7 @@ class Store:
                 sa.func.min(d.measured_at).label("first"),
                 sa.func.max(d.measured_at).label("last"),
             )
+            .where(sa.true() if robot is None else d.robot == its.scalar_subquery())
             .group_by(d.robot, d.cell, d.kind)
             .subquery()
         )
@@ -185,7 +196,7 @@ class Store:
 
     def standings(self, robot: RobotKey | None = None) -> list[Standing]:
         """The standing of every robot, or of one, by type and serial number."""
-        known = [each for each in self.robots() if robot in (None, each.robot)]
+        known = self.robots(robot)
         with reading(self._engine) as connection:
             return standings(connection, known, robot)
 

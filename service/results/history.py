@@ -23,7 +23,7 @@ _TOO_FEW = "One value makes no chart."
 
 def robot_of(store: Store, serial: str, model: str | None) -> RobotKey:
     """The robot of a serial number; model: its type, where several types have that number. Raises DataError."""
-    found = [each.robot for each in store.robots() if each.robot.serial == serial]
+    found = [each for each in store.named() if each.serial == serial]
     if model is not None:
         found = [each for each in found if each.model == model]
     if not found:
@@ -138,6 +138,11 @@ def trends_of(store: Store, robot: RobotKey, parameter: str | None) -> list[Tren
             do=f"There are {known}." if known else "Put a model of it in: truepose history add MODEL.json",
             file=store.place,
         )
+    return trends_in(robot, points)
+
+
+def trends_in(robot: RobotKey, points: Sequence[Point]) -> list[Trend]:
+    """The trends of values that stand by name and time. Raises DataError as `Trend.of`."""
     by_name = groupby(points, key=lambda point: point.parameter)
     return [Trend.of(robot, list(each)) for _, each in by_name]
 
@@ -173,7 +178,9 @@ def next_of(
 ) -> tuple[Due | None, str]:
     """The next check of a robot, None where it has no date; and why then, or why not."""
     due = due_now(standing.watched, state_of(standing.watched, standing.baseline))
-    past = [each for each in standing.errors if each.measured_at <= now] or standing.errors  # a clock was ahead
+    past = [
+        each for each in standing.errors if each.measured_at <= now
+    ] or standing.errors  # a clock was ahead
     try:
         due = due or next_due(method, checks_of(past, hours, standing.known.robot.serial), now)
     except DataError as error:

@@ -16,7 +16,7 @@ from typing import Any, Literal
 from calib.errors import DataError
 from calib.upkeep import Drift, Method, Staircase
 from fleet.outbox import Cell, read_data, read_result
-from fleet.store import Known, RobotKey, Said, Standing, Store, utc_now
+from fleet.store import RobotKey, Said, Standing, Store, utc_now
 from service.kept_dataset import CSV, TOML, refuse_paths
 from service.plain import finite
 from service.results import history
@@ -80,16 +80,17 @@ def told_robot(address: str, name: str, asked: DueQuestion, most: int) -> dict[s
     """
     way, now = asked.way(), utc_now()
     with Store.open(address) as store:
-        known = _found(store, name)
-        if known is None:
+        robot = _found(store, name)
+        if robot is None:
             return None
-        lines = history.lines_of(store, known.robot)
-        shown = history.history_document(known.robot, lines[::-1][:most])["history"]
+        (standing,) = store.standings(robot)
+        lines = history.lines_of(store, robot)
+        shown = history.history_document(robot, lines[::-1][:most])["history"]
         for told, line in zip(shown, lines[::-1], strict=False):
             told["in_words"] = "" if line.said is None else line.said.in_words
         return finite(
             {
-                **_line(store.standings(known.robot)[0], asked.permitted_mm, way, now),
+                **_line(standing, asked.permitted_mm, way, now),
                 "store": store.place,
                 "now": history.text_of(now),
                 "history": shown,
@@ -104,18 +105,21 @@ def told_trends(address: str, name: str, parameter: str | None, most: int) -> di
     The chart is that of all values. Raises DataError for a parameter that the robot has not.
     """
     with Store.open(address) as store:
-        known = _found(store, name)
-        if known is None:
+        robot = _found(store, name)
+        if robot is None:
             return None
-        found = history.trends_of(store, known.robot, parameter) if store.trend(known.robot) else []
-    told = history.trends_document(known.robot, found)
+        if parameter is None:  # one of which nothing but data is kept has none, and that is no fault
+            found = history.trends_in(robot, store.trend(robot))
+        else:
+            found = history.trends_of(store, robot, parameter)
+    told = history.trends_document(robot, found)
     for trend, document in zip(found, told["trends"], strict=True):
         signals = set() if trend.chart is None else {each.index for each in trend.chart.signals}
         for i, value in enumerate(document["values"]):
             value["signal"] = i in signals
         document["left_out"] = max(len(document["values"]) - most, 0)
         document["values"] = document["values"][-most:]
-    return finite({"id": id_of(known.robot), **told})
+    return finite({"id": id_of(robot), **told})
 
 
 def content_of(address: str, hash: str) -> bytes | None:
@@ -151,15 +155,12 @@ def put(address: str, name: str, content: bytes, header: bytes | None, cell: Cel
     return told | {"robot_id": id_of(found[0].robot)}
 
 
-def _found(store: Store, name: str) -> Known | None:
-    known = store.robots()
-    by_id = next((each for each in known if id_of(each.robot) == name), None)
-    if by_id is not None:
-        return by_id
-    same = [each for each in known if each.robot.serial == name]
+def _found(store: Store, name: str) -> RobotKey | None:
+    known = store.named()
+    same = [each for each in known if id_of(each) == name] or [each for each in known if each.serial == name]
     if len(same) > 1:
         raise DataError(
-            f"is of {' and of '.join(each.robot.model for each in same)}.",
+            f"is of {' and of '.join(each.model for each in same)}.",
             do="Ask by the id that the list of robots has.",
             file=f"serial number {name}",
         )

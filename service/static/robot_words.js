@@ -33,7 +33,7 @@ export const ROBOT_WORDS = {
   method_staircase: ["staircase: longer after good checks", "Treppe: länger nach guten Prüfungen"], method_drift: ["drift: before the error leaves what is permitted", "Drift: bevor der Fehler das Erlaubte verlässt"],
   permittedError: ["Permitted error, mm RMS", "Erlaubter Fehler, mm RMS"], byMethod: ["Method", "Verfahren"], reckonAgain: ["Reckon", "Berechnen"],
   // trends
-  trends: ["Trends", "Verläufe"], noTrends: ["No values yet.", "Noch keine Werte."], lastValue: ["Last", "Zuletzt"], olderLeftOut: ["{n} older ones are not shown.", "{n} ältere sind nicht gezeigt."],
+  trends: ["Trends", "Verläufe"], noTrends: ["No values yet.", "Noch keine Werte."], lastValue: ["Last", "Zuletzt"], earlierSignals: ["Earlier signals: {n}", "Frühere Signale: {n}"], olderLeftOut: ["{n} older ones are not shown.", "{n} ältere sind nicht gezeigt."],
   trendSays: ["{name}: {n} values, last {last}, {out} outside the limits", "{name}: {n} Werte, zuletzt {last}, {out} außerhalb der Grenzen"],
   steadyOnes: ["{n} parameters within their limits", "{n} Parameter innerhalb ihrer Grenzen"], singleOnes: ["{n} parameters with one value", "{n} Parameter mit einem Wert"],
   markValue: ["value and U (k = 2)", "Wert und U (k = 2)"], markLimits: ["control limits", "Eingriffsgrenzen"], markCentre: ["centre of the first values", "Mitte der ersten Werte"], markSignal: ["signal: it, or its mean with those before, is outside", "Signal: er oder sein Mittel mit den früheren liegt außerhalb"],
