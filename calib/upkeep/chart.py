@@ -113,8 +113,8 @@ def chart_of(
         centre + np.column_stack([-each, each]) for each in (half, np.where(later, mean_half, np.inf))
     )
     signals = [
-        *_outside("value", values, centre, half),
-        *_outside("mean", mean, centre, np.where(later, mean_half, np.inf)),
+        *_outside("value", checks, values, centre, half),
+        *_outside("mean", checks, mean, centre, np.where(later, mean_half, np.inf)),
     ]
     return ControlChart(
         values,
@@ -150,14 +150,16 @@ def _weights(count: int, first: int, weight: float) -> Array:
     return np.where(taken, weight * (1.0 - weight) ** np.maximum(back, 0), 0.0)
 
 
-def _outside(chart: Literal["value", "mean"], values: Array, centre: float, half: Array) -> list[Signal]:
+def _outside(
+    chart: Literal["value", "mean"], checks: Sequence[Check], values: Array, centre: float, half: Array
+) -> list[Signal]:
     name = "is" if chart == "value" else "has a weighted mean with those before it of"
     return [
         Signal(
-            int(i),
+            i,
             chart,
-            f"Value {i + 1} {name} {values[i]:.4g}, {abs(values[i] - centre):.2g} from the centre {centre:.4g}; "
-            f"the limit is {half[i]:.2g}.",
+            f"The value of {checks[i].at:%Y-%m-%d} {name} {values[i]:.4g}, {abs(values[i] - centre):.2g} from the "
+            f"centre {centre:.4g}; the limit is {half[i]:.2g}.",
         )
-        for i in np.flatnonzero(np.abs(values - centre) > half)
+        for i in np.flatnonzero(np.abs(values - centre) > half).tolist()
     ]

@@ -18,6 +18,7 @@ from fleet.store.document import (
 from fleet.store.roles import READER, WRITER
 from fleet.store.rows import ERROR
 from fleet.store.schema import migrate
+from fleet.store.standing import Baseline, Standing
 from fleet.store.store import Store
 from fleet.store.work import Job, Result, Work
 
@@ -28,6 +29,7 @@ __all__ = [
     "READER",
     "WRITER",
     "Added",
+    "Baseline",
     "Document",
     "Entry",
     "Job",
@@ -38,6 +40,7 @@ __all__ = [
     "Result",
     "RobotKey",
     "Said",
+    "Standing",
     "Store",
     "Work",
     "dataset_content",

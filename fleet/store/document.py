@@ -96,11 +96,12 @@ class Entry:
 
 @dataclass(frozen=True)
 class Known:
-    """A robot in the store: documents of every kind, and when the last was measured."""
+    """A robot in the store: documents of every kind, and when the first and the last were measured."""
 
     robot: RobotKey
     cells: tuple[str, ...]
     documents: dict[Kind, int]
+    first: datetime
     last: datetime
 
 

@@ -25,31 +25,36 @@ _MANY = 500  # keys in one question
 
 
 def rediagnosed(
-    connection: sa.Connection, robot: RobotKey, parameter: str | None
-) -> tuple[list[Point], set[datetime]]:
-    """The points of one parameter, or of all (None) with the error on held-out readings; and when the data sets were
-    measured that have such a model.
+    connection: sa.Connection, robot: RobotKey | None, parameter: str | None
+) -> dict[RobotKey, tuple[list[Point], set[datetime]]]:
+    """The points of one parameter, or of all (None) with the error on held-out readings, of a robot, or of all (None);
+    and when the data sets were measured that have such a model.
 
     Not of data sets that do not say when they were measured, whose time is that of a file; nor of those without
     held-out readings: they are of watches, and too few for a model that one would compare.
     """
-    rows = _contents(connection, _last(connection, robot))
-    found = [(row, table) for row, table in rows if table.get("parameters") and table.get("error_after_mm")]
-    points = [point for row, table in found for point in _points(row, table, parameter)]
-    return points, {row.measured_at for row, _ in found}
+    found: dict[RobotKey, tuple[list[Point], set[datetime]]] = {}
+    for row, table in _contents(connection, _last(connection, robot)):
+        if table.get("parameters") and table.get("error_after_mm"):
+            points, times = found.setdefault(RobotKey(row.serial, row.model), ([], set()))
+            points += _points(row, table, parameter)
+            times.add(row.measured_at)
+    return found
 
 
-def _last(connection: sa.Connection, robot: RobotKey) -> dict[str, Any]:
-    """The result of each data set that was finished last, by its key: key, hash and time of the data set, program."""
+def _last(connection: sa.Connection, robot: RobotKey | None) -> dict[str, Any]:
+    """The result of each data set that was finished last, by its key: key, hash, robot and time of the data set,
+    program."""
     d, r, found = tables.document.c, tables.robot.c, tables.result.c
     question = (
-        sa.select(found.key, d.hash, d.measured_at, found.program)
+        sa.select(found.key, d.hash, r.serial, r.model, d.measured_at, found.program)
         .join_from(tables.document, tables.robot)
         .join(tables.result, found.data == d.hash)
-        .where(r.serial == robot.serial, r.model == robot.model, d.kind == "dataset", found.task == TASK)
-        .where(d.identity != "dataset " + d.hash)
+        .where(d.kind == "dataset", found.task == TASK, d.identity != "dataset " + d.hash)
         .order_by(found.finished_at, found.key)
     )
+    if robot is not None:
+        question = question.where(r.serial == robot.serial, r.model == robot.model)
     newest = {row.hash: row for row in connection.execute(question)}
     return {row.key: row for row in newest.values()}
 

@@ -10,13 +10,14 @@ import sqlalchemy as sa
 
 from calib.errors import DataError
 from fleet.errors import StoreError, StoreGone
-from fleet.store import rediagnosed as rediagnoses
 from fleet.store import tables
 from fleet.store.adding import Overtaken, added, already
 from fleet.store.document import Added, Document, Entry, Kind, Known, Named, Point, RobotKey, Said
 from fleet.store.engine import WRITES, engine_of, reading, refusals, shown, writing
 from fleet.store.rows import rows_of
 from fleet.store.schema import carried_over, newest, version
+from fleet.store.standing import Standing, standings
+from fleet.store.trends import points_of
 from fleet.store.work import Work
 
 _TRIES = 20  # of a batch of which another program has just added a part
@@ -101,36 +102,50 @@ class Store:
         with reading(self._engine) as connection:
             return set(already(connection, hashes))
 
-    def robots(self) -> list[Known]:
-        """All robots, by type and serial number."""
+    def named(self) -> list[RobotKey]:
+        """The keys of all robots, by type and serial number: no document is looked at."""
+        r = tables.robot.c
+        with reading(self._engine) as connection:
+            return [
+                RobotKey(*row)
+                for row in connection.execute(sa.select(r.serial, r.model).order_by(r.model, r.serial))
+            ]
+
+    def robots(self, robot: RobotKey | None = None) -> list[Known]:
+        """All robots, by type and serial number; or one."""
         d, r = tables.document.c, tables.robot.c
+        its = sa.select(r.id).where(*_of(robot, None, None))
         groups = (
             sa.select(
                 d.robot,
                 d.cell,
                 d.kind,
                 sa.func.count().label("number"),
+                sa.func.min(d.measured_at).label("first"),
                 sa.func.max(d.measured_at).label("last"),
             )
+            .where(sa.true() if robot is None else d.robot == its.scalar_subquery())
             .group_by(d.robot, d.cell, d.kind)
             .subquery()
         )
         g = groups.c
         question = (
-            sa.select(r.serial, r.model, g.cell, g.kind, g.number, g.last)
+            sa.select(r.serial, r.model, g.cell, g.kind, g.number, g.first, g.last)
             .join_from(groups, tables.robot, r.id == g.robot)
             .order_by(r.model, r.serial, g.cell)
         )
         counts: dict[RobotKey, dict[Kind, int]] = defaultdict(dict)
         cells: dict[RobotKey, dict[str, None]] = defaultdict(dict)
+        first: dict[RobotKey, datetime] = {}
         last: dict[RobotKey, datetime] = {}
         with reading(self._engine) as connection:
-            for serial, model, cell, kind, count, latest in connection.execute(question):
+            for serial, model, cell, kind, count, earliest, latest in connection.execute(question):
                 key = RobotKey(serial, model)
                 counts[key][kind] = counts[key].get(kind, 0) + count
                 cells[key][cell] = None
+                first[key] = min(earliest, first.get(key, earliest))
                 last[key] = max(latest, last.get(key, latest))
-        return [Known(key, tuple(cells[key]), counts[key], last[key]) for key in counts]
+        return [Known(key, tuple(cells[key]), counts[key], first[key], last[key]) for key in counts]
 
     def documents(
         self,
@@ -176,23 +191,14 @@ class Store:
 
         rediagnosed: whether what a re-diagnosis says of the same readings stands in the place of the cell's own model.
         """
-        p, d, r = tables.parameter.c, tables.document.c, tables.robot.c
-        question = (
-            sa.select(p.measured_at, p.name, p.value, p.u, p.unit, d.hash, d.program, d.kind)
-            .join_from(tables.parameter, tables.robot)
-            .join(tables.document, d.id == p.document)
-            .where(r.serial == robot.serial, r.model == robot.model)
-            .order_by(p.name, p.measured_at, p.document)
-        )
-        if parameter is not None:
-            question = question.where(p.name == parameter)
         with reading(self._engine) as connection:
-            rows = connection.execute(question).all()
-            again, times = (
-                rediagnoses.rediagnosed(connection, robot, parameter) if rediagnosed else ([], set())
-            )
-        kept = [Point(*row[:-1]) for row in rows if row.kind != "model" or row.measured_at not in times]
-        return sorted((*kept, *again), key=lambda each: (each.parameter, each.measured_at)) if again else kept
+            return points_of(connection, robot, parameter, again=rediagnosed).get(robot, [])
+
+    def standings(self, robot: RobotKey | None = None) -> list[Standing]:
+        """The standing of every robot, or of one, by type and serial number."""
+        known = self.robots(robot)
+        with reading(self._engine) as connection:
+            return standings(connection, known, robot)
 
     def verdicts(
         self, robot: RobotKey | None = None, kind: Kind | None = None, since: datetime | None = None

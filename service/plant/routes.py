@@ -173,11 +173,7 @@ def _sender(request: Request) -> str | None:
 
 def _robot(store: Store, serial: str, model: str) -> RobotKey:
     """The robot that is meant. Raises Problem 404, and 422 where two have the serial number."""
-    found = [
-        known.robot
-        for known in store.robots()
-        if known.robot.serial == serial and model in ("", known.robot.model)
-    ]
+    found = [each for each in store.named() if each.serial == serial and model in ("", each.model)]
     if not found:
         raise Problem(404, f"There is no robot {serial!r}.", "List the robots to see which there are.")
     if len(found) > 1:

@@ -12,9 +12,9 @@ import numpy as np
 
 from calib.errors import DataError
 from calib.upkeep import Check, ControlChart, Due, Method, chart_of, next_due
-from fleet.store import ERROR, Added, Document, Entry, Known, Point, RobotKey, Said, Store
+from fleet.store import ERROR, Added, Document, Entry, Known, Point, RobotKey, Said, Standing, Store
 from service.results.hours import Hours
-from service.results.robot_state import CHANGED, baseline_of, due_now, state_of
+from service.results.robot_state import due_now, state_of
 
 FORMAT = "truepose-history/1"
 MOST = 100_000  # documents of one robot
@@ -23,7 +23,7 @@ _TOO_FEW = "One value makes no chart."
 
 def robot_of(store: Store, serial: str, model: str | None) -> RobotKey:
     """The robot of a serial number; model: its type, where several types have that number. Raises DataError."""
-    found = [each.robot for each in store.robots() if each.robot.serial == serial]
+    found = [each for each in store.named() if each.serial == serial]
     if model is not None:
         found = [each for each in found if each.model == model]
     if not found:
@@ -138,6 +138,11 @@ def trends_of(store: Store, robot: RobotKey, parameter: str | None) -> list[Tren
             do=f"There are {known}." if known else "Put a model of it in: truepose history add MODEL.json",
             file=store.place,
         )
+    return trends_in(robot, points)
+
+
+def trends_in(robot: RobotKey, points: Sequence[Point]) -> list[Trend]:
+    """The trends of values that stand by name and time. Raises DataError as `Trend.of`."""
     by_name = groupby(points, key=lambda point: point.parameter)
     return [Trend.of(robot, list(each)) for _, each in by_name]
 
@@ -161,28 +166,26 @@ class Next:
 def due_of(store: Store, method: Method, now: datetime, hours: Hours | None = None) -> list[Next]:
     """The date at which each robot is to be checked next, now where it has changed; those first that are due first.
     hours: of use, for a method that goes by them."""
-    said = {each.robot: each for each in store.verdicts(kind="watch")}  # the last of each stays
     out = []
-    for known in store.robots():
-        points = store.trend(known.robot, ERROR)
-        due, because = None, ""
-        try:
-            due = _changed(store, said.get(known.robot)) or next_due(
-                method, checks_of(points, hours, known.robot.serial), now
-            )
-            because = due.because
-        except DataError as error:
-            because = str(error)
-        out.append(Next(known, said.get(known.robot), points[-1] if points else None, due, because))
+    for each in store.standings():
+        due, because = next_of(each, method, now, hours)
+        out.append(Next(each.known, each.watched, each.errors[-1] if each.errors else None, due, because))
     return sorted(out, key=lambda each: (each.due is not None, now if each.due is None else each.due.date))
 
 
-def _changed(store: Store, watched: Said | None) -> Due | None:
-    """Due now, where the last watch of a robot found a change and no calibration is newer."""
-    if watched is None or watched.verdict not in CHANGED:
-        return None
-    model = baseline_of(store, watched.robot, store.verdicts(watched.robot))
-    return due_now(watched, state_of(watched, model))
+def next_of(
+    standing: Standing, method: Method, now: datetime, hours: Hours | None = None
+) -> tuple[Due | None, str]:
+    """The next check of a robot, None where it has no date; and why then, or why not."""
+    due = due_now(standing.watched, state_of(standing.watched, standing.baseline))
+    past = [
+        each for each in standing.errors if each.measured_at <= now
+    ] or standing.errors  # a clock was ahead
+    try:
+        due = due or next_due(method, checks_of(past, hours, standing.known.robot.serial), now)
+    except DataError as error:
+        return None, str(error)
+    return due, due.because
 
 
 def checks_of(points: Iterable[Point], hours: Hours | None = None, serial: str = "") -> list[Check]:

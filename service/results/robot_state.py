@@ -1,29 +1,21 @@
-"""The state of a robot by its history: its calibration, what the last watch says, and that a change is due now."""
+"""The state of a robot by its history: what the last watch says, that a change is due now, and dates nobody can
+believe."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
 
 from calib.upkeep import Due
-from fleet.store import Entry, RobotKey, Said, Store
+from fleet.store import Baseline, Known, Said
 
 CHANGED = ("changed", "ambiguous", "unexplained")
 """Verdicts after which somebody has to act, whatever the dates of checks say."""
-_MODELS = 50  # among which the newest calibration is looked for
+_EARLIEST = datetime(2001, 1, 1, tzinfo=UTC)
+"""Clocks whose battery is empty begin in 1970, 1980 or 2000."""
+_AHEAD = timedelta(days=1)
 
 
-def baseline_of(store: Store, robot: RobotKey, said: Sequence[Said]) -> Entry | None:
-    """The newest calibration; the newest model where there is no calibration. said: all verdicts on the robot.
-
-    What a watch has updated, and so is as old as its readings, is none: by it, what has changed would look unchanged
-    before anybody mended it.
-    """
-    models = store.documents(robot, kind="model", limit=_MODELS)
-    watched = {each.measured_at for each in said if each.kind in ("watch", "thermal")}
-    return next((each for each in models if each.measured_at not in watched), models[0] if models else None)
-
-
-def state_of(watched: Said | None, model: Entry | None) -> str:
+def state_of(watched: Said | None, model: Baseline | None) -> str:
     """The state of a robot by now: that of the last watch, unless a model is newer than it."""
     if watched is None:
         return "not_watched"
@@ -39,3 +31,10 @@ def due_now(watched: Said | None, state: str) -> Due | None:
     return Due(
         watched.measured_at, f"Now: the last watch found it {watched.verdict}. {watched.advice}".strip()
     )
+
+
+def doubtful_date(known: Known, now: datetime) -> datetime | None:
+    """A date among the documents of a robot that only a wrong clock can have written; None where there is none."""
+    if known.last > now + _AHEAD:
+        return known.last
+    return known.first if known.first < _EARLIEST else None

@@ -7,7 +7,6 @@ a database.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -15,13 +14,13 @@ from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 from calib.errors import DataError
-from calib.upkeep import Drift, Due, Method, Staircase, next_due
+from calib.upkeep import Drift, Method, Staircase
 from fleet.outbox import Cell, read_data, read_result
-from fleet.store import ERROR, Known, Point, RobotKey, Said, Store, utc_now
+from fleet.store import RobotKey, Said, Standing, Store, utc_now
 from service.kept_dataset import CSV, TOML, refuse_paths
 from service.plain import finite
 from service.results import history
-from service.results.robot_state import CHANGED, baseline_of, due_now, state_of
+from service.results.robot_state import CHANGED, doubtful_date, due_now, state_of
 
 Way = Literal["staircase", "drift"]
 MOST = 1000
@@ -60,12 +59,17 @@ def told_robots(address: str, asked: DueQuestion) -> dict[str, Any]:
     """All robots of a store, those first that are to be looked at first. Raises DataError."""
     way, now = asked.way(), utc_now()
     with Store.open(address) as store:
-        known = store.robots()
-        lines = [_line(store, each, way, now) for each in known[:MOST]]
+        lines = [_line(each, asked.permitted_mm, way, now) for each in store.standings()]
         place = store.place
     lines.sort(key=_urgency)
     return finite(
-        {"store": place, "now": history.text_of(now), "robots": lines, "left_out": len(known) - len(lines)}
+        {
+            "store": place,
+            "now": history.text_of(now),
+            "robots": lines[:MOST],
+            "left_out": len(lines[MOST:]),
+            "need_care": sum(line["needs_care"] for line in lines),
+        }
     )
 
 
@@ -76,16 +80,17 @@ def told_robot(address: str, name: str, asked: DueQuestion, most: int) -> dict[s
     """
     way, now = asked.way(), utc_now()
     with Store.open(address) as store:
-        known = _found(store, name)
-        if known is None:
+        robot = _found(store, name)
+        if robot is None:
             return None
-        lines = history.lines_of(store, known.robot)
-        shown = history.history_document(known.robot, lines[::-1][:most])["history"]
+        (standing,) = store.standings(robot)
+        lines = history.lines_of(store, robot)
+        shown = history.history_document(robot, lines[::-1][:most])["history"]
         for told, line in zip(shown, lines[::-1], strict=False):
             told["in_words"] = "" if line.said is None else line.said.in_words
         return finite(
             {
-                **_line(store, known, way, now),
+                **_line(standing, asked.permitted_mm, way, now),
                 "store": store.place,
                 "now": history.text_of(now),
                 "history": shown,
@@ -100,18 +105,21 @@ def told_trends(address: str, name: str, parameter: str | None, most: int) -> di
     The chart is that of all values. Raises DataError for a parameter that the robot has not.
     """
     with Store.open(address) as store:
-        known = _found(store, name)
-        if known is None:
+        robot = _found(store, name)
+        if robot is None:
             return None
-        found = history.trends_of(store, known.robot, parameter) if store.trend(known.robot) else []
-    told = history.trends_document(known.robot, found)
+        if parameter is None:  # one of which nothing but data is kept has none, and that is no fault
+            found = history.trends_in(robot, store.trend(robot))
+        else:
+            found = history.trends_of(store, robot, parameter)
+    told = history.trends_document(robot, found)
     for trend, document in zip(found, told["trends"], strict=True):
         signals = set() if trend.chart is None else {each.index for each in trend.chart.signals}
         for i, value in enumerate(document["values"]):
             value["signal"] = i in signals
         document["left_out"] = max(len(document["values"]) - most, 0)
         document["values"] = document["values"][-most:]
-    return finite({"id": id_of(known.robot), **told})
+    return finite({"id": id_of(robot), **told})
 
 
 def content_of(address: str, hash: str) -> bytes | None:
@@ -147,39 +155,39 @@ def put(address: str, name: str, content: bytes, header: bytes | None, cell: Cel
     return told | {"robot_id": id_of(found[0].robot)}
 
 
-def _found(store: Store, name: str) -> Known | None:
-    known = store.robots()
-    by_id = next((each for each in known if id_of(each.robot) == name), None)
-    if by_id is not None:
-        return by_id
-    same = [each for each in known if each.robot.serial == name]
+def _found(store: Store, name: str) -> RobotKey | None:
+    known = store.named()
+    same = [each for each in known if id_of(each) == name] or [each for each in known if each.serial == name]
     if len(same) > 1:
         raise DataError(
-            f"is of {' and of '.join(each.robot.model for each in same)}.",
+            f"is of {' and of '.join(each.model for each in same)}.",
             do="Ask by the id that the list of robots has.",
             file=f"serial number {name}",
         )
     return same[0] if same else None
 
 
-def _line(store: Store, known: Known, way: Method | None, now: datetime) -> dict[str, Any]:
+def _line(
+    standing: Standing, permitted_mm: float | None, way: Method | None, now: datetime
+) -> dict[str, Any]:
     """The line of a robot in a list."""
-    robot = known.robot
-    said = store.verdicts(robot)
-    watched = next((each for each in reversed(said) if each.kind == "watch"), None)
-    errors = store.trend(robot, ERROR)
-    model = baseline_of(store, robot, said)
-    state = state_of(watched, model)
+    known, watched, errors, model = standing.known, standing.watched, standing.errors, standing.baseline
+    state, due = state_of(watched, model), _due(standing, way, now)
+    beyond = bool(errors and permitted_mm and errors[-1].value > permitted_mm)
+    doubted = doubtful_date(known, now)
     return {
-        "id": id_of(robot),
-        "serial": robot.serial,
-        "model": robot.model,
+        "id": id_of(known.robot),
+        "serial": known.robot.serial,
+        "model": known.robot.model,
         "cells": list(known.cells),
         "documents": dict(known.documents),
         "last_measured": history.text_of(known.last),
+        "doubtful_date": None if doubted is None else history.text_of(doubted),
         "state": state,
+        "needs_care": state in CHANGED or due["overdue"] or beyond,
+        "beyond_permitted": beyond,
         "watched": None if watched is None else _said(watched),
-        "diagnosed": next((_said(each) for each in reversed(said) if each.kind == "diagnosis"), None),
+        "diagnosed": None if standing.diagnosed is None else _said(standing.diagnosed),
         "baseline": None
         if model is None
         else {"document": model.hash, "measured": history.text_of(model.measured_at)},
@@ -188,7 +196,7 @@ def _line(store: Store, known: Known, way: Method | None, now: datetime) -> dict
             {"measured": history.text_of(each.measured_at), "rms": each.value, "u": each.u}
             for each in errors[-ERRORS:]
         ],
-        "due": _due(due_now(watched, state), errors, way, now),
+        "due": due,
     }
 
 
@@ -203,21 +211,25 @@ def _said(said: Said) -> dict[str, Any]:
     }
 
 
-def _due(known: Due | None, errors: Sequence[Point], way: Method | None, now: datetime) -> dict[str, Any]:
+def _due(standing: Standing, way: Method | None, now: datetime) -> dict[str, Any]:
     """The date of the next check, which is known for what has changed; without a date, the reason."""
-    due, because = known, "Nobody has said which error is permitted."
-    if due is None and way is not None:
-        try:
-            due = next_due(way, history.checks_of(errors), now)
-        except DataError as error:
-            because = str(error)
+    if way is None:
+        due = due_now(standing.watched, state_of(standing.watched, standing.baseline))
+        because = "Nobody has said which error is permitted." if due is None else due.because
+    else:
+        due, because = history.next_of(standing, way, now)
     if due is None:
         return {"date": None, "overdue": False, "because": because}
-    return {"date": history.text_of(due.date), "overdue": due.date <= now, "because": due.because}
+    return {"date": history.text_of(due.date), "overdue": due.date <= now, "because": because}
 
 
-def _urgency(line: dict[str, Any]) -> tuple[int, str, str]:
-    """The rank of a robot in a list: what has changed comes first, then what is overdue, then by date."""
-    due = line["due"]
-    changed = line["state"] in CHANGED
-    return (0 if changed else 1 if due["overdue"] else 2, due["date"] or "", line["serial"])
+def _urgency(line: dict[str, Any]) -> tuple[int, float, str, str]:
+    """The rank of a robot in a list: what has changed, the largest error first; then what errs beyond what is
+    permitted; then what is overdue, and the others by date."""
+    due, error = line["due"], line["error_mm"]
+    largest = -error["rms"] if error else 0.0
+    if line["state"] in CHANGED:
+        return 0, largest, "", line["serial"]
+    if line["beyond_permitted"]:
+        return 1, largest, "", line["serial"]
+    return (2 if due["overdue"] else 3), 0.0, due["date"] or "", line["serial"]

@@ -21,7 +21,7 @@ let view = null, at = "", awake = () => {};
 
 const addressed = () => {
   const [, name, id] = location.hash.match(/^#\/([a-z]+)(?:\/([0-9A-Za-z][0-9A-Za-z-]{0,63}))?$/) || [];  // an id leads nowhere else
-  return Object.hasOwn(VIEWS, name) ? { name, id: id || "" } : { name: desk.cell && (desk.cell.run_id || desk.cell.loop_id) ? "run" : "cell", id: "" };
+  return Object.hasOwn(VIEWS, name) ? { name, id: id || "" } : { name: !desk.cell ? "robots" : desk.cell.run_id || desk.cell.loop_id ? "run" : "cell", id: "" };
 };
 
 function go(again = false) {

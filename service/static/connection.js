@@ -99,9 +99,12 @@ export async function stopBy(path) {
   finally { clearTimeout(late); connection.unstopped = false; tell("heard"); }
 }
 
+// The cell of the service; null where it has none, as in an office that looks at robots.
+export const theCell = () => ask("GET", PROBE).catch((error) => { if (error.status === 404) return null; throw error; });
+
 export async function enter(token) {
   connection.token = token;
-  await ask("GET", "/cell");
+  await theCell();
   sessionStorage.setItem(KEPT, token);
 }
 

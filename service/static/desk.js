@@ -1,6 +1,6 @@
 // What is known of the cell, and the orders to it: the lease, stop, and errors with what to do about them.
 
-import { Silence, ask, connection, key, stopBy } from "./connection.js";
+import { Silence, ask, connection, key, stopBy, theCell } from "./connection.js";
 import { $, h } from "./dom.js";
 import { said, saidWords } from "./sentences.js";
 import { t } from "./words.js";
@@ -35,7 +35,8 @@ export async function order(work) {
 }
 
 export async function refresh() {
-  desk.cell = await ask("GET", "/cell");
+  desk.cell = await theCell();
+  if (!desk.cell) return;
   const { run_id: busy, last_run_id: last } = desk.cell;
   desk.last = busy || last ? await ask("GET", `/runs/${busy || last}`).catch((error) => { if (error.status === 404) return null; throw error; }) : null;
   desk.busy = busy ? desk.last : null;

@@ -14,6 +14,9 @@ export const ROBOT_WORDS = {
   positionError: ["Position error, RMS", "Positionsfehler, RMS"], lastMeasured: ["Last measured", "Zuletzt gemessen"], cells: ["Cells", "Zellen"], baseline: ["Baseline of", "Bezugsmodell vom"],
   // the list
   robotsKept: ["Robots of the history", "Roboter der Historie"], noRobots: ["None yet: whatever is measured, diagnosed and watched here enters by itself.", "Noch keine: was hier gemessen, diagnostiziert und überwacht wird, kommt von selbst hinein."],
+  careFor: ["{n} of {all} robots need care today.", "{n} von {all} Robotern brauchen heute jemanden."], careForNone: ["None of {all} robots needs care today.", "Keiner von {all} Robotern braucht heute jemanden."],
+  searchRobots: ["Serial number, type or cell:", "Seriennummer, Typ oder Zelle:"], nothingFound: ["None of this name.", "Keiner dieses Namens."], robotsAtRest: ["Robots with nothing to do", "Roboter ohne Handlungsbedarf"],
+  othersAtRest: ["Nothing to do: {n}", "Nichts zu tun: {n}"], doubtfulDate: ["The clock of its cell is wrong, or was: a document is dated {date}.", "Die Uhr seiner Zelle geht falsch oder ging falsch: ein Dokument trägt das Datum {date}."],
   noErrors: ["no error known yet", "noch kein Fehler bekannt"], sparkSays: ["Position errors of {n} checks since {first}; last {last}", "Positionsfehler aus {n} Prüfungen seit {first}; zuletzt {last}"],
   storeIs: ["Kept in {store}.", "Aufbewahrt in {store}."], permittedIs: ["Permitted: {mm} mm RMS.", "Erlaubt: {mm} mm RMS."],
   permittedUnknown: ["Nobody has said which error is permitted (truepose serve --permitted MM), so there are no dates.", "Niemand hat gesagt, welcher Fehler erlaubt ist (truepose serve --permitted MM); deshalb gibt es keine Termine."],
@@ -30,7 +33,7 @@ export const ROBOT_WORDS = {
   method_staircase: ["staircase: longer after good checks", "Treppe: länger nach guten Prüfungen"], method_drift: ["drift: before the error leaves what is permitted", "Drift: bevor der Fehler das Erlaubte verlässt"],
   permittedError: ["Permitted error, mm RMS", "Erlaubter Fehler, mm RMS"], byMethod: ["Method", "Verfahren"], reckonAgain: ["Reckon", "Berechnen"],
   // trends
-  trends: ["Trends", "Verläufe"], noTrends: ["No values yet.", "Noch keine Werte."], lastValue: ["Last", "Zuletzt"], olderLeftOut: ["{n} older ones are not shown.", "{n} ältere sind nicht gezeigt."],
+  trends: ["Trends", "Verläufe"], noTrends: ["No values yet.", "Noch keine Werte."], lastValue: ["Last", "Zuletzt"], earlierSignals: ["Earlier signals: {n}", "Frühere Signale: {n}"], olderLeftOut: ["{n} older ones are not shown.", "{n} ältere sind nicht gezeigt."],
   trendSays: ["{name}: {n} values, last {last}, {out} outside the limits", "{name}: {n} Werte, zuletzt {last}, {out} außerhalb der Grenzen"],
   steadyOnes: ["{n} parameters within their limits", "{n} Parameter innerhalb ihrer Grenzen"], singleOnes: ["{n} parameters with one value", "{n} Parameter mit einem Wert"],
   markValue: ["value and U (k = 2)", "Wert und U (k = 2)"], markLimits: ["control limits", "Eingriffsgrenzen"], markCentre: ["centre of the first values", "Mitte der ersten Werte"], markSignal: ["signal: it, or its mean with those before, is outside", "Signal: er oder sein Mittel mit den früheren liegt außerhalb"],

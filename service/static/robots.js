@@ -11,6 +11,7 @@ import { number } from "./units.js";
 import { t } from "./words.js";
 
 export const AGAIN_MS = 15000;
+const FEW = 12;  // robots that a person takes in at a glance
 
 // What a store that cannot be asked says, with what to do; what was shown stays.
 export const refusal = (error) => [h("strong", {}, "✖ ", saidOf(error.message)), " ", h("span", {}, `${t("whatToDo")} `, saidOf(error.whatToDo))];
@@ -30,13 +31,25 @@ export function open(root) {
     });
   } } }, h("label", {}, t("documentFiles"), file), h("label", {}, t("serialWhereNone"), serial), h("button", {}, t("keepThem"))), kept = h("ul", { role: "status" });
   const adding = h("details", {}, h("summary", {}, t("addDocuments")), h("p", { className: "dim" }, t("addDocumentsHint")), send, kept);
-  root.append(h("section", { className: "wide" }, h("h2", {}, t("robotsKept")), says, list, about, refused, adding, h("p", {}, h("a", { href: "#/result", className: "do" }, t("allResultsHere")))), arm);
+  const search = h("input", { type: "search", id: "search", size: 28, on: { input: () => { if (known) show(known); } } }), care = h("p", { className: "big", role: "status", id: "care" });
+  const rest = h("ul", { className: "robots", ariaLabel: t("robotsAtRest") }), count = h("summary", {}), others = h("details", { id: "others" }, count, rest);
+  let known = null;
+  root.append(h("section", { className: "wide" }, h("h2", {}, t("robotsKept")), says, care, h("p", {}, h("label", {}, t("searchRobots"), " ", search)), list, others, about, refused, adding, h("p", {}, h("a", { href: "#/result", className: "do" }, t("allResultsHere")))), arm);
   let asked = 0;
 
   const show = (found) => {
     fill(about, [found.store, found.permitted_mm, found.left_out], () => [t("storeIs", { store: found.store }), " ", found.permitted_mm ? t("permittedIs", { mm: number(found.permitted_mm) }) : t("permittedUnknown"),
       found.left_out ? ` ${t("robotsLeftOut", { n: found.left_out })}` : ""]);
-    fill(list, [found.robots, found.permitted_mm], () => found.robots.length ? found.robots.map((each) => h("li", { className: each.state }, line(each, found.permitted_mm))) : h("li", { className: "none" }, t("noRobots")));
+    const { need_care: n, permitted_mm: permitted } = found, all = found.robots.length + found.left_out, sought = search.value.trim().toLowerCase();
+    const shown = found.robots.filter((each) => [each.serial, each.model, ...each.cells].some((name) => name.toLowerCase().includes(sought))), [ill, well] = [true, false].map((cares) => shown.filter((each) => each.needs_care === cares));
+    const lines = (robots) => robots.map((each) => h("li", { className: each.needs_care ? "cares" : "" }, line(each, permitted)));
+    fill(care, [n, all], () => [!all ? "" : n ? `⚠ ${t("careFor", { n, all })}` : `✔ ${t("careForNone", { all })}`]);
+    fill(list, [ill, permitted, all, shown.length], () => (!all ? h("li", { className: "none" }, t("noRobots")) : shown.length ? lines(ill) : h("li", { className: "none" }, t("nothingFound"))));
+    fill(count, well.length, () => [t("othersAtRest", { n: well.length })]);
+    fill(rest, [well, permitted], () => lines(well));
+    others.hidden = !well.length;
+    if (!known || sought) others.open = Boolean(sought) || !ill.length || all <= FEW;
+    known = found;
     fill(refused, found.not_kept, () => found.not_kept.length ? h("details", {}, h("summary", {}, `⚠ ${t("notKept", { n: found.not_kept.length })}`),
       h("ul", { lang: "en" }, found.not_kept.map((each) => h("li", {}, each.path ? `${each.path}: ${each.because}` : each.because)))) : null);
   };
@@ -52,12 +65,16 @@ export function open(root) {
   return { look, show: () => {} };
 }
 
+// The last position error, with a sign where it is more than permitted; and a date that only a wrong clock can have written.
+export const errorOf = (robot) => h("span", { className: robot.beyond_permitted ? "overdue" : "" }, robot.error_mm ? `${robot.beyond_permitted ? "⚠ " : ""}${withU(robot.error_mm.rms, robot.error_mm.u, "mm")}` : "–");
+export const doubt = (robot) => (robot.doubtful_date ? h("span", { className: "overdue" }, ` ⚠ ${t("doubtfulDate", { date: day(robot.doubtful_date) })}`) : null);
+
 function line(robot, permitted) {
   const said = robot.watched, cause = said && robot.state !== "recalibrated" && said.causes[0];
   const fact = (name, ...what) => h("div", {}, h("dt", {}, t(name)), h("dd", {}, what));
   return [h("div", { className: "whose" }, h("a", { href: `#/robot/${robot.id}`, className: "do", "data-name": robot.id }, robot.serial), h("span", { className: "dim" }, `${robot.model} · ${robot.cells.join(", ")}`), stateOf(robot.state)),
     h("dl", {}, fact("lastCause", cause ? causeOf(cause) + (said.causes.length > 1 ? ` ${t("orOthers", { n: said.causes.length - 1 })}` : "") : t("noCause")),
-      fact("positionError", robot.error_mm ? withU(robot.error_mm.rms, robot.error_mm.u, "mm") : "–"), fact("nextCheck", dueOf(robot.due)), fact("lastMeasured", day(robot.last_measured))),
+      fact("positionError", errorOf(robot)), fact("nextCheck", dueOf(robot.due)), fact("lastMeasured", day(robot.last_measured), doubt(robot))),
     h("div", { className: "spark-of" }, robot.errors.length ? sparkline(robot.errors, permitted) : h("span", { className: "dim" }, t("noErrors"))),
     ["changed", "ambiguous", "unexplained"].includes(robot.state) ? h("p", { className: "advice" }, `${t("whatToDo")} `, saidOf(said.advice)) : null].filter(Boolean);
 }

@@ -65,12 +65,15 @@ export function trendPicture(trend, W, permitted) {
 
 export const nameOf = (parameter) => (parameter === "error_rms" ? t("positionError") : parameter);
 
+const SHOWN = 3;  // signals, the newest
+const signalsOf = (signals) => (signals.length ? h("ul", { className: "signals" }, signals.map((each) => h("li", {}, "! ", said(each)))) : null);
+
 // A parameter with its picture and what is said of it.
 export function trendCard(trend, { wide = false, permitted = null } = {}) {
   const last = trend.values.at(-1), W = innerWidth < 700 ? 330 : wide ? 860 : 420;
   return h("article", { className: wide ? "trend-card wide" : "trend-card" }, h("h3", {}, `${nameOf(trend.parameter)}${trend.unit ? `, ${trend.unit}` : ""}`),
     h("p", {}, `${t("lastValue")}: ${withU(last.value, last.u, trend.unit)} (${day(last.measured)})`), trendPicture(trend, W, permitted),
-    trend.signals.length ? h("ul", { className: "signals" }, trend.signals.map((each) => h("li", {}, "! ", said(each)))) : null,
+    signalsOf(trend.signals.slice(-SHOWN)), trend.signals.length > SHOWN ? h("details", {}, h("summary", {}, t("earlierSignals", { n: trend.signals.length - SHOWN })), signalsOf(trend.signals.slice(0, -SHOWN))) : null,
     trend.no_chart_because ? h("p", { className: "dim" }, said(trend.no_chart_because)) : null, trend.left_out ? h("p", { className: "dim" }, t("olderLeftOut", { n: trend.left_out })) : null);
 }
 

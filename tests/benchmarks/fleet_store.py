@@ -72,6 +72,8 @@ def _measured(name: str, url: str, models: int, cluster: Cluster | None = None) 
             "documents of a robot": store.documents,
             "newest documents of all": lambda _: store.documents(limit=100),
             "list of robots": lambda _: store.robots(),
+            "a robot by now": store.standings,
+            "all robots by now, as the page lists them": lambda _: store.standings(),
         }
         asked = draw.sample(robots, min(ASKED, len(robots)))
         pages |= {f"{page}, re-diagnosed": ask for page, ask in list(pages.items())[:2]}

@@ -70,10 +70,11 @@ def test_a_jump_shows_at_once_and_a_slow_change_in_the_mean() -> None:
     steady = rng.normal(size=10)
     (jump,) = {s.index for s in chart_of(checks([*steady, 9.0], u=2.0)).signals}
     assert jump == 10
-    slow = chart_of(checks([*steady, *(2.4 + 0.3 * rng.normal(size=12))], u=2.0)).signals
+    history = checks([*steady, *(2.4 + 0.3 * rng.normal(size=12))], u=2.0)
+    slow = chart_of(history).signals
     assert slow
     assert {s.chart for s in slow} == {"mean"}
-    assert "Value" in slow[0].because
+    assert f"The value of {history[slow[0].index].at:%Y-%m-%d} " in slow[0].because
 
 
 def test_a_value_less_sure_has_wider_limits() -> None:

@@ -145,7 +145,7 @@ def test_a_trend_with_limits_and_its_picture(
     assert None not in [each["limits"] for each in trend["values"]]
     low, high = trend["values"][-1]["limits"]
     assert low < 1.5 < high < 1.7
-    assert any("Value 5 is 1.7" in each for each in trend["signals"])
+    assert any("The value of 2026-05-01 is 1.7" in each for each in trend["signals"])
     _, everything = ask("trend", SERIAL)
     assert [each["parameter"] for each in everything["trends"]] == ["d1"]
     assert "1.7" in (tmp_path / "p.svg").read_text("utf-8")

@@ -86,6 +86,14 @@ class RobotLine(Answered):
         RobotState,
         told("The verdict of the last watch; recalibrated: a model is newer than it.", "unchanged"),
     ]
+    needs_care: Annotated[
+        bool, told("Whether somebody has to act: it has changed, errs too much, or is overdue.", True)
+    ]
+    beyond_permitted: Annotated[bool, told("Whether the last position error is more than permitted.", False)]
+    doubtful_date: Annotated[
+        str | None,
+        told("A date among its documents that only a wrong clock can have written, RFC 3339 UTC.", None),
+    ]
     watched: Annotated[SaidShown | None, told("The last watch.", None)]
     diagnosed: Annotated[SaidShown | None, told("The last diagnosis.", None)]
     baseline: Annotated[
@@ -122,7 +130,11 @@ class _OfStore(Answered):
 class Robots(_OfStore):
     """Every robot of the store."""
 
-    robots: Annotated[list[RobotLine], told("What has changed first, then what is overdue.", [])]
+    robots: Annotated[
+        list[RobotLine],
+        told("What has changed first, the largest error first; what errs too much; what is overdue.", []),
+    ]
+    need_care: Annotated[int, told("Number of robots that need care, of all in the store.", 13)]
     not_kept: Annotated[list[NotKept], told("Results of this service that are not in the store.", [])]
 
 

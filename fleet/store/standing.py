@@ -1,0 +1,119 @@
+"""The standing of robots: what a watch and a diagnosis said last, the calibration, the errors so far; all robots are
+asked about in as many questions as one.
+
+A document cannot have been measured after it came. Where the clock of a cell is ahead, the day on which its document
+came counts instead: else its verdict would be the last one for years.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+import sqlalchemy as sa
+
+from fleet.store import tables
+from fleet.store.document import Kind, Known, Named, Point, RobotKey, Said
+from fleet.store.rows import ERROR
+from fleet.store.trends import points_of
+
+_MANY = 500  # numbers in one question
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The newest calibration of a robot: what the next watch is judged by."""
+
+    hash: str
+    measured_at: datetime
+
+
+@dataclass(frozen=True)
+class Standing:
+    """One robot by now. watched, diagnosed: what was said last; errors: the position error, oldest first."""
+
+    known: Known
+    watched: Said | None
+    diagnosed: Said | None
+    baseline: Baseline | None
+    errors: tuple[Point, ...]
+
+
+def standings(connection: sa.Connection, known: Sequence[Known], robot: RobotKey | None) -> list[Standing]:
+    """The standing of every robot of `known`; robot: the one of them that is asked about, None for all."""
+    said = {(each.robot, each.kind): each for each in _said(connection, robot)}
+    models = dict(_baselines(connection, robot))
+    errors = points_of(connection, robot, ERROR, again=True)
+    return [
+        Standing(
+            each,
+            said.get((each.robot, "watch")),
+            said.get((each.robot, "diagnosis")),
+            models.get(each.robot),
+            tuple(errors.get(each.robot, ())),
+        )
+        for each in known
+    ]
+
+
+def _said(connection: sa.Connection, robot: RobotKey | None) -> list[Said]:
+    """The last verdict of each kind on each robot."""
+    v, c, r = tables.verdict.c, tables.cause.c, tables.robot.c
+    last = _newest(("watch", "diagnosis"), robot)
+    question = (
+        sa.select(last.c.id, r.serial, r.model, last.c.at, last.c.kind, last.c.hash)
+        .add_columns(v.verdict, v.in_words, v.advice)
+        .join_from(last, tables.verdict, v.document == last.c.id)
+        .join(tables.robot, r.id == last.c.robot)
+        .where(last.c.place == 1)
+    )
+    found = connection.execute(question).all()
+    causes: dict[int, list[Named]] = {row.id: [] for row in found}
+    for begin in range(0, len(found), _MANY):
+        some = [row.id for row in found[begin : begin + _MANY]]
+        named = sa.select(c.document, c.label, c.in_words, c.weight, c.value, c.u, c.unit)
+        for number, *rest in connection.execute(named.where(c.document.in_(some)).order_by(c.rank)):
+            causes[number].append(Named(*rest))
+    return [
+        Said(RobotKey(serial, model), at, kind, hash, verdict, words, advice, tuple(causes[number]))
+        for number, serial, model, at, kind, hash, verdict, words, advice in found
+    ]
+
+
+def _baselines(connection: sa.Connection, robot: RobotKey | None) -> list[tuple[RobotKey, Baseline]]:
+    """The newest calibration of each robot; its newest model where there is no calibration.
+
+    What a watch has updated, and so is as old as its readings, is none: by it, what has changed would look unchanged
+    before anybody mended it.
+    """
+    d, w, r = tables.document.c, tables.document.alias(), tables.robot.c
+    updated = sa.exists().where(
+        w.c.robot == d.robot, w.c.measured_at == d.measured_at, w.c.kind.in_(("watch", "thermal"))
+    )
+    last = _newest(("model",), robot, sa.case((updated, 1), else_=0))
+    question = (
+        sa.select(r.serial, r.model, last.c.hash, last.c.at)
+        .join_from(last, tables.robot, r.id == last.c.robot)
+        .where(last.c.place == 1)
+    )
+    return [
+        (RobotKey(serial, model), Baseline(*rest)) for serial, model, *rest in connection.execute(question)
+    ]
+
+
+def _newest(kinds: Sequence[Kind], robot: RobotKey | None, *first: sa.ColumnElement[Any]) -> sa.Subquery:
+    """The documents of these kinds, with their place among those of their robot and kind, the newest 1; first: what
+    counts before the time."""
+    d, r = tables.document.c, tables.robot.c
+    at = sa.case((d.measured_at > d.added_at, d.added_at), else_=d.measured_at)
+    place = sa.func.row_number().over(
+        partition_by=(d.robot, d.kind), order_by=(*first, at.desc(), d.measured_at.desc(), d.id.desc())
+    )
+    question = sa.select(d.id, d.robot, d.kind, d.hash, at.label("at"), place.label("place"))
+    question = question.where(d.kind.in_(kinds))
+    if robot is not None:
+        its = sa.select(r.id).where(r.serial == robot.serial, r.model == robot.model)
+        question = question.where(d.robot == its.scalar_subquery())
+    return question.subquery()
