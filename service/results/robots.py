@@ -205,7 +205,7 @@ def _said(said: Said) -> dict[str, Any]:
 
 def _due(known: Due | None, errors: Sequence[Point], way: Method | None, now: datetime) -> dict[str, Any]:
     """The date of the next check, which is known for what has changed; without a date, the reason."""
-    due, because = known, "Nobody has said which error is permitted."
+    due, because = known, "No permitted error is set."
     if due is None and way is not None:
         try:
             due = next_due(way, history.checks_of(errors), now)
