@@ -243,7 +243,7 @@ def _refuse_few(members: Sequence[Member], left_out: Sequence[tuple[str, str]]) 
     if len(members) < FEWEST:
         why = "".join(f" {name}: {reason}." for name, reason in left_out)
         raise DataError(
-            f"there are {len(members)} models to learn from.{why}",
-            do=f"Give those of {FEWEST} robots of the type or more, of readings alike.",
+            f"these are too few models to learn from: {len(members)}.{why}",
+            do=f"Give models of at least {FEWEST} robots of the type, whose fits free the same parameters.",
             key="MODEL...",
         )

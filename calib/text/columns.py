@@ -42,6 +42,10 @@ class Columns:
     @classmethod
     def of_text(cls, text: str, path: Path) -> Columns:
         """The table that CSV text holds; `path` is what messages call it. Raises DataError (file, line)."""
+        if text.lstrip().startswith("{"):
+            raise DataError(
+                "is JSON, not a table.", do="Give a data set: a CSV with its header beside it.", file=path
+            )
         lines = rows_of(text, path)
         if not lines:
             raise DataError("is empty.", do="It must have a header row and readings.", file=path)

@@ -42,9 +42,8 @@ class InUse:
         for check in history:
             if check.used_h is None:
                 raise DataError(
-                    f"has no hours of use at the check of {check.at:%Y-%m-%d}.",
-                    do="Read the robot's counter at every check, or go by the calendar.",
-                    key="used_h",
+                    f"The hours of use at the check of {check.at:%Y-%m-%d %H:%M} UTC are not known.",
+                    do="Read the robot's counter once before and once after every check, or go by the calendar.",
                 )
             hours.append(check.used_h)
         if any(later < earlier for earlier, later in pairwise(hours)):

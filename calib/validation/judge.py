@@ -191,7 +191,7 @@ def refuse_other_robot(saved: SavedModel, dataset: Dataset, file: Path) -> None:
     """Raise DataError when a model is of another robot than a data set."""
     if saved.model.robot.name != dataset.header.robot.name:
         raise DataError(
-            f"is a model of the robot '{saved.model.robot.name}', and {dataset.name} was measured with "
+            f"is a model of the robot '{saved.model.robot.name}', and {dataset.name} is of "
             f"'{dataset.header.robot.name}'.",
             do="Give a model of the same robot.",
             file=file,

@@ -200,7 +200,7 @@ def _refuse_simulated(simulated: bool, cell: Cell, path: Path) -> None:
     if simulated and not cell.simulated:
         raise DataError(
             "is of a simulated robot.",
-            do="Give --simulated to send such documents too, to a store of their own.",
+            do="Give --simulated to take such documents too, into a store of their own.",
             file=path,
         )
 

@@ -46,7 +46,7 @@ def engine_of(url: str, *, forever: bool = False) -> sa.Engine:
         return engine
     if kind != "postgresql":
         raise StoreError(
-            f"is an address of {kind}.", do="Stores are kept by SQLite and PostgreSQL.", file=place
+            f"is an address of {kind}.", do="Give sqlite:///FILE or postgresql://USER@HOST/NAME.", file=place
         )
     try:
         from fleet.store.postgres import limited

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 VARIABLE = "TRUEPOSE_STORE"
 DEFAULT = Path("truepose-record") / "history.sqlite3"  # beside what `truepose serve` keeps
+_FILE = "sqlite:///"
 _ADDRESS = "sqlite:///FILE or postgresql://USER@HOST/NAME"
 
 StoreOption = Annotated[
@@ -40,14 +41,16 @@ def opened(address: str | None, *, make: bool = False) -> Store:
     """The store at an address, or this cell's; `make` it where there is none. Raises DataError."""
     from fleet.store import Store
 
-    if address is not None:
-        return Store.open(address)
+    own = f"sqlite:///{DEFAULT.absolute()}"
     if make:
-        DEFAULT.parent.mkdir(exist_ok=True)
-    elif not DEFAULT.is_file():
-        raise DataError(
-            "there is no history here yet.",
-            do="Name a store with --store URL, or begin one: truepose history add FILE...",
-            file=DEFAULT,
-        )
-    return Store.open(f"sqlite:///{DEFAULT.absolute()}")
+        if address is None:
+            DEFAULT.parent.mkdir(exist_ok=True)
+    else:
+        file = Path((address or own).removeprefix(_FILE))
+        if (address or own).startswith(_FILE) and not file.exists():
+            raise DataError(
+                "there is no history here yet.",
+                do="Name a store with --store URL, or begin one: truepose history add FILE...",
+                file=file if address else DEFAULT,
+            )
+    return Store.open(address or own)

@@ -30,12 +30,16 @@ app = typer.Typer(help="Check with a few poses whether a robot has changed.")
 Baseline = Annotated[Path, typer.Argument(metavar="MODEL.json", help="The model of the calibration.")]
 Rate = Annotated[
     float,
-    typer.Option("--false-alarms", min=1e-4, max=0.2, help="Share of alarms where nothing has changed."),
+    typer.Option(
+        "--false-alarms", min=1e-4, max=0.2, help="Share of watches of an unchanged robot that alarm."
+    ),
 ]
 HistoryFile = Annotated[
     Path | None,
     typer.Option(
-        "--history", metavar="H.jsonl", help="Earlier watches, averaged with this one, which is appended."
+        "--history",
+        metavar="H.jsonl",
+        help="File of earlier watches: averaged with this one, which is added.",
     ),
 ]
 Update = Annotated[
@@ -43,13 +47,13 @@ Update = Annotated[
     typer.Option(
         "--update",
         metavar="OUT.json",
-        help="Write the model with what has changed, where the cause is known.",
+        help="Write the model with the change in it, if its cause is known.",
     ),
 ]
 NewFrame = Annotated[
     bool,
     typer.Option(
-        "--new-frame", help="Fit the frame anew: the instrument stands elsewhere. A moved base is not seen."
+        "--new-frame", help="The instrument was moved: fit the frame anew. A moved base is then not seen."
     ),
 ]
 AllowMissing = Annotated[
@@ -61,7 +65,7 @@ RunningS = Annotated[
         "--running-s",
         min=0.0,
         metavar="S",
-        help="How long the robot had run, from cold, when the readings began; for models that warm up.",
+        help="Seconds from the cold start to the first reading; for models that warm up.",
     ),
 ]
 
@@ -70,20 +74,23 @@ RunningS = Annotated[
 def plan_command(
     model: Baseline,
     cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
-    out: Annotated[Path, typer.Option("--out", metavar="CAMPAIGN.toml", help="The campaign of check poses.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="CAMPAIGN.toml", help="File for the campaign of check poses.")
+    ],
     poses: Annotated[int, typer.Option(min=1, help="Poses to visit.")] = 10,
     targets: Annotated[
         str | None,
         typer.Option(metavar="NAMES", help="Targets measured at every pose; default: all of the cell."),
     ] = None,
     candidates: Annotated[
-        int, typer.Option("--from", min=1, max=20_000, help="Candidates, drawn at random.")
+        int, typer.Option("--from", min=1, max=20_000, help="Random poses from which they are chosen.")
     ] = 800,
     offset_deg: Annotated[
-        float, typer.Option(min=0.1, max=30.0, help="From how far away every joint arrives.")
+        float, typer.Option(min=0.1, max=30.0, help="Length of the last move of every joint, deg.")
     ] = 5.0,
     one_side: Annotated[
-        bool, typer.Option("--one-side", help="Arrive from below on every joint: play is not seen.")
+        bool,
+        typer.Option("--one-side", help="Approach every joint from below only: backlash is then not seen."),
     ] = False,
     rounds: Annotated[
         int | None,
@@ -91,7 +98,7 @@ def plan_command(
             "--visits",
             min=1,
             max=20,
-            help="Visits to each pose, every other time from the opposite sides; default: as few as show every cause.",
+            help="Visits to each pose, alternately from opposite sides; default: the fewest that detect every cause.",
         ),
     ] = None,
     repeats: Annotated[
@@ -103,24 +110,26 @@ def plan_command(
     touch: Annotated[
         str | None,
         typer.Option(
-            "--touch", metavar="BALLS", help="Three or four balls of the cell that the one target touches."
+            "--touch",
+            metavar="BALLS",
+            help="Three or four balls of the cell that a person touches with one target.",
         ),
     ] = None,
     touch_mm: Annotated[
-        float, typer.Option("--touch-mm", min=1e-4, max=1.0, help="How well a touch repeats, mm.")
+        float, typer.Option("--touch-mm", min=1e-4, max=1.0, help="Repeatability of a touch, mm.")
     ] = 0.02,
     new_frame: Annotated[
         bool,
         typer.Option(
-            "--new-frame", help="Instrument or artefact will stand elsewhere: a moved base is not seen."
+            "--new-frame", help="Instrument or artefact is set up anew each time: a moved base is not seen."
         ),
     ] = False,
     rate: Rate = RATE,
-    seed: Annotated[int, typer.Option(min=0, help="Draws the candidates.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random poses.")] = 1,
     robot: options.RobotFile = None,
     json: options.Json = None,
 ) -> None:
-    """Choose check poses, and say what they will show."""
+    """Choose check poses, and show what they can detect."""
     options.check_outputs({"--out": out, "--json": json}, inputs=(model, cell))
     names = (
         None if targets is None else tuple(dict.fromkeys(n.strip() for n in targets.split(",") if n.strip()))
@@ -174,7 +183,7 @@ def run_command(
     robot: options.RobotFile = None,
     json: options.Json = None,
 ) -> None:
-    """Drive the check poses and judge them. The readings are exported to DIR/watch.csv."""
+    """Measure the check poses and judge them. The readings are exported to DIR/watch.csv."""
     outputs = {"--json": json, "--history": history, "--update": update}
     options.check_outputs(outputs, inputs=(model, cell, campaign))
     saved = options.read_model(model, robot, options.LARGEST)  # before anything moves
@@ -222,7 +231,7 @@ def judge_command(
     robot: options.RobotFile = None,
     json: options.Json = None,
 ) -> None:
-    """Judge readings of check poses by the model of the calibration."""
+    """Compare readings of check poses with the model of the calibration."""
     outputs = {"--json": json, "--history": history, "--update": update}
     options.check_outputs(outputs, inputs=(model, *options.files_of(data)))
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
@@ -238,6 +247,8 @@ def judge_command(
             terminal.note(
                 f"updated model: {update}. Correct targets again: truepose compensate {update} IN OUT"
             )
+        elif update is not None and found.verdict.kind == "unchanged":
+            terminal.note(f"{update} was not written: nothing has changed.")
         elif update is None and found.verdict.kind in ("changed", "ambiguous"):
             terminal.note("--update OUT.json writes the model with this change, where the cause is known.")
     if found.exit_code != exit_codes.DONE:
@@ -260,7 +271,7 @@ def upkeep_command(
     robot: options.RobotFile = None,
     json: options.Json = None,
 ) -> None:
-    """Update how warm the arm is by a few readings, between watches; nothing else is updated."""
+    """Update the thermal parameters of a model from a few readings, between watches."""
     options.check_outputs({"--json": json, "--update": update}, inputs=(model, *options.files_of(data)))
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         saved = options.read_model(model, robot, options.LARGEST)

@@ -23,13 +23,13 @@ def weights(found: Identification) -> Sequence[RenderableType]:
     if beside is None:
         return ()
     table = tables.grid(
-        f"Beside {beside.prior.robots} robots of the type {beside.prior.robot}",
+        f"Compared with {beside.prior.robots} robots of the type {beside.prior.robot}",
         "parameter",
         "unit",
-        "type",
+        "mean of the type",
         "spread",
-        "prior decides",
-        "off by spreads",
+        "decided by the prior",
+        "off, in spreads",
         left=2,
     )
     for each in found.weighed:
@@ -74,8 +74,8 @@ def lesson(found: Lesson) -> Sequence[RenderableType]:
             p.name,
             p.unit,
             f"{p.robots}",
-            f"{p.mean:.4g} ± {2.0 * p.mean_std:.2g}",
-            f"{p.spread:.3g} ± {2.0 * p.spread_std:.2g}",
+            " ± ".join(wording.with_uncertainty(p.mean, 2.0 * p.mean_std)),
+            " ± ".join(wording.with_uncertainty(p.spread, 2.0 * p.spread_std)),
             f"{p.of_next:.3g}" if p.kept else "not better",
             "free" if p.usual is None else f"{p.usual:g}",
         )

@@ -18,20 +18,20 @@ _PROPOSALS = 4
 
 
 def plan_tables(found: Planned) -> list[RenderableType]:
-    """The causes that the check poses show, and what it would take to see more."""
+    """The sizes of the causes that the check poses detect, and what it would take to detect more."""
     causes = found.plan.shown.causes
     poses = wording.counted(found.asked.poses, "pose")
-    rounds = "" if found.plan.rounds == 1 else f" visited {found.plan.rounds} times each"
-    repeats = "" if found.plan.repeats == 1 else f", each target read {found.plan.repeats} times a visit"
+    rounds = "" if found.plan.rounds == 1 else f", each visited {found.plan.rounds} times"
+    repeats = "" if found.plan.repeats == 1 else f", each target read {found.plan.repeats} times in a visit"
     readings = wording.counted(found.plan.shown.readings, "reading")
     shown = tables.grid(
-        f"{poses}{rounds}{repeats}, {readings}: smallest size of each cause, at {found.asked.rate:.2g} false alarms",
+        f"{poses}{rounds}{repeats}: {readings}. Smallest size of each cause at {_alarms(found.asked.rate)}",
         "cause",
-        f"seen in {percent(SEEN)}",
-        f"named alone in {percent(ALONE)}",
-        "should be seen",
-        "seen in",
-        "never told apart from",
+        f"detected in {percent(SEEN)}",
+        f"identified alone in {percent(ALONE)}",
+        "wanted size",
+        "detected in",
+        "looks the same as",
         left=1,
     )
     for each in causes:
@@ -42,15 +42,15 @@ def plan_tables(found: Planned) -> list[RenderableType]:
             each.label, f"{each.size:.3g} {each.unit}", alone, wanted, share, ", ".join(each.always)
         )
     shown.caption = (
-        "Of tool and base: shifts in the direction that is seen worst. -: more than ten times what is seen."
+        "tool_shift, base_shift: in the worst direction. -: more than ten times the size detected."
     )
     lines: list[RenderableType] = [shown]
     if found.plan.shown.unseen:
-        lines.append(f"Not shown by these readings at all: {', '.join(found.plan.shown.unseen)}.")
+        lines.append(f"These readings cannot show at all: {', '.join(found.plan.shown.unseen)}.")
     if found.nests is not None:
         lines.append(
-            f"The nests are measured again half-way: beyond {found.nests.limit_mm:.3f} mm a person is asked; the "
-            f"instrument moved by {found.nests.seen_mm:.3f} mm is noticed in {percent(SEEN)}."
+            f"The nests are measured again half-way. Where they differ by over {found.nests.limit_mm:.3f} mm a person "
+            f"is asked. An instrument that moved by {found.nests.seen_mm:.3f} mm is noticed in {percent(SEEN)}."
         )
     if found.proposals:
         lines += _proposals(found.proposals)
@@ -58,19 +58,23 @@ def plan_tables(found: Planned) -> list[RenderableType]:
     return lines
 
 
+def _alarms(rate: float) -> str:
+    return f"{100.0 * rate:.2g}\u00a0% false alarms"
+
+
 def _proposals(proposals: Sequence[Proposal]) -> list[RenderableType]:
     table = tables.grid(
-        "What would show the causes from the sizes at which they should be seen, at these poses",
-        "targets",
-        "visits to each pose",
-        "readings of a target there",
-        "readings",
-        "",
+        "Fewest readings at these poses that detect the wanted sizes",
+        "--targets",
+        "--visits",
+        "--readings",
+        "readings in all",
+        "except",
         left=1,
     )
     for each in proposals[:_PROPOSALS]:
-        told = "" if each.reached else f"all but {', '.join(label for label, _ in each.beyond)}"
-        table.add_row(", ".join(each.targets), str(each.rounds), str(each.repeats), str(each.readings), told)
+        missed = ", ".join(label for label, _ in each.beyond)
+        table.add_row(",".join(each.targets), str(each.rounds), str(each.repeats), str(each.readings), missed)
     return [table]
 
 
@@ -82,7 +86,7 @@ def verdict_tables(found: Watched) -> list[RenderableType]:
         f"What to do: {verdict.advice}",
     ]
     table = tables.grid(
-        f"The readings against {found.model.name}, at {verdict.rate:.2g} false alarms",
+        f"The readings against {found.model.name}, at {_alarms(verdict.rate)}",
         "",
         "T-squared",
         "limit",

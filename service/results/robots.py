@@ -215,7 +215,7 @@ def _due(standing: Standing, way: Method | None, now: datetime) -> dict[str, Any
     """The date of the next check, which is known for what has changed; without a date, the reason."""
     if way is None:
         due = due_now(standing.watched, state_of(standing.watched, standing.baseline))
-        because = "Nobody has said which error is permitted." if due is None else due.because
+        because = "No permitted error is set." if due is None else due.because
     else:
         due, because = history.next_of(standing, way, now)
     if due is None:

@@ -1,4 +1,4 @@
-"""The plan of a watch in a sentence: what it shows, or what would show the rest."""
+"""The plan of a watch in words: what it detects, or what would detect the rest."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ _NAMES = {
     "base_shift": "a moved base",
 }
 _HIDDEN = (
-    "What the baseline is uncertain by, or left on its validation readings, and the frame, which is set up anew on its "
-    "nests, are not averaged away: more poses help, nests farther apart, or a calibration with more poses."
+    "More readings do not reduce the uncertainty of the baseline, the error that it left on its validation readings, "
+    "or the uncertainty of the frame, which is set up anew on its nests. What helps: more poses, nests farther apart, "
+    "or a calibration with more poses."
 )
 
 
 def in_words(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], poses: int) -> str:
-    """The plan in words: what its check poses show of the sizes that should be seen, and what would show the rest.
+    """The plan in words: which causes its check poses detect at their wanted sizes, and what would detect the rest.
 
     targets: names of those that are read; poses: number of check poses that was asked for.
     """
@@ -28,7 +29,7 @@ def in_words(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], 
     short = sorted((c for c in stated if (c.share or 0.0) < SEEN), key=lambda c: c.share or 0.0)
     if not short:
         return (
-            f"Each of these causes is seen, at the size at which it should be, in {percent(SEEN)} of watches or more."
+            f"Every cause with a wanted size is detected at that size in {percent(SEEN)} of watches or more."
             if stated
             else ""
         )
@@ -37,11 +38,11 @@ def in_words(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], 
     said = []
     if others:
         ways = _ways(plan, proposals, targets, poses)
-        mended = f" What would show them: {'; or '.join(ways)}." if ways else ""
-        said.append(f"Seen too seldom: {', '.join(map(_named, others))}.{mended}")
+        mended = f" To detect them: {'; or '.join(ways)}." if ways else ""
+        said.append(f"Detected too rarely: {', '.join(map(_named, others))}.{mended}")
     if beyond:
         said.append(
-            f"Not even {TIMES[-1]} visits with {REPEATS[-1]} readings each would show here "
+            f"Even {TIMES[-1]} visits with {REPEATS[-1]} readings each would detect too rarely at these poses: "
             f"{', '.join(map(_named, beyond))}.{_elsewhere(plan, proposals)} {_HIDDEN}"
         )
     return " ".join(said)
@@ -75,10 +76,10 @@ def _ways(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], pos
 
 
 def _elsewhere(plan: Plan, proposals: Sequence[Proposal]) -> str:
-    """Other targets that show more of the causes."""
+    """Other targets that detect more of the causes."""
     first = next(iter(proposals), None)
     if first is None or len(first.beyond) >= len(plan.beyond):
         return ""
     targets = f"--targets {','.join(first.targets)} --visits {first.rounds} --readings {first.repeats}"
     hidden = ", ".join(label for label, _ in first.beyond)
-    return f" {targets} shows all{f' but {hidden}' if hidden else ''}."
+    return f" {targets} detects all{f' but {hidden}' if hidden else ''}."

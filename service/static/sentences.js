@@ -102,7 +102,7 @@ const SENTENCES = [
   ["Ask how long the robot had run before it was measured, then and now, and what warms or cools it.", "Erfragen, wie lange der Roboter vor dem Messen gelaufen war, damals und jetzt, und was ihn wärmt oder kühlt."],
   ["What has changed is how warm the arm is, or nothing: the rest is chance.", "Verändert hat sich, wie warm der Arm ist, oder nichts: der Rest ist Zufall."], ["Not updated: something else has changed.", "Nicht nachgeführt: etwas anderes hat sich verändert."],
   ["Measure the check poses of a watch, and judge them.", "Die Prüfposen einer Überwachung messen und beurteilen."], ["Correct targets with the updated model.", "Ziele mit dem nachgeführten Modell korrigieren."], ["Write it with --update.", "Mit --update schreiben."],
-  ["Each of these causes is seen, at the size at which it should be, in {n} of watches or more.", "Jede dieser Ursachen wird in der Größe, in der sie gesehen werden soll, in mindestens {n} der Überwachungen gesehen."],
+  ["Every cause with a wanted size is detected at that size in {n} of watches or more.", "Jede Ursache mit einer gewünschten Größe wird in dieser Größe in mindestens {n} der Überwachungen erkannt."],
   ["The tool was moved on the flange between two readings.", "Das Werkzeug wurde zwischen zwei Messungen am Flansch bewegt."], ["The base, or the instrument, was moved between two readings.", "Die Basis oder das Messgerät wurde zwischen zwei Messungen bewegt."],
   ["The zero of joint {joint} jumped between two readings.", "Der Nullpunkt der Achse {joint} sprang zwischen zwei Messungen."], ["Joint {joint} has play: it stops short on the side from which it arrives.", "Achse {joint} hat Spiel: sie bleibt auf der Seite zurück, von der sie kommt."],
   ["The load on the last link is heavier or lighter than declared.", "Die Last am letzten Glied ist schwerer oder leichter als angegeben."], ["The centre of the load on the last link lies elsewhere than declared.", "Der Schwerpunkt der Last am letzten Glied liegt woanders als angegeben."],
@@ -111,7 +111,7 @@ const SENTENCES = [
   ["Measured with the instrument {now}, the baseline with {was}: their scales may differ.", "Gemessen mit dem Messgerät {now}, das Bezugsmodell mit {was}: ihre Maßstäbe können sich unterscheiden."],
   ["SIMULATED: the model was identified from a simulated robot and instrument; it says nothing of a real one.", "SIMULIERT: das Modell wurde an einem simulierten Roboter und Messgerät bestimmt; über einen echten sagt es nichts."],
   // when a robot is to be checked
-  ["It was never checked.", "Er wurde nie geprüft."], ["Nobody has said which error is permitted.", "Niemand hat gesagt, welcher Fehler erlaubt ist."],
+  ["It was never checked.", "Er wurde nie geprüft."], ["No permitted error is set.", "Es ist kein erlaubter Fehler gesetzt."],
   ["Now: the last watch found it changed.", "Jetzt: die letzte Überwachung fand ihn verändert."], ["Now: the last watch found it ambiguous.", "Jetzt: die letzte Überwachung fand ihn verändert, mit mehreren möglichen Ursachen."],
   ["Now: the last watch found it unexplained.", "Jetzt: die letzte Überwachung fand ihn verändert, ohne bekannte Ursache."],
   ["The last check found {off} (U {u}) of {limit} permitted: too much, so the interval is {now} days instead of {was}.", "Die letzte Prüfung fand {off} (U {u}) von {limit} erlaubten: zu viel, also ist der Abstand {now} Tage statt {was}."],

@@ -54,11 +54,11 @@ function planned(job) {
     const kept = await ask("POST", "/campaigns", { campaign: r.campaign, name: `watch ${job.id.slice(0, 8)}` }, key());
     location.hash = `#/campaigns/${kept.id}`;
   }), { id: "keep-campaign", className: "go" });
-  return [h("section", wide, h("h2", {}, t("watchShows")), h("p", {}, t("watchShowsHint", { poses: r.poses_deg.length, readings: r.readings, targets: r.targets.join(", "), percent: number(100 * r.false_alarms, 1) })),
-    table(t("watchShows"), [t("lastCause"), t("seenFrom"), t("aloneFrom"), t("neverApart"), t("inWords")], r.causes.map((each) => [causeName(each.label), numeric(size(each.seen_from, each.unit)), numeric(size(each.alone_from, each.unit, t("neverAlone"))), each.never_apart_from.map(causeName).join(", ") || "–", words(each.meaning)])),
+  return [h("section", wide, h("h2", {}, t("watchShows")), h("p", {}, t("watchShowsHint", { poses: r.poses_deg.length / r.rounds, visits: r.rounds, readings: r.readings, targets: r.targets.join(", "), percent: number(100 * r.false_alarms, 1) })),
+    table(t("watchShows"), [t("lastCause"), t("seenFrom"), t("aloneFrom"), t("neverApart")], r.causes.map((each) => [causeName(each.label), numeric(size(each.seen_from, each.unit)), numeric(size(each.alone_from, each.unit, t("neverAlone"))), each.never_apart_from.map(causeName).join(", ") || "–"])),
     r.in_words ? h("p", {}, said(r.in_words)) : null,
     r.not_seen.length ? h("p", {}, `${t("notSeenCauses")}: ${r.not_seen.map(causeName).join(", ")}`) : null, r.nests ? h("p", {}, t("nestsSeen", { mm: number(r.nests.seen_from_mm), limit: number(r.nests.limit_mm) })) : null,
-    r.proposals.length ? h("details", {}, h("summary", {}, t("toSeeMore")), table(t("toSeeMore"), [t("targets"), t("visitsEach"), t("readings"), t("seesAll"), t("seenWorst")], r.proposals.map((each) => [each.targets.join(", "), each.rounds, each.readings, each.reached ? "✔" : "–", `${causeName(each.worst.label)} ${size(each.worst.seen_from, "")}`]))) : null),
+    r.proposals.length ? h("details", {}, h("summary", {}, t("toSeeMore")), table(t("toSeeMore"), [t("targets"), t("visitsEach"), t("readings"), t("seesAll"), t("seenWorst")], r.proposals.map((each) => [each.targets.join(", "), each.rounds, each.readings, each.reached ? "✔" : "–", `${causeName(each.worst.label)} ${size(each.worst.seen_from, r.causes.find((cause) => cause.label === each.worst.label).unit)}`]))) : null),
   h("section", wide, h("h2", {}, t("nextSteps")), h("p", {}, t("watchNext")), looksOn() ? null : h("div", { className: "row" }, keep))];
 }
 

@@ -247,7 +247,7 @@ def test_the_time_left_is_a_clock_time_and_never_nothing(service: Served, tmp_pa
         assert left("running", "720") == "12 min left, done at 14:32"
         assert left("running", "36000") == "10.0 h left, done at Sat, Nov 21 00:20"
         assert left("running", "0.2", 8) == "1 s left, done at 14:20"
-        assert left("running", "null") == left("running", "0") == "time left: being reckoned"
+        assert left("running", "null") == left("running", "0") == "time left: being calculated"
         assert left("running", "0", 9) == "all readings are done"
         assert left("waiting_for_operator", "0") == left("waiting_for_operator", "null") == "waiting for you"
         assert left("paused", "50") == ""

@@ -63,7 +63,7 @@ def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path
             assert page.value("document.querySelector('#desk').inert")
             assert page.value("document.querySelector('#confirm').disabled")
             assert "You hold it" not in page.text("#holder")
-            assert "What is grey is as it was at" in page.text("#since")
+            assert "Grey values are from" in page.text("#since")
             assert page.value("document.title").startswith("NO CONNECTION")
             page.value("document.documentElement.dataset.page = 'of an older version'")
         finally:

@@ -64,8 +64,8 @@ PIECES |= {
 }
 NAMES = ("joint 5 at -7.4 deg going up", "visit 3 to pose 2", "point 20", "pose 7", "hexapod pose 3")
 PLAN = (
-    "Not even 4 visits with 12 readings each would show here a moved base of 0.1 mm (in 21 % of watches), play of "
-    "joint 6 of 0.01 deg (in 46 % of watches)."
+    "Even 4 visits with 12 readings each would detect too rarely at these poses: a moved base of 0.1 mm (in 21 % of "
+    "watches), play of joint 6 of 0.01 deg (in 46 % of watches)."
 )
 NOW = datetime(2026, 6, 1, tzinfo=UTC)
 
