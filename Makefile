@@ -1,7 +1,7 @@
 # Each target does all its own set-up on a machine that has Python 3.11 or newer and make.
 PYTHON ?= python3
-# Three test processes for two cores: the drivers' tests mostly wait (docs/decisions/0004).
-JOBS ?= 3
+# Four test processes for two cores: many tests wait for devices (docs/decisions/0115).
+JOBS ?= 4
 # Python keeps what it has compiled, also where the surroundings forbid it: hundreds of processes import the program.
 unexport PYTHONDONTWRITEBYTECODE
 # How often `make steady` runs each test.

@@ -6,7 +6,7 @@ is not that of the rows, and a stream that cannot be aligned but is.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -34,9 +34,15 @@ def aligned_of(moving: Moving) -> Aligned:
     return align(ROBOT, *streams(moving), TOOL)
 
 
+@cache
 def short(seed: int = 1, **options: object) -> Moving:
     """A quicker recording: 16 waypoints in 160 s, 50 Hz and 10 Hz."""
     return simulate(seed, **{"legs": 16, "duration": 160.0, "robot_hz": 50.0} | options)  # pyright: ignore[reportArgumentType]
+
+
+@cache
+def aligned_short() -> Aligned:
+    return aligned_of(short())
 
 
 @pytest.fixture(scope="module")
@@ -165,7 +171,7 @@ def test_a_lag_is_seen_as_far_as_it_grows_with_speed() -> None:
     assert lags == sorted(lags)
     assert lags[-1] - lags[0] > 1.0  # 2e-5 s per mm/s: some 2 ms from 10 to 120 mm/s
     assert all(band.along_rms > 0.0 and band.across_rms > 0.0 for band in bands)
-    still = by_speed(aligned_of(short()), 2.0)
+    still = by_speed(aligned_short(), 2.0)
     assert max(abs(band.lag_ms) for band in still) < 0.6
 
 
@@ -192,7 +198,7 @@ def test_waypoints_are_counted_and_known_again() -> None:
 
 
 def test_a_robot_that_creeps_is_cut_into_poses() -> None:
-    found = aligned_of(short())
+    found = aligned_short()
     all_of_it = standstills(found, 1e6)
     spread = [np.ptp(found.joints[all_of_it.sample[all_of_it.number == k]], axis=0).max() for k in range(50)]
     assert max(spread) <= np.radians(0.4)

@@ -228,20 +228,26 @@ def test_an_identification_has_a_report_too(tmp_path: Path) -> None:
     assert "Identification of abb-irb120" in page
 
 
-def test_a_report_without_validation_rows_says_so(tmp_path: Path) -> None:
+def test_a_report_says_that_there_are_no_validation_rows_and_calls_simulated_only_what_is(
+    tmp_path: Path,
+) -> None:
     data = write_data(tmp_path)
     edit_rows(data, lambda rows: [row.update(set="calibration") for row in rows])
-    report = tmp_path / "report.html"
-    assert main(["diagnose", str(data), "--report", str(report)]) == 0
-    assert "holds no measured validation readings" in report.read_text("utf-8")
+    edit_text(data.with_suffix(".toml"), "simulated = true", "simulated = false")
+    report, document = tmp_path / "report.html", tmp_path / "report.json"
+    assert main(["diagnose", str(data), "--report", str(report), "--json", str(document)]) == 0
+    page = report.read_text("utf-8")
+    assert "holds no measured validation readings" in page
+    assert "SIMULATED" not in page
+    assert json.loads(document.read_text("utf-8"))["simulated"] is False
 
 
-@pytest.mark.parametrize("effect", ["periodic:j1:n101", "tool_shift", "base_shift"])
-def test_every_kind_of_effect_has_its_picture(effect: str, tmp_path: Path) -> None:
+def test_every_kind_of_effect_has_its_picture(tmp_path: Path) -> None:
     """Those that a diagnosis alone offers as they are found; the others: `test_report_pictures.py`."""
-    result = diagnose(read_dataset(write_data(tmp_path, effects=(effect,), n=120)))
+    effects = ("base_shift", "periodic:j1:n101", "tool_shift")
+    result = diagnose(read_dataset(write_data(tmp_path, effects=effects, n=200)))
+    assert sorted(found.effect.label for found in result.effects) == list(effects)
     sample = Sample.of(result.dataset, result.final)
-    assert result.effects
     for found in result.effects:
         panel = of_effect(sample, found.effect)
         assert np.all(np.isfinite(panel.y))
@@ -249,18 +255,6 @@ def test_every_kind_of_effect_has_its_picture(effect: str, tmp_path: Path) -> No
         assert panel.x_label
         assert panel.y_label
     Elements(diagnosis_report(result, documents.of_diagnosis(result)))
-
-
-def test_the_report_calls_nothing_simulated_that_was_measured(tmp_path: Path) -> None:
-    data = write_data(tmp_path, effects=(), n=60)
-    header = data.with_suffix(".toml")
-    text = header.read_text("utf-8")
-    assert "simulated = true" in text
-    header.write_text(text.replace("simulated = true", "simulated = false"), "utf-8")
-    result = diagnose(read_dataset(data))
-    document = documents.of_diagnosis(result)
-    assert document["simulated"] is False
-    assert "SIMULATED" not in diagnosis_report(result, document)
 
 
 def test_a_wire_without_checksums_is_named(tmp_path: Path) -> None:
