@@ -54,8 +54,8 @@ def _helps(command: Any, words: tuple[str, ...], parent: Any) -> Iterator[tuple[
 def effects() -> Iterator[str]:
     """The kinds of effects of the library, with what a technician checks and what distinguishes them from others."""
     yield "# Effects"
-    yield "What the diagnosis looks for, by the first word of the label: `backlash:j4` is the backlash of joint 4."
-    yield "How they are searched is in [the theory](../theory.md)."
+    yield "The effects that the diagnosis searches for. The first word of a label is the effect: `backlash:j4` is the"
+    yield "backlash of joint 4. [The theory](../theory.md#diagnosis) explains the search."
     yield ""
     yield "| effect | law | what to check | distinguished from others by |"
     yield "|---|---|---|---|"

@@ -1,7 +1,7 @@
-"""Link torsion: a link twists under gravity, alpha_K grows by c (M . x), M the moment at joint K, x alpha's own axis.
+"""Link torsion: a link twists under gravity, alpha_K grows by c M_x, M_x the moment at joint K about alpha's axis x.
 
-x is that of frame K-1 in modified DH, before joint K turns, and of frame K in standard DH, behind it. Links are built
-for what they carry: the usual size is an angle under the largest moment.
+The axis x is that of frame K-1 in modified DH, before joint K turns, and of frame K in standard DH, behind it. Links
+are built for what they carry: the usual size is an angle under the largest moment.
 """
 
 from __future__ import annotations
