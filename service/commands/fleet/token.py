@@ -36,8 +36,11 @@ def add_command(
 @app.command("list")
 def list_command(file: File) -> None:
     """Show who has a token: name, role, day."""
-    for each in read_tokens(file):
+    found = read_tokens(file)
+    for each in found:
         typer.echo(f"{each.name}\t{each.role}\t{each.made}")
+    if not found:
+        sys.stderr.write(f"truepose: {file}: no cell has a token of its own yet.\n")
 
 
 @app.command("revoke")
