@@ -114,9 +114,8 @@ def identification(data: Path, folder: Path, *, limits: dict[str, Any] | None = 
     held_to = Limits.kept(limits)
     result = Identified.of(read_dataset(data), say=lambda step: tell(folder, step), limits=held_to)
     replace_file(folder / ARROWS, as_json(arrows_of(result.dataset, result.found)))
-    if result.found.converged:
-        save_model(folder / MODEL, result.found)
-    replace_file(folder / REPORT, result.report())
+    sealed = save_model(folder / MODEL, result.found) if result.found.converged else None
+    replace_file(folder / REPORT, result.report(sealed))
     replace_file(folder / RESULT, as_json(result.document()))
 
 
@@ -127,8 +126,8 @@ def regression(data: Path, folder: Path, order: dict[str, Any]) -> None:
     from service.results.models.regressed import Regressed
 
     result = Regressed.of(data, **order)
-    result.save(folder / MODEL)
-    replace_file(folder / REPORT, result.report())
+    sealed = result.save(folder / MODEL)
+    replace_file(folder / REPORT, result.report(sealed))
     replace_file(folder / RESULT, as_json(result.document))
 
 

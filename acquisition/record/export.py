@@ -43,6 +43,7 @@ SELECT who FROM (SELECT by AS who, utc FROM command UNION ALL
                  SELECT answered_by, answered_utc FROM prompt WHERE answered_by IS NOT NULL)
 WHERE who <> '' AND who NOT LIKE 'watchdog of %' GROUP BY who ORDER BY min(utc)
 """
+_TO_COME = "SELECT count(*) FROM pose WHERE kind = 'pose' AND status IN ('planned', 'deferred')"
 _MEASURED = "SELECT min(began_utc), max(ended_utc) FROM attempt WHERE kind = 'measure' AND status = 'good'"
 
 
@@ -83,6 +84,7 @@ def table_of(record_dir: Path) -> DataTable:
         individuals = Individuals(store).all()
         unprotected = "; ".join(f"{role}: {weakness}" for role, weakness in store.database.query(_WEAKNESSES))
         ((began, ended),) = store.database.query(_MEASURED)
+        ((to_come,),) = store.database.query(_TO_COME)
         operators = [who for (who,) in store.database.query(_OPERATORS)]
     in_world = cell.instrument.declared.measures_lengths or world is not None
     if not in_world or not any(row.counts for row in rows):
@@ -96,7 +98,15 @@ def table_of(record_dir: Path) -> DataTable:
     placed = {} if taught is None else taught.nests_mm
     header = _header(cell, station, unprotected, placed, simulated=simulated)
     header["measured"] = {"began": _moment(began), "ended": _moment(ended), "operators": operators}
+    header["readings"] = id_ranges([row.id for row in rows if row.joints])
+    header |= {"not_taken": to_come} if to_come else {}
     return DataTable(str(record_dir), _columns(rows, of_rows, cell), header | {"device": devices})
+
+
+def id_ranges(ids: Sequence[int]) -> str:
+    """Ascending ids as "5-28, 35-58": a row that is deleted from the file later is missed."""
+    starts = [i for i, n in enumerate(ids) if i == 0 or n != ids[i - 1] + 1]
+    return ", ".join(f"{ids[a]}-{ids[b - 1]}" for a, b in zip(starts, [*starts[1:], len(ids)], strict=True))
 
 
 def planned_header(cell: Cell) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from acquisition.record.store import Store
 from acquisition.record.verification import frame_holds, read_landings, world_of
 
 _POINT = ("x_mm", "y_mm", "z_mm")
+_OF_ROWS = ("readings", "not_taken")
 _OF_A_CAMPAIGN = (
     "device",
     "measured",
@@ -32,6 +33,7 @@ _OF_A_CAMPAIGN = (
     "base_targets_u_mm",
     "tool_targets_u_mm",
     "u_mm_assumed",
+    *_OF_ROWS,
 )
 _TURN = ("rot_w", "rot_x", "rot_y", "rot_z")
 
@@ -126,7 +128,8 @@ def merge(
     unseen = {"unprotected": weaknesses} if weaknesses else {}
     measured = _measured(occasions)
     columns = {name: [row.get(name, "") for row in rows] for name in names}
-    return DataTable(first.name, columns, header | unseen | measured | series.header)
+    kept = {key: value for key, value in header.items() if key not in _OF_ROWS}  # of the first alone
+    return DataTable(first.name, columns, kept | unseen | measured | series.header)
 
 
 def _measured(occasions: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -50,6 +51,8 @@ _KEYS = {
         "device",
         "unprotected",
         "measured",
+        "readings",
+        "not_taken",
     ),
 }
 _MODEL_KEYS = {"fit", "level", "hold", "priors"}
@@ -58,6 +61,7 @@ _NOISE_KEYS = {
     *("rotation_mrad", "length_mm", "repeatability_deg", "repeatability_mm"),
 }
 
+_IDS, _MOST_READINGS = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?"), 1_000_000
 _NEAR = 0.7  # likeness, of 1, from which an unknown key is a misspelt one
 
 World = Literal["free", "nominal"]
@@ -93,6 +97,8 @@ class Header:
     devices: tuple[Mapping[str, str], ...] = ()  # robots and instruments of the readings, and their series
     unprotected: str = ""  # what the wires of robot and instrument could not see while this was measured
     occasion: Occasion | None = None  # when this was measured and by whom
+    readings: tuple[str, ...] = ()  # ids of all its readings, where whoever wrote the file knew them
+    not_taken: int = 0  # readings of the campaign that were to come when the file was written
     unknown_keys: tuple[str, ...] = ()
     text: str = field(default="", repr=False)  # as the file has it, for the hash of the data
 
@@ -168,9 +174,23 @@ def header_of(values: Mapping[str, Any], path: Path, text: str) -> Header:
         devices=_devices(table),
         unprotected=table.text("unprotected", ""),
         occasion=occasion_of(table),
+        readings=_readings(table),
+        not_taken=table.whole("not_taken", 0, low=0),
         unknown_keys=unknown,
         text=text,
     )
+
+
+def _readings(table: TomlTable) -> tuple[str, ...]:
+    """The ids of "5-28, 35-58"."""
+    out: list[str] = []
+    for part in filter(None, table.text("readings", "").split(",")):
+        found = _IDS.fullmatch(part.strip())
+        first, last = (int(found[1]), int(found[2] or found[1])) if found else (0, -1)
+        if not 0 <= last - first < _MOST_READINGS - len(out):
+            raise table.refuse("readings", f"has '{part.strip()[:40]}'.", 'Give ids as in "5-28, 35-58".')
+        out += map(str, range(first, last + 1))
+    return tuple(out)
 
 
 def _gravity(table: TomlTable) -> Vector:

@@ -128,9 +128,11 @@ def changes(survey: Survey) -> list[Effect]:
 
 
 def unclaimed(survey: Survey) -> list[Effect]:
-    """The effects that may be there unclaimed and that later readings would meet otherwise: those that can set in, and
-    what follows the air."""
-    return [*changes(survey), *(candidate.effect for candidate in thermal_growth.offer(survey))]
+    """The effects that may be there unclaimed and that later readings would meet otherwise: those that can set in, what
+    follows the air, and waves so long that the targets of a watch turn them into a zero of the joint before."""
+    growth = [candidate.effect for candidate in thermal_growth.offer(survey)]
+    waves = [by_axis(wave, survey.robot) for wave in periodic.once_a_turn(survey)]
+    return [*changes(survey), *growth, *waves]
 
 
 def kind_of(label: str) -> Kind:

@@ -10,8 +10,11 @@ model's parameters and s the noise of the fit,
 D is the covariance of what is left open, about d = D B'r / s^2 by the residual r, and G what the parameters of the
 model have taken on of a unit of it. A prediction elsewhere is off by X e + (B - X G) b, e ~ C, b ~ N(d, D). The model
 corrects without d, which is not claimed; a watch compares with it. What follows the air is left open too: each
-watch has an air of its own. The rest of what the model lacks is kept as a scatter of the joints
-(`calib.saved.scatter`). Source: Kennedy and O'Hagan 2001 (what a model lacks is one more unknown).
+watch has an air of its own. So is a wave of one cycle a turn, which is no scatter: a target goes round with its joint,
+so that A cos q moves it alike at every pose, seen from the joint before, as a lost zero of that would. The rest of what
+the model lacks is kept as a scatter of the joints (`calib.saved.scatter`).
+
+Source: Kennedy and O'Hagan 2001 (what a model lacks is one more unknown).
 """
 
 from __future__ import annotations
@@ -64,6 +67,7 @@ class LeftOpen:
             compliance=compliance_of(model, found.estimate),
             loads=found.header.loads,
             station=model.station,
+            curves=frozenset(curve.joint for curve in model.curves),
         )
         had = {effect.label for effect in model.effects}
         effects = tuple(effect for effect in unclaimed(survey) if effect.label not in had)

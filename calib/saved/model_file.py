@@ -117,12 +117,12 @@ def as_saved(identification: Identification, diagnosis: Diagnosis | None = None)
 
 
 def save_model(
-    path: Path,
+    path: Path | None,
     identification: Identification,
     diagnosis: Diagnosis | None = None,
     regression: Regression | None = None,
 ) -> str:
-    """Write a model, with the regression that is based on it; its `content_sha256`.
+    """Write a model, with the regression that is based on it; its `content_sha256`. path: None writes nothing.
 
     Raises DataError for a fit that did not converge.
     """
@@ -131,7 +131,8 @@ def save_model(
             "the fit did not converge: it is not saved as a model.", do="Look at its warnings.", file=path
         )
     document = model_document(identification, diagnosis, regression)
-    replace_file(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
+    if path is not None:
+        replace_file(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
     return document["content_sha256"]
 
 

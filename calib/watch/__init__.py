@@ -10,11 +10,11 @@ from calib.watch.planning.plan import Plan, judged, plan
 from calib.watch.planning.planned import planned
 from calib.watch.planning.proposals import Proposal, proposals
 from calib.watch.planning.rounds import REPEATS, TIMES
-from calib.watch.planning.sizes import Shown, Smallest
+from calib.watch.planning.sizes import Shown, Smallest, seen_from
 from calib.watch.planning.stroke import within_stroke
 from calib.watch.planning.visits import Visits
 from calib.watch.planning.wanted import ALONE, SEEN, WANTED
-from calib.watch.refusals import refuse_unlike
+from calib.watch.refusals import missing, refuse_copies, refuse_unlike
 from calib.watch.seen import Seen
 from calib.watch.thermal import Upkept, keep_up, later, warms_up
 from calib.watch.update import cause_to_update, updated
@@ -47,12 +47,15 @@ __all__ = [
     "keep_up",
     "later",
     "missed",
+    "missing",
     "nest_limit",
     "plan",
     "planned",
     "proposals",
     "read_history",
+    "refuse_copies",
     "refuse_unlike",
+    "seen_from",
     "times_as_uncertain",
     "too_few_poses",
     "updated",

@@ -81,7 +81,7 @@ def refuse_unlike(
 
 
 def missing(dataset: Dataset) -> list[str]:
-    """Readings that were given up and not taken again, in words."""
+    """Readings that were given up and not taken again, and those that the header names and the file lacks, in words."""
     conditions = dataset.conditions
     keys = np.column_stack([conditions.pose, conditions.target, conditions.anchor])
     good = {tuple(key) for key in keys[dataset.usable]}
@@ -92,7 +92,9 @@ def missing(dataset: Dataset) -> list[str]:
             target = conditions.target_names[conditions.target[i]]
             why = str(dataset.status[i]).removeprefix("rejected:") or "not measured"
             out[f"{target} at the pose ({joints}) deg ({why})"] = None
-    return list(out)
+    there, header = set(dataset.reading_id), dataset.header
+    deleted = [f"reading {name} (no row)" for name in header.readings if name not in there]
+    return [*out, *deleted, *[f"{header.not_taken} readings that were not taken yet"][: header.not_taken]]
 
 
 def _robot(saved: SavedModel, dataset: Dataset, path: Path) -> tuple[str, ...]:
@@ -190,6 +192,24 @@ def _same_frame(saved: SavedModel, dataset: Dataset) -> tuple[str, ...]:
             key="nests",
         )
     return (f"{dataset.name} names no nests: its frame is taken for exactly that of the baseline.",)
+
+
+def refuse_copies(dataset: Dataset) -> None:
+    """Raise DataError for a copy of a reading under another id, which averages no noise. Where no times are known,
+    readings of a coarse instrument may agree, and only a file of nothing but copies is refused."""
+    rows, conditions = dataset.fit_rows, dataset.conditions
+    columns = [conditions.joints, conditions.side, dataset.points, dataset.lengths, conditions.time]
+    read = np.column_stack([*columns, conditions.target, conditions.anchor])[rows]
+    _, first, count = np.unique(np.nan_to_num(read, nan=-1e9), axis=0, return_index=True, return_counts=True)
+    twice = count > 1
+    if twice.any() and (np.isfinite(conditions.time[rows]).all() or twice.all()):
+        name = np.array(dataset.reading_id)[rows][first[twice][0]]
+        raise DataError(
+            f"has the reading '{name}' again under another id, at the same time with the same result.",
+            do="Leave the copies out.",
+            file=dataset.path,
+            key="reading_id",
+        )
 
 
 def _same_sides(saved: SavedModel, dataset: Dataset) -> None:

@@ -20,8 +20,7 @@ from calib.diagnose import CarryOver, Diagnosis
 from calib.effects import words_of
 from calib.fit import ErrorStatistics, Identification, errors_on, left_out, statistics_of
 from calib.model import Effect, RobotModel
-from calib.regression import Regression
-from calib.saved import SavedModel, model_document
+from calib.saved import SavedModel, save_model
 from service import wording
 from service.report import paper, scope
 from service.report.figures import drawing, errors, panels, scatter
@@ -98,7 +97,7 @@ def diagnosis_report(
         dataset,
         final,
         document,
-        model_sha256 or _model_hash(final, diagnosis),
+        model_sha256 or (save_model(None, final, diagnosis) if final.converged else None),
         kind="Diagnosis",
         verdict=wording.VERDICT_NAMES[diagnosis.verdict],
         verdict_key=_colour_of(diagnosis),
@@ -143,11 +142,13 @@ def identification_report(
     placed: Array,
     document: Mapping[str, Any],
     acceptance: Acceptance | None = None,
+    model_sha256: str | None = None,
     preliminary: SavedModel | None = None,
 ) -> str:
     """The report of an identification alone as HTML; `placed` is the estimate of the nominal robot in its place.
 
-    preliminary: a model of stage 1, for the section of the ballbar.
+    model_sha256: of the model, None of a fit that did not converge; preliminary: a model of stage 1, for the section of
+    the ballbar.
     """
     models = {
         "nominal robot": (nominal, placed, drawing.NOMINAL),
@@ -160,7 +161,7 @@ def identification_report(
         dataset,
         found,
         document,
-        _model_hash(found),
+        model_sha256,
         kind="Identification",
         verdict="Identified",
         verdict_key="identified",
@@ -192,8 +193,11 @@ def _with(preliminary: SavedModel | None, models: ballbar.Models) -> ballbar.Mod
     return dict([first, ("preliminary (stage 1)", between), *others])
 
 
-def regression_report(comparison: Comparison, document: Mapping[str, Any]) -> str:
-    """The report of a regression as HTML: the panel of its comparison, and the model that it is based on."""
+def regression_report(
+    comparison: Comparison, document: Mapping[str, Any], model_sha256: str | None = None
+) -> str:
+    """The report of a regression as HTML: the panel of its comparison, and the model that it is based on, with its
+    hash."""
     asked = comparison.asked.predictor
     assert asked.found is not None  # of what is asked for only the nominal robot has none
     dataset, found = comparison.dataset, asked.found
@@ -202,7 +206,7 @@ def regression_report(comparison: Comparison, document: Mapping[str, Any]) -> st
         dataset,
         found,
         document,
-        _model_hash(found, None, asked.regression),
+        model_sha256,
         kind="Regression",
         verdict="Compared",
         verdict_key="identified",
@@ -217,13 +221,6 @@ def _joints(sample: Sample, model: RobotModel, found: tuple[Effect, ...]) -> Mar
     return Markup(
         scatter.joints_figure([panels.of_joint(sample, k, found) for k in range(1, model.robot.joints + 1)])
     )
-
-
-def _model_hash(
-    found: Identification, diagnosis: Diagnosis | None = None, added: Regression | None = None
-) -> str | None:
-    """The hash that a saved model has in its file; None where the fit did not converge and none is saved."""
-    return model_document(found, diagnosis, added)["content_sha256"] if found.converged else None
 
 
 @cache

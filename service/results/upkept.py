@@ -54,6 +54,7 @@ class Upkeep:
         say: Callable[[str], None] = silent,
     ) -> Upkeep:
         """Judge what is no warmth, update what is, write the model. Raises DataError, OSError."""
+        watch.refuse_copies(dataset)
         notes = saved.notes + watch.refuse_unlike(
             saved,
             dataset,

@@ -75,7 +75,7 @@ def touched_files(
         "sigma_mm": asked.touch_mm,
         "repeatability_deg": cell.robot.repeatability_deg,
     }
-    values["instrument"] = "touch"
+    values["instrument"], values["readings"] = "touch", f"1-{len(poses)}"
     for key in ("base_targets", "base_targets_u_mm", "nests", "u_mm_assumed", "model"):
         values.pop(key, None)
     robot, text = cell.robot.model, io.StringIO(newline="")

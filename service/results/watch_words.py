@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from calib.units import percent
-from calib.watch import REPEATS, SEEN, TIMES, Plan, Proposal, Smallest
+from calib.watch import REPEATS, SEEN, TIMES, WANTED, Plan, Proposal, Smallest
 
 _NAMES = {
     "joint_step": "a lost zero of joint {}",
@@ -46,6 +48,20 @@ def in_words(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], 
             f"{', '.join(map(_named, beyond))}.{_elsewhere(plan, proposals)} {_HIDDEN}"
         )
     return " ".join(said)
+
+
+def left_to_see(sizes: Mapping[str, float]) -> str:
+    """What readings that lack some poses still show, by the size that they show of each cause, in its unit; empty where
+    nothing that should be seen is missed."""
+    said = []
+    for label, size in sizes.items():
+        name, _, joint = label.partition(":j")
+        if size > WANTED[name]:
+            unit = "mm" if name.endswith("shift") else "deg"
+            said.append(
+                f"{_NAMES[name].format(joint)} {f'from {size:.2g} {unit}' if np.isfinite(size) else 'never'}"
+            )
+    return f"What is left shows, in {percent(SEEN)} of watches: {', '.join(said)}." if said else ""
 
 
 def _named(cause: Smallest) -> str:

@@ -17,6 +17,7 @@ from service import exit_codes
 from service.plain import finite
 from service.results.origin import origin_of
 from service.results.upkept import on_its_clock
+from service.results.watch_words import left_to_see
 
 FORMAT = "truepose-watch/1"
 CODES = {
@@ -63,6 +64,7 @@ class Watched:
         say: Callable[[str], None] = silent,
     ) -> Watched:
         """Judge, append to the history, write the updated model where a cause is known. Raises DataError, OSError."""
+        watch.refuse_copies(dataset)
         notes = saved.notes + watch.refuse_unlike(
             saved, dataset, model, frame_known=asked.frame_known, missing_allowed=asked.missing_allowed
         )
@@ -80,6 +82,9 @@ class Watched:
                     "averaged.",
                 )
         verdict = watch.judge(seen, before, asked.rate)
+        if watch.missing(dataset):
+            shown = left_to_see(watch.seen_from(seen, verdict.questions[0].p_limit))
+            notes += (shown,) if shown else ()
         if asked.history is not None and history is not None and not history.holds(dataset):
             watch.append(asked.history, seen, dataset, baseline, verdict)
         updated = False

@@ -43,6 +43,7 @@ POSES, CANDIDATES, WATCHES = 10, 120, 16
 NESTS = {"N1": (0.0, 0.0, 0.0), "N2": (600.0, 0.0, 0.0), "N3": (0.0, 600.0, 0.0)}
 GEARS = (1, 2, 3, 4, 50, 80, 100, 101, 120, 160)
 MOST = 0.015  # of all watches may alarm
+_FIRST = 1000  # seed: those below were looked at while the mechanism was mended
 _LABEL, _FRAME, _POSES = 22, 40, 41  # random streams: of `mocks.cell`, and our own
 _PASSING = ("drift_translation", "drift_rotation")
 _AXES = ("x_mm", "y_mm", "z_mm")
@@ -143,7 +144,7 @@ def run(count: int = 25) -> bool:
     reached = True
     for kind in KINDS:
         every, stated = (
-            np.array(each) for each in zip(*(alarms(kind, s) for s in range(count)), strict=True)
+            np.array(each) for each in zip(*(alarms(kind, _FIRST + s) for s in range(count)), strict=True)
         )
         share, often = float(every.mean()) / WATCHES, int(np.sum(every > 0.1 * WATCHES))
         held = every[stated].sum() <= MOST * WATCHES * stated.sum()

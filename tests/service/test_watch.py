@@ -14,7 +14,7 @@ from acquisition.campaign.check import check_plan
 from calib import identify, load_model, read_dataset, save_model
 from calib.saved.model_checks import content_hash
 from service.cli import main
-from tests.service.campaigns import Rows, edit_rows, edit_text, write_data
+from tests.service.campaigns import Rows, edit_rows, edit_text, read_rows, write_data
 
 CELL = Path(__file__).parents[2] / "examples" / "irb120_faro" / "cell.toml"
 SHIFT_MM = 0.4
@@ -103,7 +103,31 @@ def test_a_missing_pose_is_refused_or_said(
     edit_rows(data, given_up)
     assert judge(model, data) == 2
     assert "no target" in capsys.readouterr().err
-    assert judge(model, data, "--allow-missing") == 0
+    verdict = data.with_suffix(".json")
+    assert judge(model, data, "--allow-missing", "--json", str(verdict)) == 0
+    notes = json.loads(verdict.read_text("utf-8"))["notes"]
+    assert any(note.startswith("What is left shows") and "joint 6 from 0.0" in note for note in notes)
+
+
+def test_a_row_that_was_deleted_is_missed_and_one_that_was_copied_refused(
+    model: Path, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = [row["reading_id"] for row in read_rows(data)]
+    header = data.with_suffix(".toml")
+    text = header.read_text("utf-8")
+    header.write_text(f'readings = "{names[0]}-{names[-1]}"\n{text}', "utf-8")
+    assert judge(model, data) == 0
+    edit_rows(data, lambda rows: rows.__delitem__(3))
+    assert judge(model, data) == 2
+    assert f"lacks reading {names[3]} (no row)" in capsys.readouterr().err
+    header.write_text(f"not_taken = 4\n{text}", "utf-8")
+    assert judge(model, data) == 2
+    assert "4 readings that were not taken yet" in capsys.readouterr().err
+    header.write_text(text, "utf-8")
+    read = next(row for row in read_rows(data) if row["set"] != "validation")
+    edit_rows(data, lambda rows: rows.append(read | {"reading_id": "copy"}))
+    assert judge(model, data) == 2
+    assert f"'{read['reading_id']}' again under another id" in capsys.readouterr().err
 
 
 def test_another_robot_and_another_station_are_refused(

@@ -6,6 +6,7 @@ it (strain-wave reducers: 50 to 320 a turn).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -20,6 +21,7 @@ from calib.scan.harmonics import Harmonics
 LOWEST, HIGHEST = 0.5, 330.0
 # The spacing divides 1, so that every whole order is on the grid; a quarter of what one full turn resolves
 SPACING = 0.25
+_USUAL_DEG = 0.02  # of what nobody claims; one that is searched for may have any size
 
 
 KINDS = (
@@ -54,6 +56,15 @@ def periodic(joint: int, order: float) -> Effect:
         },
         {"order": order},
     )
+
+
+def once_a_turn(survey: Survey) -> list[Effect]:
+    """The waves of one cycle a turn of the joints that turned, of usual sizes: wheels or encoders out of centre."""
+    waves = [periodic(joint, 1.0) for joint in survey.moving if joint not in survey.curves]
+    return [
+        replace(wave, parameters=tuple(replace(p, size=_USUAL_DEG) for p in wave.parameters))
+        for wave in waves
+    ]
 
 
 def offer(survey: Survey) -> list[Harmonics]:

@@ -13,7 +13,7 @@ from acquisition import read_cell
 from acquisition.loop import campaign_text, in_cell
 from calib.data import read_dataset
 from calib.diagnose import MOST_EFFECTS, CarryOver, Diagnosis, carry_over, diagnose
-from calib.saved import model_document, save_model
+from calib.saved import save_model
 from calib.text import replace_file
 from service import wording
 from service.commands import options
@@ -111,21 +111,20 @@ def diagnose_command(
         if acceptance is not None:
             document["acceptance"] = acceptance.document()
         options.write_result(document, json, terminal)
-        write_results(
+        sealed = write_results(
             diagnosis,
             document,
             terminal,
             predictions=predictions,
-            model=model if diagnosis.final.converged else None,
+            model=model,
             report=report,
+            certified=certificate is not None,
             carried=carried,
             patched=patched,
             acceptance=acceptance,
         )
         if certificate is not None:
-            final = diagnosis.final
-            sealed = model_document(final, diagnosis)["content_sha256"] if final.converged else None
-            certificate.write(dataset, document, documents.parameters_of(final), sealed)
+            certificate.write(dataset, document, documents.parameters_of(diagnosis.final), sealed)
         if follow_up is not None and diagnosis.follow_up is not None:
             replace_file(follow_up, campaign_text(diagnosis.follow_up, the_cell))
         terminal.rest()
@@ -160,14 +159,17 @@ def write_results(
     predictions: Path | None,
     report: Path | None,
     model: Path | None = None,
+    certified: bool = False,
     carried: CarryOver | None = None,
     patched: Patched | None = None,
     acceptance: Acceptance | None = None,
-) -> None:
-    """Write predictions, model and report, where they were asked for; what can fail most easily comes last."""
+) -> str | None:
+    """Write predictions, model and report, where they were asked for; what can fail most easily comes last. Returns the
+    hash of the model, None of one that did not converge, or where neither file nor certificate (certified) names it."""
     if predictions is not None:
         replace_file(predictions, predictions_csv(diagnosis))
-    sealed = None if model is None else save_model(model, diagnosis.final, diagnosis)
+    named = certified or model is not None or report is not None
+    sealed = save_model(model, diagnosis.final, diagnosis) if named and diagnosis.final.converged else None
     if report is not None:
         # drawing is not needed for the numbers, and takes long to import
         from service.report import diagnosis_report
@@ -178,6 +180,7 @@ def write_results(
                 diagnosis, document, carried, patched, acceptance=acceptance, model_sha256=sealed
             )
         replace_file(report, page)
+    return sealed
 
 
 def show(

@@ -10,7 +10,7 @@ import typer
 from calib.data import read_dataset
 from calib.errors import DataError
 from calib.fit import left_out
-from calib.saved import load_model, model_document, save_model
+from calib.saved import load_model, save_model
 from calib.text import replace_file
 from calib.validation import refuse_other_robot
 from service import wording
@@ -63,13 +63,12 @@ def identify_command(
         if preliminary is not None and stage is not None:
             refuse_other_robot(stage, dataset, preliminary)
         options.write_result(result.document(), json, terminal)
-        if model is not None and found.converged:
-            save_model(model, found)
+        named = model is not None or report is not None or certificate is not None
+        sealed = save_model(model, found) if named and found.converged else None
         if report is not None:
             terminal.say("drawing the report")
-            replace_file(report, result.report(stage))
+            replace_file(report, result.report(sealed, stage))
         if certificate is not None:
-            sealed = model_document(found)["content_sha256"] if found.converged else None
             certificate.write(dataset, result.document(), parameters_of(found), sealed)
         terminal.rest()
         if dataset.header.simulated:

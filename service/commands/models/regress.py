@@ -63,11 +63,10 @@ def regress_command(
             say=terminal.say,
         )
         options.write_result(result.document, json, terminal)
-        if model is not None:
-            result.save(model)
+        sealed = result.save(model) if model is not None or report is not None else None
         if report is not None:
             terminal.say("drawing the report")
-            replace_file(report, result.report())
+            replace_file(report, result.report(sealed))
         terminal.rest()
         if result.comparison.dataset.header.simulated:
             terminal.note(wording.SIMULATED)

@@ -69,9 +69,10 @@ class Identified:
             document["acceptance"] = self.acceptance.document()
         return document
 
-    def report(self, preliminary: SavedModel | None = None) -> str:
-        """The report as HTML. preliminary: of stage 1 of a ballbar campaign, set beside the other two."""
+    def report(self, model_sha256: str | None, preliminary: SavedModel | None = None) -> str:
+        """The report as HTML. model_sha256: as `save_model` returns it, None of a fit that did not converge;
+        preliminary: of stage 1 of a ballbar campaign, set beside the other two."""
         from service.report import identification_report  # drawing takes long to import
 
         models = (self.dataset, self.found, self.nominal, self.placed)
-        return identification_report(*models, self.document(), self.acceptance, preliminary)
+        return identification_report(*models, self.document(), self.acceptance, model_sha256, preliminary)

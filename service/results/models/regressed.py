@@ -48,14 +48,16 @@ class Regressed:
         """Whether the regression that was asked for adds anything to its model."""
         return self.comparison.asked.predictor.regression is not None
 
-    def save(self, path: Path) -> None:
-        """The model with its regression, where there is a model. Raises DataError."""
+    def save(self, path: Path | None) -> str | None:
+        """The hash of the model with its regression, where there is a model; path: None writes nothing. Raises
+        DataError."""
         asked = self.comparison.asked.predictor
-        if asked.found is not None:
-            save_model(path, asked.found, regression=asked.regression)
+        if asked.found is None or (path is None and not asked.found.converged):
+            return None
+        return save_model(path, asked.found, regression=asked.regression)
 
-    def report(self) -> str:
-        """The report as HTML."""
+    def report(self, model_sha256: str | None) -> str:
+        """The report as HTML. model_sha256: as `save` returns it."""
         from service.report import regression_report  # drawing takes long to import
 
-        return regression_report(self.comparison, self.document)
+        return regression_report(self.comparison, self.document, model_sha256)
