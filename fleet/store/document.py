@@ -10,7 +10,7 @@ from typing import Literal, get_args
 
 from calib.errors import DataError
 
-Kind = Literal["model", "watch", "campaign", "dataset", "diagnosis", "thermal"]
+Kind = Literal["model", "watch", "campaign", "dataset", "diagnosis", "thermal", "retired"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 State = Literal["new", "known", "conflict"]
 LONGEST = 200  # letters of a name
@@ -96,13 +96,15 @@ class Entry:
 
 @dataclass(frozen=True)
 class Known:
-    """A robot in the store: documents of every kind, and when the first and the last were measured."""
+    """A robot in the store: documents of every kind, and when the first and the last were measured; retired: whether
+    somebody has said since that it is measured no more."""
 
     robot: RobotKey
     cells: tuple[str, ...]
     documents: dict[Kind, int]
     first: datetime
     last: datetime
+    retired: bool = False
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ FORMATS: dict[Kind, str] = {
     "watch": "truepose-watch/1",
     "diagnosis": "truepose-diagnosis/1",
     "thermal": "truepose-upkeep/1",
+    "retired": "truepose-retired/1",
     "dataset": DATASET,
 }
 """What a document of a kind must be; the other kinds may be any JSON with a format."""
@@ -74,6 +75,8 @@ def _rows(kind: Kind, table: Mapping[str, Any]) -> Rows:
         return Rows(program, _missed(table), said, tuple(_cause(rank, each) for rank, each in causes))
     if kind == "thermal":
         return _thermal(program, table)
+    if kind == "retired":
+        return Rows(program, (), {"verdict": kind, "in_words": _text(table["because"]), "advice": ""})
     if kind == "diagnosis":
         said = {"verdict": _text(table["verdict"]), "in_words": "", "advice": ""}
         effects = enumerate(table["effects"], start=1)

@@ -138,14 +138,28 @@ class Store:
         cells: dict[RobotKey, dict[str, None]] = defaultdict(dict)
         first: dict[RobotKey, datetime] = {}
         last: dict[RobotKey, datetime] = {}
+        retired: dict[RobotKey, datetime] = {}
         with reading(self._engine) as connection:
             for serial, model, cell, kind, count, earliest, latest in connection.execute(question):
                 key = RobotKey(serial, model)
                 counts[key][kind] = counts[key].get(kind, 0) + count
+                if kind == "retired":
+                    retired[key] = max(latest, retired.get(key, latest))
+                    continue
                 cells[key][cell] = None
                 first[key] = min(earliest, first.get(key, earliest))
                 last[key] = max(latest, last.get(key, latest))
-        return [Known(key, tuple(cells[key]), counts[key], first[key], last[key]) for key in counts]
+        return [
+            Known(
+                key,
+                tuple(cells[key]),
+                counts[key],
+                first[key],
+                last[key],
+                key in retired and retired[key] >= last[key],
+            )
+            for key in last
+        ]
 
     def documents(
         self,

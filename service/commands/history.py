@@ -107,6 +107,30 @@ def show_command(
             terminal.out.print(f"Last advice ({last.measured_at:%Y-%m-%d}): {last.advice}")
 
 
+@app.command("retire")
+@owner_only()
+def retire_command(
+    serial: Serial,
+    because: Annotated[
+        str, typer.Option("--because", metavar="TEXT", help="Why, as 'controller exchanged, now 120-777'.")
+    ],
+    store: StoreOption = None,
+    model: Model = None,
+    json: options.Json = None,
+) -> None:
+    """Say that a robot is measured no more: it is not due and needs no care. New readings of it bring it back."""
+    if not because.strip():
+        raise DataError("is empty.", do="Say why.", key="--because")
+    options.check_outputs({"--json": json})
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal, opened(store) as kept:
+        robot = results.robot_of(kept, serial, model)
+        document = results.retired(robot, socket.gethostname(), because.strip(), utc_now())
+        told = results.added_document([(document, kept.add(document))])
+        options.write_result(told, json, terminal)
+        terminal.rest()
+        terminal.out.print(f"{robot.serial} ({robot.model}) is retired; what is kept of it stays.")
+
+
 @app.command("trend")
 def trend_command(
     serial: Serial,

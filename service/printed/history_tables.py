@@ -33,7 +33,7 @@ def robots(found: Sequence[Known]) -> Table:
     shown = grid(title, "serial number", "type", "cells", "last measured", "documents", left=5)
     for each in found:
         kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(each.documents.items()))
-        cells, last = ", ".join(each.cells), f"{each.last:%Y-%m-%d}"
+        cells, last = ", ".join(each.cells), f"{each.last:%Y-%m-%d}{' (retired)' if each.retired else ''}"
         shown.add_row(each.robot.serial, each.robot.model, cells, last, kinds)
     return shown
 

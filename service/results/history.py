@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from itertools import groupby
 from typing import Any
@@ -12,9 +13,9 @@ import numpy as np
 
 from calib.errors import DataError
 from calib.upkeep import Check, ControlChart, Due, Method, chart_of, next_due
-from fleet.store import ERROR, Added, Document, Entry, Known, Point, RobotKey, Said, Standing, Store
+from fleet.store import ERROR, LONGEST, Added, Document, Entry, Known, Point, RobotKey, Said, Standing, Store
 from service.results.hours import Hours
-from service.results.robot_state import due_now, state_of
+from service.results.robot_state import due_now
 
 FORMAT = "truepose-history/1"
 MOST = 100_000  # documents of one robot
@@ -164,10 +165,13 @@ class Next:
 
 
 def due_of(store: Store, method: Method, now: datetime, hours: Hours | None = None) -> list[Next]:
-    """The date at which each robot is to be checked next, now where it has changed; those first that are due first.
+    """The date at which each robot is to be checked next, now where it has changed; those first that are due first,
+    and those that are retired not at all.
     hours: of use, for a method that goes by them."""
     out = []
     for each in store.standings():
+        if each.known.retired:
+            continue
         due, because = next_of(each, method, now, hours)
         out.append(Next(each.known, each.watched, each.errors[-1] if each.errors else None, due, because))
     return sorted(out, key=lambda each: (each.due is not None, now if each.due is None else each.due.date))
@@ -177,7 +181,7 @@ def next_of(
     standing: Standing, method: Method, now: datetime, hours: Hours | None = None
 ) -> tuple[Due | None, str]:
     """The next check of a robot, None where it has no date; and why then, or why not."""
-    due = due_now(standing.watched, state_of(standing.watched, standing.baseline))
+    due = due_now(standing)
     past = [
         each for each in standing.errors if each.measured_at <= now
     ] or standing.errors  # a clock was ahead
@@ -260,6 +264,13 @@ def causes_of(said: Said) -> list[dict[str, Any]]:
     ]
 
 
+def retired(robot: RobotKey, cell: str, because: str, now: datetime) -> Document:
+    """The statement that a robot is measured no more; because: why, a sentence."""
+    table = {"format": "truepose-retired/1", "at": text_of(now), "because": because}
+    identity = f"retired {robot.serial} {text_of(now)}"[:LONGEST].strip()
+    return Document("retired", robot, cell, identity, now, json.dumps(table | asdict(robot)).encode())
+
+
 def robots_document(robots: Sequence[Known]) -> dict[str, Any]:
     """The robots of a store, as JSON has them."""
     return {
@@ -271,6 +282,7 @@ def robots_document(robots: Sequence[Known]) -> dict[str, Any]:
                 "cells": list(each.cells),
                 "documents": dict(each.documents),
                 "last_measured": text_of(each.last),
+                "retired": each.retired,
             }
             for each in robots
         ],

@@ -6,7 +6,7 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 
 from calib.upkeep import Due
-from fleet.store import Baseline, Known, Said
+from fleet.store import Known, Standing
 
 CHANGED = ("changed", "ambiguous", "unexplained")
 """Verdicts after which somebody has to act, whatever the dates of checks say."""
@@ -15,8 +15,11 @@ _EARLIEST = datetime(2001, 1, 1, tzinfo=UTC)
 _AHEAD = timedelta(days=1)
 
 
-def state_of(watched: Said | None, model: Baseline | None) -> str:
-    """The state of a robot by now: that of the last watch, unless a model is newer than it."""
+def state_of(standing: Standing) -> str:
+    """The state of a robot by now: that of the last watch, unless it is retired or a model is newer."""
+    watched, model = standing.watched, standing.baseline
+    if standing.known.retired:
+        return "retired"
     if watched is None:
         return "not_watched"
     if model is not None and model.measured_at > watched.measured_at:
@@ -24,9 +27,10 @@ def state_of(watched: Said | None, model: Baseline | None) -> str:
     return watched.verdict if watched.verdict in ("unchanged", *CHANGED) else "not_watched"
 
 
-def due_now(watched: Said | None, state: str) -> Due | None:
+def due_now(standing: Standing) -> Due | None:
     """A robot that has changed is due since the watch that says so; None for any other state."""
-    if watched is None or state not in CHANGED:
+    watched = standing.watched
+    if watched is None or state_of(standing) not in CHANGED:
         return None
     return Due(
         watched.measured_at, f"Now: the last watch found it {watched.verdict}. {watched.advice}".strip()

@@ -172,7 +172,7 @@ def _line(
 ) -> dict[str, Any]:
     """The line of a robot in a list."""
     known, watched, errors, model = standing.known, standing.watched, standing.errors, standing.baseline
-    state, due = state_of(watched, model), _due(standing, way, now)
+    state, due = state_of(standing), _due(standing, way, now)
     beyond = bool(errors and permitted_mm and errors[-1].value > permitted_mm)
     doubted = doubtful_date(known, now)
     return {
@@ -184,7 +184,7 @@ def _line(
         "last_measured": history.text_of(known.last),
         "doubtful_date": None if doubted is None else history.text_of(doubted),
         "state": state,
-        "needs_care": state in CHANGED or due["overdue"] or beyond,
+        "needs_care": not known.retired and (state in CHANGED or due["overdue"] or beyond),
         "beyond_permitted": beyond,
         "watched": None if watched is None else _said(watched),
         "diagnosed": None if standing.diagnosed is None else _said(standing.diagnosed),
@@ -213,8 +213,10 @@ def _said(said: Said) -> dict[str, Any]:
 
 def _due(standing: Standing, way: Method | None, now: datetime) -> dict[str, Any]:
     """The date of the next check, which is known for what has changed; without a date, the reason."""
-    if way is None:
-        due = due_now(standing.watched, state_of(standing.watched, standing.baseline))
+    if standing.known.retired:
+        due, because = None, "It is retired."
+    elif way is None:
+        due = due_now(standing)
         because = "No permitted error is set." if due is None else due.because
     else:
         due, because = history.next_of(standing, way, now)
@@ -230,6 +232,11 @@ def _urgency(line: dict[str, Any]) -> tuple[int, float, str, str]:
     largest = -error["rms"] if error else 0.0
     if line["state"] in CHANGED:
         return 0, largest, "", line["serial"]
-    if line["beyond_permitted"]:
+    if line["beyond_permitted"] and line["needs_care"]:
         return 1, largest, "", line["serial"]
-    return (2 if due["overdue"] else 3), 0.0, due["date"] or "", line["serial"]
+    return (
+        (2 if due["overdue"] else 4 if line["state"] == "retired" else 3),
+        0.0,
+        due["date"] or "",
+        line["serial"],
+    )

@@ -4,7 +4,7 @@ import { h } from "./dom.js";
 import { KEYS, language, t } from "./words.js";
 
 // Not by colour alone: every state has a sign of its own.
-const SIGNS = { unchanged: "✔", recalibrated: "⟳", changed: "✖", ambiguous: "?", unexplained: "‼", not_watched: "○" };
+const SIGNS = { unchanged: "✔", recalibrated: "⟳", changed: "✖", ambiguous: "?", unexplained: "‼", not_watched: "○", retired: "□" };
 export const stateOf = (name) => h("span", { className: `robot-state ${name}` }, `${SIGNS[name] || "•"} ${t(`robot_${name}`)}`);
 
 export const day = (text) => new Date(text).toLocaleDateString(language(), { year: "numeric", month: "short", day: "numeric" });

@@ -36,7 +36,7 @@ export function open(root, id) {
     const said = robot.watched;
     fill(head, [robot.state, said, robot.error_mm, robot.beyond_permitted, robot.last_measured, robot.left_out], () => [
       h("p", { className: "big" }, `${robot.serial} (${robot.model}) `, stateOf(robot.state)),
-      h("p", { className: "big" }, `${t("whatToDo")} `, robot.state === "not_watched" || robot.state === "recalibrated" ? t("doPlan") : saidOf(said.advice)),
+      h("p", { className: "big" }, `${t("whatToDo")} `, robot.state === "retired" ? t("doRetired") : robot.state === "not_watched" || robot.state === "recalibrated" ? t("doPlan") : saidOf(said.advice)),
       said ? h("p", {}, `${t("watchedOn", { date: day(said.measured) })} `, saidOf(said.in_words)) : null,
       said && said.causes.length ? h("p", {}, `${t(said.causes.length > 1 ? "classOfCauses" : "lastCause")}: `, h("strong", {}, causeOf(said.causes[0]))) : null,
       said && said.causes.length > 1 ? h("ul", {}, said.causes.map((each) => h("li", {}, `${causeOf(each)}: `, saidOf(each.in_words)))) : null,

@@ -8,6 +8,7 @@ export const ROBOT_WORDS = {
   said_unchanged: ["unchanged", "unverändert"], said_changed: ["changed", "verändert"], said_ambiguous: ["ambiguous", "mehrdeutig"], said_unexplained: ["unexplained", "unerklärt"],
   said_complete: ["complete", "vollständig"], said_attributed: ["attributed", "zugeordnet"], said_excess_noise: ["more noise than declared", "mehr Rauschen als angegeben"],
   said_thermal: ["only the temperature, or nothing", "nur die Temperatur, oder nichts"], "said_not thermal": ["something other than the temperature", "etwas anderes als die Temperatur"],
+  robot_retired: ["retired", "außer Dienst"], said_retired: ["retired", "außer Dienst"], document_retired: ["retirement", "Außerdienststellung"], doRetired: ["Nothing: it is retired. New readings bring it back.", "Nichts: er ist außer Dienst. Neue Messungen holen ihn zurück."],
   doPlan: ["Plan a watch, and measure its check poses.", "Eine Überwachung planen und ihre Prüfposen messen."],
   watchedOn: ["Watch of {date}:", "Überwachung vom {date}:"],
   lastCause: ["Cause", "Ursache"], classOfCauses: ["One of these causes, the likeliest", "Eine dieser Ursachen, die wahrscheinlichste"], errorOf: ["error", "Fehler"], permitted: ["permitted", "erlaubt"], noCause: ["none", "keine"], orOthers: ["or {n} more", "oder {n} weitere"], inWords: ["In words", "In Worten"], shareOfClass: ["Likely", "Wahrscheinlich"],

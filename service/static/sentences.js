@@ -121,7 +121,7 @@ const SENTENCES = [
   ["The value drifts by {b} (U {u}) per day and may be beyond the {limit} permitted already: {n} days.", "Der Wert driftet um {b} (U {u}) am Tag und liegt vielleicht schon jenseits der {limit} erlaubten: {n} Tage."],
   ["The value drifts by {b} (U {u}) per day and stays within the {limit} permitted: the longest, {n} days.", "Der Wert driftet um {b} (U {u}) am Tag und bleibt innerhalb der {limit} erlaubten: der längste, {n} Tage."],
   ["The value drifts by {b} (U {u}) per day and may reach the {limit} permitted {n} days after the last check.", "Der Wert driftet um {b} (U {u}) am Tag und erreicht die {limit} erlaubten vielleicht {n} Tage nach der letzten Prüfung."],
-  ["One value makes no chart.", "Ein Wert ergibt keine Karte."], ["The value of {day} is {value}, {far} from the centre {centre}; the limit is {limit}.", "Der Wert vom {day} ist {value}, {far} von der Mitte {centre}; die Grenze ist {limit}."],
+  ["It is retired.", "Er ist außer Dienst."], ["One value makes no chart.", "Ein Wert ergibt keine Karte."], ["The value of {day} is {value}, {far} from the centre {centre}; the limit is {limit}.", "Der Wert vom {day} ist {value}, {far} von der Mitte {centre}; die Grenze ist {limit}."],
   ["The value of {day} has a weighted mean with those before it of {value}, {far} from the centre {centre}; the limit is {limit}.", "Der Wert vom {day} hat mit denen davor ein gewichtetes Mittel von {value}, {far} von der Mitte {centre}; die Grenze ist {limit}."],
   ["{rest}; overdue by {late} days.", "{rest} Überfällig seit {late} Tagen."],
 ];

@@ -10,7 +10,7 @@ from datetime import datetime, timedelta, timezone
 import pytest
 
 from calib.errors import DataError
-from fleet.store import ERROR, Document, Job, RobotKey, Store
+from fleet.store import ERROR, Document, Job, RobotKey, Store, utc_now
 from tests.fleet.documents import BEGAN, ROBOT, model, of, watch
 
 OTHER = RobotKey("120-4712", "irb120")
@@ -279,3 +279,20 @@ def test_a_result_is_written_once(store: Store) -> None:
     newer = Job("diagnose", "a" * 64, "0.2.0")
     assert store.work.done([job, newer]) == {job}
     assert store.work.claim([newer], "third", late, 60.0) == [newer]
+
+
+def test_how_a_robot_stands_is_the_same_alone_and_among_all(store: Store) -> None:
+    """Of several the newest: but no calibration that a watch has updated, nor a day that is yet to come."""
+    calibrated = model({"d1": 1.0})
+    store.add_all([calibrated, watch(day=5), watch("unchanged", day=9), model({"d1": 1.1}, day=9)])
+    store.add_all([model({"d1": 2.0}, robot=OTHER), watch(robot=OTHER, day=50_000)])  # a clock that is ahead
+    last = watch("unchanged", robot=OTHER, day=(utc_now() - BEGAN) / timedelta(days=1))
+    store.add(last)
+    one, other = store.standings()
+    assert [one, other] == [*store.standings(ROBOT), *store.standings(OTHER)]
+    assert one.watched == store.verdicts(ROBOT)[-1]
+    assert one.baseline is not None
+    assert one.baseline.hash == calibrated.hash
+    assert other.watched is not None
+    assert other.watched.hash == last.hash
+    assert other.known.last > utc_now()

@@ -12,7 +12,7 @@ import pytest
 
 from calib.errors import DataError
 from calib.upkeep import Staircase
-from fleet.store import RobotKey, Store
+from fleet.store import RobotKey, Store, utc_now
 from service.cli import main
 from service.results.history import due_of, text_of, trends_of
 from service.results.robots import DueQuestion, told_robots
@@ -370,3 +370,27 @@ def test_migrate_makes_the_tables_once(address: str, capsys: pytest.CaptureFixtu
     assert main(["fleet", "migrate", address]) == 0
     assert "this version already" in capsys.readouterr().out
     assert main(["fleet", "migrate", address, "--roles"]) == 2
+
+
+def test_who_needs_care_comes_first_and_who_is_retired_comes_last(
+    address: str, ask: Callable[..., tuple[int, dict[str, Any]]]
+) -> None:
+    today = (utc_now() - BEGAN) / timedelta(days=1)
+    said = {"a": (0.1, "changed"), "b": (0.2, "changed"), "c": (0.5, "unchanged"), "e": (0.1, "unchanged")}
+    with Store.open(address) as store:
+        store.add(of("watch", watch_of(0.1), robot=RobotKey("d", "irb120"), day=-3000.0))  # long overdue
+        for name, (error, verdict) in said.items():
+            store.add(of("watch", watch_of(error, verdict), robot=RobotKey(name, "irb120"), day=today - 1.0))
+        store.add(of("watch", watch_of(0.9, "changed"), robot=RobotKey("f", "irb120"), day=-20_000.0))
+    asked = DueQuestion(permitted_mm=0.3)
+    assert ask("retire", "f", "--because", "its controller was exchanged")[0] == 0
+    told = told_robots(address, asked)
+    assert [each["serial"] for each in told["robots"]] == ["b", "a", "c", "d", "e", "f"]
+    assert [each["needs_care"] for each in told["robots"]] == [True] * 4 + [False] * 2
+    assert told["need_care"] == 4
+    assert told["robots"][-1]["state"] == "retired"
+    assert told["robots"][-1]["doubtful_date"].startswith("1971")  # a clock without a battery
+    assert "f" not in [each["serial"] for each in ask("due", "--permitted", "0.3")[1]["robots"]]
+    with Store.open(address) as store:  # it is measured again
+        store.add(of("watch", watch_of(0.1), robot=RobotKey("f", "irb120"), day=today + 0.001))
+    assert told_robots(address, asked)["robots"][-1]["state"] == "unchanged"

@@ -210,3 +210,15 @@ def test_drift_counts_no_reading_that_was_measured_again() -> None:
         {"kind": "reading", "utc": 4, "data": later},
     ]
     assert in_modules(DRIFTS, events) == {"T1": [{"utc": 2, "y": 0}, {"utc": 4, "y": pytest.approx(0.2)}]}
+
+
+CELL_OF = """
+    globalThis.fetch = async () => ({ ok: given[0] < 300, status: given[0], json: async () => ({ name: "c" }) });
+    const { theCell } = await of('connection');
+    return theCell().then((cell) => [cell], (error) => error.status);
+"""
+
+
+@pytest.mark.parametrize(("status", "heard"), [(200, [{"name": "c"}]), (404, [None]), (503, 503)])
+def test_a_page_is_entered_where_there_is_no_cell(status: int, heard: object) -> None:
+    assert in_modules(CELL_OF, [status]) == heard

@@ -10,8 +10,10 @@ from service.http.wire.bodies.told import Answered, told
 
 _HASH = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
 Moment = Annotated[str, told("When the first reading was taken, RFC 3339 UTC.", "2026-03-02T09:15:00Z")]
-RobotState = Literal["not_watched", "recalibrated", "unchanged", "changed", "ambiguous", "unexplained"]
-DocumentKind = Literal["model", "watch", "campaign", "dataset", "diagnosis", "thermal"]
+RobotState = Literal[
+    "not_watched", "recalibrated", "unchanged", "changed", "ambiguous", "unexplained", "retired"
+]
+DocumentKind = Literal["model", "watch", "campaign", "dataset", "diagnosis", "thermal", "retired"]
 DocumentHash = Annotated[str, told("SHA-256 of the document, by which it is asked for.", _HASH)]
 RobotId = Annotated[str, told("The id of the robot in addresses.", "3f9a1c07b2e48d15")]
 Serial = Annotated[str, told("Its serial number.", "120-500321")]
@@ -84,7 +86,10 @@ class RobotLine(Answered):
     last_measured: Moment
     state: Annotated[
         RobotState,
-        told("The verdict of the last watch; recalibrated: a model is newer than it.", "unchanged"),
+        told(
+            "The verdict of the last watch; recalibrated: a model is newer than it; retired: measured no more.",
+            "unchanged",
+        ),
     ]
     needs_care: Annotated[
         bool, told("Whether somebody has to act: it has changed, errs too much, or is overdue.", True)
