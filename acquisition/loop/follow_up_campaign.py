@@ -8,7 +8,6 @@ pose; poses that share a target and an approach are one block, since the format 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from acquisition.campaign.plan import DECIMALS
 from acquisition.campaign.poses import draw_poses, too_few
 from acquisition.cell.cell import Cell
 from calib.data import Conditions
-from calib.diagnose import APPROACHES, POSES, SEPARATES, FollowUp, Rival, later_visits, separating
+from calib.diagnose import APPROACHES, POSES, SEPARATES, FollowUp, Rivals, later_visits, separating
 from calib.errors import DataError
 from calib.fit import Identification
 from calib.units import DEG
@@ -28,7 +27,7 @@ CANDIDATES = 1500
 _SETTINGS: dict[str, Any] = {"settle_s": 4.0, "samples": 100, "retries": 2}
 
 
-def in_cell(cell: Cell, found: Identification, rivals: Sequence[Rival]) -> FollowUp:
+def in_cell(cell: Cell, found: Identification, rivals: Rivals) -> FollowUp:
     """The poses that separate rivals best among those that the cell can take.
 
     Raises DataError when robot or targets of the data are not those of the cell, ConfigError when hardly any pose is
@@ -99,7 +98,7 @@ def campaign_table(follow_up: FollowUp, like: Campaign | None = None) -> dict[st
         if like is None
         else {"settle_s": like.settle_s, "samples": like.samples, "retries": like.retries}
     )
-    units = follow_up.rivals[0].fitted.model.robot.joint_units
+    units = next(iter(follow_up.rivals.values())).model.robot.joint_units
     joints = np.round(follow_up.joints / units, DECIMALS).tolist()
     offsets = np.round(-follow_up.sides * follow_up.approach / DEG, DECIMALS).tolist()
     blocks: dict[tuple[str, float], list[list[float]]] = {}

@@ -2,7 +2,7 @@
 
 from calib.diagnose.carry import CarryOver, carry_over
 from calib.diagnose.diagnosis import Diagnosis, Found, diagnose
-from calib.diagnose.follow_up import APPROACHES, POSES, SEPARATES, FollowUp, Rival, later_visits, separating
+from calib.diagnose.follow_up import APPROACHES, POSES, SEPARATES, FollowUp, Rivals, later_visits, separating
 from calib.diagnose.outlying import ACTS_ON
 from calib.diagnose.patch import Patch, error_with_patch, error_without_patch, patch_of
 from calib.diagnose.places import QUICK, SEEN, TOGETHER, pauses, sight_at_tool
@@ -28,7 +28,7 @@ __all__ = [
     "FollowUp",
     "Found",
     "Patch",
-    "Rival",
+    "Rivals",
     "Structure",
     "Surprise",
     "Visible",

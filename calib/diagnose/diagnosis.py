@@ -18,7 +18,7 @@ from calib.data.dataset import Dataset
 from calib.diagnose.carriers import MANY_WAVES, Carried, beside, gears_to_carry, with_gears
 from calib.diagnose.claims import chance_by_pose
 from calib.diagnose.classes import Evidence, judge
-from calib.diagnose.follow_up import FollowUp, Rival, follow_up
+from calib.diagnose.follow_up import FollowUp, follow_up
 from calib.diagnose.held_blocks import Blocks, carried_gains
 from calib.diagnose.named import Found
 from calib.diagnose.outlying import together
@@ -286,14 +286,12 @@ def _follow_up(dataset: Dataset, final: Identification, found: list[Found]) -> F
         for label in list(f.evidence.candidates)[:_MOST_RIVALS]
         if label != f.effect.label
     ][:_MOST_PAIRS]
-    rivals = [
-        Rival(
-            effect.label,
-            rival.label,
-            refit(dataset, final, tuple(rival if e is effect else e for e in effects)),
+    rivals = {
+        (effect.label, rival.label): refit(
+            dataset, final, tuple(rival if e is effect else e for e in effects)
         )
         for effect, rival in pairs
-    ]
+    }
     return follow_up(final, rivals) if rivals else None
 
 

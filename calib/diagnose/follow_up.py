@@ -12,7 +12,7 @@ looks elsewhere. Source: Atkinson & Fedorov 1975 (T-optimal designs, sequential 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,13 +39,10 @@ APPROACHES = (5.0 * DEG, 15.0 * DEG)
 """Lengths of the last move among which poses choose: what lags behind a move grows with it, play does not."""
 
 
-@dataclass(frozen=True)
-class Rival:
-    """A rival of an effect: another explanation in its place, and the model refitted with it."""
-
-    instead_of: str
-    label: str
-    fitted: Identification
+Pair = tuple[str, str]
+"""The label of an effect, and that of a rival: of another explanation in its place."""
+Rivals = Mapping[Pair, Identification]
+"""The model refitted with each rival."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,7 @@ class FollowUp:
     """The poses to measure next: joints (n, N) rad as the controller counts them, sides (n,) +1 from below or -1 from
     above on every joint, approach (n,) rad, the length of the last move, targets (n,) by name; and what it would bring.
 
-    separations: (label, rival) -> squared distance in units of the noise, once all poses are measured.
+    separations: squared distances in units of the noise, once all poses are measured.
     procedures: what no pose can do. rivals: what is to be distinguished, to choose among other poses.
     """
 
@@ -61,9 +58,9 @@ class FollowUp:
     sides: Array
     approach: Array
     targets: tuple[str, ...]
-    separations: dict[tuple[str, str], float]
+    separations: dict[Pair, float]
     procedures: tuple[str, ...]
-    rivals: tuple[Rival, ...]
+    rivals: Rivals
 
     @property
     def helps(self) -> bool:
@@ -118,19 +115,19 @@ def candidates(found: Identification) -> Conditions:
 
 
 def choose(
-    found: Identification, rivals: Sequence[Rival], among: Conditions, count: int = POSES
+    found: Identification, rivals: Rivals, among: Conditions, count: int = POSES
 ) -> tuple[list[int], Array]:
     """Indices of `count` of the candidate conditions, and the separation (rivals,) that they bring."""
     noise = _noise(found, among)
     here = found.predict(among)
     apart, columns, spread = [], [], []
-    for rival in rivals:
-        design = Design(rival.fitted.model, among)
-        frames = design.frames(rival.fitted.estimate, design.slots)
+    for fitted in rivals.values():
+        design = Design(fitted.model, among)
+        frames = design.frames(fitted.estimate, design.slots)
         n = len(among)
         apart.append(here - np.broadcast_to(frames.p, (3, n)).T)
         columns.append(design.point_columns(frames).reshape(3, n, -1).transpose(1, 0, 2))
-        spread.append(rival.fitted.covariance.copy())
+        spread.append(fitted.covariance.copy())
     total = np.zeros(len(rivals))
     chosen: list[int] = []
     for _ in range(min(count, len(among))):
@@ -151,14 +148,15 @@ def choose(
     return chosen, total
 
 
-def follow_up(found: Identification, rivals: Sequence[Rival]) -> FollowUp:
+def follow_up(found: Identification, rivals: Rivals) -> FollowUp:
     """The poses that separate all `rivals` best, within the limits of the robot."""
     return separating(found, rivals, candidates(found))
 
 
-def separating(found: Identification, rivals: Sequence[Rival], among: Conditions) -> FollowUp:
+def separating(found: Identification, rivals: Rivals, among: Conditions) -> FollowUp:
     """The follow-up chosen among given visits: those that a cell can take, for instance."""
     chosen, total = choose(found, rivals, among)
+    separations = dict(zip(rivals, map(float, total), strict=True))
     few = among.take(np.array(chosen))
     robot, coupling = found.model.robot, found.header.coupling
     joints = robot.controller_angles(few.joints, coupling)
@@ -168,18 +166,18 @@ def separating(found: Identification, rivals: Sequence[Rival], among: Conditions
         sides=np.sign(moves[:, 0]),
         approach=np.max(np.abs(moves) / robot.steps, axis=1),
         targets=tuple(few.target_names[t] for t in few.target),
-        separations={(r.instead_of, r.label): float(s) for r, s in zip(rivals, total, strict=True)},
-        procedures=_procedures([r for r, s in zip(rivals, total, strict=True) if s < SEPARATES], found),
-        rivals=tuple(rivals),
+        separations=separations,
+        procedures=_procedures([pair for pair, s in separations.items() if s < SEPARATES], found),
+        rivals=rivals,
     )
 
 
-def _procedures(rivals: Sequence[Rival], found: Identification) -> tuple[str, ...]:
+def _procedures(alike: Sequence[Pair], found: Identification) -> tuple[str, ...]:
     """Procedures that would separate the pairs that no pose separates, a sentence for each kind of advice."""
     pairs: dict[str, dict[str, list[str]]] = {}
-    for rival in rivals:
-        for advice in _advice(rival, found):
-            pairs.setdefault(advice, {}).setdefault(rival.instead_of, []).append(rival.label)
+    for label, rival in alike:
+        for advice in _advice(label, rival, found):
+            pairs.setdefault(advice, {}).setdefault(label, []).append(rival)
     return tuple(
         f"To distinguish {'; '.join(f'{label} from {_listed(others)}' for label, others in pair.items())}: {advice}"
         for advice, pair in pairs.items()
@@ -190,8 +188,8 @@ def _listed(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
 
 
-def _advice(rival: Rival, found: Identification) -> list[str]:
-    procedures = distinguishing(kind_of(rival.instead_of), kind_of(rival.label))
+def _advice(label: str, rival: str, found: Identification) -> list[str]:
+    procedures = distinguishing(kind_of(label), kind_of(rival))
     if len(set(found.readings.conditions.target.tolist())) > 1:
         procedures = [each for each in procedures if each != SECOND_TARGET]
     return procedures or ["no pose within the limits does; they are one effect for every use of the model."]

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from calib import DataError, Dataset, SavedModel, read_dataset
+from calib.array import Array
 from calib.diagnose import diagnose
 from calib.model import Design
 from calib.saved import as_saved
@@ -75,24 +76,32 @@ def calibrated(world: World, seed: int, groups: Sequence[str] = DEFAULT_FIT) -> 
 def planned_for(saved: SavedModel, dataset: Dataset, world: World, often: int | None) -> Visits:
     """The check poses of one target that `plan` chooses among random ones; often: visits to each and readings in each,
     None for what the plan chooses."""
-    rng = np.random.default_rng(5)
-    joints = np.radians([random_pose(world.robot, world.targets, rng) for _ in range(CANDIDATES)])
-    sides = rng.choice((-1.0, 1.0), size=joints.shape)
-    candidates = Visits.of_points(joints, sides, np.full(CANDIDATES, 5.0 * DEG), TARGETS)
+    candidates = drawn(world, CANDIDATES, np.random.default_rng(5))
     return plan(saved, dataset.header, candidates, POSES, times=often, repeats=often).visits
 
 
+def drawn(world: World, count: int, rng: np.random.Generator) -> Visits:
+    """Random poses of one target, each joint from either side."""
+    joints = np.radians([random_pose(world.robot, world.targets, rng) for _ in range(count)])
+    sides = rng.choice((-1.0, 1.0), size=joints.shape)
+    return Visits.of_points(joints, sides, np.full(count, 5.0 * DEG), TARGETS)
+
+
 def watched(saved: SavedModel, dataset: Dataset, check: Visits, world: World, first: int) -> Dataset:
-    """The check poses measured in a world; first: number of the first visit, which draws where the arm rests."""
-    template = planned(saved, dataset.header, check)
+    """The check poses measured in a world, as a data set."""
+    return replace(planned(saved, dataset.header, check), points=measured(world, check, 22.0, first))
+
+
+def measured(world: World, check: Visits, air_c: float, first: int) -> Array:
+    """(n, 3) mm: the check poses measured; first: number of the first visit, which draws where the arm rests."""
     points = []
     for i, (joints, side, read) in enumerate(
         zip(np.degrees(check.joints), check.sides, check.read, strict=True)
     ):
         at, sides = tuple(joints.tolist()), tuple(int(s) for s in side)
-        state = ArmState(at, approach_point(at, sides), sides, 20.0 * i, 22.0, first + i)
+        state = ArmState(at, approach_point(at, sides), sides, 20.0 * i, air_c, first + i)
         points += [world.measured_point(state, target) for target, _ in read]
-    return replace(template, points=np.array(points))
+    return np.array(points)
 
 
 def error_mm(saved: SavedModel, dataset: Dataset, world: World) -> tuple[float, float]:

@@ -25,20 +25,18 @@ from calib.data.dataset import Dataset
 from calib.data.read import read_dataset
 from calib.diagnose import diagnose
 from calib.saved import SavedModel, as_saved
-from calib.units import DEG
 from calib.watch import Seen, Visits, plan, too_few_poses
 from calib.watch.judge import RATE, odds_of
 from calib.watch.planning.planned import planned
 from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
-from mocks.world import ArmState, Session, World, random_label, scaled
+from mocks.world import Session, World, random_label, scaled
 from mocks.world.dataset import header_of, row_of
-from mocks.world.poses import approach_point, random_pose
 from mocks.world.scaling import Reading
 from tests.benchmarks.clock import line
 from tests.benchmarks.diagnosis_sets import visits
+from tests.benchmarks.watch import drawn, measured
 
 HELD_OUT = 0.4  # readings to judge by, over those of the fit
-TARGETS = ("T2",)
 POSES, CANDIDATES, WATCHES = 10, 120, 16
 NESTS = {"N1": (0.0, 0.0, 0.0), "N2": (600.0, 0.0, 0.0), "N3": (0.0, 600.0, 0.0)}
 GEARS = (1, 2, 3, 4, 50, 80, 100, 101, 120, 160)
@@ -103,26 +101,17 @@ def calibrated(world: World, kind: Kind) -> Dataset:
 def checks(saved: SavedModel, dataset: Dataset, world: World) -> Visits:
     """The visits that the plan makes of random poses."""
     rng = np.random.default_rng([world.seed, _POSES])
-    joints = np.radians([random_pose(world.robot, world.targets, rng) for _ in range(CANDIDATES)])
-    sides = rng.choice((-1.0, 1.0), size=joints.shape)
-    candidates = Visits.of_points(joints, sides, np.full(CANDIDATES, 5.0 * DEG), TARGETS)
-    return plan(saved, dataset.header, candidates, POSES, times=None, repeats=None).visits
+    return plan(saved, dataset.header, drawn(world, CANDIDATES, rng), POSES, times=None, repeats=None).visits
 
 
 def watched(saved: SavedModel, dataset: Dataset, check: Visits, world: World, number: int) -> Dataset:
     """A watch of the unchanged arm, in a frame of its own, at the air of some moment of its calibration."""
     template = planned(saved, dataset.header, check)
     air_c = round(world.air_c(world.session.duration_s * (number + 1) / WATCHES), 2)
-    first, points = 10_000 * (1 + number), []
-    for i, (joints, side, read) in enumerate(
-        zip(np.degrees(check.joints), check.sides, check.read, strict=True)
-    ):
-        at, sides = tuple(joints.tolist()), tuple(int(s) for s in side)
-        state = ArmState(at, approach_point(at, sides), sides, 20.0 * i, air_c, first + i)
-        points += [world.measured_point(state, target) for target, _ in read]
+    points = measured(world, check, air_c, 10_000 * (1 + number))
     conditions = replace(template.conditions, temperature=np.full(len(points), air_c))
     rng = np.random.default_rng([world.seed, _FRAME, number])
-    return replace(template, conditions=conditions, points=in_frame(world, np.array(points), rng))
+    return replace(template, conditions=conditions, points=in_frame(world, points, rng))
 
 
 def alarms(kind: Kind, seed: int) -> tuple[int, bool]:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from calib import Dataset, effects, identify, load_robot
-from calib.diagnose import Rival, diagnose, later_visits, separating
+from calib.diagnose import diagnose, later_visits, separating
 from calib.diagnose.refine import refine
 from calib.diagnose.select import refit
 from calib.effects import LIBRARY, Kind, Survey, check_of, offers
@@ -69,9 +69,9 @@ def test_a_made_up_effect_conforms_and_is_told_apart_as_its_file_says(leaning: D
     survey = Survey.of(fitted, leaning)
     check_effect(leaning_axis(3), fitted.model, leaning.conditions)
     assert LABEL in {each.label for each in offers(survey)}
-    rival = Rival("coupling:j3-j4", LABEL, fitted)  # a rival that predicts the same is separated by no pose
+    rivals = {("coupling:j3-j4", LABEL): fitted}  # a rival that predicts the same is separated by no pose
     few = later_visits(fitted, np.zeros((2, 6)), np.ones(2), np.full(2, 0.1), ["T1", "T1"])
-    assert separating(fitted, [rival], few).procedures == (
+    assert separating(fitted, rivals, few).procedures == (
         f"To distinguish coupling:j3-j4 from {LABEL}: {APART}",
     )
 

@@ -17,16 +17,8 @@ from drivers.errors import ConfigError
 from tests.fuzz.formats import Format, formats
 
 NAMES = (
-    *(
-        "data.csv",
-        "data.toml",
-        "robot.toml",
-        "cell.toml",
-        "campaign.toml",
-        "poses.csv",
-        "model.json",
-        "targets.csv",
-    ),
+    *("data.csv", "data.toml", "robot.toml", "cell.toml", "campaign.toml"),
+    *("poses.csv", "model.json", "targets.csv"),
     *("program.mod", "program.ls", "program.script", "published.csv", "cleaned.csv"),
     *("maker.dat", "maker.src", "maker.jbi", "maker.dtx"),
     *("robot.csv", "tracker.csv", "points.txt"),

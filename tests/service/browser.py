@@ -126,6 +126,10 @@ class Page:
                 **more,
             )
 
+    def click(self, selector: str) -> None:
+        """On the first such element, which is there."""
+        self.value(f"document.querySelector({json.dumps(selector)}).click()")
+
     def type(self, text: str) -> None:
         self.do("Input.insertText", text=text)
 

@@ -78,4 +78,4 @@ def shown(page: Page, selector: str) -> None:
 
 def click(page: Page, selector: str) -> None:
     shown(page, selector)
-    page.value(f"document.querySelector({json.dumps(selector)}).click()")
+    page.click(selector)

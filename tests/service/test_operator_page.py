@@ -97,7 +97,7 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
         page.value("document.querySelector('#reason').focus()")
         page.type("the nest is bent")
         outlives_another_language(page)
-        page.value("document.querySelector('[data-answer=skip]').click()")
+        page.click("[data-answer=skip]")
         until(lambda: "1 skipped" in page.text("#done"))
         answers = [e["data"] for e in events(service, run) if e["kind"] == "answer"]
         assert [each["answer"] for each in answers][:4] == ["confirm", "confirm", "confirm", "skip"]
@@ -105,24 +105,24 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
         answered = "Skip: http (anna holds the lease): the nest is bent"
         until(lambda: answered in page.text("#events"))
 
-        page.value("document.querySelector('#pause').click()")
+        page.click("#pause")
         until(lambda: page.text("#state") == "‖ paused")
         assert page.value("document.querySelector('#resume').disabled")  # somebody else has the lease
         assert page.value("document.querySelector('#take').disabled")
         page.value("document.querySelector('#name').focus()")
         page.type("bert")
         page.press("Enter")  # takes it only where nobody holds it
-        page.value("document.querySelector('#over').click()")
+        page.click("#over")
         until(lambda: page.text("#trouble") == "Say why you take it over.")
         assert page.value("document.activeElement.id") == "because"
         page.type("anna has gone home")
-        page.value("document.querySelector('#over').click()")
+        page.click("#over")
         until(lambda: page.text("#holder") == "You hold it as bert.")
         told = problem(service.client.post("/cell/lease", json={"holder": "anna"}, headers=lease), 409)
         assert "bert, who has taken it over from anna (anna has gone home)" in told["detail"]
         goes_on_when_loaded_again(service, page)
         until(lambda: not page.value("document.querySelector('#resume').disabled"))
-        page.value("document.querySelector('#resume').click()")
+        page.click("#resume")
         until(lambda: page.text("#state") == "? waiting for operator")
         page.press("Escape")
         until(lambda: page.text("#state") == "■ stopped")
@@ -188,7 +188,7 @@ def test_an_instrument_that_was_exchanged_is_accepted_with_a_reason(tmp_path: Pa
             )
             until(lambda: not page.value("document.querySelector('#resume').disabled"))
             assert page.value("document.querySelector('#individual').hidden")  # nobody knows yet
-            page.value("document.querySelector('#resume').click()")
+            page.click("#resume")
             until(lambda: not page.value("document.querySelector('#individual').hidden"))
             assert "another instrument answers" in page.text("#why")
             lost = {"device": "abb", "message": "device closed the connection"}
@@ -200,11 +200,11 @@ def test_an_instrument_that_was_exchanged_is_accepted_with_a_reason(tmp_path: Pa
             told = page.value(f"import('/page/sentences.js').then((m) => {{ (window.p = {drawn}; "
                               "return [p.querySelector('.urgent').textContent, p.textContent]; })")  # fmt: skip
             assert told == [stay, f"{stay}Robot (abb): device closed the connection. Check cable."]
-            page.value("document.querySelector('#accept').click()")
+            page.click("#accept")
             until(lambda: page.text("#trouble") == "Say why it was exchanged.")
             assert page.value("document.activeElement.id") == "exchanged"
             page.type("calibrated elsewhere")
-            page.value("document.querySelector('#accept').click()")
+            page.click("#accept")
             until(lambda: page.text("#state") == "✔ succeeded")
             assert page.value("document.querySelector('#individual').hidden")
             (accepted,) = (e["data"] for e in events(service, run) if e["kind"] == "other_device_accepted")

@@ -44,7 +44,7 @@ def nobody_holds_the_lease(service: Served) -> Iterator[None]:
 
 def click(page: Page, selector: str) -> None:
     until(lambda: page.value(f'document.querySelector("{selector}")?.disabled === false || false'))
-    page.value(f'document.querySelector("{selector}").click()')
+    page.click(selector)
 
 
 def put(page: Page, selector: str, text: str) -> None:
@@ -102,7 +102,7 @@ def test_no_name_is_markup_in_any_view_and_what_curl_can_do_a_person_can(
         if page.text("#trouble"):  # some targets of this program are out of the arm's reach on purpose
             assert "cannot be corrected" in page.text("#trouble")
             until(lambda: page.value("document.querySelectorAll('#corrected tbody tr').length") > 0)
-            page.value("document.querySelector('#keep-refused').click()")
+            page.click("#keep-refused")
             click(page, "form:has(#program) button")
         until(lambda: " corrected, " in page.text("#corrected"))
         until(lambda: any(each.suffix == ".mod" for each in saved.glob("*")))
@@ -114,27 +114,27 @@ def test_no_name_is_markup_in_any_view_and_what_curl_can_do_a_person_can(
         nothing_ran(page)
 
         for language in ("en", "de"):
-            page.value(f"document.querySelector('#language [lang={language}]').click()")
+            page.click(f"#language [lang={language}]")
             for view in ("campaigns", "result", "report", "robots"):
                 open_view(page, view)
                 until(lambda: page.value("Boolean(document.querySelector('#desk a.do'))"))
                 nothing_ran(page)
-        page.value("document.querySelector('#language [lang=en]').click()")
+        page.click("#language [lang=en]")
 
         open_view(page, "result")
         until(lambda: page.value("Boolean(document.querySelector('.deleting'))"))
-        page.value("document.querySelector('.deleting summary').click()")
-        page.value("document.querySelector('.deleting .delete').click()")
+        page.click(".deleting summary")
+        page.click(".deleting .delete")
         until(lambda: page.text("#trouble") == "Say why it is deleted.")
         assert len(service.client.get("/datasets").json()["datasets"]) == 1
         page.type(HOSTILE)  # the field has the focus
-        page.value("document.querySelector('.deleting .delete').click()")
+        page.click(".deleting .delete")
         until(lambda: not service.client.get("/datasets").json()["datasets"])
         line = service.client.get("/deletions").json()["deletions"][-1]
         assert (line["id"], line["by"], line["reason"]) == (dataset, HOSTILE, HOSTILE)
         open_view(page, "cell")
         until(lambda: page.value("Boolean(document.querySelector('#trail'))"))
-        page.value("document.querySelector('#trail summary').click()")
+        page.click("#trail summary")
         until(lambda: HOSTILE in page.text("#trail td:last-child"))
         nothing_ran(page)
         click(page, "#give")

@@ -92,7 +92,7 @@ def test_what_a_run_gave_is_one_click_away(tmp_path: Path) -> None:
         assert page.text("#trouble") == ""
         assert not [each for each in page.told if each["method"] in ("Log.entryAdded",)]
 
-        page.value("document.querySelector('#out').click()")
+        page.click("#out")
         until(lambda: page.value("document.activeElement.id") == "token")
         page.type(service.hello["viewer_token"])
         page.press("Enter")

@@ -35,7 +35,7 @@ def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path
         until(lambda: page.value("Boolean(document.querySelector('#name'))"))
         page.value("document.querySelector('#name').focus()")
         page.type("bert")
-        page.value("document.querySelector('#take').click()")
+        page.click("#take")
         until(lambda: page.text("#holder") == "You hold it as bert.")
         service.client.headers["Lease-Id"] = page.value(
             "JSON.parse(sessionStorage.getItem('truepose-lease')).lease_id"
@@ -91,7 +91,7 @@ def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path
         assert on_top(page, "#stop")
 
         # Another language, or another view, shows what was heard last, in grey, and is no sign of life.
-        page.value("document.querySelector('#language [lang=de]').click()")
+        page.click("#language [lang=de]")
         until(lambda: "Den SMR in N1 setzen" in page.text("#question"))
         until(lambda: "Frage" in page.text("#events"))
         assert page.text("#alarm").startswith("NICHT angehalten")

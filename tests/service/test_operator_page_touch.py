@@ -99,7 +99,7 @@ def test_over_a_slow_line_it_is_slow_and_not_silent(tmp_path: Path) -> None:
         )
         assert page.value(took) > LATENCY_MS  # or this test would say nothing
         until(lambda: page.value(ARMED))
-        page.value("document.querySelector('#confirm').click()")
+        page.click("#confirm")
         until(lambda: page.text("#question").startswith("Seat the SMR in N2"))
         for view in ("robots", "campaigns", "cell", "run"):
             page.value(f"document.querySelector(\"nav a[href='#/{view}']\").click()")

@@ -193,7 +193,7 @@ def test_two_tabs_a_reload_and_a_service_that_dies(cell: Path, window: Page, tmp
             until(lambda: "asks you" in second.text("#busy"))  # wherever one is
             second.value("history.back()")
             until(lambda: second.value(f"Boolean(document.querySelector('#confirm')) && {ARMED}"))
-            second.value("document.querySelector('#confirm').click()")
+            second.click("#confirm")
             until(lambda: "N2" in page.text("#question"))
             assert page.text("#trouble") == ""
         page.do("Page.reload")

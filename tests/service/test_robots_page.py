@@ -79,7 +79,7 @@ def test_from_the_list_to_a_robot_and_back(tmp_path: Path) -> None:
         page.value("history.back()")
         until(lambda: page.value("location.hash") == f"#/robot/{robot}")
         until(lambda: "plan of a watch" in page.text("#desk"))
-        page.value("document.querySelector('#language [lang=de]').click()")
+        page.click("#language [lang=de]")
         until(lambda: "Verläufe" in page.text("#desk") and HOSTILE in page.text("#desk"))
         audit(page)
         assert page.value("document.querySelectorAll('img').length") == 0

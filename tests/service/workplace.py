@@ -71,7 +71,7 @@ def open_view(page: Page, view: str) -> None:
 def outlives_another_language(page: Page) -> None:
     """A reason that is half typed, and numbers; the next question gets neither."""
     for language in ("de", "en"):
-        page.value(f"document.querySelector('#language [lang={language}]').click()")
+        page.click(f"#language [lang={language}]")
         until(lambda: page.value("document.querySelector('#reason')?.value") == "the nest is bent")
     until(lambda: page.value(ARMED))
     assert page.value(_TYPED) == ["1.5 2.5", ""]

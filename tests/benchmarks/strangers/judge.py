@@ -94,8 +94,8 @@ def examine(asked: Asked) -> Told:
 
 def shown_of(drawn: Made) -> Shown:
     """lambda and gap of a law, from what it alone did to the readings."""
-    data = drawn.data
-    base = identify(replace(data, points=data.points - drawn.displaced))
+    data, displaced = drawn
+    base = identify(replace(data, points=data.points - displaced))
     readings = base.readings
-    whitened = np.einsum("abn,nb->an", readings.observed.whiten, drawn.displaced[readings.rows])
+    whitened = np.einsum("abn,nb->an", readings.observed.whiten, displaced[readings.rows])
     return shown_beside(Space.of(base), offers(Survey.of(base, data)), "a law", whitened.ravel(), [])

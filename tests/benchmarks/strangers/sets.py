@@ -6,6 +6,7 @@ import csv
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +34,7 @@ class Plan:
     scatter: float = 1.0
 
 
-@dataclass(frozen=True)
-class Made:
+class Made(NamedTuple):
     """A data set, and what the law alone did to its readings, mm (n, 3)."""
 
     data: Dataset

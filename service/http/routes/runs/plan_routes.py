@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Query
+from fastapi import APIRouter, Depends, Path, Query
 from fastapi.responses import JSONResponse
 
 from calib.errors import DataError
 from service.http.routes.json_route import JsonRoute
 from service.http.routes.runs.run_routes import RUNS, accepted, who
 from service.http.runs.dry_runs import plan_in
-from service.http.state import Here, Service
+from service.http.state import Here
 from service.http.wire.bodies import RunShown, WhyBody
 from service.http.wire.headers import IdempotencyKey, LeaseId, RunId
 from service.http.wire.plan_bodies import PlanShown, PriceShown, SceneShown
@@ -59,51 +60,44 @@ def get_price(here: Here, run_id: RunId, number: Number) -> dict[str, Any]:
     return price
 
 
-@router.post(
-    "/runs/{run_id}/visits/{number}/retake",
-    operation_id="retakeVisit",
-    status_code=202,
-    response_model=RunShown,
-)
-def retake_visit(
-    here: Here,
-    run_id: RunId,
-    number: Number,
-    body: WhyBody,
-    idempotency_key: IdempotencyKey = "",
-    lease_id: LeaseId = "",
-) -> JSONResponse:
-    """Measure a pose again: its readings are kept, out of use. The robot goes back there, so this needs `Lease-Id`."""
-    here.lease.needed(lease_id)
-    return _order(here, run_id, number, "retake", body.reason, idempotency_key, who(here, lease_id))
-
-
-@router.post(
-    "/runs/{run_id}/visits/{number}/skip",
-    operation_id="skipVisit",
-    status_code=202,
-    response_model=RunShown,
-)
-def skip_visit(
-    here: Here,
-    run_id: RunId,
-    number: Number,
-    body: WhyBody,
-    idempotency_key: IdempotencyKey = "",
-    lease_id: LeaseId = "",
-) -> JSONResponse:
-    """Leave out what is not measured yet in a pose. It can be asked for again with `retake`."""
-    return _order(here, run_id, number, "skip", body.reason, idempotency_key, who(here, lease_id))
-
-
 def _order(
-    here: Service, run_id: str, number: int, verb: str, reason: str, key: str, by: str
-) -> JSONResponse:
-    def work() -> JSONResponse:
-        visits = here.book.get(run_id).visits
-        order = visits.again if verb == "retake" else visits.leave_out
-        if not order(number, by, reason):
-            raise not_found("visit that this could be done with", str(number))
-        return accepted(here, run_id)
+    here: Here,
+    run_id: RunId,
+    number: Number,
+    body: WhyBody,
+    idempotency_key: IdempotencyKey = "",
+    lease_id: LeaseId = "",
+) -> Callable[[str], JSONResponse]:
+    """Gives the order of this verb for a visit, in the name of whoever asks."""
 
-    return here.keys.once(key, (f"{RUNS}/{run_id}/visits/{number}/{verb}", reason), work)
+    def give(verb: str) -> JSONResponse:
+        by = who(here, lease_id)
+
+        def work() -> JSONResponse:
+            visits = here.book.get(run_id).visits
+            order = visits.again if verb == "retake" else visits.leave_out
+            if not order(number, by, body.reason):
+                raise not_found("visit that this could be done with", str(number))
+            return accepted(here, run_id)
+
+        if verb == "retake":
+            here.lease.needed(lease_id)
+        return here.keys.once(idempotency_key, (f"{RUNS}/{run_id}/visits/{number}/{verb}", body.reason), work)
+
+    return give
+
+
+Order = Annotated[Callable[[str], JSONResponse], Depends(_order)]
+VISIT = "/runs/{run_id}/visits/{number}"
+
+
+@router.post(f"{VISIT}/retake", operation_id="retakeVisit", status_code=202, response_model=RunShown)
+def retake_visit(order: Order) -> JSONResponse:
+    """Measure a pose again: its readings are kept, out of use. The robot goes back there, so this needs `Lease-Id`."""
+    return order("retake")
+
+
+@router.post(f"{VISIT}/skip", operation_id="skipVisit", status_code=202, response_model=RunShown)
+def skip_visit(order: Order) -> JSONResponse:
+    """Leave out what is not measured yet in a pose. It can be asked for again with `retake`."""
+    return order("skip")
