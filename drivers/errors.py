@@ -73,7 +73,8 @@ class AcquisitionError(Exception):
         """A sentence, with the name of the device in front where it does not have it; errors of the campaign speak of
         the robot and the instrument by what is wrong with them."""
         named = self.device in _ROLES or self.device.casefold() in self.message.casefold()
-        return f"{'' if named else f'{self.device}: '}{self.message.rstrip('.')}."
+        end = "" if self.message.endswith("?") else "."
+        return f"{'' if named else f'{self.device}: '}{self.message.rstrip('.')}{end}"
 
     def as_dict(self) -> dict[str, object]:
         """Plain values for the audit log and for problem+json; raw bytes as latin-1 text."""

@@ -5,6 +5,7 @@ from calib.text.csv_text import LONGEST_LINE, MOST_COLUMNS, other_mark, rows_of
 from calib.text.files import replace_file
 from calib.text.formula import meant_by, no_formula
 from calib.text.json_text import parse_json, read_json
+from calib.text.marks import turns_writing
 from calib.text.program import written_by
 from calib.text.text_file import decoded, read_bytes, read_text
 from calib.text.toml_table import TomlTable, Vector
@@ -34,5 +35,6 @@ __all__ = [
     "refuse_unknown",
     "replace_file",
     "rows_of",
+    "turns_writing",
     "written_by",
 ]

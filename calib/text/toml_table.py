@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypeGuard, TypeVar
 
 from calib.errors import DataError
+from calib.text.marks import turns_writing
 
 FARTHEST_MM = 1e8
 """No coordinate is larger: squares of what is would drown all others."""
@@ -59,6 +60,10 @@ class TomlTable:
         if not isinstance(value, str) or not (value or default == "") or value not in (allowed or (value,)):
             wanted = "text" if allowed is None else " or ".join(repr(a) for a in allowed)
             raise self.refuse(key, f"is {value!r}.", f"Use {wanted}.")
+        if turns_writing(value):
+            raise self.refuse(
+                key, f"is {value!r}.", "Leave out the marks that turn the direction of writing."
+            )
         return value
 
     def word(self, key: str, allowed: Sequence[Word], default: Word | None = None) -> Word:

@@ -8,12 +8,13 @@ the deviation d from the bar's calibrated length L0 (at 20 degC) within a stroke
 L0, scale and, where the certificate gives it, alpha come from CAL; the zero of the sensor drifts and is read in
 the calibrator by `zero()`, is kept in every reading and never changed silently. After its radio link broke,
 whenever that was, CAL is asked again: the bridge may have paired with another bar, whose L0 is its own. A reading is
-refused when it is out of stroke, stale (`drivers.bridge.session` on clocks that step), scattered, or when the radio
-link broke within its time. mm, s, degC.
+refused when it is out of stroke, stale (`drivers.bridge.session` on clocks that step), scattered, calmer than a sensor
+can be (metres), or when the radio link broke within its time. mm, s, degC.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -35,6 +36,8 @@ from drivers.link import WireSink
 
 STROKE_MM = 1.0
 _LONGEST_MM = 5000.0
+_MANY = 10  # values, of which the scatter says something
+RESOLUTION_MM = 1e-4  # of the sensor, by its data sheet
 REFERENCE_C = 20.0
 ZERO_LIMIT_MM = 0.2
 _MOUNT = "Mount the ballbar with the right extension bar and both balls seated, then repeat the measurement."
@@ -268,6 +271,13 @@ class Qc20w:
         ):
             if bad:
                 raise NoisyMeasurement(f"length {why}", raw=reply.raw)
+        # So many values of which one differs by one step scatter by a step over the root of their number.
+        if samples >= _MANY and 0.0 < sd < 0.5 * RESOLUTION_MM / math.sqrt(samples):
+            raise NotReady(
+                f"its values scatter by {sd:.2g} mm, less than the sensor can show",
+                raw=reply.raw,
+                what_to_do="Have the bridge give d and sd in mm, not in m, and compare d with the maker's own program.",
+            )
         bar = self.calibration
         assert bar is not None  # armed
         warm = 1.0 + bar.expansion_per_k * (temp - REFERENCE_C)

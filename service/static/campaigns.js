@@ -63,6 +63,8 @@ function maker() {
   } } }, h("label", {}, t("name"), name), h("label", {}, t("posesToFit"), fitted), h("label", {}, t("posesToJudge"), judged), h("label", {}, t("warmUpMinutes"), warm), h("button", {}, t("make")));
 }
 
+let dried = { campaign: null, run: null };  // the last dry run, which another language draws anew
+
 function one(root, id) {
   const head = h("h2", {}), what = h("p", {}), picture = planPicture(), verdict = h("p", { id: "verdict", role: "status" }), file = h("details", {});
   const count = h("input", { type: "number", id: "verify", value: 20, min: 1, max: 500, inputMode: "numeric" });
@@ -71,12 +73,16 @@ function one(root, id) {
     const made = await ask("POST", path, { campaign_id: id, dry_run: false, name: campaign.name, ...more }, moving());
     location.hash = made.runs ? `#/result/${made.id}` : `#/run/${made.id}`;
   });
+  const draw = async () => {
+    plan.hidden = false;
+    picture.show(await reckoned(`/runs/${dried.run.id}/plan`), await reckoned("/cell/scene"));
+    verdict.textContent = t("checkedWell", { readings: dried.run.total });
+  };
   const check = button(t("dryRun"), () => order(async () => {
     verdict.textContent = t("checking"); plan.hidden = false;
     try {
-      const made = await ask("POST", "/runs", { campaign_id: id, dry_run: true, name: campaign.name });
-      picture.show(await reckoned(`/runs/${made.id}/plan`), await reckoned("/cell/scene"));
-      verdict.textContent = t("checkedWell", { readings: made.total });
+      dried = { campaign: id, run: await ask("POST", "/runs", { campaign_id: id, dry_run: true, name: campaign.name }) };
+      await draw();
     } catch (error) { verdict.textContent = t("checkedBadly"); picture.clear(); throw error; }
   }), { id: "dry", disabled: true });
   const start = button(t("start"), () => begin("/runs"), { id: "start", className: "go", disabled: true });
@@ -96,6 +102,7 @@ function one(root, id) {
       head.textContent = campaign.name || campaign.id;
       what.textContent = blocks(campaign.campaign);
       file.append(h("summary", {}, t("asSent")), h("pre", { tabIndex: 0 }, JSON.stringify(campaign.campaign, null, 2)));
+      if (dried.campaign === id) order(draw);
       file.after(deleting(`/campaigns/${id}`, campaign.name || id, "#/campaigns"));
     }
     show();

@@ -1,5 +1,5 @@
 // The picture beside a prompt, drawn from the cell: which nest, which ball, which bar. The prompt names it in `picture`:
-// seat/NAME, aim/NAME, off, span/BASE/TOOL, calibrator; words alone: drive, pendant, read/TARGET, and behind each of
+// seat/NAME, aim/NAME, moved/NAME, off, span/BASE/TOOL, calibrator; words alone: drive, pendant, read/TARGET, and behind each of
 // these again/REASON/NAME, where what was typed cannot be right.
 
 import { svg } from "./dom.js";

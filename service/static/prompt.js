@@ -54,6 +54,7 @@ export function promptCard() {
     if (!prompt) return;
     arming.textContent = looksOn() ? t("operatorAnswers") : armed ? "" : t("arming");
     for (const each of buttons) {
+      if (each.id === "redo") each.textContent = t((prompt.picture || "").startsWith("moved/") ? "answer_redo_since" : "answer_redo");
       each.hidden = !prompt.expects.includes(each.id); each.disabled = connection.silent || looksOn();
       const empty = Boolean(each.id === "confirm" && prompt.entry && prompt.entry.needed && !typed.value.trim());
       each.setAttribute("aria-disabled", String(!armed || empty));

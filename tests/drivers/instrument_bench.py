@@ -79,11 +79,12 @@ class Bench:
         """What the driver reads in a golden conversation."""
         with ExpectedDevice(pairs) as device:
             meter = self.open(f"tcp://127.0.0.1:{device.port}")
-            meter.connect()
-            meter.arm()
-            reading = meter.measure(target, samples=samples, **self.asked)
-            meter.disconnect()
-        return reading
+            try:
+                meter.connect()
+                meter.arm()
+                return meter.measure(target, samples=samples, **self.asked)
+            finally:
+                meter.disconnect()
 
 
 FARO = Bench("faro", PointMeter, ("FARO", "X01000500000", True), lambda cell: cell.faro.bridge.busy)

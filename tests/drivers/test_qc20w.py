@@ -326,6 +326,13 @@ def test_driver_speaks_as_written() -> None:
     assert (reading.deviation_mm, reading.std_mm, reading.battery_percent) == (0.1, 0.0005, 80.0)
 
 
+def test_a_deviation_in_metres_is_told_by_its_scatter() -> None:
+    """The greeting says mm, and the length of the certificate is: this would catch a bridge that forgets its sensor."""
+    reply = line("5 OK d=0.0001 sd=5e-07 n=10 t=12.5 age=0.0 temp=22.0 batt=80.0 link=-60 over=0")
+    with pytest.raises(NotReady, match="less than the sensor can show"):
+        QC20W.read([*READ[:-1], (READ[-1][0], reply)], "T1")
+
+
 def test_simulator_answers_as_written(shared: CellThread) -> None:
     shared.do("mount", base=None, target=None)
     shared.do("battery", percent=80.0)

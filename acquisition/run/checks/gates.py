@@ -25,6 +25,7 @@ from acquisition.cell.cell import Cell
 from acquisition.record.planned import Planned
 from acquisition.record.store import Store
 from acquisition.run.orders.control import Control
+from acquisition.run.prompts.picture import Picture
 
 _FIRST_VISIT = """
 SELECT id, visit, status FROM pose WHERE replaced_by IS NULL AND visit = (
@@ -179,6 +180,7 @@ class Gates:
                 "confirm to go on from the nests as they are now; "
                 f"redo measures again what was measured since they were seen last ({len(since)}).",
                 since,
+                Picture(f"moved/{worst}"),
             )
 
     # -- the arm ------------------------------------------------------------------------------------------

@@ -12,8 +12,8 @@ from drivers.interfaces import Answer
 class Picture:
     """One picture.
 
-    name: what the page draws by itself, from the cell that it shows anyway: `seat/NEST`, `aim/NEST`, `off`,
-    `span/BASE/TOOL`, `calibrator`. Record and interface keep the name. None: the page has words alone.
+    name: what the page draws by itself, from the cell that it shows anyway: `seat/NEST`, `aim/NEST`, `moved/NEST`,
+    `off`, `span/BASE/TOOL`, `calibrator`. Record and interface keep the name. None: the page has words alone.
     drawing: SVG, for a person at a terminal, which draws nothing: a file beside the record that a browser shows.
     """
 

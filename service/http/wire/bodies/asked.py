@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field, model_validator
 from calib.compensate import Bounds
 from service.http.wire.bodies.campaign import Campaign
 from service.http.wire.bodies.targets import TargetRow
-from service.http.wire.bodies.told import Body, DescribedAs, Name, told, told_limit
+from service.http.wire.bodies.told import AsRead, Body, DescribedAs, Name, told, told_limit
 from service.http.wire.bodies.zones import AcceptZones
 from service.results.judgement.acceptance import Limits
 
@@ -22,7 +22,8 @@ SerialNumber = Annotated[
     str,
     told("The serial number of another robot or instrument than the record's.", "120-500321", max_length=200),
 ]
-Reason = Annotated[str, told("Why; it is kept.", "the motor of joint 4 was changed", max_length=500)]
+Reason = Annotated[str, AsRead, told("Why; it is kept.", "the motor of joint 4 was changed", max_length=500)]
+Given = Annotated[Name, AsRead]
 CAMPAIGN = {
     "format": "truepose-campaign/1",
     "block": [
@@ -48,7 +49,7 @@ class NewRun(Body):
     dry_run: Annotated[bool, told("True: check everything, move nothing. False: the robot moves.", True)] = (
         True
     )
-    name: Name = ""
+    name: Given = ""
 
     @model_validator(mode="after")
     def _one_campaign(self) -> NewRun:
@@ -64,14 +65,14 @@ class NewCampaign(Body):
         Campaign,
         told("The campaign itself.", CAMPAIGN, min_length=1),
     ]
-    name: Name = ""
+    name: Given = ""
 
 
 class TakeLease(Body):
     """`seconds` until the lease expires unless this is sent again with its `Lease-Id`."""
 
     holder: Annotated[
-        str, told("Who is there, as others will read it.", "anna", min_length=1, max_length=200)
+        str, AsRead, told("Who is there, as others will read it.", "anna", min_length=1, max_length=200)
     ]
     seconds: Annotated[
         float,
@@ -91,6 +92,7 @@ class TakeLeaseOver(TakeLease):
 
     reason: Annotated[
         str,
+        AsRead,
         told(
             "Why it is taken; it is kept.", "anna has gone home", min_length=1, max_length=500, pattern=r"\S"
         ),
@@ -142,7 +144,7 @@ class Export(Resume):
         list[Annotated[str, Field(max_length=200)]],
         told("Ids of runs measured later in the same cell.", [_CAMPAIGN_ID], max_length=100, alias="with"),
     ] = Field(default_factory=list)
-    name: Name = ""
+    name: Given = ""
 
 
 ResumeBody = Annotated[Resume, BodyOf(default_factory=Resume)]

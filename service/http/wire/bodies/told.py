@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, TypeAdapter
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetJsonSchemaHandler, TypeAdapter
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
+
+from calib.text import turns_writing
 
 
 def told(words: str, example: Any, **limits: Any) -> Any:
@@ -45,6 +47,16 @@ class DescribedAs:
 Name = Annotated[
     str, told("A name for people, at most 200 letters; it need not be unique.", "night 1", max_length=200)
 ]
+
+
+def _as_read(text: str) -> str:
+    if turns_writing(text):
+        raise ValueError("it holds marks that turn the direction of writing; leave them out")
+    return text
+
+
+AsRead = AfterValidator(_as_read)
+"""Of a text that people are shown beside others: it says what it seems to say."""
 Id = Annotated[str, told("The id of the resource, as its path has it.", "20261121-170459-3f9a1c07b2e")]
 Created = Annotated[str, told("When it was made, RFC 3339 UTC.", "2026-11-21T17:04:59.120Z")]
 Simulated = Annotated[bool, told("Whether simulators were measured and no real devices.", False)]
