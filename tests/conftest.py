@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 import shutil
 import tempfile
 from collections import Counter
@@ -33,6 +34,8 @@ if MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM:
 os.environ.setdefault(
     "PYTEST_DEBUG_TEMPROOT", tempfile.gettempdir()
 )  # not in the folder of `pytest_configure`
+
+_STARTS = re.compile(r"\b(served|in_a_browser|subprocess)\b")
 
 settings.register_profile(
     "truepose",
@@ -78,12 +81,16 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Whole campaigns and the site come first, then files of many tests: else a file of minutes begins as the last one.
+    """Files that take long come first: those that start a program or a browser, then those of many tests.
 
-    `make suite` shares the files out in this order (`--no-loadscope-reorder`).
+    Else a file of a minute begins as the last one. `make suite` shares the files out in this order
+    (`--no-loadscope-reorder`).
     """
     tests = Counter(item.path for item in items)
-    items.sort(key=lambda item: (item.path.parent.name not in ("end_to_end", "docs"), -tests[item.path]))
+    long = {
+        path for path in tests if _STARTS.search(path.read_text("utf-8")) or path.parent.name == "end_to_end"
+    }
+    items.sort(key=lambda item: (item.path not in long, -tests[item.path]))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
