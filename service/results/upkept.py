@@ -167,7 +167,7 @@ def on_its_clock(saved: SavedModel, dataset: Dataset, model: Path, running_s: fl
         return watch.later(dataset, running_s)
     if watch.warms_up(saved.model):
         raise DataError(
-            "warms up with the time since a cold start, and nobody said how long the robot had run.",
+            "warms up with the time since a cold start, which is not stated.",
             do="Give --running-s, 0 for a cold robot.",
             file=model,
             key="effects",
