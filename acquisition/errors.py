@@ -29,7 +29,7 @@ class RecordInUse(Busy):
 
 
 class RobotInUse(AcquisitionError):
-    """Another campaign of this computer moves this robot. Nobody is asked about it: this one pauses."""
+    """Another campaign of this computer moves this robot. No person is asked: this one pauses."""
 
     code = 3106
     exit_code = 4
@@ -83,7 +83,7 @@ class NoClearWay(Refused):
 
 
 class Displaced(Refused):
-    """The robot does not stand where it arrived: it was moved while it settled, was measured, or a bar was put on."""
+    """The robot is not where it arrived: it moved while it settled, was measured, or a bar was put on."""
 
     code = 3109
     advice = (
@@ -174,7 +174,7 @@ class NothingWhereItShouldBe(Refused):
 
 
 class NotResumed(Refused):
-    """The campaign is paused or ended, and nobody has asked for it to go on."""
+    """The campaign is paused or ended, and was not resumed."""
 
     code = 3104
     advice = "Look at the cell, then resume the campaign; the robot will approach the pose anew."

@@ -1,1 +1,1 @@
-"""Many robots: the store of what is known of them, and what feeds and asks it (docs/decisions/0078)."""
+"""Many robots: their store, and what writes to it and reads from it (docs/decisions/0078)."""

@@ -55,7 +55,7 @@ def described(chosen: argparse.Namespace) -> CellFile:
 
 
 async def serve(cell: Cell, port: int) -> None:
-    """Serve until told to end by a signal."""
+    """Serve until a signal ends the process."""
     loop, end = asyncio.get_running_loop(), asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         try:

@@ -1,4 +1,4 @@
-"""The back door of a cell: one JSON object per line sets faults and tells the truth. For tests and people.
+"""The back door of a cell: one JSON object per line sets faults or asks for the truth. For tests and people.
 
     {"do": "state"} {"do": "truth"} {"do": "estop"} {"do": "restart"} {"do": "supervise"}
     {"do": "mode", "mode": "manual"} {"do": "motors", "on": false} {"do": "lose_first_reply", "on": true}

@@ -68,7 +68,7 @@ class Run:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing goes on: it has succeeded or failed, or rests until somebody resumes it."""
+        """Whether the run has succeeded or failed, or rests until somebody resumes it."""
         return self.state in ENDED
 
     @staticmethod

@@ -179,7 +179,7 @@ def placement(folder: Path, cell: str, order: dict[str, Any]) -> None:
         replace_file(folder / PROGRESS, as_json({"done": done, "total": total}))
 
     def say(_: str) -> None:
-        """Sentences go nowhere: the progress shows what is done."""
+        """Ignore sentences: the progress shows the step."""
 
     try:
         found = found_for(

@@ -10,7 +10,7 @@ ROBOT, TRACKER, PICTURE, POSES = "robot.csv", "tracker.csv", "picture.svg", "pos
 
 
 def tell(folder: Path, step: str) -> None:
-    """Say what the job does now, for whoever looks at it."""
+    """Publish the current step of the job."""
     from calib.text import replace_file
     from service.files import as_json
 

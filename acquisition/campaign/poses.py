@@ -102,7 +102,7 @@ def draw_poses(
 
 
 def too_few(cell: Cell, found: int, needed: int, targets: Sequence[str] | None) -> ConfigError:
-    """The error to raise when random poses do not suffice; names the normals where they are what is hard."""
+    """The error to raise when random poses are not enough; names the normals where they are the reason."""
     names = cell.tool.targets if targets is None else targets
     looking = [name for name in names if name in cell.tool.normals]
     seen = (

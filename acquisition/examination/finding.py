@@ -50,7 +50,7 @@ class Chart:
         self._progress = progress
 
     def begin(self, check: str) -> None:
-        """Report what is asked now, for people who wait."""
+        """Report which question a device is asked now, for people who wait."""
         self._progress(f"{self.device}: {check}")
 
     def ok(self, check: str, found: str) -> None:

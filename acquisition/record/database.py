@@ -190,7 +190,7 @@ def own(folder: Path, *, new: bool) -> FileLock:
 
 
 def is_owned(folder: Path) -> bool:
-    """Whether a program runs the campaign of this record, as far as can be told; the lock is taken for a moment."""
+    """Whether a program runs the campaign of this record, judged by its lock, which is taken for a moment."""
     if not (folder / LOCK).exists():  # a copy without it: nothing is written to it
         return False
     try:

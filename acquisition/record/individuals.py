@@ -40,7 +40,7 @@ class Acceptance:
             )
 
     def names(self, who: Identity | Individual) -> bool:
-        """Whether this is the device that was meant."""
+        """Whether this name or serial number means this device."""
         return _plain(self.serial) == _plain(who.serial or who.model)
 
 
@@ -113,7 +113,7 @@ class Individuals:
                 self._write(Individual(**asdict(each) | {"accepted_by": "", "reason": ""}))
 
     def need(self, individual: Individual) -> None:
-        """Move with this device alone, whatever a person accepts: a model of it will judge what is measured."""
+        """Allow motion with this device alone, whatever a person accepts: a model of it will judge the readings."""
         self._store.add_event("device_needed", **asdict(individual))
 
     def met(self, role: str, who: Identity, accepted: Acceptance | None) -> None:

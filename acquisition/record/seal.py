@@ -75,14 +75,14 @@ def checksum_of_campaign(row: Mapping[str, Any]) -> str:
 
 
 def campaign_agrees(row: Mapping[str, Any]) -> bool:
-    """Whether a campaign is what was begun; one from before there were sums is taken as it is."""
+    """Whether a campaign agrees with its checksum; one of a version without checksums always does."""
     if row["checksum"] is None:
         return row["unsealed_poses"] > 0
     return row["checksum"] == checksum_of_campaign(row)
 
 
 def agrees(campaign: Mapping[str, Any], table: str, row: Mapping[str, Any]) -> bool:
-    """Whether a row is what it was; one from before there were sums is taken as it is."""
+    """Whether a row agrees with its checksum; a row of a version without checksums always does."""
     if table == "attempt" and row["status"] == "open":
         return True
     if row["checksum"] is not None:

@@ -74,7 +74,7 @@ class Store:
 
     @classmethod
     def open(cls, folder: Path, *, writer: bool = True) -> Store:
-        """An existing record. One that is to be written is looked through first: every row is what it was.
+        """An existing record. A record that is to be written is checked first: every row agrees with its checksum.
 
         Looked through without the right to write: whoever may write brings a journal into the file when they close it,
         also one that is of another record.
@@ -96,7 +96,7 @@ class Store:
     @classmethod
     @contextmanager
     def reading(cls, folder: Path) -> Iterator[Store]:
-        """An existing record for whoever uses its readings: every row is what it was. Raises as `open`."""
+        """An existing record, opened to use its readings: every row agrees with its checksum. Raises as `open`."""
         store = cls.open(folder, writer=False)
         try:
             seal.check(store.database)

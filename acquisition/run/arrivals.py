@@ -81,7 +81,7 @@ class Arrivals:
     def check_not_displaced(self, arrival: Arrival) -> None:
         """Check that the robot still stands where it arrived: a brake may slip, a person may jog it. Raises Displaced.
 
-        A robot that is driven by hand stands where its person says.
+        The joint angles of a robot driven by hand are those that the person reports.
         """
         if self._by_hand:
             return
@@ -90,7 +90,7 @@ class Arrivals:
             raise Displaced(f"a joint was turned by {off:.3f} deg since the robot arrived", device="robot")
 
     def stands(self, planned: Planned, arrival: Arrival | None) -> tuple[float, ...]:
-        """The joints, deg, at which a target is expected: as planned; of a robot driven by hand, where it stands."""
+        """The joints, deg, at which a target is expected: as planned; of a robot driven by hand, as its person says."""
         return arrival.read_deg if self._by_hand and arrival is not None else planned.visit.joints_deg
 
     def _refuse_elsewhere(self, visit: Visit, reached: JointReading) -> None:

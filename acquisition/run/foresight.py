@@ -34,7 +34,7 @@ def forecast_of(record_dir: Path) -> Forecast:
 
 
 def at_once(record_dir: Path) -> Future[Forecast]:
-    """Reckoned by whoever calls this. Raises as `forecast_of`."""
+    """The forecast, computed in the calling thread. Raises as `forecast_of`."""
     forecast: Future[Forecast] = Future()
     forecast.set_result(forecast_of(record_dir))
     return forecast

@@ -1,6 +1,6 @@
-"""Ctrl-C at the terminal: once pauses after the reading in hand, twice stops the robot now.
+"""Ctrl-C at the terminal: once pauses after the current reading, twice stops the robot now.
 
-A terminal that is closed (SIGHUP) pauses at once, however often it is said: nobody is left who looks on.
+A terminal that is closed (SIGHUP) pauses at once, however often the signal comes: no person watches any more.
 """
 
 from __future__ import annotations

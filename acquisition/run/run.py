@@ -150,7 +150,7 @@ class Run:
         lease: Lease | None = None,
         foresee: Foresee = at_once,
     ) -> Outcome:
-        """Measure what is left; blocks. `clock` None: real, or scaled for a simulated run.
+        """Take the readings that are missing; blocks. `clock` None: real, or scaled for a simulated run.
 
         lease: of an owner who beats; when it ends, the robot comes to rest and the run is paused. None: the caller
         lives as long as this call. foresee: begins the forecast, from which status takes the time that is left.
@@ -388,7 +388,7 @@ class Run:
 
     @property
     def changes(self) -> int:
-        """Number of times that this object has changed the record; asks no disk and waits for nobody."""
+        """Number of times that this object has changed the record; reads no disk and does not wait."""
         return self._store.changes
 
     def events(self, after: int = 0, limit: int = 1000) -> list[Event]:

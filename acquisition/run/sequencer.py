@@ -108,7 +108,7 @@ class Sequencer:
         self._seen = False  # whether any target was found about where the robot file has it
 
     def run(self) -> None:
-        """Measure what is left. Raises Pausing, Stopping, and the errors that pause a campaign."""
+        """Take the readings that are missing. Raises Pausing, Stopping, and the errors that pause a campaign."""
         self._calendar.look()
         self._insist(self._rig.meet)
         self._warm_up()

@@ -1,16 +1,16 @@
 # TruePose at the start of a Windows PC, as a task of the Task Scheduler under an account of its own.
-# UNTESTED: TruePose is developed where there is no Windows. Read it before you run it, and tell what you saw.
+# UNTESTED: TruePose is developed without a Windows PC. Read this script before you run it, and please report what happened.
 #
 #   powershell -ExecutionPolicy Bypass -File install-service.ps1 -Wheel C:\install\truepose-0.1.0-py3-none-any.whl `
 #       -Wheels C:\install\wheels -Cell C:\install\cell.toml
 #
-# A task and no service of the Service Control Manager: that needs a wrapper around every program that is none, and this
-# one keeps to what Windows has. Ending the task ends the program without a word to it. That is as a power cut: every
-# reading that was acknowledged is in the record, and the campaign is paused. Pause it first all the same.
+# It makes a task, not a service of the Service Control Manager, which would need a wrapper program. Ending the task kills
+# the program without a signal, as a power cut does: every reading that was acknowledged is in the record, and the
+# campaign is paused. Pause it first all the same.
 # Records are readable by their owner alone: on Windows that is the access list of the folder, which is set here.
 param(
     [Parameter(Mandatory)] [string] $Wheel,
-    [Parameter(Mandatory)] [string] $Wheels,     # folder with the wheels of what it needs: pip download, on another PC
+    [Parameter(Mandatory)] [string] $Wheels,     # folder with the wheels of its dependencies: pip wheel, on another PC
     [Parameter(Mandatory)] [string] $Cell,
     [string] $Home_ = "C:\ProgramData\TruePose",
     [int] $Port = 8035,

@@ -1,5 +1,5 @@
 #!/bin/sh
-# A simulated cell of a fleet: measures, makes a model, watches every EVERY seconds, and sends what it has.
+# A simulated cell of a fleet: it measures, makes a model, runs a watch every EVERY seconds, and sends its documents.
 # NUMBER: of the cell, its seed and the end of its serial number. A real cell PC needs `truepose fleet send` alone.
 set -eu
 number=${NUMBER:?}
@@ -18,7 +18,7 @@ job=$sender
 trap 'kill $sender $job 2>/dev/null || true' EXIT
 trap 'exit 0' INT TERM
 
-run() {    # beside this shell, which then hears at once that it shall end
+run() {    # in the background, so that this shell receives signals at once
     "$@" &
     job=$!
     wait $job
@@ -35,7 +35,7 @@ while true; do
     record=watch-$(date +%s)
     code=0
     run truepose watch run model.json cell.toml watch.toml --record "$record" --simulate --json "$record.json" || code=$?
-    # 3 and 6: something has changed; 5: paused for a person, as where the instrument drifts: the next watch asks again
+    # 3 and 6: something has changed; 5: paused for a person, e.g. because the instrument drifts: the next watch asks again
     case $code in 0 | 3 | 5 | 6) ;; *) exit $code ;; esac
     run sleep "$every"
 done

@@ -61,7 +61,7 @@ class Change:
 
     @property
     def worth_telling(self) -> bool:
-        """Whether the versions differ in what a person would act on."""
+        """Whether the versions differ in a result on which a person would act."""
         said = self.was.verdict != self.now.verdict or self.gone or self.new or self.resized
         ratio = self.ratio
         return bool(said) or (ratio is not None and abs(ratio - 1.0) > WORTH)

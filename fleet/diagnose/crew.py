@@ -1,4 +1,4 @@
-"""The workers of a scheduler: a worker gets work when it has told that it runs the same program.
+"""The workers of a scheduler: a worker gets work when it has reported that it runs the same program.
 
 It is asked when it is first seen, also when it joins in the middle, and then offers the resource that every batch asks
 for; a worker of another program offers none, so the scheduler gives it nothing. `batch.work_off` looks once more.
@@ -49,8 +49,8 @@ class Crew:
         self.lost = 0
 
     def look(self) -> list[str]:
-        """Ask those that are new, miss those that are gone; sentences on what is new. Raises CommClosedError where the
-        scheduler is gone."""
+        """Ask new workers for their build, drop those that are gone; sentences on both. Raises CommClosedError
+        where the scheduler is gone."""
         told: Any = self._client.scheduler_info(n_workers=-1)
         if self._client.status != "running":  # then it tells what it knew last, or nothing
             raise CommClosedError("the connection to the scheduler is lost")

@@ -6,4 +6,4 @@ from calib.errors import DataError
 
 
 class EngineGone(DataError):
-    """No scheduler, or no worker that may compute. What is done is kept: the same may be asked again later."""
+    """There is no scheduler, or no worker of the same build. Results so far are kept, and the call may be repeated."""

@@ -15,7 +15,7 @@ FIRST_S, MOST_S = 1.0, 30.0  # between two questions: twice as long each time
 
 
 class Patience:
-    """The waiting of one call. tell: hears when the store goes and comes back; clock: seconds."""
+    """The waiting of one call. tell: called when the store goes and comes back; clock: seconds."""
 
     def __init__(self, tell: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
         self._tell, self._clock = tell, clock

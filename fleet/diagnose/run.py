@@ -1,4 +1,4 @@
-"""Many data sets diagnosed by many workers: dealt out in batches, told as they come back.
+"""Many data sets diagnosed by many workers: given out in batches, reported as they come back.
 
 What is done stands in the store, written by the workers; this end only deals out. So it may be ended at any time, and
 the same call later does what is left.

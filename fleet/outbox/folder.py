@@ -53,7 +53,7 @@ def collect(
     say: Callable[[str], None] = lambda text: None,
     read_record: Reader = lambda path, cell: (),
 ) -> int:
-    """Take every new document of a folder into the outbox; how many. say: told of every file that is not taken.
+    """Take every new document of a folder into the outbox; how many. say: called for every file that is not taken.
 
     read_record: the reader of the databases of campaigns, which are of another room. Raises DataError where the outbox
     cannot be written: then nothing is noted as looked at.

@@ -1,4 +1,4 @@
-"""The sender of an outbox: what waits goes to the fleet's server, again and again until it is acknowledged.
+"""The sender of an outbox: it sends each waiting document to the fleet's server until it is acknowledged.
 
     waiting time after the n-th failure in a row: between half and all of min(FIRST_S 2^(n-1), LONGEST_S)
 

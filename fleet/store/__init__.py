@@ -1,4 +1,4 @@
-"""The store of what is known of many robots, in an SQLite file or a PostgreSQL."""
+"""The store of the documents of many robots: an SQLite file or a PostgreSQL."""
 
 from fleet.store.dataset import dataset_content, dataset_texts
 from fleet.store.document import (

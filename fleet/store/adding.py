@@ -82,7 +82,7 @@ def _robots(connection: sa.Connection, keys: Sequence[RobotKey]) -> dict[RobotKe
 
 
 def added(connection: sa.Connection, documents: Sequence[Document], rows: Sequence[Rows]) -> list[Added]:
-    """Put in what is new, within a transaction. Raises Overtaken, DataError."""
+    """Insert the documents that are new, within a transaction. Raises Overtaken, DataError."""
     robots = _robots(connection, [each.robot for each in documents])
     there = already(connection, [each.hash for each in documents])
     versions = _versions(connection, list({each.identity for each in documents}))

@@ -16,7 +16,7 @@ def dataset_content(table: str, header: str) -> bytes:
 
 
 def dataset_texts(content: bytes) -> tuple[str, str]:
-    """The texts of the table and of the header, as they were. Raises DataError for what is no such document."""
+    """The texts of the table and of the header, as they were. Raises DataError if it is no such document."""
     found = parse_json(content, "data set")
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         raise DataError("is no data set of a store.", do=f'It must hold "format": "{FORMAT}".')

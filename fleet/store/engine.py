@@ -137,7 +137,7 @@ def _refusal(error: exc.DBAPIError, place: str) -> StoreError:
     if any(mark in words for mark in _RIGHTS):
         return StoreError(
             f"refuses it ({first}).",
-            do="Ask as a user with the right to: the roles are told by 'truepose fleet migrate'.",
+            do="Connect as a user with this right: 'truepose fleet migrate --roles' makes the roles.",
             file=place,
         )
     if any(mark in words for mark in _NO_DATABASE):
@@ -148,13 +148,15 @@ def _refusal(error: exc.DBAPIError, place: str) -> StoreError:
         )
     if any(mark in words for mark in _NOBODY):
         return StoreError(
-            f"lets nobody in by this address ({first}).",
+            f"refuses the connection ({first}).",
             do="Check user, password and name of the database.",
             file=place,
         )
     if isinstance(error, (exc.OperationalError, exc.InterfaceError, exc.InternalError)):
         return StoreGone(f"does not answer ({first}).", do=_LATER, file=place)
-    return StoreError(f"refuses it ({first}).", do="Tell whoever keeps this program.", file=place)
+    return StoreError(
+        f"refuses it ({first}).", do="Report it to the maintainers of this program.", file=place
+    )
 
 
 def _first_line(error: BaseException | None) -> str:

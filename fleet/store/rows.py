@@ -42,7 +42,7 @@ class Rows:
 
 
 def rows_of(document: Document) -> Rows:
-    """The rows of a document. Raises DataError, naming its key, for what is not of its kind."""
+    """The rows of a document. Raises DataError, naming its key, if the content is not of its kind."""
     place = f"{document.kind} {document.identity}"
     table = parse_json(document.content, place)
     wanted = FORMATS.get(document.kind)

@@ -144,12 +144,12 @@ class ArmDevice:
         self.wake()
 
     def halt(self) -> None:
-        """Stand still where the arm is now."""
+        """Stop the arm where it is now."""
         self._moves.change(self.move.cut(self.now()))
         self.wake()
 
     def put(self, joints_deg: Sequence[float]) -> None:
-        """The arm stands there from now on, and nothing moved it."""
+        """Set the joint angles of the arm without a move."""
         here = tuple(joints_deg)
         self._moves.change(Move(here, here, self.now(), self.now(), (0.0,) * len(here)))
         self.changed.set()
@@ -159,7 +159,7 @@ class ArmDevice:
         self.halt()
 
     def supervise(self) -> None:
-        """Motion supervision stops the task: the arm stands, nobody answers."""
+        """Motion supervision stops the task: the arm halts, and the program no longer answers."""
         self.hung = True
         self.halt()
 
@@ -169,5 +169,5 @@ class ArmDevice:
         self.wake()
 
     def wake(self) -> None:
-        """Let whoever waits for a change look again."""
+        """Wake the threads that wait for a change."""
         self.changed.set()

@@ -51,7 +51,7 @@ def limbs(world: World, arm: ArmDevice) -> list[Vector]:
 
 
 def hidden_by(ends: list[Vector], eye: Vector, point: Vector, thickness_mm: float = LIMB_MM) -> bool:
-    """Whether a limb stands between `eye` and `point`, both (3,) mm."""
+    """Whether a link of the arm is between `eye` and `point`, both (3,) mm."""
     return any(
         float(np.linalg.norm(b - a)) > 1.0 and _distance(a, b, eye, point) < thickness_mm
         for a, b in pairwise(ends)

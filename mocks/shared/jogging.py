@@ -26,7 +26,7 @@ _STEPS = 50
 def jog_into(
     world: World, arm: ArmDevice, clock: CellClock, target: str, cup: Vector, near_deg: Sequence[float]
 ) -> None:
-    """The arm stands with `target` in `cup` (3,) mm. Raises ValueError where it does not get there."""
+    """Move the arm until `target` is in `cup` (3,) mm. Raises ValueError where it does not get there."""
     rng = np.random.default_rng([world.seed, JOG_STREAM, len(arm.sent_to), round(1e3 * float(cup[0]))])
     seat = cup + SEAT_MM * rng.normal(size=3)
 

@@ -112,7 +112,7 @@ class MbpBridge:
         return self._job is not None and not self._job.done()
 
     def event(self, name: str) -> None:
-        """Tell the client something unasked; a measurement under way looks again."""
+        """Send the client an event; a running measurement checks its conditions again."""
         self._changed.set()
         if self._writer is not None:
             self._events += 1

@@ -29,8 +29,11 @@ COMMANDS = {
     "doctor": ("cell.doctor.doctor_command", "Examine every device of a cell and say what to do."),
     "campaign": ("cell.campaign.app", "Measure with a robot and an instrument."),
     "mock": ("mock.mock", "Simulate devices until SIGTERM or SIGINT."),
-    "history": ("history.app", "Keep what is known of robots over the years: trends, causes, next dates."),
-    "fleet": ("fleet.app", "Keep in one place what the cells of a plant know of their robots."),
+    "history": (
+        "history.app",
+        "Keep the results of robots over the years: trends, causes, dates of the next checks.",
+    ),
+    "fleet": ("fleet.app", "Keep the results of all robots of a plant in one place."),
     "serve": ("serve.serve", "Serve HTTP and the operator's page."),
     "conformance": ("conformance.conformance_command", "Try a driver of your own package on its simulator."),
     "docs": ("docs.docs_command", "Open the documentation."),

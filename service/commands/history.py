@@ -1,4 +1,4 @@
-"""`truepose history`: what is kept of robots over the years; trends, charts, and when the next check is due."""
+"""`truepose history`: the documents of robots over the years, their trends, control charts and next checks."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from service.results import history as results
 from service.results.hours import read_hours
 from service.results.records import read_record
 
-app = typer.Typer(help="Keep what is known of robots over the years: trends, causes, next dates.")
+app = typer.Typer(help="Keep the results of robots over the years: trends, causes, dates of the next checks.")
 
 Serial = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the robot.")]
 Model = Annotated[
@@ -53,7 +53,10 @@ def add_command(
     cell: options.CellName = None,
     serial: options.Serial = "",
     simulated: Annotated[
-        bool, typer.Option("--simulated", help="Keep what was simulated too, in a store of its own.")
+        bool,
+        typer.Option(
+            "--simulated", help="Keep documents of simulated robots, too; use a store of their own."
+        ),
     ] = False,
     json: options.Json = None,
 ) -> None:
@@ -81,7 +84,7 @@ def add_command(
 
 @app.command("robots")
 def robots_command(store: StoreOption = None, json: options.Json = None) -> None:
-    """List the robots, with what is kept of each."""
+    """List the robots, with the number of documents of each."""
     options.check_outputs({"--json": json})
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal, opened(store) as kept:
         found = kept.robots()
@@ -94,7 +97,7 @@ def robots_command(store: StoreOption = None, json: options.Json = None) -> None
 def show_command(
     serial: Serial, store: StoreOption = None, model: Model = None, json: options.Json = None
 ) -> None:
-    """Show everything of one robot in the order of time."""
+    """Show all documents of one robot in the order of time."""
     options.check_outputs({"--json": json})
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal, opened(store) as kept:
         robot = results.robot_of(kept, serial, model)
@@ -199,12 +202,12 @@ def due_command(
         Path | None,
         typer.Option(
             metavar="HOURS.csv",
-            help="Go by hours of use, not days: columns serial,at,hours, as the counters showed.",
+            help="Count in hours of use, not days: columns serial,at,hours (readings of the counters).",
         ),
     ] = None,
     json: options.Json = None,
 ) -> None:
-    """Say when each robot is to be checked next, by its errors so far. Exit code 3: one is overdue."""
+    """Show when each robot is to be checked next, by its errors so far. Exit code 3: one is overdue."""
     options.check_outputs({"--json": json}, inputs=(hours,))
     usual = _DAYS if hours is None else _HOURS
     asked = [

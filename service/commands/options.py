@@ -88,7 +88,7 @@ CellName = Annotated[
     str | None, typer.Option("--cell", metavar="NAME", help="Name of the cell; default: of this computer.")
 ]
 Serial = Annotated[
-    str, typer.Option(metavar="SERIAL", help="Of the robot, where its controller reports none.")
+    str, typer.Option(metavar="SERIAL", help="Serial number of the robot, if its controller reports none.")
 ]
 LARGEST = (Bounds().turn_deg, Bounds().shift_mm)
 

@@ -38,7 +38,7 @@ def serve(
     ] = None,
     simulate: Annotated[bool, typer.Option("--simulate", help="Measure with the cell's simulators.")] = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: a free one.")] = 0,
-    record: Annotated[Path, typer.Option(metavar="DIR", help="Folder for everything that is kept.")] = Path(
+    record: Annotated[Path, typer.Option(metavar="DIR", help="Folder for all files of the service.")] = Path(
         "truepose-record"
     ),
     host: serving.Host = "127.0.0.1",
@@ -164,7 +164,7 @@ def refuse_host(host: str) -> None:
 
 
 def is_loopback(host: str) -> bool:
-    """Nobody but this computer can reach it."""
+    """Whether only this computer can reach the address."""
     if host == "localhost":
         return True
     try:

@@ -30,7 +30,7 @@ class SimulatedRobot(Protocol):
         ...
 
     def fall_short(self, share: float) -> None:
-        """Every later motion ends at this share of its way, and the controller calls it done; 1 is right."""
+        """Let every later motion end at this share of its path while the controller reports it done; 1 is right."""
         ...
 
     def restart(self) -> None:

@@ -132,7 +132,7 @@ def refuses_what_it_cannot_use(on: InstrumentTrial) -> None:
 
 
 def nobody_there(on: InstrumentTrial) -> None:
-    """The driver says so when nobody answers at its address. Raises Broken."""
+    """The driver reports that no device answers at its address. Raises Broken."""
     common.nobody_there(on.meter, on.url)
 
 

@@ -139,7 +139,7 @@ def refuses_what_it_cannot_use(on: RobotTrial) -> None:
 
 
 def nobody_there(on: RobotTrial) -> None:
-    """The driver says so when nobody answers at its address. Raises Broken."""
+    """The driver reports that no device answers at its address. Raises Broken."""
     common.nobody_there(on.arm, on.url)
 
 
@@ -206,7 +206,7 @@ def arrives(on: RobotTrial) -> None:
 
 
 def believes_no_false_end(on: RobotTrial) -> None:
-    """The controller calls a move done at nine tenths of its way. Raises Broken."""
+    """The controller reports a move done at nine tenths of its path. Raises Broken."""
     arm = on.ready()
     on.robot.fall_short(0.9)
     if on.bench.hasty is not None:
@@ -216,7 +216,7 @@ def believes_no_false_end(on: RobotTrial) -> None:
 
 
 def stops(on: RobotTrial) -> None:
-    """Stop from another thread, on the way: it ends there, and disarms. Raises Broken."""
+    """Stop from another thread during a move: the robot halts there and is disarmed. Raises Broken."""
     arm = on.ready()
     on.robot.pace(SLOW)
     move = _under_way(on, arm)

@@ -134,7 +134,7 @@ def _try_all(driver: str, first: int, out: Connection) -> None:
 
 
 def tried_once(promise: Promise) -> Finding:
-    """One promise. Whatever the driver raises is what was seen: it is code of others, and anything can come."""
+    """Try one promise. Any exception of the driver is a finding, because it is the code of others."""
     begin = time.monotonic()
     with ThreadPoolExecutor(1) as threads:
         error = threads.submit(promise.act).exception()

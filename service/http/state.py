@@ -110,7 +110,7 @@ class Service:
         return begun
 
     def rest(self, by: str, reason: str) -> None:
-        """Pause whatever moves the robot after the reading in hand, a loop also between two runs."""
+        """Pause the run that moves the robot after the current reading, a loop also between two runs."""
         whole = self.book if self.book.lent_to is None else self.loops
         whole.pause_all(by, reason)
 

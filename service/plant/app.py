@@ -46,7 +46,7 @@ class Settings:
 
 
 def create_plant(store: Store, settings: Settings) -> FastAPI:
-    """The server of a store, which whoever opened it closes."""
+    """The server of a store. The caller closes the store."""
     app = FastAPI(
         title="TruePose fleet",
         version=version("truepose"),

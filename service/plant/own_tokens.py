@@ -69,7 +69,7 @@ def write_tokens(file: Path, tokens: Sequence[Own]) -> None:
 
 
 def issue(file: Path, name: str, role: May, made: str) -> str:
-    """A new token for a name, which is told here and never again. Raises DataError where the name has one."""
+    """A new token for a name; it is returned once and cannot be read later. Raises DataError where the name has one."""
     known = read_tokens(file)
     if any(each.name == name for each in known):
         raise DataError(
@@ -107,7 +107,7 @@ class Senders:
             self._known = {each.sha256: each for each in read_tokens(file)}
 
     def role_of(self, token: str) -> Role | None:
-        """The role of a token; None for nobody's."""
+        """The role of a token; None if it is unknown."""
         role = self._shared.role_of(token)
         if self._file is None or role is Role.VIEWER:
             return role

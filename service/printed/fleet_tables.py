@@ -17,7 +17,7 @@ SHOWN = 20  # rows of a list; the JSON has all
 
 
 class FleetProgress:
-    """Tells how far a call is, with its price."""
+    """Progress of a call, with its processor time."""
 
     def __init__(self, terminal: Terminal) -> None:
         self._terminal = terminal

@@ -28,7 +28,7 @@ def added(place: str, read: Sequence[tuple[Path, Document]], found: Sequence[Add
 
 
 def robots(found: Sequence[Known]) -> Table:
-    """The robots, with what is kept of each."""
+    """The robots, with the number of documents of each."""
     title = wording.counted(len(found), "robot")
     shown = grid(title, "serial number", "type", "cells", "last measured", "documents", left=5)
     for each in found:

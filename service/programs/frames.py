@@ -53,7 +53,7 @@ def joint_angles(angles: Sequence[float] | Array) -> Array:
 
 
 def joint_positions(joints: Array, kinds: Sequence[str]) -> Array:
-    """(N,) joints, rad or mm. Raises ValueError for turns and ways that no joint makes."""
+    """(N,) joints, rad or mm. Raises ValueError for rotations and travels that no joint makes."""
     slides = np.array(kinds) == "slides"
     joint_angles(joints[~slides])
     if not np.all(np.abs(joints[slides]) <= FARTHEST_MM):

@@ -279,7 +279,7 @@ def _temperature(result: ElementTree.Element, dataset: Dataset) -> None:
 
 
 def measured_on(dataset: Dataset) -> tuple[str, str]:
-    """The days of the first and the last reading, as XML has dates. Raises DataError where they are not told."""
+    """The days of the first and the last reading, as XML has dates. Raises DataError if they are not stated."""
     occasion = dataset.header.occasion
     days = [] if occasion is None else [occasion.began[:10], occasion.ended[:10]]
     try:

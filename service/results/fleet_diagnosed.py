@@ -68,7 +68,7 @@ class FleetDiagnosed:
     ) -> FleetDiagnosed:
         """Diagnose what has no result yet. Raises DataError, EngineGone, StoreError.
 
-        say: hears each step; tell: sentences about workers; progress: how far it is, after every batch.
+        say: called with each step; tell: with sentences about workers; progress: with the state after every batch.
         """
         address = for_workers(asked.store, asked.scheduler)
         owner = f"{gethostname()} {getpid()} {utc_now():%Y-%m-%dT%H:%M:%S}"

@@ -193,7 +193,7 @@ def next_of(
 
 
 def checks_of(points: Iterable[Point], hours: Hours | None = None, serial: str = "") -> list[Check]:
-    """Values as upkeep takes them; where nobody stated U their scatter alone speaks."""
+    """The values as checks; without a stated U only their scatter counts."""
     return [
         Check(
             point.measured_at,

@@ -26,7 +26,7 @@ FORMAT = "truepose-upkeep/1"
 @dataclass(frozen=True)
 class UpkeepQuestion:
     """The question: how to update. update: file, None for none; rate: of false alarms; running_s: how long the robot
-    had run, from cold, when the readings began, None where nobody said; missing_allowed: whether readings may be
+    had run, from cold, when the readings began, None if not stated; missing_allowed: whether readings may be
     missing."""
 
     update: Path | None = None
@@ -53,7 +53,7 @@ class Upkeep:
         asked: UpkeepQuestion,
         say: Callable[[str], None] = silent,
     ) -> Upkeep:
-        """Judge what is no warmth, update what is, write the model. Raises DataError, OSError."""
+        """Test the rest, update the thermal parameters, write the model. Raises DataError, OSError."""
         watch.refuse_copies(dataset)
         notes = saved.notes + watch.refuse_unlike(
             saved,
@@ -95,7 +95,7 @@ class Upkeep:
 
     @property
     def thermal(self) -> bool:
-        """Whether what has changed is thermal, or nothing has."""
+        """Whether only thermal parameters have changed, or nothing."""
         return self.found.model is not None
 
     @property
@@ -168,7 +168,7 @@ def on_its_clock(saved: SavedModel, dataset: Dataset, model: Path, running_s: fl
         return watch.later(dataset, running_s)
     if watch.warms_up(saved.model):
         raise DataError(
-            "warms up with the time since a cold start, and nobody said how long the robot had run.",
+            "warms up with the time since a cold start, which is not stated.",
             do="Give --running-s, 0 for a cold robot.",
             file=model,
             key="effects",

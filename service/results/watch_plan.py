@@ -149,7 +149,7 @@ class Planned:
 
     @property
     def nests(self) -> NestLimit | None:
-        """The limit of the nests, which are measured again half-way; None where nothing measures them by itself."""
+        """The limit of the nests, which are measured again half-way; None where nothing measures them automatically."""
         cell = self.cell
         lengths = cell.instrument.declared.measures_lengths
         if self.asked.touch or lengths or not cell.nests or cell.instrument.one_smr:
@@ -231,7 +231,7 @@ class Planned:
 
 def _often(asked: PlanQuestion, *, by_points: bool, by_hand: bool) -> tuple[int | None, int | None]:
     """Visits to a pose and readings in a visit, None for as few as are enough: a person, and a bar, read once unless
-    told otherwise, and from one side there is no second visit from the other."""
+    asked otherwise, and from one side there is no second visit from the other."""
     if asked.touch or not by_points:
         return asked.rounds or 1, 1
     if by_hand:

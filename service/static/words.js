@@ -129,7 +129,7 @@ const WORDS = {
   doneOf: ["{done} of {total} readings", "{done} von {total} Messungen"],
   skippedOf: ["{n} skipped", "{n} ausgelassen"],
   pause: ["Pause", "Pausieren"], resume: ["Resume", "Fortsetzen"],
-  restation: ["The instrument was moved", "Das Messgerät wird versetzt"],
+  restation: ["The instrument is being moved", "Das Messgerät wird versetzt"],
   accept: ["Continue with the other device", "Mit dem anderen fortfahren"],
   acceptHint: ["Only where it was exchanged on purpose. Serial number and reason are kept, and shown in reports.", "Nur wenn es mit Absicht getauscht wurde. Seriennummer und Grund werden festgehalten und stehen in Berichten."],
   sayWhyExchanged: ["Say why it was exchanged.", "Sagen Sie, warum es getauscht wurde."],

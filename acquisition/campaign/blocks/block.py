@@ -110,7 +110,7 @@ class Site:
         distances: Sequence[tuple[str, str]] = (),
         reach_deg: float | None = None,
     ) -> BlockVisit:
-        """A visit with the approach of its block, or with a length of its own."""
+        """A visit with the approach of its block, or with another length of the last move."""
         return BlockVisit(
             what, joints_deg, sides, self.approach.point(joints_deg, sides, reach_deg), distances
         )

@@ -1,4 +1,4 @@
-"""`kind = "sweep"` and `kind = "circle_point"`: one joint turns step by step while the others stand still.
+"""`kind = "sweep"` and `kind = "circle_point"`: one joint turns step by step while the others do not move.
 
 A sweep goes up and down again, which shows the backlash and the tangential error of its joint (Nubiola 2.4.1). Circle
 points turn joints 1, 2 and the last two, one after the other, from one posture: their axes start base and tool

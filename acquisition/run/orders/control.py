@@ -58,7 +58,7 @@ class Control:
         self._notify()
 
     def rest(self, reason: str) -> None:
-        """Nobody answers for the robot any more: it ends the move it makes, and nothing else begins."""
+        """Nobody is responsible for the robot any more: the current move ends, and nothing else begins."""
         if not self._any.is_set():
             self._reason = reason
         self._now.set()

@@ -35,7 +35,7 @@ class Hands:
         self._free = False  # nothing hangs on the robot
 
     def doubt(self) -> None:
-        """Doubt the handiwork, since somebody had their hands on it: what is asked for next is asked again."""
+        """Ask again for everything that a person has set up: somebody may have changed it."""
         self._seated = self._spanned = None
         self._free = False
 

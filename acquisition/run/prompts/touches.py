@@ -82,7 +82,7 @@ class Touches:
         return answer
 
     def leave(self) -> None:
-        """Have the arm out of the cup before anything else is done. Whoever skips it: the way from there is checked."""
+        """Have the arm taken out of the cup before anything else. If it is skipped, the path from there is checked."""
         if self._sits is None:
             return
         ball, cup = self._sits

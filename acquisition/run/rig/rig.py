@@ -74,7 +74,7 @@ class Rig:
         self._endings = 0  # connections to be ended, asked for and not yet seen to
 
     def meet(self) -> None:
-        """Connect what is not connected; nothing is armed. Raises AcquisitionError, Stopping."""
+        """Connect the devices that are not connected; nothing is armed. Raises AcquisitionError, Stopping."""
         for role, device in self._both():
             with self.using(role):
                 if role not in self._connected:
@@ -103,7 +103,7 @@ class Rig:
                 continue  # an open gate ends no warm-up
 
     def make_ready(self) -> None:
-        """Connect and arm what is not. Raises AcquisitionError, Stopping."""
+        """Connect and arm the devices that are not yet. Raises AcquisitionError, Stopping."""
         self.meet()
         for role, device in self._both():
             with self.using(role):
@@ -141,7 +141,7 @@ class Rig:
         return reached
 
     def go(self, path_deg: Sequence[Sequence[float]], joints_deg: Sequence[float]) -> JointReading:
-        """Go over postures to the last one and come to rest there; whoever drives by hand is told the whole way.
+        """Go over postures to the last one and come to rest there; a prompt shows a person the whole path.
 
         Raises AcquisitionError, Stopping.
         """

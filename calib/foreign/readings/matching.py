@@ -90,8 +90,8 @@ def _by_name(joints: Readings, points: Readings, layouts: Sequence[Layout], map_
     twice = [pose for pose, rows in where.items() if len(rows) > 1 and _differ(joints, rows)]
     if twice:
         raise DataError(
-            f"names {len(twice)} poses twice with other joints ({', '.join(twice[:_SHOWN])}): which point "
-            f"is whose cannot be told.",
+            f"names {len(twice)} poses twice with other joints ({', '.join(twice[:_SHOWN])}): it is not "
+            f"clear which point belongs to which.",
             do="Give every row a name of its own in both files, or match by time.",
             file=layouts[0].sheet.shown,
         )

@@ -42,7 +42,7 @@ from service.private import note_if_others_read, owner_only
 from service.results.models import documents, positions
 from service.simulated_cell import simulated_cell
 
-app = typer.Typer(help="Measure with a robot and an instrument. The record survives everything.")
+app = typer.Typer(help="Measure with a robot and an instrument. The record survives crashes and power cuts.")
 
 
 @app.callback()
@@ -95,7 +95,7 @@ def resume_command(
     reason: Reason = "",
     json: options.Json = None,
 ) -> None:
-    """Go on with a campaign: after a pause, a stop, a power cut."""
+    """Continue a campaign after a pause, a stop or a power cut."""
     accepted = _accepted(accept_other, reason)
     options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
     was_simulated = read_status(record).simulated
@@ -116,7 +116,7 @@ def restation_command(
     reason: Annotated[str, typer.Option(metavar="TEXT", help="Why; it is kept in the record.")] = "",
     json: options.Json = None,
 ) -> None:
-    """Say that the instrument is moved. The campaign is paused, and goes on with the nests."""
+    """State that the instrument is being moved: the campaign pauses, and measures the nests when it is resumed."""
     options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
     try:
         run = Run.open(record)
@@ -139,7 +139,7 @@ def restation_command(
 
 @app.command("status")
 def status_command(record: Record, json: options.Json = None) -> None:
-    """Show how far a campaign is, also while another program runs it."""
+    """Show the progress of a campaign, also while another program runs it."""
     options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
     status = read_status(record)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
@@ -156,7 +156,7 @@ def events_command(
         typer.Argument(metavar="OUT.jsonl", help="Written whole or not at all; else standard output."),
     ] = None,
 ) -> None:
-    """Write what has happened, one JSON object a line. Oldest first; also while another program runs it."""
+    """Write the events, one JSON object per line. Oldest first; also while another program runs it."""
     if out is not None:
         options.check_outputs({"OUT.jsonl": out}, inputs=(record / RECORD_FILE,))
         acquisition.export_events(record, out)

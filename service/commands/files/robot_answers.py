@@ -78,7 +78,7 @@ def _ask_convention() -> Convention:
     def known(text: str) -> Convention:
         if text == "dh" or text == "mdh":
             return text
-        raise DataError(f"'{text}' is none.", do="Answer dh or mdh.")
+        raise DataError(f"'{text}' is no convention.", do="Answer dh or mdh.")
 
     return _ask("Convention of the table (dh, mdh)", known)
 

@@ -14,7 +14,7 @@ from service.commands.fleet.send import send_command
 from service.commands.fleet.serve import serve_command
 from service.commands.fleet.token import app as token
 
-app = typer.Typer(help="Keep in one place what the cells of a plant know of their robots.")
+app = typer.Typer(help="Keep the results of all robots of a plant in one place.")
 app.command("send")(send_command)
 app.add_typer(outbox, name="outbox", no_args_is_help=True, cls=Group)
 app.command("serve")(serve_command)

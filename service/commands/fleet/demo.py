@@ -42,7 +42,7 @@ class _Stopped(Exception):
 @owner_only()
 def demo_command(
     out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for everything; an earlier one is gone on with.")
+        Path, typer.Option(metavar="DIR", help="Folder for all files; an existing one is continued.")
     ] = Path("fleet-demo"),
     store: Annotated[
         str | None,
@@ -52,9 +52,7 @@ def demo_command(
     workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that diagnose.")] = 2,
     every: Annotated[
         float,
-        typer.Option(
-            metavar="S", min=60.0, help="Between two rounds of watches, which are told apart by the minute."
-        ),
+        typer.Option(metavar="S", min=60.0, help="Seconds between two rounds of watches."),
     ] = 120.0,
     once: Annotated[bool, typer.Option("--once", help="End after the first round.")] = False,
 ) -> None:

@@ -17,10 +17,10 @@ from service.printed.terminal import Terminal
 def learn_command(
     models: Annotated[
         list[Path],
-        typer.Argument(metavar="MODEL.json...", help="Models of robots of one type, one a robot."),
+        typer.Argument(metavar="MODEL.json...", help="Models of robots of one type, one per robot."),
     ],
     out: Annotated[
-        Path, typer.Option("--out", metavar="PRIOR.json", help="What the next robot of the type is held to.")
+        Path, typer.Option("--out", metavar="PRIOR.json", help="File for the prior of the next robot.")
     ],
     robot: options.RobotFile = None,
     json: options.Json = None,

@@ -18,7 +18,7 @@ from service.printed import tables
 from service.printed.terminal import Terminal
 from service.private import owner_only
 
-app = typer.Typer(help="Look at what waits to be sent, and let what was refused be sent again.")
+app = typer.Typer(help="List the documents that wait, and send refused ones again.")
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The folder that is sent.")]
 SHORT = 12  # letters of a hash that people type
 MOST = 50  # documents in a table

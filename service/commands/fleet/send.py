@@ -1,4 +1,4 @@
-"""`truepose fleet send`: what is new in a folder goes into the outbox beside it, and from there to a fleet's server."""
+"""`truepose fleet send`: new documents of a folder go into its outbox, and from there to a fleet's server."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from service.private import owner_only, read_secret
 from service.results.records import read_record
 
 Folder = Annotated[
-    Path, typer.Argument(metavar="FOLDER", help="Where models, watches, data sets and records lie.")
+    Path, typer.Argument(metavar="FOLDER", help="Folder with models, watches, data sets and records.")
 ]
 ROUNDS = 6  # of a command that ends by itself
 
@@ -38,17 +38,20 @@ def send_command(
     cell: options.CellName = None,
     serial: options.Serial = "",
     simulated: Annotated[
-        bool, typer.Option("--simulated", help="Send what was simulated too, to a store of its own.")
+        bool,
+        typer.Option(
+            "--simulated", help="Send documents of simulated robots, too; use a store of their own."
+        ),
     ] = False,
     every: Annotated[
         float | None,
         typer.Option(
-            metavar="S", min=0.1, help="Look for new documents so often, and send until Ctrl-C. Else once."
+            metavar="S", min=0.1, help="Look for new documents every S seconds, until Ctrl-C; default: once."
         ),
     ] = None,
     json: options.Json = None,
 ) -> None:
-    """Send what is new in FOLDER. What cannot be sent now waits in FOLDER/outbox.sqlite3, for weeks if need be."""
+    """Send the new documents in FOLDER. What cannot be sent waits in FOLDER/outbox.sqlite3, for weeks if need be."""
     options.check_outputs({"--json": json}, inputs=(token_file,))
     if not folder.is_dir():
         raise DataError("there is no such folder.", do="Name the folder of the records.", file=folder)

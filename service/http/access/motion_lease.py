@@ -62,14 +62,14 @@ class MotionLease:
         self._held: Held | None = None
 
     def grant(self, holder: str, seconds: float) -> Held:
-        """Take the lease where nobody holds it. Raises Problem 409 where somebody does, StorageError."""
+        """Take the lease if it is free. Raises Problem 409 if it is held, StorageError."""
         with self._noting:
             if (held := self._live()) is not None:
                 raise _other(held)
             return self._new(holder, seconds, "granted")
 
     def renew(self, holder: str, seconds: float, lease_id: str) -> Held:
-        """Prolong one's own lease. Raises Problem 409 where it has ended or is another's.
+        """Prolong the holder's lease. Raises Problem 409 if it has expired or belongs to another.
 
         One that has ended is not granted anew: its holder has to learn that the robot has come to rest, and a request
         that was under way when the lease was given back must not take it again.
@@ -102,7 +102,7 @@ class MotionLease:
             return self._new(holder, seconds, "taken over", origin, before=before, reason=reason), before
 
     def give_back(self, lease_id: str) -> str | None:
-        """End the lease; returns its holder, None for nobody. Raises Problem 409 when this is not its secret."""
+        """End the lease; returns its holder, None without one. Raises Problem 409 if this is not its secret."""
         with self._mutex:
             held = self._live()
             if held is not None:

@@ -31,7 +31,7 @@ class Tokens:
     viewer: str = field(repr=False)
 
     def role_of(self, token: str) -> Role | None:
-        """The role of a token; None for nobody's. Compared in constant time."""
+        """The role of a token; None if it is unknown. Compared in constant time."""
         given = token.encode()
         operator = hmac.compare_digest(given, self.operator.encode())
         viewer = hmac.compare_digest(given, self.viewer.encode())

@@ -61,7 +61,7 @@ async def take_lease(here: Here, body: TakeLease, lease_id: LeaseId = "") -> dic
 
 @router.post("/cell/lease/takeover", operation_id="takeLeaseOver", response_model=LeaseShown)
 async def take_lease_over(here: Here, body: TakeLeaseOver) -> dict[str, Any]:
-    """Take the motion lease from whoever holds it; what moves by it pauses after the reading in hand.
+    """Take the motion lease from its holder; a moving run pauses after the current reading.
 
     Holder, reason and time are kept in `lease.jsonl` of the record, and in the events of the run.
     """

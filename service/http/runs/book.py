@@ -324,7 +324,7 @@ class Book:
             self._execution = None
 
     def join(self, seconds: float) -> bool:
-        """Wait so long for whoever uses the robot; whether it is free."""
+        """Wait up to this time for the current user of the robot to end; whether the robot is free."""
         if (execution := self._execution) is not None:
             execution.thread.join(seconds)
         return self._execution is None

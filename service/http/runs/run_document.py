@@ -1,4 +1,4 @@
-"""The document of a run, whatever has become of it: measured, only checked, or damaged."""
+"""The document of a run: measured, only checked, or damaged."""
 
 from __future__ import annotations
 

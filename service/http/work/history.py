@@ -1,4 +1,4 @@
-"""The history of robots that a service asks and feeds: its store, and the journal of what it has brought there.
+"""The history of robots of a service: its store, and the journal of what it has added.
 
     RECORD/history.sqlite3       the store, where no other was named; history-simulated.sqlite3 with simulators
     RECORD/history-kept.jsonl    a line for every result that was looked at
@@ -73,7 +73,7 @@ class History:
             self._changed.notify_all()
 
     def bring(self) -> None:
-        """Bring whatever has ended into the store; where it is away, what is said of it is in `refused`."""
+        """Add everything that has ended to the store; if the store does not answer, `refused` says why."""
         with self._bringing:
             with self._changed:
                 if not self._wanted:
@@ -142,7 +142,7 @@ def _mark(address: str) -> str:
 
 
 def _journal(path: Path, store: str) -> dict[str, dict[str, Any]]:
-    """The lines about a store, by path. Of one that was cut off what it is about is looked at again."""
+    """The journal's lines about a store, by path. The file of a line that was cut off is added again."""
     found: dict[str, dict[str, Any]] = {}
     if not path.is_file():
         return found

@@ -1,4 +1,4 @@
-"""Maps of what is left: means in squares of two quantities, one map for every third of a third quantity."""
+"""Maps of the residuals: means in squares of two quantities, one map for every third of a third quantity."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _THIRDS = "lowest", "middle", "highest"
 
 
 def over_two(quantity: Quantity, left: Array, name: str, where: str) -> str:
-    """Means of three parts (n, 3) of what is left, mm, in squares of two quantities."""
+    """Means of the three components of the residuals (n, 3), mm, in squares of two quantities."""
     drawn, places = drawing.figure(10.2, 2.9, 1, 3, bars=True)
     x, y = quantity.values.T
     edges = _edges(x, _SQUARES), _edges(y, _SQUARES)

@@ -1,4 +1,4 @@
-"""Pictures of what is left: over one quantity, by group, as arrows in the workspace, and what was left out."""
+"""Pictures of the residuals: over one quantity, by group, as arrows in the workspace, and the rejected readings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _GROUPS = (drawing.FITTED, drawing.AFTER, drawing.BEFORE, drawing.NOMINAL)
 
 
 def over(quantity: Quantity, left: Array, held: NDArray[np.bool_], name: str, where: str) -> str:
-    """Three parts (n, 3) of what is left, mm, each over the one quantity, or over its own of three."""
+    """The three components of the residuals (n, 3), mm, each over the one quantity, or over its own of three."""
     drawn, places = drawing.figure(10.2, 2.5, 1, 3)
     limits = _limits(left)
     own = quantity.values.shape[1] == 3
@@ -54,7 +54,7 @@ def over(quantity: Quantity, left: Array, held: NDArray[np.bool_], name: str, wh
 
 
 def by_group(group: NDArray[np.int64], names: Sequence[str], left: Array, name: str, of_what: str) -> str:
-    """Mean of what is left (n, 3), mm, for every group, with its expanded uncertainty."""
+    """Mean residual (n, 3), mm, of every group, with its expanded uncertainty."""
     drawn, places = drawing.figure(10.2, 2.5, 1, 3)
     used, count = np.unique(group, return_counts=True)
     for k, axes in enumerate(places):

@@ -105,7 +105,7 @@ def arrows(points: Array, models: Sequence[Vectors]) -> str:
 
 
 def enlargement(wanted: float) -> float:
-    """The largest of 1, 2, 5, 10, 20, 50 and so on that is not above what is wanted; 1 at least."""
+    """The largest of 1, 2, 5, 10, 20, 50 and so on that is not above `wanted`; at least 1."""
     power = 10.0 ** np.floor(np.log10(max(wanted, 1.0)))
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= max(wanted, 1.0)))
 

@@ -110,7 +110,10 @@ def wanted_of(order: Order) -> list[Placement]:
 def found_for(
     cell: Cell, order: Order, file: Path, say: Callable[[str], None], progress: Callable[[int, int], None]
 ) -> Found:
-    """Search. `say` hears what is done, `progress` how many placements of how many. Raises DataError, ConfigError."""
+    """Search. `say` is called with each step, `progress` with the placements done and all of them.
+
+    Raises DataError, ConfigError.
+    """
     hexapod, wanted = _hexapod(cell, file, order.base), wanted_of(order)
     places = None if order.zone is None else hexapod.places_in(order.zone[:3], order.zone[3])
     say(f"looking at {len(wanted)} placements")

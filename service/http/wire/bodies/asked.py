@@ -88,7 +88,7 @@ class TakeLease(Body):
 
 
 class TakeLeaseOver(TakeLease):
-    """The request to take the lease from whoever holds it."""
+    """The request to take the lease from its holder."""
 
     reason: Annotated[
         str,

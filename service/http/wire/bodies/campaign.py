@@ -137,7 +137,7 @@ class RepeatBlock(_Chosen):
 
 
 class SweepBlock(_Block):
-    """One joint turns step by step, the others stand still."""
+    """One joint turns step by step; the others do not move."""
 
     kind: Annotated[Literal["sweep"], told("The kind of block.", "sweep")]
     set: NotRequired[Set]

@@ -44,7 +44,7 @@ class EffectShown(Answered):
 
 
 class Separation(Answered):
-    """How well two rivals are told apart."""
+    """How well two rivals can be distinguished."""
 
     effect: Label
     rival: Label

@@ -82,7 +82,7 @@ class Parameter(Figure):
     nominal: Annotated[float | None, told("The nominal value, in `unit`; null where there is none.", -90.0)]
     owner: Annotated[str, told("To whom it belongs: robot, mounting, tool, instrument ...", "robot")]
     dropped: Annotated[bool, told("These readings do not determine it.", False)] = False
-    confounded_with: Annotated[list[str], told("Names of what it cannot be told from.", [])] = Field(
+    confounded_with: Annotated[list[str], told("Names of what it cannot be distinguished from.", [])] = Field(
         default_factory=list
     )
 
@@ -91,7 +91,7 @@ class Dropped(Answered):
     """A parameter that the readings do not determine."""
 
     name: Annotated[str, told("Its name.", "d3")]
-    confounded_with: Annotated[list[str], told("Names of what it cannot be told from.", ["d2"])]
+    confounded_with: Annotated[list[str], told("Names of what it cannot be distinguished from.", ["d2"])]
 
 
 class LeftOut(Answered):
@@ -115,7 +115,7 @@ class Offset(Answered):
     distance_mm: Annotated[float | None, told("Its length, mm.", 0.22)]
     sigma: Number
     doubted: Annotated[bool, told("It should be measured anew.", False)]
-    rivals: Annotated[list[str], told("Names of what it cannot be told from.", [])]
+    rivals: Annotated[list[str], told("Names of what it cannot be distinguished from.", [])]
 
 
 class Criterion(Answered):

@@ -144,7 +144,7 @@ class CauseSeen(Answered):
     never_apart_from: Annotated[
         list[str], told("Causes that these readings cannot tell from it.", ["base_shift"])
     ]
-    wanted: Annotated[float | None, told("The size that should be seen, in `unit`.", 0.01)]
+    wanted: Annotated[float | None, told("The size that is to be detected, in `unit`.", 0.01)]
     share_seen_at_wanted: Annotated[float | None, told("Share of watches that see that size, no unit.", 0.97)]
     lever_mm: Annotated[
         float | None, told("How far a single target would have to be off the axis, mm.", 120.0)
@@ -168,13 +168,13 @@ class WorstSeen(Answered):
 
 
 class ProposalShown(Answered):
-    """A way to see every cause."""
+    """A choice of targets, visits and readings that detects every cause."""
 
     targets: Annotated[list[str], told("Names of targets.", ["T1", "T2"])]
     rounds: Annotated[int, told("Number of visits to each pose.", 4)]
     repeats: Annotated[int, told("Number of readings of a target in a visit.", 1)] = 1
     readings: Annotated[int, told("Number of readings.", 80)]
-    reached: Annotated[bool, told("Whether every cause is seen from the size that is wanted.", True)]
+    reached: Annotated[bool, told("Whether every cause is detected at its wanted size.", True)]
     worst: Annotated[
         WorstSeen, told("The cause that is seen worst.", {"label": "backlash:j6", "seen_from": 0.02})
     ]
