@@ -6,7 +6,7 @@ from calib.data.groups import DEFAULT_GROUPS, GROUPS, LEVELS
 from calib.data.header import LEAST, Header, header_of, read_header
 from calib.data.hypotheses import FEWEST as FEWEST_MEANT
 from calib.data.hypotheses import Hypothesis, Meaning, explained, of_points, of_robot
-from calib.data.joints_misread import of_joints
+from calib.data.joints_misread import of_directions, of_joints
 from calib.data.noise import Noise
 from calib.data.plausible import assumed_in_words
 from calib.data.read import dataset_of, read_dataset
@@ -30,6 +30,7 @@ __all__ = [
     "dataset_of",
     "explained",
     "header_of",
+    "of_directions",
     "of_joints",
     "of_points",
     "of_robot",

@@ -32,6 +32,7 @@ BETTER = 5.0
 _SMALL = 0.02
 _EXPLAINED = 0.03  # the same, that a believed hypothesis may leave
 _ALIKE = 1.5  # ratio of misses within which two hypotheses count as alike
+_SAME = 1.01  # the same, within which they say the same of the readings
 _UNITS = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 0.001}
 _LATEST = 3  # rows by which a column may have slipped
 _SEEN = 1e-3  # sine of alpha from which on its sign shows
@@ -145,7 +146,7 @@ def explained(
 ) -> Explanation | None:
     """The hypothesis that explains the readings clearly better than the files do; None where there is none, or no need.
 
-    others: the hypotheses to try; tools: (T, 3) mm, nominal targets.
+    others: the hypotheses to try, the simpler ones first; tools: (T, 3) mm, nominal targets.
     """
 
     def missed(of: Meaning, free: bool) -> float:
@@ -168,8 +169,9 @@ def explained(
         shares = [(share(other.meaning, free), other) for other in others() if other.least_mm <= miss]
         found = sorted((pair for pair in shares if pair[0] < limit), key=lambda pair: pair[0])
         if found:
-            left, cause = found[0]
-            rivals = tuple(other for of_other, other in found[1:] if of_other < _ALIKE * left)
+            least = found[0][0]
+            cause = next(other for left, other in shares if left < _SAME * least)  # the simplest stand first
+            rivals = tuple(other for left, other in found if left < _ALIKE * least and other is not cause)
             return Explanation(cause, rivals, miss, missed(cause.meaning, free))
     return None
 
@@ -340,6 +342,14 @@ def of_rows(everything: Meaning, rows: NDArray[np.int64], usable: NDArray[np.boo
                     None if everything.anchor is None else everything.anchor[there],
                 ),
             )
+
+
+def both(one: Hypothesis, other: Hypothesis) -> Hypothesis:
+    """Two mistakes at once; `other` is a hypothesis about what `one` says that the files mean."""
+    keys = dict.fromkeys(f"{one.key}, {other.key}".split(", "))
+    return replace(
+        other, what=f"{one.what}, and {other.what}", do=f"{one.do} {other.do}", key=", ".join(keys)
+    )
 
 
 def reach(robot: Robot) -> float:

@@ -87,6 +87,26 @@ def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
             )
 
 
+def of_directions(meaning: Meaning) -> Iterator[Hypothesis]:
+    """Several joints turn in the other direction: KUKA counts 1, 4 and 6 so, and of most arms that is what a mirrored
+    frame is."""
+    columns = meaning.robot.joint_columns
+    names = [axis.removeprefix("j") for axis in meaning.robot.axes]
+    for signs in product((1.0, -1.0), repeat=len(columns)):
+        turned = [k for k, sign in enumerate(signs) if sign < 0.0]
+        if len(turned) > 1:
+            key = ", ".join(columns[k] for k in turned)
+            counting = Counting(np.diag(signs), np.zeros(len(columns)))
+            yield Hypothesis(
+                f"joints {', '.join(names[k] for k in turned)} move in the other direction than the robot has them",
+                f"Change the signs of the columns {key}, or give the robot file a joint matrix that does.",
+                "data",
+                key,
+                counting.of(meaning),
+                counting,
+            )
+
+
 def _with(matrix: Array, row: int, column: int, value: float) -> Array:
     out = matrix.copy()
     out[row, column] = value

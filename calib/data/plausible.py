@@ -8,9 +8,9 @@ the readings can show.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,14 +24,16 @@ from calib.data.dataset import Dataset
 from calib.data.header import Header
 from calib.data.hypotheses import (
     FEWEST,
+    Hypothesis,
     Meaning,
+    both,
     explained,
     of_points,
     of_robot,
     of_rows,
     of_tools,
 )
-from calib.data.joints_misread import of_joints
+from calib.data.joints_misread import of_directions, of_joints
 from calib.data.mixed import mixture
 from calib.errors import DataError
 
@@ -96,20 +98,21 @@ def _refuse_misread(
         lengths=None if pointed else dataset.lengths[rows],
         anchor=None if pointed else conditions.anchor[rows],
     )
+    unknown = {"tool_unknown": "tool" in header.groups, "zero_unknown": header.frees_length_zero}
     why = explained(
         meaning,
         lambda: chain(
             of_points(meaning),
             of_joints(meaning),
+            of_directions(meaning),
             # tool targets that are fitted are only where the fit begins
             () if "tool" in header.groups else of_tools(meaning, conditions.target_names),
             of_robot(meaning),
             of_rows(everything, rows, measured),
         ),
         tools,
-        tool_unknown="tool" in header.groups,
-        zero_unknown=header.frees_length_zero,
-    )
+        **unknown,
+    ) or explained(meaning, lambda: _pairs(meaning, everything, rows, measured), tools, **unknown)
     if why is None:
         if pointed and "tool" not in header.groups:
             _refuse_mixed(dataset, series, meaning, tools, rows)
@@ -122,6 +125,18 @@ def _refuse_misread(
         file=dataset.path if why.cause.file == "data" else dataset.path.with_suffix(".toml"),
         key=why.cause.key,
     )
+
+
+def _pairs(
+    meaning: Meaning, everything: Meaning, rows: NDArray[np.int64], measured: NDArray[np.bool_]
+) -> Iterator[Hypothesis]:
+    """Two mistakes at once: of the points and of rows or joints, or of the joints alone."""
+    for one in of_points(everything):
+        yield from (both(one, other) for other in of_rows(one.meaning, rows, measured))
+    for one in of_points(meaning):
+        yield from (both(one, other) for other in chain(of_joints(one.meaning), of_directions(one.meaning)))
+    for i, one in enumerate(of_joints(meaning)):
+        yield from (both(one, other) for other in islice(of_joints(one.meaning), i))
 
 
 def _refuse_mixed(

@@ -59,7 +59,7 @@ def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ..
     twins = _twins(without, effect)
     costs, effects = {effect.label: 0.0}, {effect.label: effect}
     others = tuple(other for other in chosen if other is not effect)
-    for score in (*candidates(without, others), *_whole_orders(without), *twins):
+    for score in (*candidates(without, others), *_near_rivals(without), *twins):
         label = score.effect.label
         if score.freedom == 0 or label in {other.label for other in others}:
             continue
@@ -71,9 +71,8 @@ def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ..
                 max(without.rss - score.gain, 1e-300) / max(without.rss - gain, 1e-300)
             )
             cost = min(cost, max(fit, 0.0))
-        if cost < CLASS_WIDTH and not _same(without, effect, score.effect):
-            costs[label] = min(cost, costs.get(label, math.inf))
-            effects[label] = score.effect
+        if cost < min(CLASS_WIDTH, costs.get(label, math.inf)) and not _same(without, effect, score.effect):
+            costs[label], effects[label] = cost, score.effect
     best = min(costs.values())
     weights = {label: math.exp(-0.5 * (cost - best)) for label, cost in costs.items()}
     total = sum(weights.values())
@@ -107,8 +106,9 @@ def _twins(scores: Scores, effect: Effect) -> list[Score]:
     return found
 
 
-def _whole_orders(scores: Scores) -> list[Score]:
-    """Every whole order that is nearly as good as the best of its joint: neighbours that a short range confuses."""
+def _near_rivals(scores: Scores) -> list[Score]:
+    """Every rival of its own that is nearly as good as the best of its family: whole orders of a joint, neighbours that
+    a short range confuses, and creeps beside a step."""
     found = []
     for index, family in enumerate(scores.families):
         if not family.rivals.any():

@@ -107,8 +107,9 @@ def candidates(found: Identification) -> Conditions:
     sides = rng.choice((-1.0, 1.0), _CANDIDATES)
     approach = rng.choice(APPROACHES, _CANDIDATES)
     reach = approach[:, None] * robot.steps
+    reach = np.where(2.0 * reach < np.subtract(robot.upper, robot.lower), reach, 0.0)  # rods hold a joint
     low = robot.lower + reach * (sides[:, None] > 0.0)
-    high = np.maximum(robot.upper - reach * (sides[:, None] < 0.0), low)
+    high = robot.upper - reach * (sides[:, None] < 0.0)
     names = tuple(found.model.targets[found.readings.conditions.series_names[-1]])
     targets = [names[i] for i in rng.integers(0, len(names), _CANDIDATES)]
     return later_visits(found, rng.uniform(low, high), sides, approach, targets)

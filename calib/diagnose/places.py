@@ -74,7 +74,26 @@ def drivers(space: Space) -> dict[str, Array]:
             unloaded = _powers(conditions.torque[:, k] - before[:, k], 4)
             found |= _named(f"last change of torque about joint {names[k]}", unloaded)
     found |= _named(OVERTURNING, _quadratic(conditions.overturning))
+    found |= _drives(robot, conditions, space.fitted.header.coupling)
     return found | _outside_the_arm(space, conditions)
+
+
+def _drives(robot: Robot, conditions: Conditions, coupling: str) -> dict[str, Array]:
+    """The side from which a drive came whose joint another drive turns as well: by rods, or as it is counted only.
+
+    Where rods carry the forearm its gear turns as the controller counts, and so does what its gear has of play.
+    """
+    if coupling == "none":
+        return {}
+    mixed = np.count_nonzero(np.array(robot.joint_matrices[coupling].matrix), axis=1) > 1
+    now, before = (robot.controller_angles(q, coupling) for q in (conditions.joints, conditions.previous))
+    found: dict[str, Array] = {}
+    for k in np.flatnonzero(mixed & (np.ptp(now, axis=0) > _STILL)):
+        side = np.sign(now[:, k] - before[:, k])[:, None]
+        beside = np.column_stack([_circle(now[:, k]), _powers(conditions.torque[:, k], 3)])
+        name = f"side of approach of joint {robot.axes[k].removeprefix('j')} as its controller counts it"
+        found |= _named(name, np.column_stack([side, side * beside]))
+    return found
 
 
 def _as_angles(joints: Array, robot: Robot) -> Array:

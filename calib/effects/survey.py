@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from calib.arm.freedoms import HELD
 from calib.arm.robot import Load, Robot
 from calib.array import Array
 from calib.data.conditions import Conditions
@@ -96,7 +97,8 @@ class Survey:
 
     @property
     def moving(self) -> list[int]:
-        """The joints that turned: of one that never did, no reading shows what its gear does."""
+        """The joints that turned: of one that never did, no reading shows what its gear does, and one that rods hold,
+        however it turns, has none."""
         return [k for k in self._moved if k not in self.robot.slides]
 
     @property
@@ -106,7 +108,9 @@ class Survey:
 
     @property
     def _moved(self) -> list[int]:
-        return [k for k in self.joint_numbers if self.varies(self.conditions.joints[:, k - 1])]
+        held = np.subtract(self.robot.upper, self.robot.lower) < HELD
+        moved = [k for k in self.joint_numbers if self.varies(self.conditions.joints[:, k - 1])]
+        return [k for k in moved if not held[k - 1]]
 
     def turns(self, joint: int) -> float:
         """Share of a turn that the readings span on a joint."""

@@ -252,6 +252,22 @@ class StepAt:
 
 
 @dataclass(frozen=True)
+class CreepBetween:
+    """0 before the reading of rank `order`, 1 from that of rank `until` on, and in proportion between."""
+
+    order: int
+    until: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) from 0 to 1."""
+        return np.clip((conditions.order - self.order) / (self.until - self.order), 0.0, 1.0)
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The order of the readings."""
+        return StepAt(self.order).drawn_over(conditions)
+
+
+@dataclass(frozen=True)
 class Temperature:
     """Air temperature above `reference_c`, K."""
 
@@ -293,6 +309,7 @@ KINDS = {
         Time,
         WarmUp,
         StepAt,
+        CreepBetween,
         Temperature,
     )
 }

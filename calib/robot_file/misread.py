@@ -16,7 +16,7 @@ import numpy as np
 
 from calib.arm import Robot
 from calib.array import Array
-from calib.data import Hypothesis, Meaning, explained, of_joints, of_points, of_robot
+from calib.data import Hypothesis, Meaning, explained, of_directions, of_joints, of_points, of_robot
 from calib.data.hypotheses import Counting, of_rows, of_table
 from calib.robot_file.draft import matrix_lines
 from calib.robot_file.handful import Handful
@@ -68,6 +68,7 @@ def held_against(path: Path, text: str, handful: Handful) -> Verdict:
             of_table(meaning),
             of_joints(meaning),
             of_points(meaning),
+            of_directions(meaning),
             of_rows(handful.everything, handful.rows, handful.usable),
             (
                 each

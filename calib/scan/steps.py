@@ -1,4 +1,8 @@
-"""Steps at a reading: scanned at evenly spread change points by one cumulative sum, refined to the reading."""
+"""Steps at a reading: scanned at evenly spread change points by one cumulative sum, refined to the reading.
+
+Beside them stand creeps between two readings that are far apart. They are never chosen: they are rivals of the best
+step where they fit nearly as well, since then the readings do not show that it happened at once.
+"""
 
 from __future__ import annotations
 
@@ -12,24 +16,35 @@ from calib.model.effect import Effect
 from calib.scan.scores import FamilyScores, Scores
 from calib.scan.space import Space
 
+_NODES = 6  # stretches of the campaign at whose ends creeps begin and end
+_FEWEST = 2  # of them that a creep lasts: what is over sooner is a step
+
 
 @dataclass(frozen=True)
 class Steps:
     """A family of candidates: several slots step together at one reading, one of the ranks of `every`.
 
-    scanned: about how many of them are scanned, evenly spread; the others come into question when one is refined.
+    slowly: the same creeping between two ranks. scanned: about how many of the ranks are scanned, evenly spread; the
+    others come into question when one is refined.
     """
 
     label: str
     slots: tuple[str, ...]
     every: Array
     at: Callable[[float], Effect]
+    slowly: Callable[[float, float], Effect]
     scanned: int = 250
 
     @property
     def ranks(self) -> Array:
         """Ranks that are scanned."""
         return self.every[:: max(1, len(self.every) // self.scanned)]
+
+    @property
+    def stretches(self) -> list[tuple[float, float]]:
+        """Ranks between which a creep begins and ends, every two of a few that are far enough apart."""
+        nodes = self.every[np.linspace(0, len(self.every) - 1, _NODES + 1).astype(int)]
+        return [(a, b) for i, a in enumerate(nodes) for b in nodes[i + _FEWEST :] if b > a]
 
     def scores(self, space: Space) -> FamilyScores:
         """The scores of the family in a space."""
@@ -54,7 +69,7 @@ class Steps:
 
 
 class StepScores:
-    """Scores of a family of steps over its change points."""
+    """Scores of a family of steps over its change points, and behind them of the creeps."""
 
     bounds = None
     twins = True
@@ -65,33 +80,40 @@ class StepScores:
         self.order = np.argsort(space.fitted.readings.conditions.order)
         ranks = space.fitted.readings.conditions.order[self.order]
         self.first = np.searchsorted(ranks, family.ranks)
+        conditions = space.fitted.readings.conditions
+        self.creeps = [family.slowly(*stretch) for stretch in family.stretches]
+        moves = [effect.terms[0].regressor.evaluate(conditions) for effect in self.creeps]
+        self.creeping = np.reshape(np.asarray(moves), (len(moves), len(conditions)))
         self.slot_columns = [space.slot(slot) for slot in family.slots]
-        self.raw = np.stack(
-            [self._from_here(np.sum(g**2, axis=0)[:, None])[:, 0] for g in self.slot_columns], axis=1
-        )
-        self.rivals = np.zeros(len(family.ranks), dtype=bool)
+        self.raw = np.stack([self._squares(np.sum(g**2, axis=0)) for g in self.slot_columns], axis=1)
+        self.rivals = np.arange(len(self.raw)) >= len(family.ranks)
 
-    def _from_here(self, values: Array) -> Array:
-        """(ranks, c): sums of (n, c) values over the readings from every rank on."""
+    def _sums(self, values: Array, weights: Array) -> Array:
+        """(places, c): sums of (n, c) values over the readings from every rank on, then by the weights of creeps."""
         tail = np.cumsum(values[self.order[::-1]], axis=0)[::-1]
-        return tail[self.first]
+        return np.concatenate([tail[self.first], weights @ values])
+
+    def _squares(self, values: Array) -> Array:
+        """(places,): sums of (n,) products of two columns."""
+        return self._sums(values[:, None], self.creeping**2)[:, 0]
 
     def shared(self, space: Space, vectors: Array) -> Array:
-        """(ranks, slots, c): X'v."""
-        return np.stack([self._from_here(space.by_reading(g, vectors)) for g in self.slot_columns], axis=1)
+        """(places, slots, c): X'v."""
+        values = [space.by_reading(g, vectors) for g in self.slot_columns]
+        return np.stack([self._sums(each, self.creeping) for each in values], axis=1)
 
     def gram(self, space: Space) -> Array:
-        """(ranks, slots, slots): X'X."""
+        """(places, slots, slots): X'X."""
         p = len(self.slot_columns)
-        gram = np.empty((len(self.first), p, p))
+        gram = np.empty((len(self.raw), p, p))
         for i, g in enumerate(self.slot_columns):
             for j, h in enumerate(self.slot_columns[: i + 1]):
-                gram[:, i, j] = gram[:, j, i] = self._from_here(np.sum(g * h, axis=0)[:, None])[:, 0]
+                gram[:, i, j] = gram[:, j, i] = self._squares(np.sum(g * h, axis=0))
         return gram
 
     def choose(self, gain: Array, scores: Scores) -> int:
         """The best change point."""
-        return int(np.argmax(gain))
+        return int(np.argmax(gain[: len(self.family.ranks)]))
 
     def alike(self, place: int) -> int:
         """Any change point is as likely as any other."""
@@ -103,4 +125,5 @@ class StepScores:
 
     def effect(self, place: int) -> Effect:
         """The effect at a place of the scan."""
-        return self.family.at(float(self.family.ranks[place]))
+        ranks = self.family.ranks
+        return self.family.at(float(ranks[place])) if place < len(ranks) else self.creeps[place - len(ranks)]

@@ -5,7 +5,7 @@ messages are checked by what an engineer would look for in them, not word by wor
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -233,6 +233,32 @@ def times(factor: float) -> Change:
     return change
 
 
+def joints(order: Sequence[int]) -> Change:
+    """The columns of the joints in another order; negative: with another sign."""
+
+    def change(rows: list[Row], header: dict[str, Any]) -> None:
+        for row in rows:
+            read = [row[f"j{abs(k)}_deg"] * (1.0 if k > 0 else -1.0) for k in order]
+            row |= {f"j{k}_deg": value for k, value in enumerate(read, start=1)}
+
+    return change
+
+
+def late(rows: list[Row], header: dict[str, Any]) -> None:
+    """What was measured stands one row below its joints."""
+    measured = [{key: row[key] for key in ("tool_target", "x_mm", "y_mm", "z_mm")} for row in rows]
+    for row, before in zip(rows[1:], measured, strict=False):
+        row |= before
+
+
+def and_then(one: Change, other: Change) -> Change:
+    def change(rows: list[Row], header: dict[str, Any]) -> None:
+        one(rows, header)
+        other(rows, header)
+
+    return change
+
+
 FIT_CASES: dict[str, tuple[Change, str, str]] = {
     "fewer readings than parameters": (few(9), "set", "readings.*parameters"),
     "one target on the axis": (one_target, "tool_targets", "axis of the last joint.*second target"),
@@ -242,6 +268,13 @@ FIT_CASES: dict[str, tuple[Change, str, str]] = {
     "metres": (times(0.001), "x_mm", "metres.*Multiply them by 1000"),
     "inches": (times(1.0 / 25.4), "x_mm", "inches.*Multiply them by 25.4"),
     "micrometres": (times(1000.0), "x_mm", "micrometres.*Multiply them by 0.001"),
+    "counted as KUKA does": (
+        joints((-1, 2, 3, -4, 5, -6)),
+        "j1_deg",
+        "joints 1, 4, 6 move in the other direction",
+    ),
+    "two pairs of columns": (joints((1, 3, 2, 5, 4, 6)), "j4_deg", "joints 4 and 5.*joints 2 and 3"),
+    "rows late, and metres": (and_then(times(0.001), late), "x_mm", "metres.*1 row too late"),
 }
 
 

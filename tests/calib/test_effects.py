@@ -46,7 +46,8 @@ def some_effects(offer: Family) -> list[Effect]:
         else offer.values
     )
     assert len(places) > 3
-    return [offer.at(float(places[i])) for i in (0, len(places) // 3, len(places) - 1)]
+    found = [offer.at(float(places[i])) for i in (0, len(places) // 3, len(places) - 1)]
+    return [*found, offer.slowly(*offer.stretches[0])] if isinstance(offer, Steps) else found
 
 
 COMPLIANCE = {k: 1e-7 * k for k in range(2, 7)}

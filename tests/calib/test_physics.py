@@ -5,6 +5,7 @@ label or its number of columns, and a certainty that nobody has.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,12 @@ import pytest
 
 from calib import Diagnosis, identify, load_robot
 from calib.diagnose import diagnose
+from calib.diagnose.classes import judge
 from calib.diagnose.select import refit
+from calib.effects import Survey, offers
 from calib.effects.elasticity.pedestal import pedestal
 from calib.effects.geometry.parallel_twist import parallel_twist
+from calib.effects.geometry.shift import base_shift
 from calib.effects.transmission.backlash import backlash
 from calib.effects.transmission.lost_motion import lost_motion
 from calib.effects.transmission.periodic import periodic
@@ -78,6 +82,22 @@ def test_a_twin_with_another_number_of_columns_is_of_the_class() -> None:
     (found,) = classes(diagnose(load(measured(world, readings))))
     assert {"tool_shift", "base_shift"} <= set(found)
     assert max(found.values()) < 0.6
+
+
+def test_a_change_is_a_jump_only_where_the_readings_show_its_moment(tmp_path: Path) -> None:
+    _, data = simulate(tmp_path, seed=11, n=80, n_validation=0, effects=[])
+    late = data.conditions.order / 79.0 - 0.5
+    creeping = {"base_shift": 0.5, "base_creep": 0.5}
+    for done, expected in (
+        (late > 0.0, {"base_shift": 1.0}),
+        (np.clip(2.0 * late + 0.5, 0.0, 1.0), creeping),
+    ):
+        moved = replace(data, points=data.points + np.outer(done, [0.1, 0.15, -0.05]))
+        step = base_shift(40)
+        fitted = refit(moved, identify(moved), (step,))
+        family = [offer for offer in offers(Survey.of(fitted, moved)) if offer.label == step.label]
+        space = Space.of(fitted)
+        assert judge(space, Scores(family, space), step, (step,)).candidates == pytest.approx(expected)
 
 
 def test_the_wrong_sign_scores_nothing_and_noise_rules_nothing_out(tmp_path: Path) -> None:

@@ -1,18 +1,21 @@
 """A step: the base or the tool is displaced between two readings, and stays displaced.
 
 The change point is the rank of the first reading after the step; it is scanned. Source: a reflector turned in
-its nest, a loosened clamp, a fork-lift against the pedestal.
+its nest, a loosened clamp, a fork-lift against the pedestal. What creeps there instead is a rival of the step alone:
+readings that do not show the moment bear out no jump.
 """
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from calib.array import Array
-from calib.effects.kind import OTHER_STATION, SECOND_TARGET, Kind
+from calib.effects.kind import LATER, OTHER_STATION, SECOND_TARGET, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
-from calib.model.regressors import StepAt
+from calib.model.regressors import CreepBetween, Regressor, StepAt
 from calib.scan.steps import Steps
 
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
@@ -46,18 +49,41 @@ KINDS = (
         changed="The tool moved on the flange: its targets by {size}.",
         remedy="Re-teach the tool, or correct targets with the updated model.",
     ),
+    Kind(
+        "base_creep",
+        words="base or instrument moving slowly",
+        check="Check the feet of robot and instrument and the floor below; measure the nests between the poses.",
+        apart=(LATER,),
+    ),
+    Kind(
+        "tool_creep",
+        words="tool moving slowly on the flange",
+        check="Check clamp and bolts of the tool and the seats of its targets, and what warms or loads them.",
+        apart=(LATER,),
+    ),
 )
 
 
-def _shift(name: str, meaning: str, rank: float, turn_deg: float = 0.1) -> Effect:
-    step = StepAt(int(rank))
+def _moving(label: str, meaning: str, moves: Regressor, shape: dict[str, float], turn_deg: float) -> Effect:
+    body = label.partition("_")[0]
     acts = {
-        axis: ("mm", 0.5, [(f"{name}.{axis}", step)])
+        axis: ("mm", 0.5, [(f"{body}.{axis}", moves)])
         if len(axis) == 1
-        else ("deg", turn_deg, [(f"{name}.{axis}", step)])
+        else ("deg", turn_deg, [(f"{body}.{axis}", moves)])
         for axis in _AXES
     }
-    return effect(f"{name}_shift", "frames and tool", "mounting", meaning, acts, {"rank": float(int(rank))})
+    return effect(label, "frames and tool", "mounting", meaning, acts, shape)
+
+
+def _shift(name: str, meaning: str, rank: float, turn_deg: float = 0.1) -> Effect:
+    return _moving(f"{name}_shift", meaning, StepAt(int(rank)), {"rank": float(int(rank))}, turn_deg)
+
+
+def creep(name: str, rank: float, until: float) -> Effect:
+    """Base or tool (`name`) creeps from the reading of `rank` to that of `until`; parameters as those of a step."""
+    shape = {"rank": float(int(rank)), "until": float(int(until))}
+    meaning = f"The {name} moved slowly from one reading to another."
+    return _moving(f"{name}_creep", meaning, CreepBetween(int(rank), int(until)), shape, 0.1)
 
 
 def base_shift(rank: float, turn_deg: float = 0.1) -> Effect:
@@ -81,8 +107,9 @@ def changes(survey: Survey) -> list[Effect]:
 
 def _family(label: str, ranks: Array) -> Steps:
     """The scan of one kind of step over some change points."""
-    slots = tuple(f"{label.removesuffix('_shift')}.{axis}" for axis in _AXES)
-    return Steps(label, slots, ranks, MAKERS[label])
+    body = label.removesuffix("_shift")
+    slots = tuple(f"{body}.{axis}" for axis in _AXES)
+    return Steps(label, slots, ranks, MAKERS[label], partial(creep, body))
 
 
 def change_points(survey: Survey) -> Array:
