@@ -15,9 +15,11 @@ from __future__ import annotations
 import logging
 import math
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import zip_longest
+from typing import TypedDict
 
 from drivers.bridge import mbp
 from drivers.deadlines import InstrumentDeadlines
@@ -53,6 +55,15 @@ _WEAKNESS = (
 _STATES = ("OFF", "WARMING", "READY", "BUSY", "ERROR", "ESTOP")
 
 
+class Talk(TypedDict, total=False):
+    """How a driver talks with its bridge, handed on to its session: seconds between two signs of life while nothing is
+    asked, None for none; who sees the bytes on the wire; the clock of waits, s."""
+
+    heartbeat_s: float | None
+    wire: WireSink | None
+    clock: Callable[[], float]
+
+
 class MbpSession:
     """The client of a bridge of `kind`. Questions block; `stop` may be called from any thread."""
 
@@ -63,10 +74,10 @@ class MbpSession:
         kind: str,
         limits: Callable[[], InstrumentDeadlines],
         *,
-        heartbeat_s: float | None,
-        wire: WireSink | None,
-        clock: Callable[[], float],
         serial: bool = False,
+        heartbeat_s: float | None = 4.0,
+        wire: WireSink | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """`serial`: a URL that is not tcp:// is that of a serial line. Raises ConfigError for what is no address."""
         line = (

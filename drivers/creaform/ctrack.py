@@ -11,11 +11,11 @@ Millimetres, quaternion scalar first.
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from typing import Unpack
 
 from drivers.bridge import mbp
-from drivers.bridge.session import MbpSession
+from drivers.bridge.session import MbpSession, Talk
 from drivers.deadlines import InstrumentDeadlines
 from drivers.errors import (
     AcquisitionError,
@@ -27,7 +27,6 @@ from drivers.errors import (
     TargetNotSeen,
 )
 from drivers.interfaces import Identity, InstrumentStatus, PoseReading
-from drivers.link import WireSink
 
 REFERENCE, LEAST_ON_REFERENCE = "base", 12  # the body on the robot's foot, and the targets that it needs
 _FARTHEST_MM = 20_000.0  # beyond the volume of any C-Track
@@ -55,10 +54,8 @@ class CTrack:
         age_limit_s: float = 1.0,
         scatter_limit_mm: float = 0.25,
         scatter_limit_mrad: float = 1.0,
-        heartbeat_s: float | None = 4.0,
         deadlines: InstrumentDeadlines | None = None,
-        wire: WireSink | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        **talk: Unpack[Talk],
     ) -> None:
         if not rate_hz > 0:
             raise ConfigError(f"rate_hz {rate_hz} must be positive", device=name)
@@ -72,9 +69,7 @@ class CTrack:
         self._age_limit_s = age_limit_s
         self._scatter_limits = (scatter_limit_mm, scatter_limit_mrad)
         self.deadlines = deadlines or InstrumentDeadlines()
-        self.session = MbpSession(
-            url, name, "OCMM", lambda: self.deadlines, heartbeat_s=heartbeat_s, wire=wire, clock=clock
-        )
+        self.session = MbpSession(url, name, "OCMM", lambda: self.deadlines, **talk)
         self._bodies: dict[str, int] = {}
 
     def connect(self) -> None:

@@ -6,15 +6,14 @@ be taken as a point is `drivers.bridge.tracker`.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import Unpack
 
-from drivers.bridge.session import MbpSession
+from drivers.bridge.session import MbpSession, Talk
 from drivers.bridge.tracker import Asked, ask_weather, check_question, point_at, point_of, status_of
 from drivers.deadlines import InstrumentDeadlines
 from drivers.errors import ConfigError
 from drivers.interfaces import Identity, InstrumentStatus, PointReading
-from drivers.link import WireSink
 
 
 class FaroTracker:
@@ -31,10 +30,8 @@ class FaroTracker:
         rate_hz: float = 100.0,
         age_limit_s: float = 1.0,
         scatter_limit_mm: float = 0.25,
-        heartbeat_s: float | None = 4.0,
         deadlines: InstrumentDeadlines | None = None,
-        wire: WireSink | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        **talk: Unpack[Talk],
     ) -> None:
         if distance_mode not in ("ADM", "IFM", "IFM_ADM"):
             raise ConfigError(f"distance_mode {distance_mode!r} is not ADM, IFM or IFM_ADM", device=name)
@@ -45,9 +42,7 @@ class FaroTracker:
         self._distance_mode = distance_mode
         self._rate_hz = rate_hz
         self._limits = (age_limit_s, scatter_limit_mm)
-        self.session = MbpSession(
-            url, name, "TRACKER", lambda: self.deadlines, heartbeat_s=heartbeat_s, wire=wire, clock=clock
-        )
+        self.session = MbpSession(url, name, "TRACKER", lambda: self.deadlines, **talk)
 
     def connect(self) -> None:
         """Open and greet; the head does not move. Raises LinkError, Busy."""

@@ -8,19 +8,18 @@ speak emScon (AT901, AT401, AT402) need no bridge: `drivers.leica.emscon`.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
+from typing import Unpack
 
 from drivers.bridge import mbp
-from drivers.bridge.session import MbpSession
+from drivers.bridge.session import MbpSession, Talk
 from drivers.bridge.stream import point_stream
 from drivers.bridge.tracker import Asked, ask_weather, check_question, point_at, point_of, status_of
 from drivers.deadlines import InstrumentDeadlines
 from drivers.errors import CommandRefused, ConfigError, NotReady
 from drivers.interfaces import Identity, InstrumentStatus, PointReading, Sample
-from drivers.link import WireSink
 
 # LMF: 12 s for a Standard or Precise point, 2 s more for two faces, 3 s for going there.
 LEICA_DEADLINES = replace(InstrumentDeadlines(), measure_margin_s=15.0)
@@ -46,10 +45,8 @@ class LeicaTracker:
         search_radius_mm: float = 30.0,
         age_limit_s: float = 1.0,
         scatter_limit_mm: float = 0.25,
-        heartbeat_s: float | None = 4.0,
         deadlines: InstrumentDeadlines | None = None,
-        wire: WireSink | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        **talk: Unpack[Talk],
     ) -> None:
         if profile not in _PROFILES or faces not in _FACES:
             raise ConfigError(f"profile is one of {_PROFILES}, faces one of {tuple(_FACES)}", device=name)
@@ -65,9 +62,7 @@ class LeicaTracker:
         self._search_radius_mm = search_radius_mm
         self._limits = (age_limit_s, scatter_limit_mm)
         self.deadlines = deadlines or LEICA_DEADLINES
-        self.session = MbpSession(
-            url, name, "TRACKER", lambda: self.deadlines, heartbeat_s=heartbeat_s, wire=wire, clock=clock
-        )
+        self.session = MbpSession(url, name, "TRACKER", lambda: self.deadlines, **talk)
 
     def connect(self) -> None:
         """Open and greet; the head does not move. Raises LinkError, ProtocolError, Busy."""

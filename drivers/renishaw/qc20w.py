@@ -15,12 +15,12 @@ can be (metres), or when the radio link broke within its time. mm, s, degC.
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Unpack
 
 from drivers.bridge import mbp
-from drivers.bridge.session import MbpSession
+from drivers.bridge.session import MbpSession, Talk
 from drivers.deadlines import InstrumentDeadlines
 from drivers.errors import (
     AcquisitionError,
@@ -32,7 +32,6 @@ from drivers.errors import (
     Refused,
 )
 from drivers.interfaces import Identity, InstrumentStatus, LengthReading
-from drivers.link import WireSink
 
 STROKE_MM = 1.0
 _LONGEST_MM = 5000.0
@@ -74,10 +73,8 @@ class Qc20w:
         rate_hz: float = 100.0,
         age_limit_s: float = 1.0,
         scatter_limit_mm: float = 0.002,
-        heartbeat_s: float | None = 4.0,
         deadlines: InstrumentDeadlines | None = None,
-        wire: WireSink | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        **talk: Unpack[Talk],
     ) -> None:
         if not 0.0 < nominal_mm < _LONGEST_MM or not rate_hz > 0.0:
             raise ConfigError(f"nominal_mm {nominal_mm} and rate_hz {rate_hz} must be positive", device=name)
@@ -91,16 +88,7 @@ class Qc20w:
         self._age_limit_s = age_limit_s
         self._scatter_limit_mm = scatter_limit_mm
         self.deadlines = deadlines or InstrumentDeadlines()
-        self.session = MbpSession(
-            url,
-            name,
-            "BALLBAR",
-            lambda: self.deadlines,
-            heartbeat_s=heartbeat_s,
-            wire=wire,
-            clock=clock,
-            serial=True,
-        )
+        self.session = MbpSession(url, name, "BALLBAR", lambda: self.deadlines, serial=True, **talk)
 
     def connect(self) -> None:
         """Open and greet. Raises LinkError, ProtocolError, Busy."""
