@@ -129,9 +129,9 @@ def changes(survey: Survey) -> list[Effect]:
 
 def unclaimed(survey: Survey) -> list[Effect]:
     """The effects that may be there unclaimed and that later readings would meet otherwise: those that can set in, what
-    follows the air, and waves so long that the targets of a watch turn them into a zero of the joint before."""
+    follows the air, and waves so long that few poses see one stretch of them, as a lost zero."""
     growth = [candidate.effect for candidate in thermal_growth.offer(survey)]
-    waves = [by_axis(wave, survey.robot) for wave in periodic.once_a_turn(survey)]
+    waves = [by_axis(wave, survey.robot) for wave in periodic.long_waves(survey)]
     return [*changes(survey), *growth, *waves]
 
 

@@ -10,9 +10,10 @@ model's parameters and s the noise of the fit,
 D is the covariance of what is left open, about d = D B'r / s^2 by the residual r, and G what the parameters of the
 model have taken on of a unit of it. A prediction elsewhere is off by X e + (B - X G) b, e ~ C, b ~ N(d, D). The model
 corrects without d, which is not claimed; a watch compares with it. What follows the air is left open too: each
-watch has an air of its own. So is a wave of one cycle a turn, which is no scatter: a target goes round with its joint,
-so that A cos q moves it alike at every pose, seen from the joint before, as a lost zero of that would. The rest of what
-the model lacks is kept as a scatter of the joints (`calib.saved.scatter`).
+watch has an air of its own. So are waves of one cycle a turn and of two, which are no scatter: ten poses see stretches
+of them, and a target goes round with its joint, so that A cos q moves it alike at every pose, seen from the joint
+before, as a lost zero of that would. The rest of what the model lacks is kept as a scatter of the joints
+(`calib.saved.scatter`).
 
 Source: Kennedy and O'Hagan 2001 (what a model lacks is one more unknown).
 """

@@ -16,6 +16,7 @@ from calib.watch.seen import Seen
 
 _STEPS = 10
 _NEAR = 0.01  # standard errors that a last step may move
+_SHOWN = 0.1  # of what readings and usual size together say of a parameter, what the readings must
 
 
 @dataclass(frozen=True)
@@ -64,12 +65,17 @@ class Cause:
 def fitted(seen: Seen, effect: Effect, whiten: Array, mean: Array | None = None) -> Cause:
     """A cause fitted to what a baseline sees, held weakly to its usual sizes. whiten (q, q): of `Seen.spread`.
 
+    The usual size of a lone parameter decides how likely it is, not how large: a scale that is usually within 10 ppm
+    and is 60 would be told as 35, with a U that does not reach the truth.
+
     What shifts and turns is as likely to have only shifted: its values are the mean of both fits by their evidence,
     since turns that are only noise would move the robot where nothing was measured. mean (q,): residual of
     several watches, whitened by noise alone; small, and explained by the derivative.
     """
     units = np.array([p.unit for p in effect.parameters])
     whole = _fit(seen, effect, whiten, mean, units != "")
+    if len(units) == 1:
+        return _freed(seen, whole, whiten, mean)
     if np.all(units == units[0]):
         return whole
     shifted = _fit(seen, effect, whiten, mean, units == units[0])
@@ -84,6 +90,23 @@ def fitted(seen: Seen, effect: Effect, whiten: Array, mean: Array | None = None)
     return replace(
         whole, values=values, covariance=covariance, size=size_of(seen, effect, values, covariance)
     )
+
+
+def _freed(seen: Seen, cause: Cause, whiten: Array, mean: Array | None) -> Cause:
+    """A cause of one parameter without the pull of its usual size; gain and evidence stay."""
+    p = cause.effect.parameters[0]
+    kept = 1.0 - cause.covariance[0, 0] / to_internal(p.size or 1.0, p.unit) ** 2
+    if kept < _SHOWN:  # no reading shows it
+        return cause
+    values, covariance = cause.values / kept, cause.covariance / kept
+    columns = whiten @ seen.columns[seen.causes.index(cause.effect)]
+    left = (
+        whiten @ seen.exact(cause.effect, values)
+        if mean is None
+        else cause.left + columns @ (cause.values - values)
+    )
+    size = size_of(seen, cause.effect, values, covariance)
+    return replace(cause, values=values, covariance=covariance, left=left, size=size)
 
 
 def _fit(seen: Seen, effect: Effect, whiten: Array, mean: Array | None, free: NDArray[np.bool_]) -> Cause:

@@ -100,6 +100,7 @@ def test_an_unchanged_robot_is_left_alone(saved: SavedModel, measure: Callable[.
         ("tool_shift", {"dx": 0.2, "dy": 0.0, "dz": 0.0}, "tool_shift", 0.2),
         ("base_shift", {"dx": 0.0, "dy": 0.0, "dz": 0.3}, "base_shift", 0.3),
         ("payload_mass", {"mass": 0.8}, "payload_mass", 0.8),
+        ("tracker_scale", {"s": 60.0}, "tracker_scale", 60.0),  # six times what is usual
     ],
 )
 def test_a_change_is_named_with_its_size(

@@ -66,6 +66,7 @@ def test_cameras_watch_a_robot_and_name_a_bumped_tool(model: Path, tmp_path: Pat
         assert main([*command, "--simulate", "--json", str(tmp_path / "v.json"), *more]) == code
         data = read_dataset(record / "watch.csv")
         assert len(data) == 20
+        assert data.header.readings == data.reading_id  # a row that is deleted is missed
         assert data.turned.all()  # cameras see how the tool is turned, too
         assert len(np.unique(data.conditions.visit)) == 5  # four readings at every rest
         return json.loads((tmp_path / "v.json").read_text("utf-8"))

@@ -58,9 +58,10 @@ def periodic(joint: int, order: float) -> Effect:
     )
 
 
-def once_a_turn(survey: Survey) -> list[Effect]:
-    """The waves of one cycle a turn of the joints that turned, of usual sizes: wheels or encoders out of centre."""
-    waves = [periodic(joint, 1.0) for joint in survey.moving if joint not in survey.curves]
+def long_waves(survey: Survey) -> list[Effect]:
+    """The waves of one cycle and of two of the joints that turned, of usual sizes: wheels or encoders out of centre."""
+    joints = [joint for joint in survey.moving if joint not in survey.curves]
+    waves = [periodic(joint, order) for joint in joints for order in (1.0, 2.0)]
     return [
         replace(wave, parameters=tuple(replace(p, size=_USUAL_DEG) for p in wave.parameters))
         for wave in waves
