@@ -123,7 +123,7 @@ def follow_up_of(follow_up: FollowUp) -> list[dict[str, Any]]:
     joints_deg as the controller counts them; sides +1 from below, -1 from above, of every joint of a pose;
     approach_deg: how far before the pose the last move begins.
     """
-    joints, robot = follow_up.joints.shape[1], follow_up.rivals[0].fitted.model.robot
+    joints, robot = follow_up.joints.shape[1], next(iter(follow_up.rivals.values())).model.robot
     poses = {
         "kind": "poses",
         "joints_deg": np.round(follow_up.joints / robot.joint_units, 4).tolist(),
