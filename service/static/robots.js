@@ -67,14 +67,14 @@ export function open(root) {
 
 // The last position error, with a sign where it is more than permitted; and a date that only a wrong clock can have written.
 export const errorOf = (robot) => h("span", { className: robot.beyond_permitted ? "overdue" : "" }, robot.error_mm ? `${robot.beyond_permitted ? "⚠ " : ""}${withU(robot.error_mm.rms, robot.error_mm.u, "mm")}` : "–");
-export const doubt = (robot) => (robot.doubtful_date ? h("span", { className: "overdue" }, ` ⚠ ${t("doubtfulDate", { date: day(robot.doubtful_date) })}`) : null);
+export const doubt = (robot) => (robot.doubtful_date ? h("p", { className: "advice overdue" }, `⚠ ${t("doubtfulDate", { date: day(robot.doubtful_date) })}`) : null);
 
 function line(robot, permitted) {
   const said = robot.watched, cause = said && robot.state !== "recalibrated" && said.causes[0];
   const fact = (name, ...what) => h("div", {}, h("dt", {}, t(name)), h("dd", {}, what));
   return [h("div", { className: "whose" }, h("a", { href: `#/robot/${robot.id}`, className: "do", "data-name": robot.id }, robot.serial), h("span", { className: "dim" }, `${robot.model} · ${robot.cells.join(", ")}`), stateOf(robot.state)),
     h("dl", {}, fact("lastCause", cause ? causeOf(cause) + (said.causes.length > 1 ? ` ${t("orOthers", { n: said.causes.length - 1 })}` : "") : t("noCause")),
-      fact("positionError", errorOf(robot)), fact("nextCheck", dueOf(robot.due)), fact("lastMeasured", day(robot.last_measured), doubt(robot))),
+      fact("positionError", errorOf(robot)), fact("nextCheck", dueOf(robot.due)), fact("lastMeasured", day(robot.last_measured))),
     h("div", { className: "spark-of" }, robot.errors.length ? sparkline(robot.errors, permitted) : h("span", { className: "dim" }, t("noErrors"))),
-    ["changed", "ambiguous", "unexplained"].includes(robot.state) ? h("p", { className: "advice" }, `${t("whatToDo")} `, saidOf(said.advice)) : null].filter(Boolean);
+    ["changed", "ambiguous", "unexplained"].includes(robot.state) ? h("p", { className: "advice" }, `${t("whatToDo")} `, saidOf(said.advice)) : null, doubt(robot)].filter(Boolean);
 }
