@@ -32,7 +32,7 @@ export function open(root) {
   } } }, h("label", {}, t("documentFiles"), file), h("label", {}, t("serialWhereNone"), serial), h("button", {}, t("keepThem"))), kept = h("ul", { role: "status" });
   const adding = h("details", {}, h("summary", {}, t("addDocuments")), h("p", { className: "dim" }, t("addDocumentsHint")), send, kept);
   const search = h("input", { type: "search", id: "search", size: 28, on: { input: () => { if (known) show(known); } } }), care = h("p", { className: "big", role: "status", id: "care" });
-  const rest = h("ul", { className: "robots", ariaLabel: t("robotsAtRest") }), count = h("summary", {}), others = h("details", { id: "others" }, count, rest);
+  const rest = h("ul", { className: "robots", ariaLabel: t("robotsAtRest") }), count = h("summary", {}), others = h("details", { id: "others", hidden: true }, count, rest);
   let known = null;
   root.append(h("section", { className: "wide" }, h("h2", {}, t("robotsKept")), says, care, h("p", {}, h("label", {}, t("searchRobots"), " ", search)), list, others, about, refused, adding, h("p", {}, h("a", { href: "#/result", className: "do" }, t("allResultsHere")))), arm);
   let asked = 0;
