@@ -40,7 +40,7 @@ export function open(root, id) {
       said ? h("p", {}, `${t("watchedOn", { date: day(said.measured) })} `, saidOf(said.in_words)) : null,
       said && said.causes.length ? h("p", {}, `${t(said.causes.length > 1 ? "classOfCauses" : "lastCause")}: `, h("strong", {}, causeOf(said.causes[0]))) : null,
       said && said.causes.length > 1 ? h("ul", {}, said.causes.map((each) => h("li", {}, `${causeOf(each)}: `, saidOf(each.in_words)))) : null,
-      h("dl", { className: "facts" }, fact("positionError", errorOf(robot)), fact("lastMeasured", day(robot.last_measured), doubt(robot)), fact("cells", robot.cells.join(", ")), fact("baseline", robot.baseline ? day(robot.baseline.measured) : "–"))]);
+      h("dl", { className: "facts" }, fact("positionError", errorOf(robot)), fact("lastMeasured", day(robot.last_measured)), fact("cells", robot.cells.join(", ")), fact("baseline", robot.baseline ? day(robot.baseline.measured) : "–")), doubt(robot)]);
     fill(date, [robot.due, robot.permitted_mm], () => [h("p", { className: "big" }, dueOf(robot.due)), h("p", {}, saidOf(robot.due.because)),
       h("p", { className: "dim" }, `${t("byIlac", { method: t(`method_${reckoning.method}`) })} ${robot.permitted_mm ? t("permittedIs", { mm: number(robot.permitted_mm) }) : t("permittedUnknown")}`)]);
     fill(papers, [robot.history, robot.left_out], () => [documents(robot.history), robot.left_out ? h("p", { className: "dim" }, t("olderLeftOut", { n: robot.left_out })) : null]);
@@ -73,7 +73,7 @@ export function open(root, id) {
 }
 
 const outcome = (job) => (job.result && job.result.verdict ? t(`robot_${job.result.verdict}`) : state(job.state));
-const fact = (name, ...what) => h("div", {}, h("dt", {}, t(name)), h("dd", {}, what));
+const fact = (name, what) => h("div", {}, h("dt", {}, t(name)), h("dd", {}, what));
 
 // What lies outside its limits first, and the error before all; the steady ones are there to be opened.
 function drawTrends(place, trends, permitted) {

@@ -32,7 +32,7 @@ export function open(root) {
   } } }, h("label", {}, t("documentFiles"), file), h("label", {}, t("serialWhereNone"), serial), h("button", {}, t("keepThem"))), kept = h("ul", { role: "status" });
   const adding = h("details", {}, h("summary", {}, t("addDocuments")), h("p", { className: "dim" }, t("addDocumentsHint")), send, kept);
   const search = h("input", { type: "search", id: "search", size: 28, on: { input: () => { if (known) show(known); } } }), care = h("p", { className: "big", role: "status", id: "care" });
-  const rest = h("ul", { className: "robots", ariaLabel: t("robotsAtRest") }), count = h("summary", {}), others = h("details", { id: "others" }, count, rest);
+  const rest = h("ul", { className: "robots", ariaLabel: t("robotsAtRest") }), count = h("summary", {}), others = h("details", { id: "others", hidden: true }, count, rest);
   let known = null;
   root.append(h("section", { className: "wide" }, h("h2", {}, t("robotsKept")), says, care, h("p", {}, h("label", {}, t("searchRobots"), " ", search)), list, others, about, refused, adding, h("p", {}, h("a", { href: "#/result", className: "do" }, t("allResultsHere")))), arm);
   let asked = 0;
@@ -67,14 +67,14 @@ export function open(root) {
 
 // The last position error, with a sign where it is more than permitted; and a date that only a wrong clock can have written.
 export const errorOf = (robot) => h("span", { className: robot.beyond_permitted ? "overdue" : "" }, robot.error_mm ? `${robot.beyond_permitted ? "⚠ " : ""}${withU(robot.error_mm.rms, robot.error_mm.u, "mm")}` : "–");
-export const doubt = (robot) => (robot.doubtful_date ? h("span", { className: "overdue" }, ` ⚠ ${t("doubtfulDate", { date: day(robot.doubtful_date) })}`) : null);
+export const doubt = (robot) => (robot.doubtful_date ? h("p", { className: "advice overdue" }, `⚠ ${t("doubtfulDate", { date: day(robot.doubtful_date) })}`) : null);
 
 function line(robot, permitted) {
   const said = robot.watched, cause = said && robot.state !== "recalibrated" && said.causes[0];
   const fact = (name, ...what) => h("div", {}, h("dt", {}, t(name)), h("dd", {}, what));
   return [h("div", { className: "whose" }, h("a", { href: `#/robot/${robot.id}`, className: "do", "data-name": robot.id }, robot.serial), h("span", { className: "dim" }, `${robot.model} · ${robot.cells.join(", ")}`), stateOf(robot.state)),
     h("dl", {}, fact("lastCause", cause ? causeOf(cause) + (said.causes.length > 1 ? ` ${t("orOthers", { n: said.causes.length - 1 })}` : "") : t("noCause")),
-      fact("positionError", errorOf(robot)), fact("nextCheck", dueOf(robot.due)), fact("lastMeasured", day(robot.last_measured), doubt(robot))),
+      fact("positionError", errorOf(robot)), fact("nextCheck", dueOf(robot.due)), fact("lastMeasured", day(robot.last_measured))),
     h("div", { className: "spark-of" }, robot.errors.length ? sparkline(robot.errors, permitted) : h("span", { className: "dim" }, t("noErrors"))),
-    ["changed", "ambiguous", "unexplained"].includes(robot.state) ? h("p", { className: "advice" }, `${t("whatToDo")} `, saidOf(said.advice)) : null].filter(Boolean);
+    ["changed", "ambiguous", "unexplained"].includes(robot.state) ? h("p", { className: "advice" }, `${t("whatToDo")} `, saidOf(said.advice)) : null, doubt(robot)].filter(Boolean);
 }

@@ -130,10 +130,17 @@ CHANGES = (
         _STORE,
     ),
     Change(
-        "fleet/store/store.py",
-        ".order_by(p.name, p.measured_at, p.document)",
-        ".order_by(p.name, p.document)",
+        "fleet/store/trends.py",
+        ".order_by(p.robot, p.name, p.measured_at, p.document)",
+        ".order_by(p.robot, p.name, p.document)",
         "a trend is in the order in which documents came",
+        _STORE,
+    ),
+    Change(
+        "fleet/store/standing.py",
+        "(d.measured_at > d.added_at, d.added_at)",
+        "(d.measured_at > d.added_at, d.measured_at)",
+        "a cell whose clock is ahead has the last word for years",
         _STORE,
     ),
     Change(
