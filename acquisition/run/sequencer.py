@@ -83,7 +83,7 @@ class Sequencer:
         self._clock = clock
         self._calendar = Calendar(clock)
         zero = Zeroing(self._needs_another_bar, self._zero)
-        self._gates = Gates(store, cell, campaign, self._wait, control, self._ask, self._measure_nests, zero)
+        self._gates = Gates(store, campaign, self._wait, control, self._ask, self._measure_nests, zero)
         self._hands = Hands(cell, self._answer, lambda nest: self._nests.near_mm(nest) is None)
         self._touches = Touches(cell, self._attempts, rig, self._answer)
         self._placing = Placing(store, cell, campaign, self._consult)
