@@ -23,7 +23,6 @@ from acquisition.campaign.campaign import Campaign, NestCheck, WarmUp
 from acquisition.record.planned import Planned
 from acquisition.record.store import Store
 from acquisition.run.orders.control import Control
-from acquisition.run.prompts.picture import Picture
 
 _FIRST_VISIT = """
 SELECT id, visit, status FROM pose WHERE replaced_by IS NULL AND visit = (
@@ -47,8 +46,8 @@ class Zeroing:
 class Gates:
     """The checks before an execution goes on.
 
-    wait: so many seconds; ask: put a question to a person, whose redo measures the readings given with it again;
-    measure_nests: all of them again, aimed at where they were with `aim` False.
+    wait: so many seconds; ask: put a question to a person, with the readings that its redo measures again and the name
+    of a picture; measure_nests: all of them again, aimed at where they were with `aim` False.
     """
 
     def __init__(
@@ -156,7 +155,7 @@ class Gates:
                 "confirm to go on from the nests as they are now; "
                 f"redo measures again what was measured since they were seen last ({len(since)}).",
                 since,
-                Picture(f"moved/{worst}"),
+                f"moved/{worst}",
             )
 
     # -- the arm ------------------------------------------------------------------------------------------
