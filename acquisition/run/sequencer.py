@@ -44,7 +44,7 @@ from acquisition.run.clock import Clock
 from acquisition.run.orders.control import Control, Stopping
 from acquisition.run.prompts.desk import Desk, Given
 from acquisition.run.prompts.hands import Hands
-from acquisition.run.prompts.picture import WORDS_ALONE, Picture
+from acquisition.run.prompts.picture import Picture
 from acquisition.run.prompts.touches import Touches
 from acquisition.run.rig.path import PathDrive
 from acquisition.run.rig.rig import Rig
@@ -83,7 +83,7 @@ class Sequencer:
         self._clock = clock
         self._calendar = Calendar(clock)
         zero = Zeroing(self._needs_another_bar, self._zero)
-        self._gates = Gates(store, cell, campaign, self._wait, control, self._ask, self._measure_nests, zero)
+        self._gates = Gates(store, campaign, self._wait, control, self._ask, self._measure_nests, zero)
         self._hands = Hands(cell, self._answer, lambda nest: self._nests.near_mm(nest) is None)
         self._touches = Touches(cell, self._attempts, rig, self._answer)
         self._placing = Placing(store, cell, campaign, self._consult)
@@ -360,13 +360,13 @@ class Sequencer:
         return self._ask(error.sentence)
 
     def _answer(self, text: str, picture: Picture) -> Answer:
-        return self._ask(text, picture=picture)
+        return self._ask(text, about=picture)
 
-    def _ask(self, text: str, again: Sequence[int] = (), picture: Picture = WORDS_ALONE) -> Answer:
+    def _ask(self, text: str, again: Sequence[int] = (), about: Picture | str | None = None) -> Answer:
         """The answer; a redo is done with here. Raises Stopping for abort, NoOperator, Pausing."""
         self._arrival = None
         self._rig.may_have_moved()
-        again = again or self._last
+        again, picture = again or self._last, about if isinstance(about, Picture) else Picture(about)
         return self._obeyed(self._desk.ask(text, picture, redo=bool(again)), again).answer
 
     def _obeyed(self, given: Given, again: Sequence[int]) -> Given:

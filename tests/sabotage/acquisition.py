@@ -301,8 +301,8 @@ CHANGES = (
     ),
     Change(
         "acquisition/run/checks/gates.py",
-        "between and self._since_nests >= check.every:",
-        "between and self._since_nests > check.every:",
+        "between and len(self._since_nests) >= check.every:",
+        "between and len(self._since_nests) > check.every:",
         "nests are checked one reading too late",
         ("tests/acquisition/test_gates.py",),
     ),

@@ -3,8 +3,7 @@
     warm-up      the first visit, the reference pose, is measured until its last readings lie close together; those
                  before stay in the record, out of use. Again in every execution: the arm may have cooled down
     nest check   the nests are measured again after so many readings, and after the last; when one is beyond the limit
-                 from where the world frame has it, a person decides what becomes of the readings since. A campaign
-                 that asks for no check has the last one all the same, where it costs nobody a hand and they are old
+                 from where the world frame has it, a person decides what becomes of the readings since
     zero         the ballbar is read in its calibrator before the first visit, before each block and after so many
                  readings, and whenever a reading needs it built to another length
     new station  before the first reading of a block that asks for it, or when somebody says that the instrument is
@@ -20,12 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.campaign.campaign import Campaign, WarmUp
-from acquisition.cell.cell import Cell
+from acquisition.campaign.campaign import Campaign, NestCheck, WarmUp
 from acquisition.record.planned import Planned
 from acquisition.record.store import Store
 from acquisition.run.orders.control import Control
-from acquisition.run.prompts.picture import Picture
 
 _FIRST_VISIT = """
 SELECT id, visit, status FROM pose WHERE replaced_by IS NULL AND visit = (
@@ -35,12 +32,6 @@ _LAST_BLOCK = """
 SELECT pose.block FROM attempt JOIN pose ON pose.id = attempt.pose
 WHERE attempt.kind = 'measure' AND attempt.status = 'good' AND pose.kind = 'pose' ORDER BY attempt.id DESC LIMIT 1
 """
-
-
-OLD_NESTS_S = 1800.0
-LAST_LIMIT_MM = (
-    0.1  # of a last check that nobody asked for: trackers drift by some hundredths in the hours of a campaign
-)
 
 
 @dataclass(frozen=True)
@@ -55,14 +46,13 @@ class Zeroing:
 class Gates:
     """The checks before an execution goes on.
 
-    wait: so many seconds; ask: put a question to a person, whose redo measures the readings given with it again;
-    measure_nests: all of them again, aimed at where they were with `aim` False.
+    wait: so many seconds; ask: put a question to a person, with the readings that its redo measures again and the name
+    of a picture; measure_nests: all of them again, aimed at where they were with `aim` False.
     """
 
     def __init__(
         self,
         store: Store,
-        cell: Cell,
         campaign: Campaign,
         wait: Callable[[float], None],
         control: Control,
@@ -71,7 +61,6 @@ class Gates:
         zeroing: Zeroing,
     ) -> None:
         self._store = store
-        self._instrument = cell.instrument
         self._campaign = campaign
         self._wait, self._control = wait, control
         self._ask = ask
@@ -80,7 +69,6 @@ class Gates:
         self._since_zero: int | None = None
         self._station: int | None = None  # of the instrument now; None: not yet looked up
         self._since_nests: list[int] = []  # planned readings of poses that were measured
-        self._nests_at_s: float | None = None  # of the first of them
         self._visit: int | None = None  # of the last reading
         self._block: int | None = None  # of the last reading of a pose
         self._warming = campaign.warm_up
@@ -97,7 +85,7 @@ class Gates:
         check = self._campaign.nest_check
         between = planned.visit.number != self._visit  # the robot goes elsewhere anyway
         if check is not None and between and len(self._since_nests) >= check.every:
-            self._check_nests(check.limit_mm)
+            self._check_nests(check)
         old = self._campaign.zero_every and between and self._zero_is_old(planned)
         if old or self._zeroing.another(planned):
             self._since_zero = 0
@@ -107,8 +95,6 @@ class Gates:
 
     def measured(self, planned: Planned, world_mm: Sequence[float] | None) -> None:
         """A good reading of a pose; `world_mm` of a point."""
-        if not self._since_nests:
-            self._nests_at_s = self._store.moment().t_s
         self._since_nests.append(planned.id)
         if self._since_zero is not None:
             self._since_zero += 1
@@ -151,36 +137,25 @@ class Gates:
 
     def look_back(self) -> None:
         """After the last reading: is the instrument still where it was when the nests were measured?"""
-        check, declared = self._campaign.nest_check, self._instrument.declared
-        if declared.measures_lengths or not self._since_nests:
-            return
-        if check is not None:
-            self._check_nests(check.limit_mm)
-        elif not (self._instrument.one_smr or declared.by_hand or self._nests_age_s < OLD_NESTS_S):
-            self._check_nests(LAST_LIMIT_MM, asked_for=False)
+        if (check := self._campaign.nest_check) is not None and self._since_nests:
+            self._check_nests(check)
 
-    @property
-    def _nests_age_s(self) -> float:
-        return (self._store.moment().t_s or 0.0) - (self._nests_at_s or 0.0)
-
-    def _check_nests(self, limit_mm: float, *, asked_for: bool = True) -> None:
-        kept = self._store.world_nests_mm
-        before = kept or self._store.nests_mm()
+    def _check_nests(self, check: NestCheck) -> None:
+        before = self._store.world_nests_mm or self._store.nests_mm()
         standing = {each.id for each in self._store.plan()}
         since = [each for each in self._since_nests if each in standing]
         self._measured_nests(f"check after {len(since)} readings: has the instrument moved?", aim=False)
         off = {name: _apart(before[name], point) for name, point in self._store.nests_mm().items()}
         worst = max(off, key=lambda name: off[name])
-        self._store.add_event("nests_checked", off_mm=off[worst], limit_mm=limit_mm)
-        within_noise = self._store.world_nests_mm == kept
-        if off[worst] > limit_mm and (asked_for or not within_noise):
+        self._store.add_event("nests_checked", off_mm=off[worst], limit_mm=check.limit_mm)
+        if off[worst] > check.limit_mm:
             self._ask(
                 f"Nest {worst} is {off[worst]:.3f} mm from where the world frame has it, "
-                f"the limit is {limit_mm:g} mm. Look at the instrument and its stand; "
+                f"the limit is {check.limit_mm:g} mm. Look at the instrument and its stand; "
                 "confirm to go on from the nests as they are now; "
                 f"redo measures again what was measured since they were seen last ({len(since)}).",
                 since,
-                Picture(f"moved/{worst}"),
+                f"moved/{worst}",
             )
 
     # -- the arm ------------------------------------------------------------------------------------------
