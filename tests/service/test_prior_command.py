@@ -119,7 +119,7 @@ def test_what_cannot_be_learnt_from_or_used_is_refused(
     models = [str(folder / f"{i}.json") for i in range(ROBOTS)]
     out = ["--out", str(tmp_path / "p.json")]
     for arguments, said in (
-        (["fleet", "learn", *models[:3], *out], "there are 3 models"),
+        (["fleet", "learn", *models[:3], *out], "too few models to learn from: 3"),
         (["fleet", "learn", *models, models[0], *out], "count twice"),
         (["fleet", "learn", str(prior), *out], "is not a model file"),
         (["fleet", "learn", *models, "--out", models[0]], "which is read"),
