@@ -143,10 +143,12 @@ def explained(
     *,
     tool_unknown: bool,
     zero_unknown: bool,
+    tool_as_given: bool = False,
 ) -> Explanation | None:
     """The hypothesis that explains the readings clearly better than the files do; None where there is none, or no need.
 
-    others: the hypotheses to try, the simpler ones first; tools: (T, 3) mm, nominal targets.
+    others: the hypotheses to try, the simpler ones first; tools: (T, 3) mm, nominal targets; tool_as_given:
+    try them with these targets alone, since many at once can do what a tool of another length does.
     """
 
     def missed(of: Meaning, free: bool) -> float:
@@ -156,7 +158,7 @@ def explained(
         miss, extent = of.miss(tools, tool_unknown=free, zero_unknown=zero_unknown)
         return miss / max(extent, 1e-9)
 
-    for free in (False, True):
+    for free in (False,) if tool_as_given else (False, True):
         if free < tool_unknown or (free and meaning.points is None):
             continue
         plain = share(meaning, free)

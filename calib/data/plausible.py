@@ -112,7 +112,9 @@ def _refuse_misread(
         ),
         tools,
         **unknown,
-    ) or explained(meaning, lambda: _pairs(meaning, everything, rows, measured), tools, **unknown)
+    ) or explained(
+        meaning, lambda: _pairs(meaning, everything, rows, measured), tools, tool_as_given=True, **unknown
+    )
     if why is None:
         if pointed and "tool" not in header.groups:
             _refuse_mixed(dataset, series, meaning, tools, rows)

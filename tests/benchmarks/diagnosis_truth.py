@@ -26,6 +26,7 @@ from calib.effects import Survey, offers
 from calib.model import Design
 from calib.scan import Family, Scores, Space
 from calib.scan.harmonics import HarmonicScores
+from calib.scan.steps import StepScores
 from mocks.campaign import Campaign
 from mocks.world import Effect, World, displacement
 
@@ -128,6 +129,8 @@ def _rivals(family: object, label: str) -> NDArray[np.bool_]:
         if label.startswith(family.label + ":"):
             return whole & (np.abs(orders - float(label.rpartition(":n")[2])) > 0.5)
         return whole
+    if isinstance(family, StepScores):  # a creep is never chosen: it is a rival of the step alone
+        return family.rivals if family.label == label else ~family.rivals
     return np.full(len(family.raw), family.label != label)  # type: ignore[attr-defined]
 
 

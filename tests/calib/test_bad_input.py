@@ -244,19 +244,11 @@ def joints(order: Sequence[int]) -> Change:
     return change
 
 
-def late(rows: list[Row], header: dict[str, Any]) -> None:
-    """What was measured stands one row below its joints."""
+def late_in_metres(rows: list[Row], header: dict[str, Any]) -> None:
+    times(0.001)(rows, header)
     measured = [{key: row[key] for key in ("tool_target", "x_mm", "y_mm", "z_mm")} for row in rows]
     for row, before in zip(rows[1:], measured, strict=False):
         row |= before
-
-
-def and_then(one: Change, other: Change) -> Change:
-    def change(rows: list[Row], header: dict[str, Any]) -> None:
-        one(rows, header)
-        other(rows, header)
-
-    return change
 
 
 FIT_CASES: dict[str, tuple[Change, str, str]] = {
@@ -268,13 +260,9 @@ FIT_CASES: dict[str, tuple[Change, str, str]] = {
     "metres": (times(0.001), "x_mm", "metres.*Multiply them by 1000"),
     "inches": (times(1.0 / 25.4), "x_mm", "inches.*Multiply them by 25.4"),
     "micrometres": (times(1000.0), "x_mm", "micrometres.*Multiply them by 0.001"),
-    "counted as KUKA does": (
-        joints((-1, 2, 3, -4, 5, -6)),
-        "j1_deg",
-        "joints 1, 4, 6 move in the other direction",
-    ),
+    "counted as KUKA does": (joints((-1, 2, 3, -4, 5, -6)), "j1_deg", "joints 1, 4, 6 move in the other"),
     "two pairs of columns": (joints((1, 3, 2, 5, 4, 6)), "j4_deg", "joints 4 and 5.*joints 2 and 3"),
-    "rows late, and metres": (and_then(times(0.001), late), "x_mm", "metres.*1 row too late"),
+    "rows late, and metres": (late_in_metres, "x_mm", "metres.*1 row too late"),
 }
 
 

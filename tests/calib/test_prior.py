@@ -269,7 +269,7 @@ def test_models_that_cannot_be_learnt_from_are_refused(
     prior: TypePrior, folder: Path, kind: Type, tmp_path: Path
 ) -> None:
     members = members_of(folder)
-    with pytest.raises(DataError, match="4 models"):
+    with pytest.raises(DataError, match=r"too few models.*: 4\."):
         learn(members[:4])
     with pytest.raises(DataError, match="count twice"):
         learn([*members, members[2]])

@@ -103,6 +103,7 @@ def test_what_is_put_in_is_shown_in_the_order_of_time(
             "cells": ["seven"],
             "documents": {"model": 1, "watch": 1},
             "last_measured": "2026-04-01T08:00:00Z",
+            "retired": False,
         }
     ]
     capsys.readouterr()

@@ -21,7 +21,8 @@ from service.http.work.jobs import Jobs
 def test_whoever_stops_is_told_what_could_not_be_stopped() -> None:
     lost = LinkLost("the cable is out", device="robot", command="stop")
 
-    async def order(name: str, work: Any) -> Any:
+    async def order(name: str, work: Any, *, stops: bool) -> Any:
+        assert stops
         return work()
 
     book = SimpleNamespace(stop=lambda run, by: [lost], document=lambda run, at_once: {"id": run})
