@@ -20,6 +20,10 @@ from calib.scan.steps import Steps
 
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
 _SETTLED_DEG = 0.03  # a foot of 500 mm that settles by a quarter of a millimetre on one side
+_SLOWLY = {
+    "base": "The base moved slowly from one reading to another.",
+    "tool": "The tool moved slowly from one reading to another.",
+}
 _FEWEST = 6  # readings on either side of a step: fewer are outliers, not a change
 
 
@@ -82,8 +86,7 @@ def _shift(name: str, meaning: str, rank: float, turn_deg: float = 0.1) -> Effec
 def creep(name: str, rank: float, until: float) -> Effect:
     """Base or tool (`name`) creeps from the reading of `rank` to that of `until`; parameters as those of a step."""
     shape = {"rank": float(int(rank)), "until": float(int(until))}
-    meaning = f"The {name} moved slowly from one reading to another."
-    return _moving(f"{name}_creep", meaning, CreepBetween(int(rank), int(until)), shape, 0.1)
+    return _moving(f"{name}_creep", _SLOWLY[name], CreepBetween(int(rank), int(until)), shape, 0.1)
 
 
 def base_shift(rank: float, turn_deg: float = 0.1) -> Effect:
