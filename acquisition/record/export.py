@@ -43,7 +43,9 @@ SELECT who FROM (SELECT by AS who, utc FROM command UNION ALL
                  SELECT answered_by, answered_utc FROM prompt WHERE answered_by IS NOT NULL)
 WHERE who <> '' AND who NOT LIKE 'watchdog of %' GROUP BY who ORDER BY min(utc)
 """
-_TO_COME = "SELECT count(*) FROM pose WHERE kind = 'pose' AND status IN ('planned', 'deferred')"
+_TO_COME = """
+SELECT count(*) FROM pose WHERE kind = 'pose' AND replaced_by IS NULL AND status IN ('planned', 'deferred')
+"""
 _MEASURED = "SELECT min(began_utc), max(ended_utc) FROM attempt WHERE kind = 'measure' AND status = 'good'"
 
 

@@ -115,6 +115,7 @@ class Store:
         """All robots, by type and serial number; or one."""
         d, r = tables.document.c, tables.robot.c
         its = sa.select(r.id).where(*_of(robot, None, None))
+        came = sa.case((d.measured_at > d.added_at, d.added_at), else_=d.measured_at)  # a clock may be ahead
         groups = (
             sa.select(
                 d.robot,
@@ -123,6 +124,7 @@ class Store:
                 sa.func.count().label("number"),
                 sa.func.min(d.measured_at).label("first"),
                 sa.func.max(d.measured_at).label("last"),
+                sa.func.max(came).label("came"),
             )
             .where(sa.true() if robot is None else d.robot == its.scalar_subquery())
             .group_by(d.robot, d.cell, d.kind)
@@ -130,7 +132,7 @@ class Store:
         )
         g = groups.c
         question = (
-            sa.select(r.serial, r.model, g.cell, g.kind, g.number, g.first, g.last)
+            sa.select(r.serial, r.model, g.cell, g.kind, g.number, g.first, g.last, g.came)
             .join_from(groups, tables.robot, r.id == g.robot)
             .order_by(r.model, r.serial, g.cell)
         )
@@ -138,17 +140,19 @@ class Store:
         cells: dict[RobotKey, dict[str, None]] = defaultdict(dict)
         first: dict[RobotKey, datetime] = {}
         last: dict[RobotKey, datetime] = {}
+        came_at: dict[RobotKey, datetime] = {}
         retired: dict[RobotKey, datetime] = {}
         with reading(self._engine) as connection:
-            for serial, model, cell, kind, count, earliest, latest in connection.execute(question):
+            for serial, model, cell, kind, count, earliest, latest, at in connection.execute(question):
                 key = RobotKey(serial, model)
                 counts[key][kind] = counts[key].get(kind, 0) + count
                 if kind == "retired":
-                    retired[key] = max(latest, retired.get(key, latest))
+                    retired[key] = max(at, retired.get(key, at))
                     continue
                 cells[key][cell] = None
                 first[key] = min(earliest, first.get(key, earliest))
                 last[key] = max(latest, last.get(key, latest))
+                came_at[key] = max(at, came_at.get(key, at))
         return [
             Known(
                 key,
@@ -156,7 +160,7 @@ class Store:
                 counts[key],
                 first[key],
                 last[key],
-                key in retired and retired[key] >= last[key],
+                key in retired and retired[key] >= came_at[key],
             )
             for key in last
         ]

@@ -81,16 +81,16 @@ def told_robot(address: str, name: str, asked: DueQuestion, most: int) -> dict[s
     way, now = asked.way(), utc_now()
     with Store.open(address) as store:
         robot = _found(store, name)
-        if robot is None:
+        found = [] if robot is None else store.standings(robot)
+        if robot is None or not found:
             return None
-        (standing,) = store.standings(robot)
         lines = history.lines_of(store, robot)
         shown = history.history_document(robot, lines[::-1][:most])["history"]
         for told, line in zip(shown, lines[::-1], strict=False):
             told["in_words"] = "" if line.said is None else line.said.in_words
         return finite(
             {
-                **_line(standing, asked.permitted_mm, way, now),
+                **_line(found[0], asked.permitted_mm, way, now),
                 "store": store.place,
                 "now": history.text_of(now),
                 "history": shown,

@@ -171,6 +171,7 @@ def test_what_is_out_of_stroke_comes_again_at_corrected_joints(bars: Any) -> Non
     assert len(bar.events_of("attempt_failed")) == len(put_off)
     dataset = read_dataset(export(bar.folder, bar.folder / "out.csv"))
     assert dataset.usable.sum() == bar.run.status().total
+    assert dataset.header.not_taken == 0
     assert dataset.header.instrument == "qc20w"
     found = identify(dataset)
     assert np.all(np.abs(dataset.lengths - 300.0) < 1.0)

@@ -395,3 +395,7 @@ def test_who_needs_care_comes_first_and_who_is_retired_comes_last(
     with Store.open(address) as store:  # it is measured again
         store.add(of("watch", watch_of(0.1), robot=RobotKey("f", "irb120"), day=today + 0.001))
     assert told_robots(address, asked)["robots"][-1]["state"] == "unchanged"
+    with Store.open(address) as store:  # of a clock that was ahead, whose day is still to come
+        store.add(of("watch", watch_of(0.1), robot=RobotKey("a", "irb120"), day=today + 9000.0))
+    assert ask("retire", "a", "--because", "scrapped")[0] == 0
+    assert told_robots(address, asked)["robots"][-1]["state"] == "retired"

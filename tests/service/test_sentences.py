@@ -34,6 +34,7 @@ from service.http.routes.pages.page import FOLDER
 from service.http.runs.book import MAY_MOVE, SERVICE_ENDS
 from service.http.wire.bodies.runs import EventKind
 from service.results.judgement.acceptance import RULE
+from service.results.watch_words import left_to_see
 from tests.drivers.waiting import PATIENCE_S
 
 SCRIPT = """
@@ -67,6 +68,7 @@ PLAN = (
     "Even 4 visits with 12 readings each would detect too rarely at these poses: a moved base of 0.1 mm (in 21 % of "
     "watches), play of joint 6 of 0.01 deg (in 46 % of watches)."
 )
+LEFT = ("joint_step:j3", "backlash:j6", "tool_shift", "base_shift")
 NOW = datetime(2026, 6, 1, tzinfo=UTC)
 
 
@@ -164,7 +166,16 @@ def test_doctor_effects_and_names_of_poses_are_german_on_the_german_page() -> No
     effects = said_in("calib/effects/*/*.py", r"^[A-Z].* .*[^.]\.$")
     checks = [kind.check.format(joint="4", name="T1") for entry in LIBRARY for kind in entry.KINDS]
     notes = said_in("calib/diagnose/diagnosis.py", r"^[A-Z{7].* .*[^.]\.$")
-    texts = [*doctor, *effects, *checks, *notes, PLAN, *(f"{name} of block 1 (validation)" for name in NAMES)]
+    left = [left_to_see(dict.fromkeys(LEFT, size)) for size in (9.0, float("inf"))]
+    texts = [
+        *doctor,
+        *effects,
+        *checks,
+        *notes,
+        PLAN,
+        *left,
+        *(f"{name} of block 1 (validation)" for name in NAMES),
+    ]
     said = zip(texts, on_the_page(*texts), strict=True)
     assert [text for text, parts in said if {lang for lang, _ in parts} != {"de"}] == []
     assert min(len(doctor), len(effects), len(checks)) > 30 < len(doctor)

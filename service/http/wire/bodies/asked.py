@@ -22,7 +22,7 @@ SerialNumber = Annotated[
     str,
     told("The serial number of another robot or instrument than the record's.", "120-500321", max_length=200),
 ]
-Reason = Annotated[str, AsRead, told("Why; it is kept.", "the motor of joint 4 was changed", max_length=500)]
+Reason = Annotated[str, told("Why; it is kept.", "the motor of joint 4 was changed", max_length=500), AsRead]
 Given = Annotated[Name, AsRead]
 CAMPAIGN = {
     "format": "truepose-campaign/1",
@@ -72,7 +72,7 @@ class TakeLease(Body):
     """`seconds` until the lease expires unless this is sent again with its `Lease-Id`."""
 
     holder: Annotated[
-        str, AsRead, told("Who is there, as others will read it.", "anna", min_length=1, max_length=200)
+        str, told("Who is there, as others will read it.", "anna", min_length=1, max_length=200), AsRead
     ]
     seconds: Annotated[
         float,
@@ -92,10 +92,10 @@ class TakeLeaseOver(TakeLease):
 
     reason: Annotated[
         str,
-        AsRead,
         told(
             "Why it is taken; it is kept.", "anna has gone home", min_length=1, max_length=500, pattern=r"\S"
         ),
+        AsRead,
     ]
 
 
