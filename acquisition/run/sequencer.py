@@ -113,6 +113,7 @@ class Sequencer:
         self._insist(self._rig.meet)
         self._warm_up()
         self._measure_nests("resumed: is the instrument still where it was?")
+        self._gates.ask_about_nests()
         # What comes next is asked of the record every time: a reading may be put off, or wanted once more.
         while self._store.left("planned") or self._store.left("deferred"):
             while left := self._store.left("planned"):

@@ -21,6 +21,7 @@ _SENTENCES = {
     "warming_up": "warming up: measuring the reference pose again",
     "warm": "the arm is warm",
     "nests_checked": "the nests were checked",
+    "nests_judged": "somebody judged what was measured before a nest moved",
     "restation": "the instrument is moved: its nests come before the next pose",
     "reconnect": "connection lost, connecting again",
     "nests_again": "measuring the nests again",

@@ -198,6 +198,23 @@ def test_an_instrument_that_moved_unseen_is_known_at_the_end(
     assert stage.bench.log.count("measure T1") == 6 * (1 + len(again))
 
 
+def test_moved_nests_are_asked_about_again_where_a_pause_cut_the_question_off(make: Callable[..., Stage]) -> None:
+    """This would catch: readings of an instrument that had moved, kept because nobody was there to say so."""
+    stage = make(Answer.REDO, nest_check={"every": 100, "limit_mm": 0.05})
+
+    def push(event: Event) -> None:
+        if event.kind == "reading" and event.data["set"] == "calibration":
+            stage.bench.shift_mm = dict.fromkeys(stage.bench.cell.nests, 0.3)
+        if event.kind == "prompt" and len(stage.events("prompt")) == 1:
+            stage.run.pause()
+
+    assert stage.execute(push).state.value == "paused"
+    stage.run.resume()
+    assert stage.execute().state.value == "succeeded"
+    assert [len(e.data["poses"]) for e in stage.events("measure_again")].count(6) == 1
+    assert len(stage.events("nests_judged")) == 1
+
+
 def test_a_nest_beyond_the_limit_is_for_a_person_to_judge(make: Callable[..., Stage]) -> None:
     stage = make(nest_check={"every": 3, "limit_mm": 0.05})
 

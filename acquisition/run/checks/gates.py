@@ -147,16 +147,23 @@ class Gates:
         self._measured_nests(f"check after {len(since)} readings: has the instrument moved?", aim=False)
         off = {name: _apart(before[name], point) for name, point in self._store.nests_mm().items()}
         worst = max(off, key=lambda name: off[name])
-        self._store.add_event("nests_checked", off_mm=off[worst], limit_mm=check.limit_mm)
-        if off[worst] > check.limit_mm:
+        moved = {"nest": worst, "since": since} if off[worst] > check.limit_mm else {}
+        self._store.add_event("nests_checked", off_mm=off[worst], limit_mm=check.limit_mm, **moved)
+        self.ask_about_nests()
+
+    def ask_about_nests(self) -> None:
+        """Ask what becomes of readings before a check whose nests had moved; again, if a pause cut the question off."""
+        moved = [each for each in self._store.data_of_events("nests_checked") if "nest" in each]
+        for each in moved[len(self._store.data_of_events("nests_judged")) :]:
             self._ask(
-                f"Nest {worst} is {off[worst]:.3f} mm from where the world frame has it, "
-                f"the limit is {check.limit_mm:g} mm. Look at the instrument and its stand; "
+                f"Nest {each['nest']} is {each['off_mm']:.3f} mm from where the world frame has it, "
+                f"the limit is {each['limit_mm']:g} mm. Look at the instrument and its stand; "
                 "confirm to go on from the nests as they are now; "
-                f"redo measures again what was measured since they were seen last ({len(since)}).",
-                since,
-                f"moved/{worst}",
+                f"redo measures again what was measured since they were seen last ({len(each['since'])}).",
+                each["since"],
+                f"moved/{each['nest']}",
             )
+            self._store.add_event("nests_judged", nest=each["nest"])
 
     # -- the arm ------------------------------------------------------------------------------------------
 

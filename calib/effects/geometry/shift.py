@@ -24,10 +24,6 @@ _SLOWLY = {
     "tool": "The tool moved slowly on the flange from one reading to another.",
 }
 _SETTLED_DEG = 0.03  # a foot of 500 mm that settles by a quarter of a millimetre on one side
-_SLOWLY = {
-    "base": "The base moved slowly from one reading to another.",
-    "tool": "The tool moved slowly from one reading to another.",
-}
 _FEWEST = 6  # readings on either side of a step: fewer are outliers, not a change
 
 

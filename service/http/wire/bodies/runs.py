@@ -26,9 +26,9 @@ DryRun = Annotated[bool, told("Only checked; nothing has moved.", False)]
 EventKind = Literal[
     "accept_other", "answer", "arrived", "attempt_died", "attempt_failed", "battery_low", "command", "connected",
     "created", "deferred", "detour", "device_needed", "device_told", "instrument_moved", "link", "measure_again",
-    "nest_doubted", "nests_checked", "other_device_accepted", "prompt", "reading", "reconnect", "replanned", "rescued",
-    "restation", "second_stage", "second_stage_refused", "skipped", "state", "taught", "warm", "warm_up", "warming_up",
-    "waypoint", "world_frame", "zeroed",
+    "nest_doubted", "nests_checked", "nests_judged", "other_device_accepted", "prompt", "reading", "reconnect",
+    "replanned", "rescued", "restation", "second_stage", "second_stage_refused", "skipped", "state", "taught", "warm",
+    "warm_up", "warming_up", "waypoint", "world_frame", "zeroed",
 ]  # fmt: skip
 """Every kind of event that a record may hold."""
 
