@@ -123,6 +123,10 @@ class Store:
                 sa.func.count().label("number"),
                 sa.func.min(d.measured_at).label("first"),
                 sa.func.max(d.measured_at).label("last"),
+                # a clock that was ahead must not keep a robot from being retired
+                sa.func.max(sa.case((d.measured_at > d.added_at, d.added_at), else_=d.measured_at)).label(
+                    "known"
+                ),
             )
             .where(sa.true() if robot is None else d.robot == its.scalar_subquery())
             .group_by(d.robot, d.cell, d.kind)
@@ -130,7 +134,7 @@ class Store:
         )
         g = groups.c
         question = (
-            sa.select(r.serial, r.model, g.cell, g.kind, g.number, g.first, g.last)
+            sa.select(r.serial, r.model, g.cell, g.kind, g.number, g.first, g.last, g.known)
             .join_from(groups, tables.robot, r.id == g.robot)
             .order_by(r.model, r.serial, g.cell)
         )
@@ -138,9 +142,10 @@ class Store:
         cells: dict[RobotKey, dict[str, None]] = defaultdict(dict)
         first: dict[RobotKey, datetime] = {}
         last: dict[RobotKey, datetime] = {}
+        known: dict[RobotKey, datetime] = {}
         retired: dict[RobotKey, datetime] = {}
         with reading(self._engine) as connection:
-            for serial, model, cell, kind, count, earliest, latest in connection.execute(question):
+            for serial, model, cell, kind, count, earliest, latest, seen in connection.execute(question):
                 key = RobotKey(serial, model)
                 counts[key][kind] = counts[key].get(kind, 0) + count
                 if kind == "retired":
@@ -149,6 +154,7 @@ class Store:
                 cells[key][cell] = None
                 first[key] = min(earliest, first.get(key, earliest))
                 last[key] = max(latest, last.get(key, latest))
+                known[key] = max(seen, known.get(key, seen))
         return [
             Known(
                 key,
@@ -156,7 +162,7 @@ class Store:
                 counts[key],
                 first[key],
                 last[key],
-                key in retired and retired[key] >= last[key],
+                key in retired and retired[key] >= known[key],
             )
             for key in last
         ]

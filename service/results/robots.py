@@ -81,9 +81,10 @@ def told_robot(address: str, name: str, asked: DueQuestion, most: int) -> dict[s
     way, now = asked.way(), utc_now()
     with Store.open(address) as store:
         robot = _found(store, name)
-        if robot is None:
+        standings = [] if robot is None else store.standings(robot)
+        if robot is None or not standings:  # of a robot that was only retired here nothing is known
             return None
-        (standing,) = store.standings(robot)
+        (standing,) = standings
         lines = history.lines_of(store, robot)
         shown = history.history_document(robot, lines[::-1][:most])["history"]
         for told, line in zip(shown, lines[::-1], strict=False):

@@ -103,6 +103,7 @@ def test_what_is_put_in_is_shown_in_the_order_of_time(
             "cells": ["seven"],
             "documents": {"model": 1, "watch": 1},
             "last_measured": "2026-04-01T08:00:00Z",
+            "retired": False,
         }
     ]
     capsys.readouterr()
@@ -382,15 +383,19 @@ def test_who_needs_care_comes_first_and_who_is_retired_comes_last(
         for name, (error, verdict) in said.items():
             store.add(of("watch", watch_of(error, verdict), robot=RobotKey(name, "irb120"), day=today - 1.0))
         store.add(of("watch", watch_of(0.9, "changed"), robot=RobotKey("f", "irb120"), day=-20_000.0))
+        store.add(of("watch", watch_of(0.9, "changed"), robot=RobotKey("g", "irb120"), day=today + 3000.0))
     asked = DueQuestion(permitted_mm=0.3)
-    assert ask("retire", "f", "--because", "its controller was exchanged")[0] == 0
+    for name in ("f", "g"):
+        assert ask("retire", name, "--because", "its controller was exchanged")[0] == 0
     told = told_robots(address, asked)
-    assert [each["serial"] for each in told["robots"]] == ["b", "a", "c", "d", "e", "f"]
-    assert [each["needs_care"] for each in told["robots"]] == [True] * 4 + [False] * 2
+    assert [each["serial"] for each in told["robots"]] == ["b", "a", "c", "d", "e", "f", "g"]
+    assert [each["needs_care"] for each in told["robots"]] == [True] * 4 + [False] * 3
     assert told["need_care"] == 4
-    assert told["robots"][-1]["state"] == "retired"
-    assert told["robots"][-1]["doubtful_date"].startswith("1971")  # a clock without a battery
+    assert [each["state"] for each in told["robots"][-2:]] == ["retired"] * 2
+    assert told["robots"][-2]["doubtful_date"].startswith(
+        "1971"
+    )  # a clock without a battery; g has one ahead
     assert "f" not in [each["serial"] for each in ask("due", "--permitted", "0.3")[1]["robots"]]
     with Store.open(address) as store:  # it is measured again
         store.add(of("watch", watch_of(0.1), robot=RobotKey("f", "irb120"), day=today + 0.001))
-    assert told_robots(address, asked)["robots"][-1]["state"] == "unchanged"
+    assert told_robots(address, asked)["robots"][-2]["state"] == "unchanged"
