@@ -168,7 +168,12 @@ def explained(
         if not free and meaning.points is not None:
             limit = min(limit, 2.0 * share(meaning, True))  # a wrong tool must not explain it better
         miss = missed(meaning, free)
-        shares = [(share(other.meaning, free), other) for other in others() if other.least_mm <= miss]
+        # the others are let go at once, with their poses: of twenty joints there are twenty thousand pairs
+        shares = [
+            (left, other)
+            for other in others()
+            if other.least_mm <= miss and (left := share(other.meaning, free)) < _SAME * limit
+        ]
         found = sorted((pair for pair in shares if pair[0] < limit), key=lambda pair: pair[0])
         if found:
             least = found[0][0]

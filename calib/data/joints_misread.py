@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import product
+from itertools import chain, combinations, islice, product
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from calib.units import DEG
 
 # Zeros that are off by a quarter or a half turn, and what has to be added
 _OFF = {"90": ((90.0, "+90"), (-90.0, "-90")), "180": ((180.0, "180"),)}
+_MOST_DIRECTIONS = 247  # all of eight joints; a robot may have 20, and a million choices of them
 
 
 def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
@@ -89,22 +90,24 @@ def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
 
 def of_directions(meaning: Meaning) -> Iterator[Hypothesis]:
     """Several joints turn in the other direction: KUKA counts 1, 4 and 6 so, and of most arms that is what a mirrored
-    frame is."""
+    frame is. Fewer joints come first."""
     columns = meaning.robot.joint_columns
     names = [axis.removeprefix("j") for axis in meaning.robot.axes]
-    for signs in product((1.0, -1.0), repeat=len(columns)):
-        turned = [k for k, sign in enumerate(signs) if sign < 0.0]
-        if len(turned) > 1:
-            key = ", ".join(columns[k] for k in turned)
-            counting = Counting(np.diag(signs), np.zeros(len(columns)))
-            yield Hypothesis(
-                f"joints {', '.join(names[k] for k in turned)} move in the other direction than the robot has them",
-                f"Change the signs of the columns {key}, or give the robot file a joint matrix that does.",
-                "data",
-                key,
-                counting.of(meaning),
-                counting,
-            )
+    sizes = range(2, len(columns) + 1)
+    choices = chain.from_iterable(combinations(range(len(columns)), size) for size in sizes)
+    for turned in islice(choices, _MOST_DIRECTIONS):
+        key = ", ".join(columns[k] for k in turned)
+        signs = np.ones(len(columns))
+        signs[list(turned)] = -1.0
+        counting = Counting(np.diag(signs), np.zeros(len(columns)))
+        yield Hypothesis(
+            f"joints {', '.join(names[k] for k in turned)} move in the other direction than the robot has them",
+            f"Change the signs of the columns {key}, or give the robot file a joint matrix that does.",
+            "data",
+            key,
+            counting.of(meaning),
+            counting,
+        )
 
 
 def _with(matrix: Array, row: int, column: int, value: float) -> Array:

@@ -202,8 +202,9 @@ def refuse_copies(dataset: Dataset) -> None:
     read = np.column_stack([*columns, conditions.target, conditions.anchor])[rows]
     _, first, count = np.unique(np.nan_to_num(read, nan=-1e9), axis=0, return_index=True, return_counts=True)
     twice = count > 1
-    if twice.any() and (np.isfinite(conditions.time[rows]).all() or twice.all()):
-        name = np.array(dataset.reading_id)[rows][first[twice][0]]
+    copied = twice & (np.isfinite(conditions.time[rows][first]) | twice.all())
+    if copied.any():
+        name = np.array(dataset.reading_id)[rows][first[copied][0]]
         raise DataError(
             f"has the reading '{name}' again under another id, at the same time with the same result.",
             do="Leave the copies out.",

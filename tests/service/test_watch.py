@@ -126,6 +126,7 @@ def test_a_row_that_was_deleted_is_missed_and_one_that_was_copied_refused(
     header.write_text(text, "utf-8")
     read = next(row for row in read_rows(data) if row["set"] != "validation")
     edit_rows(data, lambda rows: rows.append(read | {"reading_id": "copy"}))
+    edit_rows(data, lambda rows: rows[-2].update(t_s=""))  # a row without a time excuses no other
     assert judge(model, data) == 2
     assert f"'{read['reading_id']}' again under another id" in capsys.readouterr().err
 
