@@ -107,7 +107,7 @@ def candidates(found: Identification) -> Conditions:
     sides = rng.choice((-1.0, 1.0), _CANDIDATES)
     approach = rng.choice(APPROACHES, _CANDIDATES)
     reach = approach[:, None] * robot.steps
-    reach = np.where(2.0 * reach < np.subtract(robot.upper, robot.lower), reach, 0.0)  # rods hold a joint
+    reach = np.where(reach < np.subtract(robot.upper, robot.lower), reach, 0.0)  # rods hold a joint
     low = robot.lower + reach * (sides[:, None] > 0.0)
     high = robot.upper - reach * (sides[:, None] < 0.0)
     names = tuple(found.model.targets[found.readings.conditions.series_names[-1]])

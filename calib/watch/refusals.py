@@ -202,7 +202,9 @@ def refuse_copies(dataset: Dataset) -> None:
     read = np.column_stack([*columns, conditions.target, conditions.anchor])[rows]
     _, first, count = np.unique(np.nan_to_num(read, nan=-1e9), axis=0, return_index=True, return_counts=True)
     twice = count > 1
-    copied = twice & (np.isfinite(conditions.time[rows][first]) | twice.all())
+    times = conditions.time[rows]
+    timed = np.isfinite(times) & (len(np.unique(times)) > 1)  # one time for all of them says nothing
+    copied = twice & (timed[first] | twice.all())
     if copied.any():
         name = np.array(dataset.reading_id)[rows][first[copied][0]]
         raise DataError(

@@ -173,8 +173,14 @@ def due_of(store: Store, method: Method, now: datetime, hours: Hours | None = No
         if each.known.retired:
             continue
         due, because = next_of(each, method, now, hours)
-        out.append(Next(each.known, each.watched, each.errors[-1] if each.errors else None, due, because))
+        errors = errors_by(each, now)
+        out.append(Next(each.known, each.watched, errors[-1] if errors else None, due, because))
     return sorted(out, key=lambda each: (each.due is not None, now if each.due is None else each.due.date))
+
+
+def errors_by(standing: Standing, now: datetime) -> Sequence[Point]:
+    """The errors of a robot, oldest first, without those that a clock that was ahead dated later than now."""
+    return [each for each in standing.errors if each.measured_at <= now] or standing.errors
 
 
 def next_of(
@@ -182,11 +188,10 @@ def next_of(
 ) -> tuple[Due | None, str]:
     """The next check of a robot, None where it has no date; and why then, or why not."""
     due = due_now(standing)
-    past = [
-        each for each in standing.errors if each.measured_at <= now
-    ] or standing.errors  # a clock was ahead
     try:
-        due = due or next_due(method, checks_of(past, hours, standing.known.robot.serial), now)
+        due = due or next_due(
+            method, checks_of(errors_by(standing, now), hours, standing.known.robot.serial), now
+        )
     except DataError as error:
         return None, str(error)
     return due, due.because

@@ -171,7 +171,8 @@ def _line(
     standing: Standing, permitted_mm: float | None, way: Method | None, now: datetime
 ) -> dict[str, Any]:
     """The line of a robot in a list."""
-    known, watched, errors, model = standing.known, standing.watched, standing.errors, standing.baseline
+    known, watched, model = standing.known, standing.watched, standing.baseline
+    errors = history.errors_by(standing, now)
     state, due = state_of(standing), _due(standing, way, now)
     beyond = bool(errors and permitted_mm and errors[-1].value > permitted_mm)
     doubted = doubtful_date(known, now)

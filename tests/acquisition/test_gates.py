@@ -198,7 +198,9 @@ def test_an_instrument_that_moved_unseen_is_known_at_the_end(
     assert stage.bench.log.count("measure T1") == 6 * (1 + len(again))
 
 
-def test_moved_nests_are_asked_about_again_where_a_pause_cut_the_question_off(make: Callable[..., Stage]) -> None:
+def test_moved_nests_are_asked_about_again_where_a_pause_cut_the_question_off(
+    make: Callable[..., Stage],
+) -> None:
     """This would catch: readings of an instrument that had moved, kept because nobody was there to say so."""
     stage = make(Answer.REDO, nest_check={"every": 100, "limit_mm": 0.05})
 
