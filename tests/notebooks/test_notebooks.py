@@ -45,7 +45,7 @@ def test_a_short_one_runs_and_says_the_same(name: str) -> None:
     done = execute(path)
     again = [cell for cell in done.cells if cell.cell_type == "code"]
     for cell, before in zip(again, cells(path), strict=True):
-        assert [_text(output) for output in cell.outputs] == [_text(output) for output in before["outputs"]]
+        assert _text(cell.outputs) == _text(before["outputs"])
 
 
 def test_measurements_that_are_not_here_are_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_measurements_that_are_not_here_are_told(monkeypatch: pytest.MonkeyPatch
     assert not lacks(NOTEBOOKS / "own_effect.ipynb")
 
 
-def _text(output: dict) -> str:
-    """What it says, as one line a line; a file has lists of lines."""
-    said = output.get("text") or output.get("data", {}).get("text/plain", "")
-    return said if isinstance(said, str) else "".join(said)
+def _text(outputs: list[dict]) -> str:
+    """What a cell prints, whole: a busy machine cuts it into pieces anywhere; a file has lists of lines."""
+    said = [each.get("text") or each.get("data", {}).get("text/plain", "") for each in outputs]
+    return "".join(line for each in said for line in each)
