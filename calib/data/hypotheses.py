@@ -151,35 +151,35 @@ def explained(
     try them with these targets alone, since many at once can do what a tool of another length does.
     """
 
-    def missed(of: Meaning, free: bool) -> float:
-        return of.miss(tools, tool_unknown=free, zero_unknown=zero_unknown)[0]
-
-    def share(of: Meaning, free: bool) -> float:
+    def missed(of: Meaning, free: bool) -> tuple[float, float]:
+        """Median distance, mm, and as a share of the extent of the readings."""
         miss, extent = of.miss(tools, tool_unknown=free, zero_unknown=zero_unknown)
-        return miss / max(extent, 1e-9)
+        return miss, miss / max(extent, 1e-9)
 
     for free in (False,) if tool_as_given else (False, True):
         if free < tool_unknown or (free and meaning.points is None):
             continue
-        plain = share(meaning, free)
+        miss, plain = missed(meaning, free)
         if plain < _SMALL:
             return None
         limit = min(plain / BETTER, _EXPLAINED)
         if not free and meaning.points is not None:
-            limit = min(limit, 2.0 * share(meaning, True))  # a wrong tool must not explain it better
-        miss = missed(meaning, free)
-        # the others are let go at once, with their poses: of twenty joints there are twenty thousand pairs
+            limit = min(limit, 2.0 * missed(meaning, True)[1])  # a wrong tool must not explain it better
+        # The others are let go at once, with their poses: of twenty joints there are twenty thousand pairs. In mm, too,
+        # an explanation is better: another unit alone makes the extent ten times as large, and the share small.
         shares = [
             (left, other)
             for other in others()
-            if other.least_mm <= miss and (left := share(other.meaning, free)) < _SAME * limit
+            if other.least_mm <= miss
+            for left_mm, left in (missed(other.meaning, free),)
+            if left < _SAME * limit and BETTER * left_mm < _SAME * miss
         ]
         found = sorted((pair for pair in shares if pair[0] < limit), key=lambda pair: pair[0])
         if found:
             least = found[0][0]
             cause = next(other for left, other in shares if left < _SAME * least)  # the simplest stand first
             rivals = tuple(other for left, other in found if left < _ALIKE * least and other is not cause)
-            return Explanation(cause, rivals, miss, missed(cause.meaning, free))
+            return Explanation(cause, rivals, miss, missed(cause.meaning, free)[0])
     return None
 
 

@@ -23,8 +23,8 @@ CHANGES = (
     ),
     Change(
         "calib/data/hypotheses.py",
-        "if other.least_mm <= miss and (left",
-        "if (left",
+        "            if other.least_mm <= miss\n",
+        "",
         "another arm in the box is suspected of what the right one misses by",
         ("tests/calib/test_hypotheses.py::test_no_other_arm_is_suspected_of_what_the_right_one_misses_by",),
     ),
