@@ -56,8 +56,11 @@ _STATES = ("OFF", "WARMING", "READY", "BUSY", "ERROR", "ESTOP")
 
 
 class Talk(TypedDict, total=False):
-    """How a driver talks with its bridge, handed on to its session: seconds between two signs of life while nothing is
-    asked, None for none; who sees the bytes on the wire; the clock of waits, s."""
+    """Arguments that a driver hands on to the session with its bridge.
+
+    heartbeat_s: seconds between two signs of life while nothing is asked, None for none; wire: what is given every
+    byte that is sent or received; clock: seconds, for waits.
+    """
 
     heartbeat_s: float | None
     wire: WireSink | None

@@ -32,7 +32,10 @@ class Baseline:
 
 @dataclass(frozen=True)
 class Standing:
-    """One robot by now. watched, diagnosed: what was said last; errors: the position error, oldest first."""
+    """What the store knows of one robot now.
+
+    watched, diagnosed: the last verdict of each kind; errors: position errors, RMS in mm, oldest first.
+    """
 
     known: Known
     watched: Said | None

@@ -51,8 +51,10 @@ def in_words(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], 
 
 
 def left_to_see(sizes: Mapping[str, float]) -> str:
-    """What readings that lack some poses still show, by the size that they show of each cause, in its unit; empty where
-    nothing that should be seen is missed."""
+    """The sentence that says which causes a watch without some of its poses can no longer detect at the wanted size.
+
+    sizes: by cause, the smallest size that the remaining readings detect, mm or deg; empty text where none is missed.
+    """
     said = []
     for label, size in sizes.items():
         name, _, joint = label.partition(":j")

@@ -142,8 +142,7 @@ class Gates:
 
     def _check_nests(self, check: NestCheck) -> None:
         before = self._store.world_nests_mm or self._store.nests_mm()
-        standing = {each.id for each in self._store.plan()}
-        since = [each for each in self._since_nests if each in standing]
+        since = self._since_nests
         self._measured_nests(f"check after {len(since)} readings: has the instrument moved?", aim=False)
         off = {name: _apart(before[name], point) for name, point in self._store.nests_mm().items()}
         worst = max(off, key=lambda name: off[name])
@@ -155,12 +154,16 @@ class Gates:
         """Ask what becomes of readings before a check whose nests had moved; again, if a pause cut the question off."""
         moved = [each for each in self._store.data_of_events("nests_checked") if "nest" in each]
         for each in moved[len(self._store.data_of_events("nests_judged")) :]:
+            standing = {
+                planned.id for planned in self._store.plan()
+            }  # what was measured anew meanwhile is replaced
+            since = [number for number in each["since"] if number in standing]
             self._ask(
                 f"Nest {each['nest']} is {each['off_mm']:.3f} mm from where the world frame has it, "
                 f"the limit is {each['limit_mm']:g} mm. Look at the instrument and its stand; "
                 "confirm to go on from the nests as they are now; "
-                f"redo measures again what was measured since they were seen last ({len(each['since'])}).",
-                each["since"],
+                f"redo measures again what was measured since they were seen last ({len(since)}).",
+                since,
                 f"moved/{each['nest']}",
             )
             self._store.add_event("nests_judged", nest=each["nest"])

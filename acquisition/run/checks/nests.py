@@ -42,7 +42,8 @@ class Nests:
         self._where_mm: Mapping[str, Sequence[float]] = {}
 
     def near_mm(self, planned: Planned) -> Sequence[float] | None:
-        """Where the beam is sent for a nest, tracker frame; None: a person aims, or its name does."""
+        """The point (3,) mm, tracker frame, to which the beam is sent for a nest; None where a person aims it or the
+        tracker finds the nest by its name."""
         return self._where_mm.get(planned.target) if planned.visit.kind == "nest" else None
 
     def measure(self, reason: str, *, aim: bool = True) -> None:

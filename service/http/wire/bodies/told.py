@@ -56,7 +56,7 @@ def _as_read(text: str) -> str:
 
 
 AsRead = AfterValidator(_as_read)
-"""Of a text that people are shown beside others: it says what it seems to say."""
+"""The rule for names and reasons that people read: no mark in them may turn the direction of writing."""
 Id = Annotated[str, told("The id of the resource, as its path has it.", "20261121-170459-3f9a1c07b2e")]
 Created = Annotated[str, told("When it was made, RFC 3339 UTC.", "2026-11-21T17:04:59.120Z")]
 Simulated = Annotated[bool, told("Whether simulators were measured and no real devices.", False)]
