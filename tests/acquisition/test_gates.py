@@ -20,7 +20,7 @@ from acquisition.campaign.campaign import campaign_of_record
 from acquisition.record.drift import Drift, drift_of
 from acquisition.run.rig.settling import TRIES, until_still
 from calib import read_dataset
-from drivers import Answer, ConfigError, JointReading, NoisyMeasurement, PointReading
+from drivers import Answer, ConfigError, JointReading, NoisyMeasurement, NoOperator, PointReading, Prompt
 from tests.acquisition.fakes import (
     Bench,
     FakeArm,
@@ -198,22 +198,30 @@ def test_an_instrument_that_moved_unseen_is_known_at_the_end(
     assert stage.bench.log.count("measure T1") == 6 * (1 + len(again))
 
 
-def test_moved_nests_are_asked_about_again_where_a_pause_cut_the_question_off(
-    make: Callable[..., Stage],
+@pytest.mark.parametrize("retaken", [0, 1])
+def test_moved_nests_are_asked_about_again_where_the_question_was_cut_off(
+    make: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch, retaken: int
 ) -> None:
     """This would catch: readings of an instrument that had moved, kept because nobody was there to say so."""
     stage = make(Answer.REDO, nest_check={"every": 100, "limit_mm": 0.05})
+    answers = stage.operator.ask
 
     def push(event: Event) -> None:
         if event.kind == "reading" and event.data["set"] == "calibration":
             stage.bench.shift_mm = dict.fromkeys(stage.bench.cell.nests, 0.3)
-        if event.kind == "prompt" and len(stage.events("prompt")) == 1:
-            stage.run.pause()
 
+    def nobody(prompt: Prompt) -> Answer:
+        raise NoOperator("gone home")
+
+    monkeypatch.setattr(stage.operator, "ask", nobody)
     assert stage.execute(push).state.value == "paused"
+    since = stage.events("nests_checked")[-1].data["since"]
+    assert len(since) == 6
+    stage.run._store.measure_again(since[:retaken], "retaken in the pause")
+    monkeypatch.setattr(stage.operator, "ask", answers)
     stage.run.resume()
     assert stage.execute().state.value == "succeeded"
-    assert [len(e.data["poses"]) for e in stage.events("measure_again")].count(6) == 1
+    assert since[retaken:] in [e.data["poses"] for e in stage.events("measure_again")]
     assert len(stage.events("nests_judged")) == 1
 
 
