@@ -17,12 +17,20 @@ import numpy as np
 
 from calib.array import Array
 from calib.model import regressors
+from calib.model.carried_regressors import known_when_used
 from calib.model.regressors import Cosine, Regressor, Sine
 from calib.units import FACTORS, to_display, to_internal
 
 Owner = Literal["robot", "mounting", "instrument"]
 Group = Literal[
-    "base model", "transmission", "structure", "frames and tool", "instrument", "thermal", "procedure"
+    "base model",
+    "transmission",
+    "structure",
+    "frames and tool",
+    "instrument",
+    "thermal",
+    "procedure",
+    "carried",
 ]
 
 
@@ -96,6 +104,16 @@ class Effect:
         if "order" not in self.shape or len(joints) != 1:
             return None
         return joints.pop(), frozenset(term.slot for term in self.terms)
+
+    @property
+    def is_carried(self) -> bool:
+        """Whether this is a carried term: confirmed by left-out readings, but without a cause that has a name."""
+        return self.group == "carried"
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether all that drives the effect is known when the model is used, as for compensation and export."""
+        return not self.is_carried or all(known_when_used(term.regressor) for term in self.terms)
 
     @property
     def is_curve(self) -> bool:

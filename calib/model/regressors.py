@@ -15,6 +15,7 @@ import numpy as np
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.model.axis import Axis, unit_of
+from calib.model.carried_regressors import Held, HeldPair, OfTime
 from calib.model.gravity_regressors import (
     LoadTorque,
     Moment,
@@ -311,6 +312,9 @@ KINDS = {
         StepAt,
         CreepBetween,
         Temperature,
+        Held,
+        HeldPair,
+        OfTime,
     )
 }
 
@@ -322,5 +326,9 @@ def to_json(regressor: Regressor) -> dict[str, Any]:
 
 def from_json(table: dict[str, Any]) -> Regressor:
     """The regressor that `to_json` wrote. Raises KeyError for a kind that this version does not know."""
-    shape = {key: value for key, value in table.items() if key != "kind"}
+    shape = {
+        key: tuple(value) if isinstance(value, list) else value
+        for key, value in table.items()
+        if key != "kind"
+    }
     return KINDS[table["kind"]](**shape)

@@ -1,0 +1,136 @@
+"""Regressors of carried terms: functions of recorded conditions that keep the value at the border of what was measured.
+
+A carried term improves predictions without naming a cause, so nothing says how it continues where it was not measured.
+Beyond the measured range it keeps its value: neighbouring targets on both sides of the border get the same correction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.array import Array
+from calib.data.conditions import Conditions
+from calib.model.axis import Axis
+
+QUANTITIES: Mapping[str, Callable[[Conditions, int], Array]] = {
+    "angle": lambda c, k: c.joints[:, k],
+    "torque": lambda c, k: c.torque[:, k],
+    "move": lambda c, k: c.joints[:, k] - c.previous[:, k],
+    "air": lambda c, _: c.temperature,
+}
+"""Recorded quantities by name: rad or mm, N.mm, rad or mm, degC; of the joint with index k where they belong to one."""
+
+LAWS: Mapping[str, Callable[[Array], Array]] = {
+    "linear": lambda x: x,
+    "cubic": lambda x: x**3,
+    "sign": np.tanh,
+    "cosine": np.cos,
+    "sine": np.sin,
+    "window": lambda x: np.where(np.abs(x) < 0.5, np.cos(np.pi * x) ** 2, 0.0),
+}
+"""Laws by name, functions of x = rate x (quantity - centre)."""
+
+WHEN_USED = ("angle", "torque", "air")
+"""The quantities that are known when a model is used, not only while it is fitted."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """A law of one quantity, which is held at `low` and `high`, the border of what was measured.
+
+    joint: from 1; 0 for a quantity that belongs to none. rate: cycles per turn of a wave, otherwise the inverse of the
+    quantity's scale; centre, low, high in the unit of the quantity.
+    """
+
+    quantity: str
+    joint: int
+    law: str
+    rate: float
+    centre: float
+    low: float
+    high: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) values of the law."""
+        values = np.clip(QUANTITIES[self.quantity](conditions, self.joint - 1), self.low, self.high)
+        return LAWS[self.law](self.rate * (values - self.centre))
+
+    def beyond(self, conditions: Conditions) -> Array:
+        """(n,) distance beyond the measured range, as a share of its width; 0 within it."""
+        return _beyond(QUANTITIES[self.quantity](conditions, self.joint - 1), self.low, self.high)
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The quantity itself."""
+        if self.quantity == "angle":
+            cycles = self.rate if self.law in ("cosine", "sine") else 0.0
+            return Axis.angle(self.joint, conditions, cycles=cycles)
+        values = QUANTITIES[self.quantity](conditions, self.joint - 1)
+        if self.quantity == "torque":
+            return Axis(f"gravity torque of joint {self.joint}, N·m", values / 1000.0)
+        if self.quantity == "move":
+            return Axis(f"last move of joint {self.joint}, rad", values)
+        return Axis("air temperature, °C", values)
+
+
+@dataclass(frozen=True)
+class HeldPair:
+    """A wave of two joint angles together, cos or sin of (rate x angle + other_rate x other angle), both held."""
+
+    joint: int
+    other: int
+    law: str
+    rate: float
+    other_rate: float
+    low: float
+    high: float
+    other_low: float
+    other_high: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) from -1 to 1."""
+        one = np.clip(conditions.joints[:, self.joint - 1], self.low, self.high)
+        other = np.clip(conditions.joints[:, self.other - 1], self.other_low, self.other_high)
+        return LAWS[self.law](self.rate * one + self.other_rate * other)
+
+    def beyond(self, conditions: Conditions) -> Array:
+        """(n,) the larger distance of the two angles beyond the measured range, as a share of its width."""
+        joints = conditions.joints
+        return np.maximum(
+            _beyond(joints[:, self.joint - 1], self.low, self.high),
+            _beyond(joints[:, self.other - 1], self.other_low, self.other_high),
+        )
+
+
+@dataclass(frozen=True)
+class OfTime:
+    """A function of the time since the start of the campaign, s: linear between `times`, constant before and after.
+
+    Steps, drifts, slow waves and air that acts late are all of this kind: they are known during the campaign only.
+    """
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) values of the function; NaN where a reading has no time."""
+        return np.interp(conditions.time, self.times, self.values)
+
+    def beyond(self, conditions: Conditions) -> Array:
+        """(n,) distance beyond the measured time, as a share of the campaign."""
+        return _beyond(conditions.time, self.times[0], self.times[-1])
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The time."""
+        return Axis("time, h", conditions.time / 3600.0)
+
+
+def _beyond(values: Array, low: float, high: float) -> Array:
+    return np.maximum(np.maximum(low - values, values - high), 0.0) / max(high - low, 1e-12)
+
+
+def known_when_used(regressor: object) -> bool:
+    """Whether a regressor of a carried term can be evaluated when the model is used."""
+    return not isinstance(regressor, OfTime) and getattr(regressor, "quantity", "angle") in WHEN_USED
