@@ -109,21 +109,25 @@ class OfTime:
     """A function of the time since the start of the campaign, s: linear between `times`, constant before and after.
 
     Steps, drifts, slow waves and air that acts late are all of this kind: they are known during the campaign only.
+    clock: "time"; "order" if the readings carry no times and `times` are their ranks, which change just as slowly.
     """
 
     times: tuple[float, ...]
     values: tuple[float, ...]
+    clock: str = "time"
 
     def evaluate(self, conditions: Conditions) -> Array:
         """(n,) values of the function; NaN where a reading has no time."""
-        return np.interp(conditions.time, self.times, self.values)
+        return np.interp(getattr(conditions, self.clock), self.times, self.values)
 
     def beyond(self, conditions: Conditions) -> Array:
         """(n,) distance beyond the measured time, as a share of the campaign."""
-        return _beyond(conditions.time, self.times[0], self.times[-1])
+        return _beyond(getattr(conditions, self.clock), self.times[0], self.times[-1])
 
     def drawn_over(self, conditions: Conditions) -> Axis:
         """The time."""
+        if self.clock == "order":
+            return Axis("reading, in order of time", conditions.order + 1.0)
         return Axis("time, h", conditions.time / 3600.0)
 
 
