@@ -1,0 +1,488 @@
+"""Orthogonal matching pursuit of carried terms on Gram matrices, with left-out blocks that say how many terms pay.
+
+1. Screening: one pursuit on at most 1,200 readings keeps the best entries of every step. All later work is on the Gram
+   matrices of these, one for each of 8 blocks of whole poses, so that its cost does not grow with the readings.
+2. Price: an entry scores what it explains over the noise, less log(rows) for each further column, less twice the log of
+   the number of entries of its kind.
+3. Number: each fold chooses anew from the blocks that it keeps and predicts the one that it leaves out. The fewest
+   terms within one standard error of the best are taken; none unless the first terms are beyond chance, all entries
+   counted (Bonferroni), and the gain exceeds 2.5 standard errors of the folds, and there are at least 60 poses.
+4. Size: every term is shrunk by its evidence (MacKay 1992).
+5. A ridge of 3 % of a column ties the model to its own fit, where a fold does not determine it.
+
+The covariance is multiplied by what the folds show to be missing: the mean square of their standardised errors.
+Sources: Pati et al. 1993 (pursuit); Breiman et al. 1984 (one standard error); Roberts et al. 2017 (whole blocks).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.stats import f as f_law
+
+from calib.array import Array
+from calib.diagnose.dictionary import Dictionary, Entry, Part
+from calib.fit.identification import Identification
+from calib.fit.readings import Readings
+from calib.model.effect import Effect
+
+MOST_TERMS = 120
+FOLDS = 8
+FEWEST_POSES = 60
+_DEALS = 4  # stretches of the campaign that are dealt to each fold
+_PATIENCE = 12  # terms without a smaller error after which a fold stops
+_LEASH = 0.03
+_SCREENED, _TOP = 1200, 60
+_MOST_COLUMNS = 1400  # of the Gram matrices
+_GATE = 2.5
+_CHANCE = 0.05
+_PER_ROUND, _WORTH, _INDEPENDENT = (
+    6,
+    0.3,
+    0.1,
+)  # entries of a round, share of the best score, and of one another
+_LOST = 1e-6  # share of a column that is lost to rounding
+_ABSORBED = 0.02  # share of a column that must be left beside the model
+_ROUNDS = 30  # of the evidence
+_LEAST = 1e-12  # of a diagonal, by which a Gram matrix that rounding made singular can be inverted
+_FAVOUR = 3.0  # nats that a name has over a column that does the same
+
+
+class Pursuit:
+    """A pursuit on a Gram matrix (D, D) and right side (D,), whose first `count` columns are the model's.
+
+    left_out: columns (r, D) and residual (r,) of readings that take no part; `missed` is what they then miss.
+    """
+
+    def __init__(
+        self,
+        gram: Array,
+        right: Array,
+        square: float,
+        rows: int,
+        count: int,
+        width: NDArray[np.int64],
+        price: Array,
+        left_out: tuple[Array, Array] | None = None,
+    ) -> None:
+        self.gram, self.rows, self.width, self.price, self.count = gram, rows, width, price, count
+        self.first = count + np.r_[0, np.cumsum(width)[:-1]].astype(int)
+        self.whole, self.chosen, self.free = np.diag(gram).copy(), list[int](), rows - count
+        room = count + int(np.sort(width)[-MOST_TERMS:].sum())
+        self._basis = np.zeros((room, len(gram)))
+        lower = np.linalg.cholesky(gram[:count, :count])
+        self._basis[:count] = solve_triangular(lower, gram[:count], lower=True)
+        share = solve_triangular(lower, right[:count], lower=True)
+        self._used = count
+        self.own = np.maximum(self.whole - np.sum(self._basis[:count] ** 2, axis=0), 0.0)
+        self.right = right - share @ self._basis[:count]
+        self.rss = square - float(share @ share)
+        self.missed = np.zeros(0)
+        if left_out is not None:
+            self._columns, residual = left_out
+            self._there = np.zeros((len(residual), room))
+            self._there[:, :count] = solve_triangular(lower, self._columns[:, :count].T, lower=True).T
+            self.missed = residual - self._there[:, :count] @ share
+
+    def _enter(self, i: int) -> int:
+        if self.own[i] <= _LOST * self.whole[i]:
+            return 0
+        k, size = self._used, np.sqrt(self.own[i])
+        before = self._basis[:k, i]
+        direction = (self.gram[i] - before @ self._basis[:k]) / size
+        share = float(self.right[i] / size)
+        self._basis[k], self._used = direction, k + 1
+        self.right = self.right - share * direction
+        self.own = np.maximum(self.own - direction**2, 0.0)
+        self.rss -= share**2
+        self.free -= 1
+        if len(self.missed):
+            self._there[:, k] = (self._columns[:, i] - self._there[:, :k] @ before) / size
+            self.missed = self.missed - share * self._there[:, k]
+        return 1
+
+    def step(self) -> bool:
+        """Let the best entry enter; False where nothing is left of any."""
+        score = scores(self.right, self.own, self.whole, self)
+        best = int(np.argmax(score))
+        if not np.isfinite(score[best]):
+            return False
+        for i in range(self.first[best], self.first[best] + self.width[best]):
+            self._enter(i)
+        self.chosen.append(best)
+        return True
+
+    def columns(self, terms: int) -> NDArray[np.int64]:
+        """The model's columns and those of the first terms."""
+        own = [np.arange(self.first[g], self.first[g] + self.width[g]) for g in self.chosen[:terms]]
+        return np.concatenate([np.arange(self.count), *own]).astype(np.int64)
+
+
+class _State(Protocol):
+    """The state of a pursuit, on rows or on Gram matrices."""
+
+    first: NDArray[np.int64]
+    width: NDArray[np.int64]
+    price: Array
+    count: int
+    rows: int
+    free: int
+    rss: float
+    chosen: list[int]
+
+
+def scores(right: Array, own: Array, whole: Array, of: _State) -> Array:
+    """(entries,) score of each entry that is not chosen yet; -inf where nothing is left of it."""
+    right, own, whole = right[of.count :], own[of.count :], whole[of.count :]
+    gain = np.where(own > _ABSORBED * whole, right**2 / np.maximum(own, 1e-300), 0.0)
+    gain = np.add.reduceat(gain, of.first - of.count) / (of.rss / max(of.free, 1))
+    score = np.where(gain > 0.0, gain - (of.width - 1) * np.log(of.rows) - 2.0 * of.price, -np.inf)
+    score[of.chosen] = -np.inf
+    return score
+
+
+def log_chance(before: float, after: float, columns: int, free: int) -> float:
+    """Log of the chance that columns without meaning lower a sum of squares so much."""
+    columns, free = max(columns, 1), max(free, 1)
+    return float(f_law.logsf((before - after) / columns / max(after / free, 1e-300), columns, free))
+
+
+class Screening:
+    """A pursuit on rows: columns (D, m) in single precision beside an orthonormal basis of the model, several entries
+    per round, so that the many columns are read once for all of them."""
+
+    count = 0
+
+    def __init__(
+        self, columns: Array, basis: Array, left: Array, width: NDArray[np.int64], price: Array, rows: int
+    ) -> None:
+        self.columns, self.basis, self.left, self.width, self.price = columns, basis, left, width, price
+        self.rows, self.free, self.rss = rows, rows - basis.shape[1], float(left @ left)
+        self.first = np.r_[0, np.cumsum(width)[:-1]].astype(int)
+        self.chosen: list[int] = []
+        self.whole = np.einsum("ij,ij->i", columns, columns).astype(float)
+        shared = self._shared(basis)
+        self.own = self.whole - np.einsum("ij,ij->i", shared, shared)
+        self.right = self._shared(left[:, None])[:, 0]
+
+    def _shared(self, vectors: Array) -> Array:
+        """(D, c): what the columns share with vectors (m + priors, c)."""
+        return (self.columns @ vectors[: self.columns.shape[1]].astype(np.float32)).astype(float)
+
+    def round(self) -> tuple[NDArray[np.int64], list[float]]:
+        """Let the best entries enter, as many as are nearly independent of one another; the entries near the best, and
+        the log of the chance of each that entered."""
+        score = scores(self.right, self.own, self.whole, self)
+        ranked = np.argsort(-score, kind="stable")[:_TOP]
+        ranked = ranked[np.isfinite(score[ranked])]
+        chance: list[float] = []
+        new: list[Array] = []
+        for best in ranked.tolist():
+            if len(self.chosen) == MOST_TERMS or len(chance) == _PER_ROUND:
+                break
+            if chance and score[best] < _WORTH * score[ranked[0]]:
+                break
+            directions = np.zeros((len(self.left), self.width[best]))
+            directions[: self.columns.shape[1]] = self.columns[self._of(best)].T
+            size = np.linalg.norm(directions, axis=0)
+            for _ in range(2):
+                directions -= self.basis @ (self.basis.T @ directions)
+            directions, s, _ = np.linalg.svd(directions / np.maximum(size, 1e-300), full_matrices=False)
+            directions = directions[:, s > 1e-6]
+            # An entry that shares much with one of this round had its score before that entered
+            kept = sum(float(np.sum((directions.T @ other) ** 2)) for other in new)
+            if kept > _INDEPENDENT * directions.shape[1] or not directions.shape[1]:
+                continue
+            share = directions.T @ self.left
+            before, self.rss = self.rss, self.rss - float(share @ share)
+            self.left = self.left - directions @ share
+            self.basis = np.column_stack([self.basis, directions])
+            self.free -= len(share)
+            self.chosen.append(best)
+            new.append(directions)
+            chance.append(log_chance(before, self.rss, len(share), self.free))
+        if new:
+            shared = self._shared(np.column_stack([*new, self.left]))
+            self.own = self.own - np.sum(shared[:, :-1] ** 2, axis=1)
+            self.right = shared[:, -1]
+        return ranked, chance
+
+    def _of(self, entry: int) -> slice:
+        return slice(self.first[entry], self.first[entry] + self.width[entry])
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What a pursuit chose. entries: in the order in which they entered; sizes: standard deviation of each by evidence,
+    internal units; kappa: ratio of the errors of the folds to what they were expected to be, at least 1; gain: share
+    of the squared error of left-out blocks that the terms take away; stands: by entry, whether it holds beside all
+    others."""
+
+    entries: tuple[Entry, ...]
+    sizes: tuple[float, ...]
+    kappa: float = 1.0
+    gain: float = 0.0
+    explained: tuple[float, ...] = ()
+    log_p: tuple[float, ...] = ()
+
+
+def folds_of(readings: Readings, clock: str) -> NDArray[np.int64]:
+    """(n,) fold of every reading: short stretches of whole poses, in the order of their first visit, dealt out."""
+    pose, times = readings.conditions.pose, getattr(readings.conditions, clock)
+    first = np.full(int(pose.max()) + 1, np.inf)
+    np.minimum.at(first, pose, times)
+    seen = np.isfinite(first)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(np.where(seen, first, np.inf), kind="stable")] = np.arange(len(first))
+    return rank[pose] * (FOLDS * _DEALS) // int(seen.sum()) % FOLDS
+
+
+def pursue(found: Identification, readings: Readings, named: Sequence[Effect] = ()) -> Chosen:
+    """The entries that left-out blocks confirm beside the model of a fit.
+
+    readings: those that take part, which may be more than the fit's own; named: effects that compete as entries.
+    """
+    nothing = Chosen((), ())
+    poses = len(np.unique(readings.conditions.pose))
+    if poses < FEWEST_POSES:
+        return nothing
+    dictionary = Dictionary.of(found.model, readings, named)
+    price = dictionary.price - np.array([0.5 * _FAVOUR * (e.kind == "named") for e in dictionary.entries])
+    model = _Model.of(found, readings)
+    near, most, log_first = _screened(found, readings, dictionary, price, model)
+    if not len(near) or log_first >= np.log(_CHANCE):
+        return nothing
+    return _decided(found, readings, dictionary, price, model, near, most)
+
+
+@dataclass(frozen=True)
+class _Model:
+    """The columns of the model that take part: mask (m,), their sizes (a,), pseudo-rows of priors and leash."""
+
+    active: NDArray[np.bool_]
+    size: Array
+    prior: Array  # (a,) weight of the prior, in scaled columns
+    pull: Array  # (a,) what the priors still miss, weighted
+
+    @classmethod
+    def of(cls, found: Identification, readings: Readings) -> _Model:
+        active = np.diag(found.covariance) > 0.0
+        square = np.zeros(int(active.sum()))
+        for part in parts(found, readings):
+            square += np.sum(part.columns[:, active] ** 2, axis=0)
+        prior = found.prior[active]
+        size = np.sqrt(square + prior**2)
+        size[size == 0.0] = 1.0
+        pull = -(found.prior * (found.estimate - found.model.prior_mean))[active]
+        return cls(active, size, prior / size, pull)
+
+    def rows(self, part: Part) -> Array:
+        """(size, a) scaled columns of some readings."""
+        return part.columns[:, self.active] / self.size
+
+
+_AT_ONCE = 1200
+
+
+def parts(found: Identification, readings: Readings) -> list[Part]:
+    """The readings some poses at a time, every pose within one part."""
+    pose = readings.conditions.pose
+    count = max(-(-len(pose) // _AT_ONCE), 1)
+    number = np.unique(pose, return_inverse=True)[1].reshape(-1)
+    part = number * count // (int(number.max()) + 1)
+    return [
+        Part(found.model, found.estimate, readings.taken(np.flatnonzero(part == p))) for p in range(count)
+    ]
+
+
+def _screened(
+    found: Identification, readings: Readings, dictionary: Dictionary, price: Array, model: _Model
+) -> tuple[NDArray[np.int64], int, float]:
+    """The entries near the best of every step, how many steps were worth it, and the smallest log p of the first."""
+    n = len(readings.rows)
+    some = np.unique(np.linspace(0, n - 1, min(n, _SCREENED)).astype(int))
+    part = Part(found.model, found.estimate, readings.taken(some))
+    known = dictionary.known(readings.conditions)
+    columns = part.of_entries(dictionary.entries, known, dictionary.clock, np.float32)
+    count = len(model.size)
+    stacked = np.vstack([model.rows(part), np.diag(model.prior), _LEASH * np.eye(count)])
+    u, s, _ = np.linalg.svd(stacked, full_matrices=False)
+    basis = u[:, s > 1e-7 * s[0]]
+    left = np.r_[part.residual.ravel(), model.pull, np.zeros(count)]
+    left = left - basis @ (basis.T @ left)
+    state = Screening(columns, basis, left, dictionary.width, price, part.readings.observed.count)
+    near: dict[int, None] = {}
+    chance: list[float] = []
+    while len(chance) < MOST_TERMS and (len(chance) < 6 or min(chance[-6:]) < np.log(0.5)):
+        ranked, found_now = state.round()
+        if not found_now:
+            break
+        near |= dict.fromkeys(ranked.tolist())
+        chance += [log_p + np.log(len(dictionary.entries)) for log_p in found_now]
+    kept: list[int] = []
+    room = _MOST_COLUMNS
+    for i in (*state.chosen, *(i for i in near if i not in set(state.chosen))):
+        if room >= dictionary.width[i]:
+            kept.append(i)
+            room -= int(dictionary.width[i])
+    return np.array(sorted(kept), dtype=np.int64), len(chance), min(chance[:3], default=0.0)
+
+
+def _decided(
+    found: Identification,
+    readings: Readings,
+    dictionary: Dictionary,
+    price: Array,
+    model: _Model,
+    near: NDArray[np.int64],
+    most: int,
+) -> Chosen:
+    entries = [dictionary.entries[i] for i in near]
+    width, price = dictionary.width[near], price[near]
+    count, clock = len(model.size), dictionary.clock
+    fold = folds_of(readings, clock)
+    known = dictionary.known(readings.conditions)
+    size = count + int(width.sum())
+    gram, right, square = np.zeros((FOLDS, size, size)), np.zeros((FOLDS, size)), np.zeros(FOLDS)
+    rows = np.zeros(FOLDS, dtype=np.int64)
+    left_out: list[tuple[Array, Array]] = []
+    for f in range(FOLDS):
+        own = readings.taken(np.flatnonzero(fold == f))
+        seen_by_others = dictionary.known(readings.conditions.take(fold != f))
+        rows[f] = own.observed.count
+        missed, targets = [], []
+        for part in parts(found, own):
+            base = model.rows(part)
+            columns = np.column_stack([base, part.of_entries(entries, known, clock).T])
+            left = part.residual.ravel()
+            gram[f] += columns.T @ columns
+            right[f] += columns.T @ left
+            square[f] += left @ left
+            known_less = columns
+            timed = [i for i, e in enumerate(entries) if e.kind in ("time", "late air")]
+            if timed:
+                known_less = columns.copy()
+                first = count + np.r_[0, np.cumsum(width)[:-1]].astype(int)
+                at = np.concatenate([np.arange(first[i], first[i] + width[i]) for i in timed])
+                known_less[:, at] = part.of_entries([entries[i] for i in timed], seen_by_others, clock).T
+            missed.append(known_less.astype(np.float32))
+            targets.append(left)
+        left_out.append((np.vstack(missed), np.concatenate(targets)))
+    held = np.zeros((size, size))
+    held[:count, :count] = np.diag(model.prior**2) + _LEASH**2 * np.eye(count)
+    toward = np.zeros(size)
+    toward[:count] = model.prior * model.pull
+    pulled = float(model.pull @ model.pull)
+    whole, whole_right = gram.sum(axis=0) + held, right.sum(axis=0) + toward
+
+    def begin(f: int | None) -> Pursuit:
+        if f is None:
+            return Pursuit(whole, whole_right, square.sum() + pulled, int(rows.sum()), count, width, price)
+        return Pursuit(
+            whole - gram[f],
+            whole_right - right[f],
+            square.sum() - square[f] + pulled,
+            int(rows.sum() - rows[f]),
+            count,
+            width,
+            price,
+            left_out[f],
+        )
+
+    errors, pursuits = [], []
+    for f in range(FOLDS):
+        pursuit = begin(f)
+        row = [float(pursuit.missed @ pursuit.missed)]
+        while len(row) <= most and len(row) - 1 - int(np.argmin(row)) < _PATIENCE and pursuit.step():
+            row.append(float(pursuit.missed @ pursuit.missed))
+        errors.append(row)
+        pursuits.append(pursuit)
+    longest = max(map(len, errors))
+    table = np.array([row + [row[-1]] * (longest - len(row)) for row in errors])
+    best = int(table.sum(axis=0).argmin())
+    worse = table - table[:, [best]]
+    terms = int(np.flatnonzero(worse.mean(axis=0) <= _standard_error(worse))[0])
+    pays = table[:, 0] - table[:, terms]
+    if not terms or pays.mean() <= _GATE * _standard_error(pays):
+        return Chosen((), ())
+    missed = []
+    for f, pursuit in enumerate(pursuits):
+        columns, left = left_out[f]
+        at = pursuit.columns(terms)
+        widths = [int(width[g]) for g in pursuit.chosen[:terms]]
+        few = pursuit.gram[np.ix_(at, at)]
+        value, covariance, noise, _ = shrunk(
+            few, (whole_right - right[f])[at], square.sum() - square[f] + pulled, pursuit.rows, count, widths
+        )
+        seen = columns[:, at]
+        spread = noise + np.einsum("ij,jk,ik->i", seen, covariance, seen, optimize=True)
+        missed.append((left - seen @ value) ** 2 / spread)
+    measured = float(rows.sum()) / sum(len(left) for _, left in left_out)
+    kappa = max(1.0, float(np.sqrt(np.mean(np.concatenate(missed)) / measured)))
+    pursuit = begin(None)
+    for _ in range(terms):
+        pursuit.step()
+    at = pursuit.columns(terms)
+    widths = [int(width[g]) for g in pursuit.chosen]
+    few, few_right = whole[np.ix_(at, at)], whole_right[at]
+    value, covariance, noise, precision = shrunk(
+        few, few_right, square.sum() + pulled, pursuit.rows, count, widths
+    )
+    explained, log_p, place = [], [], count
+    free = max(pursuit.rows - len(at), 1)
+    inverse = np.linalg.inv(few + 1e-12 * np.diag(np.diag(few)))
+    plain = inverse @ few_right
+    for w in widths:
+        own = slice(place, place + w)
+        gain = float(plain[own] @ np.linalg.solve(inverse[own, own], plain[own]))
+        explained.append(gain)
+        log_p.append(log_chance(gain + noise * free, noise * free, w, free) + np.log(len(dictionary.entries)))
+        place += w
+    starts = count + np.r_[0, np.cumsum(widths)[:-1]].astype(int)
+    return Chosen(
+        entries=tuple(entries[g] for g in pursuit.chosen),
+        sizes=tuple(float(np.sqrt(noise / precision[i])) for i in starts),
+        kappa=kappa,
+        gain=float(pays.sum() / table[:, 0].sum()),
+        explained=tuple(explained),
+        log_p=tuple(log_p),
+    )
+
+
+def _standard_error(values: Array) -> Array:
+    return values.std(axis=0, ddof=1) / np.sqrt(FOLDS)
+
+
+def shrunk(
+    gram: Array,
+    right: Array,
+    square: float,
+    rows: int,
+    count: int,
+    widths: Sequence[int],
+    rounds: int = _ROUNDS,
+) -> tuple[Array, Array, float, Array]:
+    """Estimate, covariance, noise and precisions of a model's columns and terms, each term's size by evidence."""
+    group = np.repeat(np.arange(len(widths)), widths)
+    own = np.diag(gram)[count:]
+    common = np.bincount(group, own) / np.maximum(np.asarray(widths, dtype=float), 1.0)
+    scale = np.r_[np.ones(count), np.sqrt(np.maximum(common, 1e-300))[group]]  # one for the columns of a term
+    gram, right = gram / np.outer(scale, scale), right / scale
+    precision = np.r_[np.zeros(count), np.full(len(group), 1e-3)]
+    while True:
+        inverse = np.linalg.inv(gram + np.diag(precision) + _LEAST * np.diag(np.diag(gram)))
+        value = inverse @ right
+        known = 1.0 - precision * np.diag(inverse)
+        left = square - 2.0 * float(value @ right) + float(value @ gram @ value)
+        noise = left / max(rows - known.sum(), 1.0)
+        rounds -= 1
+        if not rounds or not len(widths):
+            break
+        energy = np.maximum(np.bincount(group, value[count:] ** 2), 1e-30)
+        precision[count:] = np.clip(noise * np.bincount(group, known[count:]) / energy, 1e-9, 1e9)[group]
+    return value / scale, inverse * noise / np.outer(scale, scale), noise, precision * scale**2
