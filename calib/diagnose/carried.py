@@ -1,105 +1,303 @@
-"""Carried terms: what left-out readings confirm beside the named effects, without a cause that has a name.
+"""Two layers of a diagnosed model: named effects, and carried terms that have no name.
 
-A carried term is an effect of the group "carried": a slot of the chain times a condition, with a size by evidence. It
-improves predictions; its label is no cause, since two halves of the same readings choose different terms.
+A carried term is an effect of the group "carried": a slot of the chain times a condition, with a size by evidence. The
+readings left out confirm it, so it improves predictions; its label is no cause, since two halves of the same readings
+choose different terms. Names and terms compete in one pursuit from the base model (`calib.diagnose.pursuit`), where a
+name has a small advantage over columns that do the same. A name is withdrawn
+
+  - if it does not enter, or does not hold beside all that entered;
+  - if terms of the same condition remain beside it that explain more than a tenth of what it explains: then the
+    condition is right, and the law or the place is not.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import hypergeom
 
 from calib.array import Array
+from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
-from calib.diagnose.dictionary import bound
-from calib.diagnose.pursuit import Chosen, parts, pursue
+from calib.diagnose.dictionary import CONDITIONS, Entry, bound, step_at
+from calib.diagnose.pursuit import HOLDS, LEASH, Choice, Chosen, parts, pursue
+from calib.diagnose.structure import Structure
 from calib.fit.identification import Identification
 from calib.fit.identify import carry
 from calib.fit.left_out import all_readings
 from calib.fit.readings import Readings
+from calib.model.carried_regressors import OfTime
 from calib.model.effect import Effect, Owner, Parameter, Term
 from calib.model.model import Design
+from calib.model.regressors import CreepBetween, StepAt, Temperature, Time, WarmUp
 from calib.units import to_display
 
 _WINDOWS = np.radians((6.0, 12.0, 24.0))
 _FEWEST_TOGETHER = 3  # poses
 _BY_CHANCE = 1e-3
 _ROUNDS = 3  # Gauss-Newton steps of the final fit: the terms are small
+_REMAINS = 0.1  # share of what a name explains that terms of its condition may explain beside it
+_NEAR, _MOST_AVERAGED = 60, 8  # change points to either side of a step, and steps that are averaged over them
+_MOST_PLACES = 8
+_SURE = 0.95  # of the interval for the moment of a change
 
 
-def with_carried(dataset: Dataset, named: Identification) -> tuple[Identification, Chosen]:
-    """The fit with the terms that left-out blocks confirm beside its model; the fit itself where there are none."""
-    readings = readings_back(dataset, named)
-    chosen = pursue(named, readings)
-    if not chosen.entries:
-        return named, chosen
-    return _fitted(named, readings, chosen), chosen
+@dataclass(frozen=True)
+class CarriedTerm:
+    """A carried term. explained: share of the variance left by the named effects that it explains beside all others;
+    condition: what it follows, as places of structure are named; between: ids of the readings before and after the
+    moment of a change, which lies between them with 95 % confidence; None for other terms."""
+
+    effect: Effect
+    values: Array  # (p,) internal units
+    covariance: Array  # (p, p)
+    explained: float
+    p_value: float
+    condition: str
+    between: tuple[str, str] | None = None
+
+    @property
+    def slot(self) -> str:
+        """The slot of the chain on which the term acts."""
+        return self.effect.terms[0].slot
+
+    @property
+    def place(self) -> str:
+        """The slot in words, as places of structure are named."""
+        kind, number = self.slot.rstrip("0123456789"), self.slot.lstrip("abcdefghijklmnopqrstuvwxyz")
+        body = self.slot.partition(".")[0]
+        words = {"theta": f"joint {number}", "d": f"the offset {self.slot}", "a": f"the length {self.slot}"}
+        words |= {"alpha": f"the twist {self.slot}", "beta": f"the twist {self.slot}"}
+        if body.startswith("bearing"):
+            return f"the bearing of joint {body.removeprefix('bearing')}"
+        return words.get(kind, {"base": "the base", "tool": "the tool"}.get(body, self.slot))
 
 
-def readings_back(dataset: Dataset, fitted: Identification) -> Readings:
-    """The readings of a fit, and those it left out that lie together in a window of one joint, beyond chance: these are
-    a place where the model fails, no accidents."""
-    readings, out = all_readings(dataset, fitted)
-    joints, pose = readings.conditions.joints, readings.conditions.pose
-    back = np.zeros(len(out), dtype=bool)
-    rejected = np.flatnonzero(out)
-    if len(rejected) < _FEWEST_TOGETHER:
-        return fitted.readings
-    for angle in joints.T:
-        for width in _WINDOWS:
-            if np.ptp(angle) <= 3.0 * width:
-                continue
-            within = (angle >= angle[rejected][:, None]) & (angle <= angle[rejected][:, None] + width)
-            gone = within & out
-            chance = hypergeom.sf(gone.sum(axis=1) - 1, len(out), len(rejected), within.sum(axis=1))
-            chance = chance * len(rejected) * len(_WINDOWS) * joints.shape[1]
-            for i in np.flatnonzero(chance < _BY_CHANCE):
-                if len(np.unique(pose[gone[i]])) >= _FEWEST_TOGETHER:
-                    back |= gone[i]
-    return readings.take(~out | back) if back.any() else fitted.readings
+@dataclass(frozen=True)
+class Shares:
+    """Shares of the squared error that the base model leaves: explained by named effects, carried without a name, and
+    noise; they add up to 1."""
+
+    named: float
+    carried: float
+    noise: float
+
+    @classmethod
+    def of(cls, base: Identification, named: Identification, final: Identification) -> Shares:
+        """The shares on the readings of the final fit."""
+        conditions, observed = final.readings.conditions, final.readings.observed
+        squares = [
+            float(np.sum(observed.residual(Design(fit.model, conditions).frames(fit.estimate, ())) ** 2))
+            for fit in (base, named, final)
+        ]
+        whole, beside, left = max(squares[0], 1e-300), min(squares[1], squares[0]), min(squares[1:])
+        left = min(left, beside)
+        return cls((squares[0] - beside) / whole, (beside - left) / whole, left / whole)
 
 
-def _fitted(named: Identification, readings: Readings, chosen: Chosen) -> Identification:
-    """Model and terms fitted together, each term held by its evidence, on the exact chain."""
-    dictionary_clock = (
-        "time"
-        if np.isfinite(readings.conditions.time).all() and np.ptp(readings.conditions.time) > 0.0
-        else "order"
+@dataclass(frozen=True)
+class Layers:
+    """A fit with carried terms, and these terms with the one that explains most first."""
+
+    fitted: Identification
+    terms: tuple[CarriedTerm, ...]
+
+    def places(self) -> list[Structure]:
+        """The places of the carried terms, each condition and slot once, the one that explains most first."""
+        found: dict[tuple[str, str], Structure] = {}
+        for term in self.terms:
+            place = Structure(term.condition, term.p_value, term.explained, term.place)
+            found.setdefault((place.where, place.acts_on), place)
+        return list(found.values())[:_MOST_PLACES]
+
+
+def competed(
+    base: Identification, readings: Readings, named: tuple[Effect, ...]
+) -> tuple[Chosen, tuple[Effect, ...]]:
+    """What a pursuit from the base model chooses among terms and names, and the names that hold.
+
+    All names hold where no number of terms pays: the readings then say no more than the search for names did.
+    """
+    chosen = pursue(base, readings, named)
+    if not chosen.choices:
+        return chosen, named
+    entered = {c.entry.effect.label: c for c in chosen.choices if c.entry.effect is not None}
+    return chosen, tuple(e for e in named if e.label in entered and _holds(entered[e.label], chosen.carried))
+
+
+def _holds(name: Choice, terms: Sequence[Choice]) -> bool:
+    effect = name.entry.effect
+    assert effect is not None
+    own = _conditions_of(effect)
+    remains = sum(c.explained for c in terms if own & _conditions_of_entry(c.entry))
+    return name.log_p < np.log(HOLDS) and remains <= _REMAINS * name.explained
+
+
+def _conditions_of(effect: Effect) -> set[str | int]:
+    """The conditions that an effect follows: "time", "air", or the numbers of joints."""
+    found: set[str | int] = set()
+    for term in effect.terms:
+        if isinstance(term.regressor, StepAt | CreepBetween | Time | WarmUp | OfTime):
+            found.add("time")
+        elif isinstance(term.regressor, Temperature):
+            found.add("air")
+        found.update(
+            getattr(term.regressor, key) for key in ("joint", "other") if hasattr(term.regressor, key)
+        )
+    return found
+
+
+def _conditions_of_entry(entry: Entry) -> set[str | int]:
+    return {*entry.joints} or {"air" if entry.kind == "late air" else entry.kind}
+
+
+def with_terms(dataset: Dataset, named: Identification, readings: Readings, chosen: Chosen) -> Layers:
+    """The fit of base model and names with the carried terms of a pursuit, everything together on the exact chain."""
+    if not chosen.carried:
+        return Layers(named, ())
+    known = np.unique(getattr(readings.conditions, chosen.clock))
+    effects, moments = [], []
+    for number, choice in enumerate(chosen.carried, start=1):
+        functions, moment = [bound(f, known, chosen.clock) for f in choice.entry.functions], None
+        if choice.entry.at is not None:
+            where = int(np.searchsorted(known, choice.entry.at))
+            moment = (known[where], known[min(where + 1, len(known) - 1)])
+            if sum(m is not None for m in moments) < _MOST_AVERAGED:
+                function, moment = _averaged(named, readings, chosen, choice, known)
+                functions = [function]
+        moments.append(moment)
+        effects.append(_effect(named, choice, number, functions))
+    fitted = _fitted(named, readings, effects, chosen.kappa)
+    left = float(
+        np.sum(
+            readings.observed.residual(Design(named.model, readings.conditions).frames(named.estimate, ()))
+            ** 2
+        )
     )
-    known = np.unique(getattr(readings.conditions, dictionary_clock))
-    effects = effects_of(named, chosen, known, dictionary_clock)
+    terms = []
+    for effect, choice, moment in zip(effects, chosen.carried, moments, strict=True):
+        at = fitted.model.positions(effect)
+        terms.append(
+            CarriedTerm(
+                effect,
+                fitted.estimate[at],
+                fitted.covariance[np.ix_(at, at)],
+                min(choice.explained / left, 1.0),
+                float(np.exp(min(choice.log_p, 0.0))),
+                CONDITIONS[choice.entry.kind].format(*choice.entry.joints),
+                None if moment is None else _between(dataset, readings.conditions, chosen.clock, moment),
+            )
+        )
+    return Layers(fitted, tuple(sorted(terms, key=lambda t: -t.explained)))
+
+
+def _effect(named: Identification, choice: Choice, number: int, functions: Sequence[object]) -> Effect:
+    entry = choice.entry
+    unit = "deg" if named.model.chain.slots[entry.slot].turns else "mm"
+    label = f"carried:{entry.slot}:{entry.kind.replace(' ', '_')}:{number}"
+    size = to_display(choice.size, unit)
+    names = [f"{label}.{'ab'[i]}" for i in range(len(functions))] if len(functions) > 1 else [f"{label}.size"]
+    owner: Owner = "mounting" if entry.slot.partition(".")[0] in ("base", "tool") else "robot"
+    return Effect(
+        label,
+        "carried",
+        owner,
+        f"{entry.slot} follows {entry.condition}, for no known cause.",
+        tuple(Parameter(name, unit, size) for name in names),
+        tuple(Term(name, entry.slot, 1.0, f) for name, f in zip(names, functions, strict=True)),
+    )
+
+
+def _averaged(
+    named: Identification, readings: Readings, chosen: Chosen, step: Choice, known: Array
+) -> tuple[OfTime, tuple[float, float]]:
+    """A step averaged over the moments that the readings allow, and the interval that contains 95 % of them."""
+    others = [c.entry for c in chosen.carried if c is not step]
+    here = int(np.searchsorted(known, step.entry.at))
+    low, high = max(here - _NEAR, 0), min(here + _NEAR, len(known) - 1)
+    moments = known[low:high]
+    steps = [replace(step.entry, functions=(step_at(float(t)),)) for t in moments]
+    active = np.diag(named.covariance) > 0.0
+    count = int(active.sum())
+    size = count + sum(e.width for e in others)
+    gram, right = np.zeros((size, size)), np.zeros(size)
+    shared, own, at_steps = np.zeros((len(steps), size)), np.zeros(len(steps)), np.zeros(len(steps))
+    square = 0.0
+    for part in parts(named, readings):
+        beside = part.of_entries(others, known, chosen.clock)
+        columns = np.column_stack([part.columns[:, active], beside.T])
+        moving, left = part.of_entries(steps, known, chosen.clock), part.residual.ravel()
+        gram += columns.T @ columns
+        right += columns.T @ left
+        shared += moving @ columns
+        own += np.sum(moving**2, axis=1)
+        at_steps += moving @ left
+        square += float(left @ left)
+    scale = np.sqrt(np.diag(gram) + np.r_[named.prior[active] ** 2, np.zeros(size - count)])
+    gram = gram / np.outer(scale, scale)
+    ridge = np.r_[(named.prior[active] / scale[:count]) ** 2 + LEASH**2, np.full(size - count, 1e-9)]
+    solved = np.linalg.solve(gram + np.diag(ridge), np.column_stack([(shared / scale).T, right / scale]))
+    left_own = np.maximum(own - np.sum((shared / scale) * solved[:, :-1].T, axis=1), 1e-12 * own)
+    gain = (at_steps - (shared / scale) @ solved[:, -1]) ** 2 / left_own
+    rss = square - float((right / scale) @ solved[:, -1]) - float(gain.max())
+    noise = max(rss / max(readings.observed.count - size - 1, 1), 1e-300) * chosen.kappa**2
+    likely = np.exp((gain - gain.max()) / (2.0 * noise)) * np.diff(known[low : high + 1])
+    share = np.cumsum(likely) / likely.sum()
+    first, last = np.searchsorted(share, (0.5 * (1.0 - _SURE), 0.5 * (1.0 + _SURE)))
+    times = np.r_[known[low], known[low + 1 : high + 1]]
+    function = bound(lambda u: np.interp(u, times, np.r_[0.0, share]), known, chosen.clock)
+    assert isinstance(function, OfTime)
+    return function, (float(known[low + first]), float(known[min(low + int(last) + 1, len(known) - 1)]))
+
+
+def _between(
+    dataset: Dataset, conditions: Conditions, clock: str, moment: tuple[float, float]
+) -> tuple[str, str]:
+    """Ids of the last reading of the fit at or before an interval, and of the first at or after it."""
+    times = getattr(dataset.conditions, clock)
+    rows = np.flatnonzero(dataset.fit_rows)
+    before = rows[times[rows] <= moment[0]]
+    after = rows[times[rows] >= moment[1]]
+    first = before[np.argmax(times[before])] if len(before) else rows[0]
+    last = after[np.argmin(times[after])] if len(after) else rows[-1]
+    return dataset.reading_id[first], dataset.reading_id[last]
+
+
+def _fitted(
+    named: Identification, readings: Readings, effects: Iterable[Effect], kappa: float
+) -> Identification:
+    """Model and terms fitted together, the model with a leash to its own fit, each term held by its evidence.
+
+    The noise is what left-out blocks show: the residual's times kappa.
+    """
     model = named.model.append(*effects)
-    estimate = carry(named.model, named.estimate, model)
-    count, start = len(named.estimate), estimate.copy()
-    active = np.r_[np.diag(named.covariance) > 0.0, np.ones(len(estimate) - count, dtype=bool)]
-    noise = max(named.noise_scale, 1e-9)
-    weight = np.r_[named.prior, noise / model.prior_std[count:]]
-    scale = noise
+    start = carry(named.model, named.estimate, model)
+    estimate, count = start, len(named.estimate)
+    active = np.r_[np.diag(named.covariance) > 0.0, np.ones(len(start) - count, dtype=bool)]
+    scale = max(named.noise_scale, 1e-9)
+    weight, base = np.r_[named.prior, np.zeros(len(start) - count)], np.flatnonzero(active) < count
     for _ in range(_ROUNDS):
         weight[count:] = scale / model.prior_std[count:]
-        gram = np.zeros((int(active.sum()),) * 2)
-        right = np.zeros(len(gram))
+        gram, right = np.zeros((len(base), len(base))), np.zeros(len(base))
         for part in parts(replace(named, model=model, estimate=estimate), readings):
             columns = part.columns[:, active]
             gram += columns.T @ columns
             right += columns.T @ part.residual.ravel()
-        size = np.sqrt(np.diag(gram) + weight[active] ** 2)
-        leash = np.where(np.flatnonzero(active) < count, 0.03, 0.0) * size
         held = weight[active] ** 2
-        normal = gram + np.diag(held + leash**2)
-        right += -held * (estimate - model.prior_mean)[active] - leash**2 * (estimate - start)[active]
-        inverse = np.linalg.inv(normal / np.outer(size, size)) / np.outer(size, size)
+        size = np.sqrt(np.diag(gram) + held)
+        leash = np.where(base, LEASH * size, 0.0) ** 2
+        inverse = np.linalg.inv((gram + np.diag(held + leash)) / np.outer(size, size)) / np.outer(size, size)
+        right -= held * (estimate - model.prior_mean)[active] + leash * (estimate - start)[active]
         estimate = estimate.copy()
         estimate[active] += inverse @ right
         residual = readings.observed.residual(Design(model, readings.conditions).frames(estimate, ()))
-        determined = 1.0 - (held + leash**2) * np.diag(inverse)
-        freedom = readings.observed.count - round(float(determined.sum()))
+        freedom = readings.observed.count - round(float(np.sum(1.0 - (held + leash) * np.diag(inverse))))
         scale = float(np.sqrt(np.sum(residual**2) / max(freedom, 1)))
-    covariance = np.zeros((len(estimate),) * 2)
-    scale *= chosen.kappa
-    covariance[np.ix_(active, active)] = inverse * max(scale, 1.0) ** 2
+    covariance = np.zeros((len(start), len(start)))
+    covariance[np.ix_(active, active)] = inverse * max(scale * kappa, 1.0) ** 2
     return replace(
         named,
         model=model,
@@ -108,25 +306,27 @@ def _fitted(named: Identification, readings: Readings, chosen: Chosen) -> Identi
         prior=weight,
         readings=readings,
         residual=residual,
-        noise_scale=scale,
+        noise_scale=scale * kappa,
         degrees_of_freedom=freedom,
-        faulty_rows=named.faulty_rows,
     )
 
 
-def effects_of(named: Identification, chosen: Chosen, known: Array, clock: str) -> tuple[Effect, ...]:
-    """The chosen entries as effects of a model."""
-    slots = named.model.chain.slots
-    out: list[Effect] = []
-    for entry, size in zip(chosen.entries, chosen.sizes, strict=True):
-        unit = "deg" if slots[entry.slot].turns else "mm"
-        name = f"carried:{entry.slot}:{entry.kind.replace(' ', '_')}:{len(out) + 1}"
-        parameters, terms = [], []
-        for i, function in enumerate(entry.functions):
-            own = f"{name}.{'ab'[i]}" if len(entry.functions) > 1 else f"{name}.size"
-            parameters.append(Parameter(own, unit, to_display(size, unit)))
-            terms.append(Term(own, entry.slot, 1.0, bound(function, known, clock)))
-        owner: Owner = "mounting" if entry.slot.partition(".")[0] in ("base", "tool") else "robot"
-        meaning = f"{entry.slot} changes with {entry.condition}, for no known cause."
-        out.append(Effect(name, "carried", owner, meaning, tuple(parameters), tuple(terms)))
-    return tuple(out)
+def readings_back(dataset: Dataset, fitted: Identification) -> tuple[Readings, NDArray[np.int64]]:
+    """The readings of a fit with those it left out that lie together in a window of one joint, beyond chance, and the
+    rows of the latter in the data set: they show a place where the model fails, and are no accidents."""
+    readings, out = all_readings(dataset, fitted)
+    joints, pose = readings.conditions.joints, readings.conditions.pose
+    back, rejected = np.zeros(len(out), dtype=bool), np.flatnonzero(out)
+    for angle in joints.T if len(rejected) >= _FEWEST_TOGETHER else ():
+        for width in _WINDOWS:
+            if np.ptp(angle) <= 3.0 * width:
+                continue
+            low = angle[rejected][:, None]
+            within = (angle >= low) & (angle <= low + width)
+            gone = within & out
+            chance = hypergeom.sf(gone.sum(axis=1) - 1, len(out), len(rejected), within.sum(axis=1))
+            chance = chance * len(rejected) * len(_WINDOWS) * joints.shape[1]
+            for together in gone[chance < _BY_CHANCE]:
+                if len(np.unique(pose[together])) >= _FEWEST_TOGETHER:
+                    back |= together
+    return (readings.take(~out | back) if back.any() else fitted.readings), readings.rows[back]

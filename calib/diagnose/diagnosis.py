@@ -15,6 +15,7 @@ import numpy as np
 
 from calib.array import Array
 from calib.data.dataset import Dataset
+from calib.diagnose.carried import CarriedTerm, Shares, competed, readings_back, with_terms
 from calib.diagnose.carriers import MANY_WAVES, Carried, beside, gears_to_carry, with_gears
 from calib.diagnose.claims import chance_by_pose
 from calib.diagnose.classes import Evidence, judge
@@ -23,6 +24,7 @@ from calib.diagnose.held_blocks import Blocks, carried_gains
 from calib.diagnose.named import Found
 from calib.diagnose.outlying import together
 from calib.diagnose.power import Visible, visible
+from calib.diagnose.pursuit import Chosen
 from calib.diagnose.repeats import NOISY, each_pose, p_beyond_repeats, p_lack_of_fit
 from calib.diagnose.select import MOST_EFFECTS, Selection, refit, select
 from calib.diagnose.structure import ALARM, SUSPECT, Structure, left_over
@@ -68,6 +70,7 @@ class Diagnosis:
     p_lack_of_fit: float
     error_nominal: ErrorStatistics | None
     error_before: ErrorStatistics | None
+    error_named: ErrorStatistics | None  # with the named effects, without the carried terms
     error_after: ErrorStatistics | None
     notes: tuple[str, ...]
     follow_up: FollowUp | None  # what to measure next; None where nothing is ambiguous
@@ -75,7 +78,18 @@ class Diagnosis:
     power: tuple[Visible, ...]
     harmful: tuple[str, ...]  # effects without which the held-out error would be smaller
     surprise: Surprise | None  # how the held-out error compares with what noise and parameters let expect
+    carried: tuple[
+        CarriedTerm, ...
+    ]  # the terms of the final model without a name, the one that explains most first
+    withdrawn: tuple[str, ...]  # names that the search found and that did not hold beside the carried terms
+    shares: Shares
+    back: tuple[str, ...]  # readings that the fit had left out and that came back, since they lie together
     seconds: float
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether held-out readings agree with the final model, carried terms included; None without any."""
+        return None if self.surprise is None else not self.surprise.real
 
     @property
     def by_repeats(self) -> bool:
@@ -113,40 +127,57 @@ def diagnose(
     begin = time.perf_counter()
     base = identify(dataset, prior=prior, progress=progress)
     nominal, nominal_estimate = place_nominal(dataset, base_model_of(dataset))
-    selection, carried = _search(dataset, base, most, progress)
+    selection, curves = _search(dataset, base, most, progress)
     progress("weighing rivals of every effect")
     selection, space, named, power = _judged(dataset, selection)
+    searched = selection.effects
+    readings, back = readings_back(dataset, selection.fitted)
+    chosen = Chosen()
+    if curves is None:
+        progress("comparing names with everything that left-out readings confirm")
+        chosen, holding = competed(base, readings, selection.effects)
+        if len(holding) < len(selection.effects):
+            selection = Selection(refit(dataset, selection.fitted, holding), holding)
+            selection, space, named, power = _judged(dataset, selection)
     structure = _structure(dataset, space)
-    if carried is not None:
-        carried = beside(selection.fitted, carried.sizes)
-    elif structure:
-        carried = with_gears(dataset, selection.fitted, gears_to_carry(base, dataset), progress=progress)
-        space = space if carried is None else Space.of(carried.held)
-        structure = structure if carried is None else _structure(dataset, space)
-    final = selection.fitted if carried is None else carried.fitted
+    if curves is not None:
+        curves = beside(selection.fitted, curves.sizes)
+    elif structure and not chosen.carried:
+        curves = with_gears(dataset, selection.fitted, gears_to_carry(base, dataset), progress=progress)
+        space = space if curves is None else Space.of(curves.held)
+        structure = structure if curves is None else _structure(dataset, space)
+    final = selection.fitted if curves is None else curves.fitted
     if base.beside is not None:
-        final, named = in_type(dataset, final, base.beside, named, refit=carried is None)
-    curves = [] if carried is None else [_curve(carried, curve) for curve in carried.curves.values()]
-    found = sorted([*curves, *named], key=lambda f: -f.evidence.explained_variance)
+        final, named = in_type(dataset, final, base.beside, named, refit=curves is None)
+    layers = with_terms(dataset, final, readings, chosen)
+    structure = [*layers.places(), *structure]
+    of_gears = [] if curves is None else [_curve(curves, curve) for curve in curves.curves.values()]
+    found = sorted([*of_gears, *named], key=lambda f: -f.evidence.explained_variance)
+    surprise = surprise_of(dataset, layers.fitted)
     rows = dataset.validation_rows
     return Diagnosis(
         dataset=dataset,
         base=base,
-        final=final,
+        final=layers.fitted,
         nominal=nominal,
         nominal_estimate=nominal_estimate,
         effects=tuple(found),
-        verdict=_verdict(found, structure, _fits(space)),
+        verdict=_verdict(found, structure, fits=_fits(space), surprise=surprise),
         structure=tuple(structure),
         p_lack_of_fit=p_lack_of_fit(space),
         error_nominal=statistics_of(errors_on(dataset, rows, nominal, nominal_estimate)),
         error_before=statistics_of(errors_on(dataset, rows, base.model, base.estimate)),
-        error_after=statistics_of(errors_on(dataset, rows, final.model, final.estimate)),
+        error_named=statistics_of(errors_on(dataset, rows, final.model, final.estimate)),
+        error_after=statistics_of(errors_on(dataset, rows, layers.fitted.model, layers.fitted.estimate)),
         notes=_notes(dataset),
         follow_up=_follow_up(dataset, selection.fitted, named),
         power=power,
-        harmful=_harmful(dataset, final, found),
-        surprise=surprise_of(dataset, final),
+        harmful=_harmful(dataset, layers.fitted, found),
+        surprise=surprise,
+        carried=layers.terms,
+        withdrawn=tuple(e.label for e in searched if all(e.label != f.effect.label for f in found)),
+        shares=Shares.of(base, final, layers.fitted),
+        back=tuple(dataset.reading_id[i] for i in back) if layers.terms else (),
         seconds=time.perf_counter() - begin,
     )
 
@@ -312,11 +343,14 @@ def _fits(space: Space) -> bool:
     return p_lack_of_fit(space) >= NOISY or (repeats is not None and repeats >= NOISY)
 
 
-def _verdict(found: list[Found], structure: list[Structure], fits: bool) -> Verdict:
-    """The verdict. No cause or class is certain where the residuals exceed what noise explains."""
+def _verdict(
+    found: list[Found], structure: list[Structure], *, fits: bool, surprise: Surprise | None
+) -> Verdict:
+    """The verdict. No cause or class is certain where the residuals exceed what noise explains, or where the model
+    does not hold for the readings held out."""
     if structure:
         return "unexplained"
-    if not fits:
+    if not fits or (surprise is not None and surprise.real):
         return "excess_noise"
     if any(not f.evidence.certain for f in found):
         return "ambiguous"

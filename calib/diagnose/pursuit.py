@@ -36,7 +36,7 @@ FOLDS = 8
 FEWEST_POSES = 60
 _DEALS = 4  # stretches of the campaign that are dealt to each fold
 _PATIENCE = 12  # terms without a smaller error after which a fold stops
-_LEASH = 0.03
+LEASH = 0.03
 _SCREENED, _TOP = 1200, 60
 _MOST_COLUMNS = 1400  # of the Gram matrices
 _GATE = 2.5
@@ -50,6 +50,7 @@ _LOST = 1e-6  # share of a column that is lost to rounding
 _ABSORBED = 0.02  # share of a column that must be left beside the model
 _ROUNDS = 30  # of the evidence
 _LEAST = 1e-12  # of a diagonal, by which a Gram matrix that rounding made singular can be inverted
+HOLDS = 1e-3  # chance, all entries counted, below which a name holds beside what else was chosen
 _FAVOUR = 3.0  # nats that a name has over a column that does the same
 
 
@@ -217,18 +218,33 @@ class Screening:
 
 
 @dataclass(frozen=True)
-class Chosen:
-    """What a pursuit chose. entries: in the order in which they entered; sizes: standard deviation of each by evidence,
-    internal units; kappa: ratio of the errors of the folds to what they were expected to be, at least 1; gain: share
-    of the squared error of left-out blocks that the terms take away; stands: by entry, whether it holds beside all
-    others."""
+class Choice:
+    """An entry that a pursuit chose. size: standard deviation by evidence, internal units; explained: by how much it
+    lowers the sum of squares beside all others; log_p: log of the chance of that, every entry counted; confirmed:
+    whether left-out blocks confirm it, or it is only significant."""
 
-    entries: tuple[Entry, ...]
-    sizes: tuple[float, ...]
+    entry: Entry
+    size: float
+    explained: float
+    log_p: float
+    confirmed: bool
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What a pursuit chose, in the order of entry. clock: that its functions of time count by; kappa: ratio of the
+    errors on left-out blocks to what they were expected to be, at least 1; gain: share of the squared error on left-out
+    blocks that the confirmed entries take away."""
+
+    choices: tuple[Choice, ...] = ()
+    clock: str = "time"
     kappa: float = 1.0
     gain: float = 0.0
-    explained: tuple[float, ...] = ()
-    log_p: tuple[float, ...] = ()
+
+    @property
+    def carried(self) -> tuple[Choice, ...]:
+        """The confirmed entries that are no named effects."""
+        return tuple(c for c in self.choices if c.confirmed and c.entry.effect is None)
 
 
 def folds_of(readings: Readings, clock: str) -> NDArray[np.int64]:
@@ -243,11 +259,12 @@ def folds_of(readings: Readings, clock: str) -> NDArray[np.int64]:
 
 
 def pursue(found: Identification, readings: Readings, named: Sequence[Effect] = ()) -> Chosen:
-    """The entries that left-out blocks confirm beside the model of a fit.
+    """The entries that left-out blocks confirm beside the model of a fit; nothing where no number of terms pays.
 
-    readings: those that take part, which may be more than the fit's own; named: effects that compete as entries.
+    readings: those that take part, which may be more than the fit's own; named: effects that compete as entries, and
+    are chosen beyond the confirmed number as well while they are significant.
     """
-    nothing = Chosen((), ())
+    nothing = Chosen()
     poses = len(np.unique(readings.conditions.pose))
     if poses < FEWEST_POSES:
         return nothing
@@ -310,7 +327,7 @@ def _screened(
     known = dictionary.known(readings.conditions)
     columns = part.of_entries(dictionary.entries, known, dictionary.clock, np.float32)
     count = len(model.size)
-    stacked = np.vstack([model.rows(part), np.diag(model.prior), _LEASH * np.eye(count)])
+    stacked = np.vstack([model.rows(part), np.diag(model.prior), LEASH * np.eye(count)])
     u, s, _ = np.linalg.svd(stacked, full_matrices=False)
     basis = u[:, s > 1e-7 * s[0]]
     left = np.r_[part.residual.ravel(), model.pull, np.zeros(count)]
@@ -374,7 +391,7 @@ def _decided(
             targets.append(left)
         left_out.append((np.vstack(missed), np.concatenate(targets)))
     held = np.zeros((size, size))
-    held[:count, :count] = np.diag(model.prior**2) + _LEASH**2 * np.eye(count)
+    held[:count, :count] = np.diag(model.prior**2) + LEASH**2 * np.eye(count)
     toward = np.zeros(size)
     toward[:count] = model.prior * model.pull
     pulled = float(model.pull @ model.pull)
@@ -409,7 +426,7 @@ def _decided(
     terms = int(np.flatnonzero(worse.mean(axis=0) <= _standard_error(worse))[0])
     pays = table[:, 0] - table[:, terms]
     if not terms or pays.mean() <= _GATE * _standard_error(pays):
-        return Chosen((), ())
+        return Chosen()
     missed = []
     for f, pursuit in enumerate(pursuits):
         columns, left = left_out[f]
@@ -425,33 +442,31 @@ def _decided(
     measured = float(rows.sum()) / sum(len(left) for _, left in left_out)
     kappa = max(1.0, float(np.sqrt(np.mean(np.concatenate(missed)) / measured)))
     pursuit = begin(None)
-    for _ in range(terms):
-        pursuit.step()
-    at = pursuit.columns(terms)
+    tries = np.log(len(dictionary.entries))
+    while len(pursuit.chosen) < most:  # beyond the confirmed terms for the sake of names alone
+        before, free = pursuit.rss, pursuit.free
+        if not pursuit.step():
+            break
+        chance = log_chance(before, pursuit.rss, free - pursuit.free, pursuit.free) + tries
+        if len(pursuit.chosen) > terms and (chance > np.log(HOLDS) or not any(e.effect for e in entries)):
+            pursuit.chosen.pop()
+            break
+    at = pursuit.columns(len(pursuit.chosen))
     widths = [int(width[g]) for g in pursuit.chosen]
     few, few_right = whole[np.ix_(at, at)], whole_right[at]
-    value, covariance, noise, precision = shrunk(
-        few, few_right, square.sum() + pulled, pursuit.rows, count, widths
-    )
-    explained, log_p, place = [], [], count
-    free = max(pursuit.rows - len(at), 1)
-    inverse = np.linalg.inv(few + 1e-12 * np.diag(np.diag(few)))
-    plain = inverse @ few_right
-    for w in widths:
+    _, _, noise, precision = shrunk(few, few_right, square.sum() + pulled, pursuit.rows, count, widths)
+    inverse = np.linalg.inv(few + _LEAST * np.diag(np.diag(few)))
+    plain, free, place = inverse @ few_right, max(pursuit.rows - len(at), 1), count
+    left = square.sum() + pulled - float(plain @ few_right)
+    choices = []
+    for rank, (g, w) in enumerate(zip(pursuit.chosen, widths, strict=True)):
         own = slice(place, place + w)
-        gain = float(plain[own] @ np.linalg.solve(inverse[own, own], plain[own]))
-        explained.append(gain)
-        log_p.append(log_chance(gain + noise * free, noise * free, w, free) + np.log(len(dictionary.entries)))
+        explained = float(plain[own] @ np.linalg.solve(inverse[own, own], plain[own]))
+        log_p = log_chance(left + explained, left, w, free) + tries
+        size = float(np.sqrt(noise / precision[place]))
+        choices.append(Choice(entries[g], size, explained, log_p, rank < terms))
         place += w
-    starts = count + np.r_[0, np.cumsum(widths)[:-1]].astype(int)
-    return Chosen(
-        entries=tuple(entries[g] for g in pursuit.chosen),
-        sizes=tuple(float(np.sqrt(noise / precision[i])) for i in starts),
-        kappa=kappa,
-        gain=float(pays.sum() / table[:, 0].sum()),
-        explained=tuple(explained),
-        log_p=tuple(log_p),
-    )
+    return Chosen(tuple(choices), clock, kappa, float(pays.sum() / table[:, 0].sum()))
 
 
 def _standard_error(values: Array) -> Array:
