@@ -1,5 +1,7 @@
 """`python -m tests.benchmarks [NAME [COUNT]]`: the figures we are held to.
 
+`real_data` takes names of data sets instead of a count, and `--enter`.
+
 Without a name all but the demos and the peers run. Every figure is a ratio within one run, or a count over seeded
 campaigns, so that it means the same on any machine. Exit code 1 when one is missed.
 """
@@ -106,13 +108,18 @@ def main() -> int:
     """Run what was asked for; 0 when every figure is reached."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description="Ratios and counts")
     parser.add_argument("name", nargs="?", choices=tuple(BENCHMARKS))
-    parser.add_argument("count", nargs="?", type=int, help="campaigns; each benchmark has its own default")
+    parser.add_argument(
+        "count", nargs="*", help="campaigns; each benchmark has its own default. real_data: sets"
+    )
+    parser.add_argument("--enter", action="store_true", help="real_data: keep the figures of this run")
     options = parser.parse_args()
+    if options.name == "real_data":
+        return 0 if real_data.run(options.count, enter=options.enter) else 1
     names = [n for n in BENCHMARKS if n not in APART] if options.name is None else [options.name]
     reached = True
     for name in names:
         run, usual = BENCHMARKS[name]
-        reached &= run() if usual is None else run(options.count or usual)
+        reached &= run() if usual is None else run(int(options.count[0]) if options.count else usual)
     return 0 if reached else 1
 
 
