@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from calib.array import Array
 from calib.diagnose.classes import Evidence
+from calib.fit.identification import Identification
 from calib.model.effect import Effect
 
 
@@ -18,3 +21,15 @@ class Found:
     values: Array  # (p,) internal units
     covariance: Array  # (p, p)
     index: str | None  # reading at which a step happened
+
+
+def resized(found: Found, fitted: Identification) -> Found:
+    """A finding with the values that another fit has for it."""
+    effect = next(e for e in fitted.model.effects if e.label == found.effect.label)
+    positions = fitted.model.positions(effect)
+    return replace(
+        found,
+        effect=effect,
+        values=fitted.estimate[positions],
+        covariance=fitted.covariance[np.ix_(positions, positions)],
+    )
