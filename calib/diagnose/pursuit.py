@@ -6,7 +6,8 @@
    the number of entries of its kind.
 3. Number: each fold chooses anew from the blocks that it keeps and predicts the one that it leaves out. The fewest
    terms within half a standard error of the best are taken; none unless the first terms are beyond chance, all entries
-   counted (Bonferroni), and the gain exceeds 2.5 standard errors of the folds, and there are at least 60 poses.
+   counted (Bonferroni), and the gain exceeds 2.5 standard errors of the folds, and there are at least 60 poses. Last
+   terms that are not beyond chance are left out again.
 4. Size: every term is shrunk by its evidence (MacKay 1992).
 5. A ridge of 3 % of a column ties the model to its own fit, where a fold does not determine it.
 
@@ -40,7 +41,10 @@ LEASH = 0.03
 _SCREENED, _TOP = 1200, 60
 _MOST_COLUMNS = 1400  # of the Gram matrices
 _GATE, _WITHIN = 2.5, 0.5  # standard errors of the folds: of the gain, and from the best number of terms
-_CHANCE = 0.05
+_CHANCE, _FAR_BEYOND = (
+    0.01,
+    1e-6,
+)  # that a set which lacks nothing begins, and that a last term is one of chance
 _PER_ROUND, _WORTH, _INDEPENDENT = (
     6,
     0.3,
@@ -476,17 +480,21 @@ def _decided(
     measured = float(rows.sum()) / sum(len(left) for _, left in left_out)
     kappa = max(1.0, float(np.sqrt(np.mean(np.concatenate(missed)) / measured)))
     pursuit, gains = begin(None), list[float]()
-    alone_leaves = pursuit.rss
+    alone_leaves, chances = pursuit.rss, list[float]()
     tries = np.log(len(dictionary.entries))
     while len(pursuit.chosen) < most:  # beyond the confirmed terms for the sake of names alone
         before, free = pursuit.rss, pursuit.free
         if not pursuit.step():
             break
         chance = log_chance(before, pursuit.rss, free - pursuit.free, pursuit.free) + tries
+        chances.append(chance)
         if len(pursuit.chosen) > terms and (chance > np.log(HOLDS) or not any(e.effect for e in entries)):
             pursuit.chosen.pop()
             break
         gains.append(before - pursuit.rss)
+    surest = _surest(
+        table, [entries[g].effect is not None for g in pursuit.chosen[:terms]], np.array(chances)
+    )
     at = pursuit.columns(len(pursuit.chosen))
     widths = [int(width[g]) for g in pursuit.chosen]
     few, few_right = whole[np.ix_(at, at)], whole_right[at]
@@ -500,9 +508,25 @@ def _decided(
         alone = float(plain[own] @ np.linalg.solve(inverse[own, own], plain[own]))
         log_p = log_chance(left + alone, left, w, free) + tries
         sizes = tuple(np.sqrt(noise / precision[own]).tolist())
-        choices.append(Choice(entries[g], sizes, gains[rank], log_p, rank < terms))
+        choices.append(Choice(entries[g], sizes, gains[rank], log_p, rank < surest))
         place += w
     return Chosen(tuple(choices), clock, kappa, float(pays.sum() / table[:, 0].sum()), alone_leaves)
+
+
+def _surest(table: Array, named: list[bool], chance: Array) -> int:
+    """The number of confirmed terms that are beyond chance as well: terms behind the last name, which were chosen
+    beside it for their own sake, must pay for themselves or be far beyond chance.
+
+    table: (folds, terms) squared errors on left-out blocks; named: which terms are names; chance: log p of each.
+    """
+    names = max((i + 1 for i, name in enumerate(named) if name), default=0)
+    for gate, beyond in ((_GATE, _CHANCE), (1.0, _FAR_BEYOND)):
+        sure = np.flatnonzero(chance[: len(named)] < np.log(beyond))
+        last = int(sure[-1]) + 1 if len(sure) else 0
+        pays = table[:, min(names, last)] - table[:, last]
+        if last and (not names or pays.mean() > gate * _standard_error(pays)):
+            return last
+    return names
 
 
 def _standard_error(values: Array) -> Array:
