@@ -72,6 +72,7 @@ def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
     diagnosis: Any = SimpleNamespace(
         verdict=verdict,
         effects=(found,),
+        confirmed=(found,),
         structure=(),
         final=SimpleNamespace(noise_scale=1.0),
         error_before=errors(0.1),
@@ -107,6 +108,7 @@ def test_noise_beyond_the_declared_is_said_where_repeats_explain_it() -> None:
     diagnosis: Any = SimpleNamespace(
         verdict="complete",
         effects=(),
+        confirmed=(),
         structure=(),
         final=SimpleNamespace(noise_scale=2.25),
         error_before=None,

@@ -10,7 +10,16 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from service.http.wire.bodies.campaign import Campaign
-from service.http.wire.bodies.results import ERRORS, Errors, Figure, FitShown, Number, Share, Unit
+from service.http.wire.bodies.results import (
+    ERRORS,
+    Errors,
+    Figure,
+    FitShown,
+    Number,
+    Parameter,
+    Share,
+    Unit,
+)
 from service.http.wire.bodies.told import Answered, told
 
 Verdict = Literal["complete", "excess_noise", "attributed", "ambiguous", "unexplained"]
@@ -39,8 +48,33 @@ class EffectShown(Answered):
     evidence: Annotated[Evidence, told("The evidence for it.", {"delta_bic": 605.4})]
     owner: Annotated[str, told("To whom it belongs: robot, mounting, tool, instrument ...", "robot")]
     group: Annotated[str, told("The family of effects.", "transmission")]
-    check: Annotated[str, told("What a technician checks.", "Check the preload of the gear of joint 4.")]
+    check: Annotated[
+        str,
+        told(
+            "What a technician checks; empty where the cause is not known or the size is usual.",
+            "Check the preload of the gear of joint 4.",
+        ),
+    ]
     shape: Annotated[dict[str, float | None], told("Figures of its shape, by name with unit.", {})]
+    shape_std: Annotated[
+        dict[str, float | None], told("Standard errors of those that were scanned, by name with unit.", {})
+    ] = Field(default_factory=dict)
+    between: Annotated[
+        list[int | str] | None,
+        told("Of a step: ids of the last reading before it and the first after it, 95 % probability.", None),
+    ] = None
+    usual_size: Annotated[
+        float | None, told("Usual size, in the unit of the amplitude; null if not known.", 0.1)
+    ] = None
+    confirmed: Annotated[bool, told("Whether the size exceeds its expanded uncertainty (k = 2).", True)] = (
+        True
+    )
+    imitates: Annotated[
+        bool, told("Whether the effect may only imitate a law that no effect explains.", False)
+    ] = False
+    impossible: Annotated[
+        bool, told("Whether physics forbids the value, as of a negative compliance.", False)
+    ] = False
 
 
 class Separation(Answered):
@@ -126,6 +160,9 @@ class DiagnosisResult(FitShown):
             "attributed",
         ),
     ]
+    finding: Annotated[
+        str, told("The verdict in sentences.", "Found 1 effect that the base model lacks: play of joint 4.")
+    ] = ""
     effects: Annotated[list[EffectShown], told("What was found, the largest first.", [])]
     p_lack_of_fit: Annotated[float | None, told("Probability that chance leaves as much.", 0.58)]
     error_before_mm: Annotated[Errors | None, told("Of the base model, on readings held out, mm.", ERRORS)]
@@ -141,7 +178,14 @@ class DiagnosisResult(FitShown):
         ),
     ] = None
     follow_up: Annotated[list[FollowUpShown], told("What to measure next where something is ambiguous.", [])]
+    next_measurements: Annotated[
+        list[str],
+        told("What to measure next where a cause is not known.", ["Move joint 3 alone through its range."]),
+    ] = Field(default_factory=list)
     structure: Annotated[list[StructureShown], told("What is left.", [])]
+    parameters: Annotated[list[Parameter], told("Every parameter of the base model.", [])] = Field(
+        default_factory=list
+    )
     power: Annotated[list[Power], told("What would have been seen.", [])]
     notes: Annotated[list[str], told("What else is to be known.", [])]
     carry_over: Annotated[CarriedOver | None, told("Where another data set was judged.", None)] = None
