@@ -12,7 +12,7 @@ name has a small advantage over columns that do the same. A name is withdrawn
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from scipy.stats import hypergeom
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
-from calib.diagnose.dictionary import CONDITIONS, Entry, bound, step_at
+from calib.diagnose.dictionary import CONDITIONS, Entry, OfClock, bound, held, step_at
 from calib.diagnose.pursuit import HOLDS, LEASH, Choice, Chosen, parts, pursue
 from calib.diagnose.structure import Structure
 from calib.fit.identification import Identification
@@ -32,7 +32,7 @@ from calib.fit.readings import Readings
 from calib.model.carried_regressors import OfTime
 from calib.model.effect import Effect, Owner, Parameter, Term
 from calib.model.model import Design
-from calib.model.regressors import CreepBetween, StepAt, Temperature, Time, WarmUp
+from calib.model.regressors import CreepBetween, Regressor, StepAt, Temperature, Time, WarmUp
 from calib.units import to_display
 
 _WINDOWS = np.radians((6.0, 12.0, 24.0))
@@ -119,21 +119,28 @@ def competed(
 ) -> tuple[Chosen, tuple[Effect, ...]]:
     """What a pursuit from the base model chooses among terms and names, and the names that hold.
 
-    All names hold where no number of terms pays: the readings then say no more than the search for names did.
+    All names hold where no number of terms pays: the readings then say no more than the search for names did. What
+    entered under a name that is withdrawn stays as a carried term: left-out readings confirm it.
     """
     chosen = pursue(base, readings, named)
     if not chosen.choices:
         return chosen, named
     entered = {c.entry.effect.label: c for c in chosen.choices if c.entry.effect is not None}
-    return chosen, tuple(e for e in named if e.label in entered and _holds(entered[e.label], chosen.carried))
+    terms = chosen.carried(named=entered)
+    return chosen, tuple(e for e in named if e.label in entered and _holds(e, entered, terms))
 
 
-def _holds(name: Choice, terms: Sequence[Choice]) -> bool:
-    effect = name.entry.effect
-    assert effect is not None
-    own = _conditions_of(effect)
-    remains = sum(c.explained for c in terms if own & _conditions_of_entry(c.entry))
-    return name.log_p < np.log(HOLDS) and remains <= _REMAINS * name.explained
+def _holds(name: Effect, entered: Mapping[str, Choice], terms: Sequence[Choice]) -> bool:
+    """Whether a name holds beside all that entered, and explains its condition together with the other names of it."""
+    own = _conditions_of(name)
+    named = sum(
+        c.explained for c in entered.values() if c.entry.effect and own & _conditions_of(c.entry.effect)
+    )
+    others = (
+        c for c in terms if not (name.wave and c.entry.kind == "gear")
+    )  # a gear has waves of many orders
+    remains = sum(c.explained for c in others if own & _conditions_of_entry(c.entry))
+    return entered[name.label].log_p < np.log(HOLDS) and remains <= _REMAINS * named
 
 
 def _conditions_of(effect: Effect) -> set[str | int]:
@@ -150,23 +157,47 @@ def _conditions_of(effect: Effect) -> set[str | int]:
     return found
 
 
+def _kind(effect: Effect) -> str:
+    """The kind of entry whose condition an effect follows first."""
+    own = _conditions_of(effect)
+    return "time" if "time" in own else "air" if "air" in own else "joint" if own else "constant"
+
+
+def _condition(entry: Entry) -> str:
+    """The condition of an entry, as places of structure are named."""
+    if entry.effect is None:
+        return CONDITIONS[entry.kind].format(*entry.joints)
+    joints = sorted(c for c in _conditions_of(entry.effect) if isinstance(c, int))
+    return CONDITIONS[_kind(entry.effect)].format(*joints)
+
+
 def _conditions_of_entry(entry: Entry) -> set[str | int]:
+    if entry.effect is not None:
+        return _conditions_of(entry.effect)
     return {*entry.joints} or {"air" if entry.kind == "late air" else entry.kind}
 
 
 def with_terms(dataset: Dataset, named: Identification, readings: Readings, chosen: Chosen) -> Layers:
     """The fit of base model and names with the carried terms of a pursuit, everything together on the exact chain."""
-    if not chosen.carried:
+    carried = chosen.carried(named={e.label for e in named.model.effects})
+    if not carried:
         return Layers(named, ())
     known = np.unique(getattr(readings.conditions, chosen.clock))
     effects, moments = [], []
-    for number, choice in enumerate(chosen.carried, start=1):
-        functions, moment = [bound(f, known, chosen.clock) for f in choice.entry.functions], None
+    for number, choice in enumerate(carried, start=1):
+        moment = None
+        if choice.entry.effect is not None:
+            effects.append(_unnamed(choice, number, readings.conditions, chosen.clock))
+            moments.append(None)
+            continue
+        functions = [bound(f, known, chosen.clock) for f in choice.entry.functions]
         if choice.entry.at is not None:
             where = int(np.searchsorted(known, choice.entry.at))
             moment = (known[where], known[min(where + 1, len(known) - 1)])
             if sum(m is not None for m in moments) < _MOST_AVERAGED:
-                function, moment = _averaged(named, readings, chosen, choice, known)
+                function, moment = _averaged(
+                    named, readings, chosen, [c.entry for c in carried if c is not choice], choice, known
+                )
                 functions = [function]
         moments.append(moment)
         effects.append(_effect(named, choice, number, functions))
@@ -178,7 +209,7 @@ def with_terms(dataset: Dataset, named: Identification, readings: Readings, chos
         )
     )
     terms = []
-    for effect, choice, moment in zip(effects, chosen.carried, moments, strict=True):
+    for effect, choice, moment in zip(effects, carried, moments, strict=True):
         at = fitted.model.positions(effect)
         terms.append(
             CarriedTerm(
@@ -187,18 +218,17 @@ def with_terms(dataset: Dataset, named: Identification, readings: Readings, chos
                 fitted.covariance[np.ix_(at, at)],
                 min(choice.explained / left, 1.0),
                 float(np.exp(min(choice.log_p, 0.0))),
-                CONDITIONS[choice.entry.kind].format(*choice.entry.joints),
+                _condition(choice.entry),
                 None if moment is None else _between(dataset, readings.conditions, chosen.clock, moment),
             )
         )
     return Layers(fitted, tuple(sorted(terms, key=lambda t: -t.explained)))
 
 
-def _effect(named: Identification, choice: Choice, number: int, functions: Sequence[object]) -> Effect:
+def _effect(named: Identification, choice: Choice, number: int, functions: Sequence[Regressor]) -> Effect:
     entry = choice.entry
     unit = "deg" if named.model.chain.slots[entry.slot].turns else "mm"
     label = f"carried:{entry.slot}:{entry.kind.replace(' ', '_')}:{number}"
-    size = to_display(choice.size, unit)
     names = [f"{label}.{'ab'[i]}" for i in range(len(functions))] if len(functions) > 1 else [f"{label}.size"]
     owner: Owner = "mounting" if entry.slot.partition(".")[0] in ("base", "tool") else "robot"
     return Effect(
@@ -206,16 +236,46 @@ def _effect(named: Identification, choice: Choice, number: int, functions: Seque
         "carried",
         owner,
         f"{entry.slot} follows {entry.condition}, for no known cause.",
-        tuple(Parameter(name, unit, size) for name in names),
+        tuple(Parameter(n, unit, to_display(s, unit)) for n, s in zip(names, choice.sizes, strict=True)),
         tuple(Term(name, entry.slot, 1.0, f) for name, f in zip(names, functions, strict=True)),
     )
 
 
+def _unnamed(choice: Choice, number: int, conditions: Conditions, clock: str) -> Effect:
+    """A named effect as a carried term: what drives it is held at the border of what was measured."""
+    named = choice.entry.effect
+    assert named is not None
+    label = f"carried:{named.terms[0].slot}:{CONDITIONS[_kind(named)].split()[0]}:{number}"
+    return replace(
+        named,
+        label=label,
+        group="carried",
+        meaning=f"{named.terms[0].slot} follows {_condition(choice.entry)}, for no known cause.",
+        parameters=tuple(
+            Parameter(f"{label}.{p.short}", p.unit, to_display(size, p.unit))
+            for p, size in zip(named.parameters, choice.sizes, strict=True)
+        ),
+        terms=tuple(
+            replace(
+                t,
+                parameter=f"{label}.{t.parameter.rpartition('.')[2]}",
+                regressor=held(t.regressor, conditions, clock),
+            )
+            for t in named.terms
+        ),
+    )
+
+
 def _averaged(
-    named: Identification, readings: Readings, chosen: Chosen, step: Choice, known: Array
-) -> tuple[OfTime, tuple[float, float]]:
+    named: Identification,
+    readings: Readings,
+    chosen: Chosen,
+    others: Sequence[Entry],
+    step: Choice,
+    known: Array,
+) -> tuple[Regressor, tuple[float, float]]:
     """A step averaged over the moments that the readings allow, and the interval that contains 95 % of them."""
-    others = [c.entry for c in chosen.carried if c is not step]
+    assert step.entry.at is not None
     here = int(np.searchsorted(known, step.entry.at))
     low, high = max(here - _NEAR, 0), min(here + _NEAR, len(known) - 1)
     moments = known[low:high]
@@ -248,8 +308,8 @@ def _averaged(
     share = np.cumsum(likely) / likely.sum()
     first, last = np.searchsorted(share, (0.5 * (1.0 - _SURE), 0.5 * (1.0 + _SURE)))
     times = np.r_[known[low], known[low + 1 : high + 1]]
-    function = bound(lambda u: np.interp(u, times, np.r_[0.0, share]), known, chosen.clock)
-    assert isinstance(function, OfTime)
+    law = OfClock(lambda u: np.asarray(np.interp(u, times, np.r_[0.0, share])))
+    function = bound(law, known, chosen.clock)
     return function, (float(known[low + first]), float(known[min(low + int(last) + 1, len(known) - 1)]))
 
 
@@ -278,6 +338,7 @@ def _fitted(
     estimate, count = start, len(named.estimate)
     active = np.r_[np.diag(named.covariance) > 0.0, np.ones(len(start) - count, dtype=bool)]
     scale = max(named.noise_scale, 1e-9)
+    covariance, residual, freedom = named.covariance, named.residual, named.degrees_of_freedom
     weight, base = np.r_[named.prior, np.zeros(len(start) - count)], np.flatnonzero(active) < count
     for _ in range(_ROUNDS):
         weight[count:] = scale / model.prior_std[count:]
@@ -296,8 +357,8 @@ def _fitted(
         residual = readings.observed.residual(Design(model, readings.conditions).frames(estimate, ()))
         freedom = readings.observed.count - round(float(np.sum(1.0 - (held + leash) * np.diag(inverse))))
         scale = float(np.sqrt(np.sum(residual**2) / max(freedom, 1)))
-    covariance = np.zeros((len(start), len(start)))
-    covariance[np.ix_(active, active)] = inverse * max(scale * kappa, 1.0) ** 2
+        covariance = np.zeros((len(start), len(start)))
+        covariance[np.ix_(active, active)] = inverse * max(scale * kappa, 1.0) ** 2
     return replace(
         named,
         model=model,

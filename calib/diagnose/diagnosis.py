@@ -22,7 +22,7 @@ from calib.diagnose.claims import chance_by_pose
 from calib.diagnose.classes import Evidence, judge
 from calib.diagnose.follow_up import FollowUp, follow_up
 from calib.diagnose.held_blocks import Blocks, carried_gains
-from calib.diagnose.named import Found
+from calib.diagnose.named import Found, resized
 from calib.diagnose.outlying import together
 from calib.diagnose.power import Visible, visible
 from calib.diagnose.pursuit import Chosen
@@ -150,20 +150,25 @@ def diagnose(
     selection, curves = _search(dataset, base, most, progress)
     progress("weighing rivals of every effect")
     selection, space, named, power = _judged(dataset, selection)
+<<<<<<< HEAD
     named = with_shapes(dataset, selection.fitted, named)
     searched = selection.effects
+=======
+    searched, chosen = selection.effects, Chosen()
+>>>>>>> main
     readings, back = readings_back(dataset, selection.fitted)
-    chosen = Chosen()
     if curves is None:
         progress("comparing names with everything that left-out readings confirm")
-        chosen, holding = competed(base, readings, selection.effects)
-        if len(holding) < len(selection.effects):
-            selection = Selection(refit(dataset, selection.fitted, holding), holding)
-            selection, space, named, power = _judged(dataset, selection)
+        chosen, holding = competed(base, readings, searched)
+        if len(holding) < len(searched):
+            fitted = _arrived(dataset, refit(dataset, selection.fitted, holding))
+            selection, space = Selection(fitted, holding), Space.of(fitted)
+            labels = {e.label for e in holding}
+            named = [resized(f, fitted) for f in named if f.effect.label in labels]
     structure = _structure(dataset, space)
     if curves is not None:
         curves = beside(selection.fitted, curves.sizes)
-    elif structure and not chosen.carried:
+    elif structure and not chosen.choices:
         curves = with_gears(dataset, selection.fitted, gears_to_carry(base, dataset), progress=progress)
         space = space if curves is None else Space.of(curves.held)
         structure = structure if curves is None else _structure(dataset, space)

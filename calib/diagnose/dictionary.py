@@ -23,10 +23,23 @@ from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.fit.least_squares import jacobian
 from calib.fit.readings import Readings
-from calib.model.carried_regressors import Held, HeldPair, OfTime
+from calib.model.carried_regressors import QUANTITIES, Held, HeldPair, OfTime
 from calib.model.effect import Effect
+from calib.model.gravity_regressors import Torque, TorqueCubed, TorqueSign
 from calib.model.model import Design, RobotModel
-from calib.model.regressors import Regressor, Side
+from calib.model.regressors import (
+    Cosine,
+    CreepBetween,
+    JointAngle,
+    LastMove,
+    Regressor,
+    Side,
+    Sine,
+    StepAt,
+    Temperature,
+    Time,
+    WarmUp,
+)
 
 LOW_ORDERS = (1, 2, 3, 4)
 GEAR_ORDERS = range(5, 331)
@@ -41,8 +54,12 @@ _STILL = 1e-3  # rad or mm: a joint that moved less offers nothing
 _LEAST_AIR = 0.2  # K
 _MOST_KNOTS = 80  # of a function of time in a model
 
-OfClock = Callable[[Array], Array]
-"""A function of time before it is bound to readings: (u,) times in ascending order -> (u,) values."""
+
+@dataclass(frozen=True, eq=False)
+class OfClock:
+    """A function of time before it is bound to readings: (u,) times in ascending order -> (u,) values."""
+
+    values: Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
@@ -111,8 +128,8 @@ class Part:
                 key = id(function)
                 if key not in drives:
                     drives[key] = (
-                        np.interp(times, known, function(known))
-                        if not hasattr(function, "evaluate")
+                        np.interp(times, known, function.values(known))
+                        if isinstance(function, OfClock)
                         else function.evaluate(self.conditions)
                     )
                 value = np.broadcast_to(drives[key], (n,))
@@ -172,12 +189,12 @@ Shape = tuple[str, str, tuple[Regressor | OfClock, ...], tuple[int, ...], float 
 
 
 def _wave(f: Callable[[Array], Array], rate: float, start: float) -> OfClock:
-    return lambda u: f(rate * (u - start))
+    return OfClock(lambda u: f(rate * (u - start)))
 
 
 def step_at(time: float) -> OfClock:
     """A step behind a time."""
-    return lambda u: (u > time) * 1.0
+    return OfClock(lambda u: (u > time) * 1.0)
 
 
 def _of_clock(times: Array) -> list[Shape]:
@@ -190,7 +207,7 @@ def _of_clock(times: Array) -> list[Shape]:
     pauses = longest[gap[longest] > 4.0 * np.median(gap)]
     steps = np.unique(np.r_[times[spread], times[pauses]])
     found: list[Shape] = [("time", "a step in time", (step_at(t),), (), float(t)) for t in steps.tolist()]
-    found.append(("time", "a drift", (lambda u: (u - start) / span,), (), None))
+    found.append(("time", "a drift", (OfClock(lambda u: (u - start) / span),), (), None))
     for share in _WARM_UPS:
         warm = _decay(start, share * span)
         found.append(("time", f"a warm-up in {share:g} of the campaign", (warm,), (), None))
@@ -198,7 +215,7 @@ def _of_clock(times: Array) -> list[Shape]:
 
 
 def _decay(start: float, constant: float) -> OfClock:
-    return lambda u: np.exp(-(u - start) / constant)
+    return OfClock(lambda u: np.asarray(np.exp(-(u - start) / constant), dtype=np.float64))
 
 
 def _of_air(conditions: Conditions, clock: str) -> list[Shape]:
@@ -223,7 +240,7 @@ def _of_air(conditions: Conditions, clock: str) -> list[Shape]:
 
 
 def _table(times: Array, values: Array) -> OfClock:
-    return lambda u: np.interp(u, times, values)
+    return OfClock(lambda u: np.asarray(np.interp(u, times, values), dtype=np.float64))
 
 
 def moving(conditions: Conditions) -> list[int]:
@@ -300,9 +317,9 @@ def _of_gears(model: RobotModel, conditions: Conditions) -> list[Entry]:
 
 def bound(function: Regressor | OfClock, known: Array, clock: str) -> Regressor:
     """A function of an entry as a regressor: one of time with its knots, as few as follow it to a thousandth."""
-    if hasattr(function, "evaluate"):
+    if not isinstance(function, OfClock):
         return function
-    values = np.asarray(function(known), dtype=np.float64)
+    values = np.asarray(function.values(known), dtype=np.float64)
     kept = _knots(known, values)
     return OfTime(tuple(known[kept].tolist()), tuple(values[kept].tolist()), clock)
 
@@ -320,7 +337,34 @@ def _knots(times: Array, values: Array) -> NDArray[np.int64]:
     return np.array(kept)
 
 
+_HELD: Mapping[type, tuple[str, str]] = {
+    Cosine: ("angle", "cosine"),
+    Sine: ("angle", "sine"),
+    JointAngle: ("angle", "linear"),
+    Torque: ("torque", "linear"),
+    TorqueCubed: ("torque", "cubic"),
+    TorqueSign: ("torque", "sign"),
+    LastMove: ("move", "linear"),
+    Temperature: ("air", "linear"),
+}
+
+
+def held(regressor: Regressor, conditions: Conditions, clock: str) -> Regressor:
+    """A regressor of a named effect with its value at the border of what was measured kept beyond it."""
+    if isinstance(regressor, StepAt | CreepBetween | Time | WarmUp):
+        times, first = np.unique(getattr(conditions, clock), return_index=True)
+        return bound(_table(times, np.asarray(regressor.evaluate(conditions))[first]), times, clock)
+    if type(regressor) not in _HELD:
+        return regressor
+    quantity, law = _HELD[type(regressor)]
+    joint = getattr(regressor, "joint", 0)
+    rate = getattr(regressor, "order", 1.0 / getattr(regressor, "width", 1.0))
+    centre = getattr(regressor, "reference_c", 0.0)
+    return Held(quantity, joint, law, rate, centre, *_range_of(QUANTITIES[quantity](conditions, joint - 1)))
+
+
 CONDITIONS: Mapping[str, str] = {
+    "constant": "nothing that was recorded",
     "time": "time",
     "air": "temperature",
     "late air": "temperature",

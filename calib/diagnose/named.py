@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from calib.array import Array
 from calib.diagnose.classes import Evidence
+from calib.fit.identification import Identification
 from calib.model.effect import Effect
 from calib.scan.physics import bounds_of, impossible
 
@@ -64,3 +65,15 @@ class Found:
         """Whether the values lie beyond what physics allows, as a negative compliance does; noise is no excuse."""
         bounds = bounds_of(self.effect)
         return bounds is not None and bool(impossible(bounds, self.values, np.zeros(len(self.values))))
+
+
+def resized(found: Found, fitted: Identification) -> Found:
+    """A finding with the values that another fit has for it."""
+    effect = next(e for e in fitted.model.effects if e.label == found.effect.label)
+    positions = fitted.model.positions(effect)
+    return replace(
+        found,
+        effect=effect,
+        values=fitted.estimate[positions],
+        covariance=fitted.covariance[np.ix_(positions, positions)],
+    )

@@ -16,7 +16,7 @@ Sources: Pati et al. 1993 (pursuit); Breiman et al. 1984 (one standard error); R
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -140,7 +140,8 @@ class _State(Protocol):
 def scores(right: Array, own: Array, whole: Array, of: _State) -> Array:
     """(entries,) score of each entry that is not chosen yet; -inf where nothing is left of it."""
     right, own, whole = right[of.count :], own[of.count :], whole[of.count :]
-    gain = np.where(own > _ABSORBED * whole, right**2 / np.maximum(own, 1e-300), 0.0)
+    seen = own > np.maximum(_ABSORBED * whole, 1e-200)
+    gain = np.where(seen, right**2 / np.where(seen, own, 1.0), 0.0)
     gain = np.add.reduceat(gain, of.first - of.count) / (of.rss / max(of.free, 1))
     score = np.where(gain > 0.0, gain - (of.width - 1) * np.log(of.rows) - 2.0 * of.price, -np.inf)
     score[of.chosen] = -np.inf
@@ -219,12 +220,15 @@ class Screening:
 
 @dataclass(frozen=True)
 class Choice:
-    """An entry that a pursuit chose. size: standard deviation by evidence, internal units; explained: by how much it
-    lowers the sum of squares beside all others; log_p: log of the chance of that, every entry counted; confirmed:
-    whether left-out blocks confirm it, or it is only significant."""
+    """An entry that a pursuit chose.
+
+    sizes: standard deviation of each column by evidence, internal units; explained: by how much it lowers the sum of
+    squares beside all others; log_p: log of the chance of that, every entry counted; confirmed: whether left-out blocks
+    confirm it, or it is only significant.
+    """
 
     entry: Entry
-    size: float
+    sizes: tuple[float, ...]
     explained: float
     log_p: float
     confirmed: bool
@@ -241,10 +245,13 @@ class Chosen:
     kappa: float = 1.0
     gain: float = 0.0
 
-    @property
-    def carried(self) -> tuple[Choice, ...]:
-        """The confirmed entries that are no named effects."""
-        return tuple(c for c in self.choices if c.confirmed and c.entry.effect is None)
+    def carried(self, named: Collection[str] = ()) -> tuple[Choice, ...]:
+        """The confirmed entries, without the named effects of these labels."""
+        return tuple(
+            c
+            for c in self.choices
+            if c.confirmed and (c.entry.effect is None or c.entry.effect.label not in named)
+        )
 
 
 def folds_of(readings: Readings, clock: str) -> NDArray[np.int64]:
@@ -463,8 +470,8 @@ def _decided(
         own = slice(place, place + w)
         explained = float(plain[own] @ np.linalg.solve(inverse[own, own], plain[own]))
         log_p = log_chance(left + explained, left, w, free) + tries
-        size = float(np.sqrt(noise / precision[place]))
-        choices.append(Choice(entries[g], size, explained, log_p, rank < terms))
+        sizes = tuple(np.sqrt(noise / precision[own]).tolist())
+        choices.append(Choice(entries[g], sizes, explained, log_p, rank < terms))
         place += w
     return Chosen(tuple(choices), clock, kappa, float(pays.sum() / table[:, 0].sum()))
 
@@ -484,9 +491,7 @@ def shrunk(
 ) -> tuple[Array, Array, float, Array]:
     """Estimate, covariance, noise and precisions of a model's columns and terms, each term's size by evidence."""
     group = np.repeat(np.arange(len(widths)), widths)
-    own = np.diag(gram)[count:]
-    common = np.bincount(group, own) / np.maximum(np.asarray(widths, dtype=float), 1.0)
-    scale = np.r_[np.ones(count), np.sqrt(np.maximum(common, 1e-300))[group]]  # one for the columns of a term
+    scale = np.r_[np.ones(count), np.sqrt(np.maximum(np.diag(gram)[count:], 1e-300))]
     gram, right = gram / np.outer(scale, scale), right / scale
     precision = np.r_[np.zeros(count), np.full(len(group), 1e-3)]
     while True:

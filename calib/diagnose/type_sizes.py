@@ -10,10 +10,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from calib.data.dataset import Dataset
-from calib.diagnose.named import Found
+from calib.diagnose.named import Found, resized
 from calib.fit.again import fit_again
 from calib.fit.identification import Identification
 from calib.fit.identify import within_type
@@ -43,15 +41,4 @@ def in_type(
     wanted = frozenset(beside.prior.shares) - frozenset(beside.open) - spoken_for
     model = centred(fitted.model, beside.prior, wanted)
     final = within_type(again(model), Beside(beside.prior, open=beside.open), usual, again)
-    return final, [_again(f, final) for f in found]
-
-
-def _again(found: Found, fitted: Identification) -> Found:
-    effect = next(e for e in fitted.model.effects if e.label == found.effect.label)
-    positions = fitted.model.positions(effect)
-    return replace(
-        found,
-        effect=effect,
-        values=fitted.estimate[positions],
-        covariance=fitted.covariance[np.ix_(positions, positions)],
-    )
+    return final, [resized(f, final) for f in found]
