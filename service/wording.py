@@ -11,9 +11,11 @@ from calib.diagnose import (
     COVERAGE,
     EACH_POSE,
     TOGETHER,
+    CarriedTerm,
     Diagnosis,
     Found,
     Patch,
+    Shares,
     Structure,
     Surprise,
 )
@@ -25,6 +27,7 @@ from service import effect_names
 GROUPS = ("transmission", "structure", "frames and tool", "instrument", "thermal", "procedure")
 MANY = 6  # effects above which lists are ordered by group
 _STRETCHED = 1.5
+_AS_DECLARED = 0.001  # chance of a larger misfit from which on the noise is as declared
 
 HOLDOUTS = {
     "random": "random rows of the same series: flatters, since the neighbours of every row took part in the fit",
@@ -155,6 +158,26 @@ def rivals_of(found: Found) -> list[tuple[str, float]]:
     ]
 
 
+def carried_in_words(term: CarriedTerm) -> str:
+    """Where a carried term acts, what it follows and how large it is, as a sentence that claims no cause."""
+    value, std, unit = term.effect.amplitude(term.values, term.covariance)
+    size, uncertainty = with_uncertainty(value, COVERAGE * std)
+    share = f"{share_in_words(term.explained)} of what the named effects leave"
+    if term.between is not None:
+        how = f"changed by {size} ± {uncertainty} {unit} between readings {term.between[0]} and {term.between[1]}"
+    else:
+        how = f"follows {term.condition}, with a size of {size} ± {uncertainty} {unit}"
+    return f"{term.place[:1].upper()}{term.place[1:]} {how} (k = {COVERAGE:g}): {share}."
+
+
+def shares_in_words(shares: Shares) -> str:
+    """The parts of the squared error that the base model leaves, as a sentence."""
+    return (
+        f"Of the squared error that the base model leaves, {percent(shares.named)} is explained by a named cause, "
+        f"{percent(shares.carried)} is carried without a cause, and {percent(shares.noise)} is noise."
+    )
+
+
 def by_group(found: Sequence[Found]) -> list[tuple[str, list[Found]]]:
     """The effects by group, in the order of GROUPS; one group without a name where they are few."""
     if len(found) <= MANY:
@@ -253,12 +276,16 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
     noise = "noise" if names else "the noise"
     if diagnosis.by_repeats:
         noise = f"the noise that visits of the same pose show, {diagnosis.final.noise_scale:.2g} times the declared"
+    beyond = (
+        f"The readings scatter {diagnosis.final.noise_scale:.2f} times as much as declared. No structure shows where "
+        "it comes from: the noise is larger than declared, or a law outside the library is at work."
+    )
+    if surprised and diagnosis.p_lack_of_fit >= _AS_DECLARED:
+        beyond = "The model explains the readings of the fit to the noise, but not those that were held out."
     head = {
         "complete": f"Nothing was found: the base model explains these readings to {noise}. "
         "The report lists how large an effect of each kind must be to show in them.",
-        "excess_noise": f"The readings scatter {diagnosis.final.noise_scale:.2f} times as much as declared. "
-        "No structure shows where it comes from: the noise is larger than declared, or a law outside the library "
-        f"is at work.{imitated}",
+        "excess_noise": beyond + imitated,
         "attributed": found + ("" if lost or surprised else f" Nothing else is left beyond {noise}."),
         "ambiguous": f"{found} These poses cannot say which member of a class it is; "
         "the weights of all members are listed.",
@@ -269,7 +296,8 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
         gain_in_words(before, after),
         _not_carried(lost, diagnosis.harmful, len(diagnosis.effects)),
     )
-    parts = [warning, gain, head] if lost else [warning, head, gain]
+    shares = shares_in_words(diagnosis.shares) if diagnosis.effects or diagnosis.carried else ""
+    parts = [warning, gain, head, shares] if lost else [warning, head, shares, gain]
     contradicted = surprised and diagnosis.verdict not in ("unexplained", "excess_noise")
     parts.insert(0 if contradicted else len(parts), _held_out_against(diagnosis.stretch, diagnosis.surprise))
     return " ".join(part for part in parts if part)

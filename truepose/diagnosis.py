@@ -111,11 +111,13 @@ class Diagnosis:
 
     @property
     def errors(self) -> pandas.DataFrame:
-        """The ladder on validation rows, mm: nominal, base model, with effects; n, rms, mean, p95, max."""
+        """The ladder on validation rows, mm: nominal, base model, named effects (only if terms are carried beside them),
+        with effects (those terms included); n, rms, mean, p95, max."""
         found = self.findings
         steps: dict[str, ErrorStatistics | None] = {
             "nominal": found.error_nominal,
             "base model": found.error_before,
+            "named effects": found.error_named if found.carried else None,
             "with effects": found.error_after,
         }
         columns = ("n", "rms", "mean", "p95", "max")

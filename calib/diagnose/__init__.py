@@ -1,6 +1,7 @@
 """The diagnosis: effects that the base model lacks, each with its evidence and the rivals that fit nearly as well."""
 
 from calib.diagnose.advice import next_measurements
+from calib.diagnose.carried import CarriedTerm, Shares
 from calib.diagnose.carry import CarryOver, carry_over
 from calib.diagnose.diagnosis import Diagnosis, Found, diagnose
 from calib.diagnose.follow_up import APPROACHES, POSES, SEPARATES, FollowUp, Rivals, later_visits, separating
@@ -26,12 +27,14 @@ __all__ = [
     "SEEN",
     "SEPARATES",
     "TOGETHER",
+    "CarriedTerm",
     "CarryOver",
     "Diagnosis",
     "FollowUp",
     "Found",
     "Patch",
     "Rivals",
+    "Shares",
     "Structure",
     "Surprise",
     "Visible",

@@ -150,12 +150,7 @@ def diagnose(
     selection, curves = _search(dataset, base, most, progress)
     progress("weighing rivals of every effect")
     selection, space, named, power = _judged(dataset, selection)
-<<<<<<< HEAD
-    named = with_shapes(dataset, selection.fitted, named)
-    searched = selection.effects
-=======
     searched, chosen = selection.effects, Chosen()
->>>>>>> main
     readings, back = readings_back(dataset, selection.fitted)
     if curves is None:
         progress("comparing names with everything that left-out readings confirm")
@@ -165,6 +160,7 @@ def diagnose(
             selection, space = Selection(fitted, holding), Space.of(fitted)
             labels = {e.label for e in holding}
             named = [resized(f, fitted) for f in named if f.effect.label in labels]
+    named = with_shapes(dataset, selection.fitted, named)
     structure = _structure(dataset, space)
     if curves is not None:
         curves = beside(selection.fitted, curves.sizes)

@@ -43,6 +43,7 @@ def diagnosis(
     )
     yield effects(result)
     yield checks(result)
+    yield numbered("Carried without a cause", [wording.carried_in_words(term) for term in result.carried])
     yield numbered("What to measure next", result.next_measurements)
     if result.follow_up is not None:
         yield follow_up(result.follow_up)
@@ -50,7 +51,8 @@ def diagnosis(
         {
             "nominal robot, placed": result.error_nominal,
             "identified base model": result.error_before,
-            "with the effects found": result.error_after,
+            **({"with the effects found": result.error_named} if result.effects else {}),
+            **({"with carried terms": result.error_after} if result.carried else {}),
         },
         result.dataset.header.holdout,
         wording.error_kind(result.dataset),

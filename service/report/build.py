@@ -44,7 +44,7 @@ from service.results.models.patched import Patched
 _LEFT_OUT_SHOWN = 30  # readings, largest errors first
 _ABSENT: Mapping[str, Any] = {
     **dict.fromkeys(("ladder", "error_tables", "effects", "groups", "structure", "power", "notes"), ()),
-    **dict.fromkeys(("unconfirmed", "next_measurements"), ()),
+    **dict.fromkeys(("unconfirmed", "carried", "next_measurements"), ()),
     "causes_known": True,
     **dict.fromkeys(("figures", "error_after", "follow_up", "middle", "patch", "p_lack_of_fit", "misfit")),
     **dict.fromkeys(("verification", "regression", "acceptance", "repeats", "judged")),
@@ -77,7 +77,7 @@ def diagnosis_report(
         "nominal robot": (diagnosis.nominal, diagnosis.nominal_estimate, drawing.NOMINAL),
         "base model": (diagnosis.base.model, diagnosis.base.estimate, drawing.BEFORE),
     }
-    if found:  # else the last model is the base model again
+    if found or diagnosis.carried:  # else the last model is the base model again
         models["with the effects found"] = (final.model, final.estimate, drawing.AFTER)
     measured = _held_out(dataset, models)
     tables = []
@@ -108,7 +108,8 @@ def diagnosis_report(
             {
                 ladder.NOMINAL: diagnosis.error_nominal,
                 ladder.BASE: diagnosis.error_before,
-                ladder.EFFECTS: diagnosis.error_after if found else None,  # else it is the base model again
+                ladder.EFFECTS: diagnosis.error_named if found else None,  # else it is the base model again
+                ladder.CARRIED: diagnosis.error_after if diagnosis.carried else None,
             },
             None if verified is None else verified.verified,
         ),
@@ -124,6 +125,7 @@ def diagnosis_report(
         ],
         causes_known=diagnosis.causes_known,
         unconfirmed=wording.unconfirmed(diagnosis.effects),
+        carried=[wording.carried_in_words(term) for term in diagnosis.carried],
         next_measurements=diagnosis.next_measurements,
         follow_up=follow_up_section.section_of(diagnosis.follow_up),
         middle=follow_up_section.middle_step_of(followed_up, diagnosis),

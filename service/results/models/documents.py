@@ -15,7 +15,7 @@ import numpy as np
 from acquisition.loop import FollowedUp, campaign_table
 from calib.array import Array
 from calib.data import Dataset
-from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp, Found, Surprise
+from calib.diagnose import SEPARATES, CarriedTerm, CarryOver, Diagnosis, FollowUp, Found, Surprise
 from calib.fit import ErrorStatistics, Identification, UncertaintyMap, left_out, uncertainty_map
 from calib.text import written_by
 from calib.units import DEG, to_display
@@ -92,12 +92,18 @@ def of_diagnosis(
         **_fit_of(diagnosis.dataset, diagnosis.final),
         "p_lack_of_fit": _number(diagnosis.p_lack_of_fit),
         "error_before_mm": _errors(diagnosis.error_before),
+        "error_named_mm": _errors(diagnosis.error_named),
         "error_after_mm": _errors(diagnosis.error_after),
         "error_nominal_mm": _errors(diagnosis.error_nominal),
         "raises_held_out_error": list(diagnosis.harmful),
         "held_out_misfit": _held_out_misfit(diagnosis.surprise),
         "holdout": diagnosis.dataset.header.holdout,
         "follow_up": [] if diagnosis.follow_up is None else follow_up_of(diagnosis.follow_up),
+        "shares": {name: _number(x) for name, x in asdict(diagnosis.shares).items()},
+        "carried": [_carried_term(term) for term in diagnosis.carried],
+        "withdrawn": list(diagnosis.withdrawn),
+        "brought_back": [reading(name) for name in diagnosis.back],
+        "held_out_agrees": diagnosis.agrees,
         "next_measurements": list(diagnosis.next_measurements),
         "structure": [
             {
@@ -253,6 +259,22 @@ def _fit_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
         "dropped": [{"name": d.name, "confounded_with": list(d.confounded_with)} for d in found.dropped],
         "warnings": list(found.warnings),
         **typed.document_of(found),
+    }
+
+
+def _carried_term(term: CarriedTerm) -> dict[str, Any]:
+    value, std, unit = term.effect.amplitude(term.values, term.covariance)
+    return {
+        "label": term.effect.label,
+        "finding": wording.carried_in_words(term),
+        "acts_on": term.place,
+        "slot": term.slot,
+        "where": term.condition,
+        "between": None if term.between is None else [reading(name) for name in term.between],
+        "amplitude": {"value": _number(value), "std": _number(std), "unit": unit},
+        "explained_variance": _number(term.explained),
+        "p_value": _number(term.p_value),
+        "usable": bool(term.effect.is_usable),
     }
 
 

@@ -118,6 +118,32 @@ class StructureShown(Answered):
     explained_variance: Share
 
 
+class CarriedShown(Answered):
+    """A carried term: an error that left-out readings confirm and that has no known cause."""
+
+    label: Label
+    finding: Annotated[str, told("Where and how large, in a sentence.", "The offset d5 follows time.")]
+    acts_on: Annotated[str, told("On what it acts.", "the offset d5")]
+    slot: Annotated[str, told("The slot of the chain on which it acts.", "d5")]
+    where: Annotated[str, told("What it follows, as places of structure are named.", "time")]
+    between: Annotated[
+        list[int | str] | None,
+        told("Of a change: ids of the readings before and after it, 95 % confidence.", [189, 231]),
+    ]
+    amplitude: Annotated[Figure, told("Its size.", {"value": -0.13, "std": 0.01, "unit": "mm"})]
+    explained_variance: Share
+    p_value: Annotated[float | None, told("Probability that chance shows as much.", 1e-9)]
+    usable: Annotated[bool, told("Whether what it follows is known when the model is used.", True)]
+
+
+class SharesShown(Answered):
+    """Shares of the squared error that the base model leaves; they add up to 1."""
+
+    named: Share
+    carried: Share
+    noise: Share
+
+
 class Power(Answered):
     """The smallest size of an effect that these readings would show."""
 
@@ -166,8 +192,11 @@ class DiagnosisResult(FitShown):
     effects: Annotated[list[EffectShown], told("What was found, the largest first.", [])]
     p_lack_of_fit: Annotated[float | None, told("Probability that chance leaves as much.", 0.58)]
     error_before_mm: Annotated[Errors | None, told("Of the base model, on readings held out, mm.", ERRORS)]
+    error_named_mm: Annotated[
+        Errors | None, told("With the named effects only, on readings held out, mm.", ERRORS)
+    ] = None
     error_after_mm: Annotated[
-        Errors | None, told("With the effects found, on readings held out, mm.", ERRORS)
+        Errors | None, told("With effects and carried terms, on readings held out, mm.", ERRORS)
     ]
     raises_held_out_error: Annotated[list[str], told("Labels of effects that do.", [])]
     held_out_misfit: Annotated[
@@ -178,6 +207,28 @@ class DiagnosisResult(FitShown):
         ),
     ] = None
     follow_up: Annotated[list[FollowUpShown], told("What to measure next where something is ambiguous.", [])]
+    shares: Annotated[
+        SharesShown | None,
+        told(
+            "How much has a named cause, is carried without one, and is noise.",
+            {"named": 0.8, "carried": 0.1, "noise": 0.1},
+        ),
+    ] = None
+    carried: Annotated[list[CarriedShown], told("Terms without a known cause.", [])] = Field(
+        default_factory=list
+    )
+    withdrawn: Annotated[
+        list[str], told("Labels of effects found first that did not hold beside carried terms.", [])
+    ] = Field(default_factory=list)
+    brought_back: Annotated[
+        list[int | str], told("Readings left out that came back, since they lie together.", [])
+    ] = Field(default_factory=list)
+    held_out_agrees: Annotated[
+        bool | None,
+        told(
+            "Whether held-out readings agree with the model, carried terms included; null without any.", True
+        ),
+    ] = None
     next_measurements: Annotated[
         list[str],
         told("What to measure next where a cause is not known.", ["Move joint 3 alone through its range."]),
