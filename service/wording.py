@@ -164,10 +164,11 @@ def carried_in_words(term: CarriedTerm) -> str:
     size, uncertainty = with_uncertainty(value, COVERAGE * std)
     share = f"{share_in_words(term.explained)} of what the named effects leave"
     if term.between is not None:
-        how = f"changed by {size} ± {uncertainty} {unit} between readings {term.between[0]} and {term.between[1]}"
+        where = f"{term.place[:1].upper()}{term.place[1:]} changed by"
+        when = f" between readings {term.between[0]} and {term.between[1]}"
     else:
-        how = f"follows {term.condition}, with a size of {size} ± {uncertainty} {unit}"
-    return f"{term.place[:1].upper()}{term.place[1:]} {how} (k = {COVERAGE:g}): {share}."
+        where, when = f"An error of {term.place} follows {term.condition}, with a size of", ""
+    return f"{where} {size} ± {uncertainty} {unit}{when} (k = {COVERAGE:g}): {share}."
 
 
 def shares_in_words(shares: Shares) -> str:

@@ -111,8 +111,8 @@ class Diagnosis:
 
     @property
     def errors(self) -> pandas.DataFrame:
-        """The ladder on validation rows, mm: nominal, base model, named effects (only if terms are carried beside them),
-        with effects (those terms included); n, rms, mean, p95, max."""
+        """The ladder on validation rows, mm: nominal, base model, named effects (if terms are carried), with effects
+        (carried terms included); n, rms, mean, p95, max."""
         found = self.findings
         steps: dict[str, ErrorStatistics | None] = {
             "nominal": found.error_nominal,

@@ -191,7 +191,7 @@ def diagnose(
         error_before=statistics_of(errors_on(dataset, rows, base.model, base.estimate)),
         error_named=statistics_of(errors_on(dataset, rows, final.model, final.estimate)),
         error_after=statistics_of(errors_on(dataset, rows, layers.fitted.model, layers.fitted.estimate)),
-        notes=(*_notes(dataset), *remarks_of(dataset, final)),
+        notes=(*_notes(dataset), *remarks_of(dataset, layers.fitted)),
         follow_up=_follow_up(dataset, selection.fitted, named),
         power=power,
         harmful=_harmful(dataset, layers.fitted, found),

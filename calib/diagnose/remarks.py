@@ -17,6 +17,7 @@ from calib.units import to_display
 _RARE = 0.001  # chance of a remark on the noise without reason
 _LARGE = 0.75  # ratio of found noise to declared below which the declared one is too large
 _FAR = 0.1  # below it the identification warns of wrong units
+_SURE = 3.0  # standard errors below zero that make a compliance negative
 _FEWEST = 10  # repeats within visits by which the noise of the instrument is known
 
 
@@ -80,7 +81,7 @@ def _negative(fitted: Identification) -> list[str]:
     """Compliances of the base model that are negative beyond their uncertainty."""
     found = []
     for p, value, std in zip(fitted.model.parameters, fitted.estimate, fitted.standard_errors, strict=True):
-        if p.unit == COMPLIANCE and "." not in p.name and value + COVERAGE * std < 0.0 < std:
+        if p.unit == COMPLIANCE and "." not in p.name and value + _SURE * std < 0.0 < std:
             shown, u = (to_display(float(x), p.unit) for x in (value, COVERAGE * std))
             found.append(
                 f"The compliance {p.name} came out negative ({shown:.2g} ± {u:.1g} {p.unit}), which no joint can be: "

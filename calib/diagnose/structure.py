@@ -62,9 +62,10 @@ def left_over(space: Space, alarm: float = ALARM) -> list[Structure]:
         return []
     some = _some(space)
     rows = draws(space, clipped=True, most=max(min(_DRAWS, _MOST_NUMBERS // space.size), DRAWS))
-    rows /= np.maximum(
-        np.linalg.norm(rows, axis=0), 1e-300
-    )  # where most readings fit exactly, all are clipped to 0
+    length = np.linalg.norm(rows, axis=0)
+    if not np.all(length > 0.0):  # most readings fit exactly, so that clipping leaves nothing
+        return []
+    rows /= length
     functions = {name: f[some] for name, f in drivers(space).items() if _spread(f[some]) > _FEWEST}
     squared = np.array([np.sum(f**2, axis=1) for f in functions.values()])
     pulled, alike = space.pulled(rows), _alike(space, functions, some)
