@@ -199,8 +199,9 @@ def test_shares_and_carried_terms_are_in_every_presentation(known: Diagnosis) ->
 
 
 def with_tool(data: Path) -> Identification:
-    """The base model with the tool targets free, which start where they fit best."""
+    """The base model with base and tool targets free, which start where they fit best."""
     dataset = read_dataset(data)
+    dataset = replace(dataset, header=replace(dataset.header, world="free"))
     return identify(dataset, groups=[*dataset.header.groups, "tool"])
 
 
@@ -236,7 +237,6 @@ def test_parameters_show_value_nominal_and_change(data: Path) -> None:
         assert each["nominal"] == nominal
         assert abs(each["absolute"] - nominal) < 5.0
         assert each["change_from_nominal"] == pytest.approx(each["absolute"] - nominal)
-    assert dataset.header.world == "free"
     assert shown["base.x"]["nominal"] is None
     assert shown["base.x"]["change_from_nominal"] is None
     links = [
@@ -245,6 +245,8 @@ def test_parameters_show_value_nominal_and_change(data: Path) -> None:
     for each in links:
         assert each["absolute"] == pytest.approx(each["nominal"] + each["value"])
     plain = identify(dataset)
+    (base, *_) = rows_of(plain)
+    assert (base.name, base.nominal, base.change) == ("base.x", 0.0, base.absolute)  # the world is given
     frame = truepose.identify(data).parameters
     for row in rows_of(plain):
         if row.absolute is not None:
