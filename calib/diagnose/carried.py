@@ -23,6 +23,7 @@ from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.diagnose.dictionary import CONDITIONS, Entry, OfClock, bound, held, step_at
+from calib.diagnose.places import TOGETHER
 from calib.diagnose.pursuit import HOLDS, LEASH, Choice, Chosen, parts, pursue
 from calib.diagnose.structure import Structure
 from calib.fit.identification import Identification
@@ -47,7 +48,7 @@ _SURE = 0.95  # of the interval for the moment of a change
 
 @dataclass(frozen=True)
 class CarriedTerm:
-    """A carried term. explained: share of the variance left by the named effects that it explains beside all others;
+    """A carried term. explained: share of the squared error left by the base model that it explained as it entered;
     condition: what it follows, as places of structure are named; between: ids of the readings before and after the
     moment of a change, which lies between them with 95 % confidence; None for other terms."""
 
@@ -105,13 +106,14 @@ class Layers:
     fitted: Identification
     terms: tuple[CarriedTerm, ...]
 
-    def places(self) -> list[Structure]:
-        """The places of the carried terms, each condition and slot once, the one that explains most first."""
-        found: dict[tuple[str, str], Structure] = {}
-        for term in self.terms:
-            place = Structure(term.condition, term.p_value, term.explained, term.place)
-            found.setdefault((place.where, place.acts_on), place)
-        return list(found.values())[:_MOST_PLACES]
+    def places(self, left: Sequence[Structure]) -> list[Structure]:
+        """The places of structure, of carried terms and of what tests found `left` by the named effects, each condition
+        once, the one that explains most first."""
+        own = [Structure(t.condition, t.p_value, t.explained, t.place) for t in self.terms[:_MOST_PLACES]]
+        found: dict[str, Structure] = {}
+        for place in sorted([*own, *left], key=lambda s: (s.where == TOGETHER, -s.explained_variance)):
+            found.setdefault(place.where, place)
+        return list(found.values())
 
 
 def competed(
@@ -216,7 +218,7 @@ def with_terms(dataset: Dataset, named: Identification, readings: Readings, chos
                 effect,
                 fitted.estimate[at],
                 fitted.covariance[np.ix_(at, at)],
-                min(choice.explained / left, 1.0),
+                choice.explained / left,
                 float(np.exp(min(choice.log_p, 0.0))),
                 _condition(choice.entry),
                 None if moment is None else _between(dataset, readings.conditions, chosen.clock, moment),

@@ -64,18 +64,19 @@ def carry_over(diagnosis: Diagnosis, other: Dataset) -> CarryOver:
             key="robot",
         )
     own = identify(other)
-    effects = tuple(f.effect for f in diagnosis.effects if _carries(f.effect))
+    found = (*(f.effect for f in diagnosis.effects), *(t.effect for t in diagnosis.carried))
+    effects = tuple(e for e in found if _carries(e))
     effects = (*(e for e in effects if not e.is_curve), *(e for e in effects if e.is_curve))
     base = base_model_of(other)
     model = replace(base, effects=(*base.effects, *effects))
     placed, placed_estimate = place_nominal(other, base)
     start = carry(placed, placed_estimate, model)
-    found = diagnosis.final.model
+    final = diagnosis.final.model
     for effect in model.effects:
         if effect.owner == "robot":
             for parameter in effect.parameters:
-                if parameter.name in found.index:
-                    start[model.index[parameter.name]] = diagnosis.final.estimate[found.index[parameter.name]]
+                if parameter.name in final.index:
+                    start[model.index[parameter.name]] = diagnosis.final.estimate[final.index[parameter.name]]
     mounting = [i for e in model.effects if e.owner == "mounting" for i in model.positions(e)]
     frozen = _fit(other, model, start, mounting, own)
     refitted = _fit(other, model, start, range(len(start)), own)
@@ -93,6 +94,8 @@ def _carries(effect: Effect) -> bool:
 
     What leans or loads the arm shares its columns with the compliances: without it these would carry a part of it.
     """
+    if effect.is_carried:
+        return effect.is_usable and effect.owner == "robot"
     return effect.owner != "instrument" and effect.group != "thermal" and "rank" not in effect.shape
 
 

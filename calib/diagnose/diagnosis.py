@@ -172,7 +172,7 @@ def diagnose(
     if base.beside is not None:
         final, named = in_type(dataset, final, base.beside, named, refit=curves is None)
     layers = with_terms(dataset, final, readings, chosen)
-    structure = [*layers.places(), *structure]
+    structure = layers.places(structure) if layers.terms else structure
     of_gears = [] if curves is None else [_curve(curves, curve) for curve in curves.curves.values()]
     found = sorted([*of_gears, *named], key=lambda f: -f.evidence.explained_variance)
     surprise = surprise_of(dataset, layers.fitted)

@@ -153,6 +153,11 @@ class Dictionary:
         return np.array([many[kind] for kind in kinds])
 
     @cached_property
+    def named(self) -> NDArray[np.bool_]:
+        """(entries,) entries that stand for named effects."""
+        return np.array([e.effect is not None for e in self.entries])
+
+    @cached_property
     def width(self) -> NDArray[np.int64]:
         """(entries,) number of columns."""
         return np.array([e.width for e in self.entries])

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +29,7 @@ from calib.diagnose.dictionary import Dictionary, Entry, Part
 from calib.fit.identification import Identification
 from calib.fit.readings import Readings
 from calib.model.effect import Effect
+from calib.scan.scores import gain_of
 
 MOST_TERMS = 120
 FOLDS = 8
@@ -66,21 +66,20 @@ class Pursuit:
         right: Array,
         square: float,
         rows: int,
-        count: int,
-        width: NDArray[np.int64],
-        price: Array,
+        groups: Groups,
         left_out: tuple[Array, Array] | None = None,
     ) -> None:
-        self.gram, self.rows, self.width, self.price, self.count = gram, rows, width, price, count
-        self.first = count + np.r_[0, np.cumsum(width)[:-1]].astype(int)
+        self.gram, self.rows, self.groups, count = gram, rows, groups, groups.count
         self.whole, self.chosen, self.free = np.diag(gram).copy(), list[int](), rows - count
-        room = count + int(np.sort(width)[-MOST_TERMS:].sum())
+        room = count + int(np.sort(groups.width)[-MOST_TERMS:].sum())
         self._basis = np.zeros((room, len(gram)))
         lower = np.linalg.cholesky(gram[:count, :count])
         self._basis[:count] = solve_triangular(lower, gram[:count], lower=True)
         share = solve_triangular(lower, right[:count], lower=True)
         self._used = count
         self.own = np.maximum(self.whole - np.sum(self._basis[:count] ** 2, axis=0), 0.0)
+        i, j = groups.pairs
+        self.cross = gram[i, j] - np.sum(self._basis[:count, i] * self._basis[:count, j], axis=0)
         self.right = right - share @ self._basis[:count]
         self.rss = square - float(share @ share)
         self.missed = np.zeros(0)
@@ -100,6 +99,8 @@ class Pursuit:
         self._basis[k], self._used = direction, k + 1
         self.right = self.right - share * direction
         self.own = np.maximum(self.own - direction**2, 0.0)
+        one, other = self.groups.pairs
+        self.cross = self.cross - direction[one] * direction[other]
         self.rss -= share**2
         self.free -= 1
         if len(self.missed):
@@ -109,43 +110,70 @@ class Pursuit:
 
     def step(self) -> bool:
         """Let the best entry enter; False where nothing is left of any."""
-        score = scores(self.right, self.own, self.whole, self)
+        noise = self.rss / max(self.free, 1)
+        score = self.groups.scores(
+            self.own, self.cross, self.right, self.whole, noise, self.rows, self.chosen
+        )
         best = int(np.argmax(score))
         if not np.isfinite(score[best]):
             return False
-        for i in range(self.first[best], self.first[best] + self.width[best]):
+        columns = self.groups.of(best)
+        for i in range(columns.start, columns.stop):
             self._enter(i)
         self.chosen.append(best)
         return True
 
     def columns(self, terms: int) -> NDArray[np.int64]:
         """The model's columns and those of the first terms."""
-        own = [np.arange(self.first[g], self.first[g] + self.width[g]) for g in self.chosen[:terms]]
-        return np.concatenate([np.arange(self.count), *own]).astype(np.int64)
+        own = [np.arange(len(self.gram))[self.groups.of(g)] for g in self.chosen[:terms]]
+        return np.concatenate([np.arange(self.groups.count), *own]).astype(np.int64)
 
 
-class _State(Protocol):
-    """The state of a pursuit, on rows or on Gram matrices."""
+class Groups:
+    """The entries of a pursuit as groups of columns, `count` columns of the model before them.
 
-    first: NDArray[np.int64]
-    width: NDArray[np.int64]
-    price: Array
-    count: int
-    rows: int
-    free: int
-    rss: float
-    chosen: list[int]
+    own and right are arrays over all columns: their squares and what they share with the data, projected on what is
+    left; cross (pairs,) the products of columns of one entry.
+    """
 
+    def __init__(self, width: NDArray[np.int64], price: Array, named: NDArray[np.bool_], count: int) -> None:
+        self.width, self.price, self.named, self.count = width, price, named, count
+        self.first = count + np.r_[0, np.cumsum(width)[:-1]].astype(int)
+        self.of_width = {int(w): np.flatnonzero(width == w) for w in np.unique(width)}
+        pairs = [
+            np.column_stack([self.first[of] + i, self.first[of] + j])
+            for w, of in self.of_width.items()
+            for i in range(w)
+            for j in range(i)
+        ]
+        self.pairs = np.vstack([*pairs, np.zeros((0, 2), int)]).T
 
-def scores(right: Array, own: Array, whole: Array, of: _State) -> Array:
-    """(entries,) score of each entry that is not chosen yet; -inf where nothing is left of it."""
-    right, own, whole = right[of.count :], own[of.count :], whole[of.count :]
-    seen = own > np.maximum(_ABSORBED * whole, 1e-200)
-    gain = np.where(seen, right**2 / np.where(seen, own, 1.0), 0.0)
-    gain = np.add.reduceat(gain, of.first - of.count) / (of.rss / max(of.free, 1))
-    score = np.where(gain > 0.0, gain - (of.width - 1) * np.log(of.rows) - 2.0 * of.price, -np.inf)
-    score[of.chosen] = -np.inf
-    return score
+    def of(self, entry: int) -> slice:
+        """The columns of an entry."""
+        return slice(self.first[entry], self.first[entry] + self.width[entry])
+
+    def scores(
+        self, own: Array, cross: Array, right: Array, whole: Array, noise: float, rows: int, chosen: list[int]
+    ) -> Array:
+        """(entries,) score of each entry that is not chosen yet; -inf where nothing is left of it."""
+        gain, at = np.zeros(len(self.width)), 0
+        for w, of in self.of_width.items():
+            columns = self.first[of][:, None] + np.arange(w)
+            gram = np.zeros((len(of), w, w))
+            gram[:, range(w), range(w)] = own[columns]
+            for i in range(w):
+                for j in range(i):
+                    gram[:, i, j] = gram[:, j, i] = cross[at : at + len(of)]
+                    at += len(of)
+            raw = np.maximum(whole[columns], 1e-300)
+            free = gain_of(gram, right[columns], raw)[0]
+            held = gain_of(gram, right[columns], raw, _ABSORBED)[0]
+            gain[of] = np.where(self.named[of], free, held)
+        score = np.where(
+            gain > 0.0, gain / noise - (self.width - 1) * np.log(rows) - 2.0 * self.price, -np.inf
+        )
+        score[chosen] = -np.inf
+        return score
 
 
 def log_chance(before: float, after: float, columns: int, free: int) -> float:
@@ -158,18 +186,16 @@ class Screening:
     """A pursuit on rows: columns (D, m) in single precision beside an orthonormal basis of the model, several entries
     per round, so that the many columns are read once for all of them."""
 
-    count = 0
-
-    def __init__(
-        self, columns: Array, basis: Array, left: Array, width: NDArray[np.int64], price: Array, rows: int
-    ) -> None:
-        self.columns, self.basis, self.left, self.width, self.price = columns, basis, left, width, price
+    def __init__(self, columns: Array, basis: Array, left: Array, groups: Groups, rows: int) -> None:
+        self.columns, self.basis, self.left, self.groups = columns, basis, left, groups
         self.rows, self.free, self.rss = rows, rows - basis.shape[1], float(left @ left)
-        self.first = np.r_[0, np.cumsum(width)[:-1]].astype(int)
         self.chosen: list[int] = []
         self.whole = np.einsum("ij,ij->i", columns, columns).astype(float)
         shared = self._shared(basis)
         self.own = self.whole - np.einsum("ij,ij->i", shared, shared)
+        i, j = groups.pairs
+        self.cross = np.einsum("ij,ij->i", columns[i], columns[j]).astype(float)
+        self.cross -= np.einsum("ij,ij->i", shared[i], shared[j])
         self.right = self._shared(left[:, None])[:, 0]
 
     def _shared(self, vectors: Array) -> Array:
@@ -179,7 +205,10 @@ class Screening:
     def round(self) -> tuple[NDArray[np.int64], list[float]]:
         """Let the best entries enter, as many as are nearly independent of one another; the entries near the best, and
         the log of the chance of each that entered."""
-        score = scores(self.right, self.own, self.whole, self)
+        noise = self.rss / max(self.free, 1)
+        score = self.groups.scores(
+            self.own, self.cross, self.right, self.whole, noise, self.rows, self.chosen
+        )
         ranked = np.argsort(-score, kind="stable")[:_TOP]
         ranked = ranked[np.isfinite(score[ranked])]
         chance: list[float] = []
@@ -189,8 +218,8 @@ class Screening:
                 break
             if chance and score[best] < _WORTH * score[ranked[0]]:
                 break
-            directions = np.zeros((len(self.left), self.width[best]))
-            directions[: self.columns.shape[1]] = self.columns[self._of(best)].T
+            directions = np.zeros((len(self.left), self.groups.width[best]))
+            directions[: self.columns.shape[1]] = self.columns[self.groups.of(best)].T
             size = np.linalg.norm(directions, axis=0)
             for _ in range(2):
                 directions -= self.basis @ (self.basis.T @ directions)
@@ -211,20 +240,19 @@ class Screening:
         if new:
             shared = self._shared(np.column_stack([*new, self.left]))
             self.own = self.own - np.sum(shared[:, :-1] ** 2, axis=1)
+            i, j = self.groups.pairs
+            self.cross = self.cross - np.einsum("ij,ij->i", shared[i, :-1], shared[j, :-1])
             self.right = shared[:, -1]
         return ranked, chance
-
-    def _of(self, entry: int) -> slice:
-        return slice(self.first[entry], self.first[entry] + self.width[entry])
 
 
 @dataclass(frozen=True)
 class Choice:
     """An entry that a pursuit chose.
 
-    sizes: standard deviation of each column by evidence, internal units; explained: by how much it lowers the sum of
-    squares beside all others; log_p: log of the chance of that, every entry counted; confirmed: whether left-out blocks
-    confirm it, or it is only significant.
+    sizes: standard deviation of each column by evidence, internal units; explained: by how much it lowered the sum of
+    squares as it entered; log_p: log of the chance, every entry counted, of what it explains beside all others;
+    confirmed: whether left-out blocks confirm it, or it is only significant.
     """
 
     entry: Entry
@@ -238,12 +266,13 @@ class Choice:
 class Chosen:
     """What a pursuit chose, in the order of entry. clock: that its functions of time count by; kappa: ratio of the
     errors on left-out blocks to what they were expected to be, at least 1; gain: share of the squared error on left-out
-    blocks that the confirmed entries take away."""
+    blocks that the confirmed entries take away; square: sum of squares that the model alone leaves."""
 
     choices: tuple[Choice, ...] = ()
     clock: str = "time"
     kappa: float = 1.0
     gain: float = 0.0
+    square: float = 1.0
 
     def carried(self, named: Collection[str] = ()) -> tuple[Choice, ...]:
         """The confirmed entries, without the named effects of these labels."""
@@ -276,7 +305,7 @@ def pursue(found: Identification, readings: Readings, named: Sequence[Effect] = 
     if poses < FEWEST_POSES:
         return nothing
     dictionary = Dictionary.of(found.model, readings, named)
-    price = dictionary.price - np.array([0.5 * _FAVOUR * (e.kind == "named") for e in dictionary.entries])
+    price = dictionary.price - 0.5 * _FAVOUR * dictionary.named
     model = _Model.of(found, readings)
     near, most, log_first = _screened(found, readings, dictionary, price, model)
     if not len(near) or log_first >= np.log(_CHANCE):
@@ -339,7 +368,8 @@ def _screened(
     basis = u[:, s > 1e-7 * s[0]]
     left = np.r_[part.residual.ravel(), model.pull, np.zeros(count)]
     left = left - basis @ (basis.T @ left)
-    state = Screening(columns, basis, left, dictionary.width, price, part.readings.observed.count)
+    groups = Groups(dictionary.width, price, dictionary.named, 0)
+    state = Screening(columns, basis, left, groups, part.readings.observed.count)
     near: dict[int, None] = {}
     chance: list[float] = []
     while len(chance) < MOST_TERMS and (len(chance) < 6 or min(chance[-6:]) < np.log(0.5)):
@@ -367,8 +397,8 @@ def _decided(
     most: int,
 ) -> Chosen:
     entries = [dictionary.entries[i] for i in near]
-    width, price = dictionary.width[near], price[near]
-    count, clock = len(model.size), dictionary.clock
+    width, count, clock = dictionary.width[near], len(model.size), dictionary.clock
+    groups = Groups(width, price[near], dictionary.named[near], count)
     fold = folds_of(readings, clock)
     known = dictionary.known(readings.conditions)
     size = count + int(width.sum())
@@ -391,8 +421,7 @@ def _decided(
             timed = [i for i, e in enumerate(entries) if e.kind in ("time", "late air")]
             if timed:
                 known_less = columns.copy()
-                first = count + np.r_[0, np.cumsum(width)[:-1]].astype(int)
-                at = np.concatenate([np.arange(first[i], first[i] + width[i]) for i in timed])
+                at = np.concatenate([np.arange(size)[groups.of(i)] for i in timed])
                 known_less[:, at] = part.of_entries([entries[i] for i in timed], seen_by_others, clock).T
             missed.append(known_less.astype(np.float32))
             targets.append(left)
@@ -406,15 +435,13 @@ def _decided(
 
     def begin(f: int | None) -> Pursuit:
         if f is None:
-            return Pursuit(whole, whole_right, square.sum() + pulled, int(rows.sum()), count, width, price)
+            return Pursuit(whole, whole_right, square.sum() + pulled, int(rows.sum()), groups)
         return Pursuit(
             whole - gram[f],
             whole_right - right[f],
             square.sum() - square[f] + pulled,
             int(rows.sum() - rows[f]),
-            count,
-            width,
-            price,
+            groups,
             left_out[f],
         )
 
@@ -448,7 +475,8 @@ def _decided(
         missed.append((left - seen @ value) ** 2 / spread)
     measured = float(rows.sum()) / sum(len(left) for _, left in left_out)
     kappa = max(1.0, float(np.sqrt(np.mean(np.concatenate(missed)) / measured)))
-    pursuit = begin(None)
+    pursuit, gains = begin(None), list[float]()
+    alone_leaves = pursuit.rss
     tries = np.log(len(dictionary.entries))
     while len(pursuit.chosen) < most:  # beyond the confirmed terms for the sake of names alone
         before, free = pursuit.rss, pursuit.free
@@ -458,6 +486,7 @@ def _decided(
         if len(pursuit.chosen) > terms and (chance > np.log(HOLDS) or not any(e.effect for e in entries)):
             pursuit.chosen.pop()
             break
+        gains.append(before - pursuit.rss)
     at = pursuit.columns(len(pursuit.chosen))
     widths = [int(width[g]) for g in pursuit.chosen]
     few, few_right = whole[np.ix_(at, at)], whole_right[at]
@@ -468,12 +497,12 @@ def _decided(
     choices = []
     for rank, (g, w) in enumerate(zip(pursuit.chosen, widths, strict=True)):
         own = slice(place, place + w)
-        explained = float(plain[own] @ np.linalg.solve(inverse[own, own], plain[own]))
-        log_p = log_chance(left + explained, left, w, free) + tries
+        alone = float(plain[own] @ np.linalg.solve(inverse[own, own], plain[own]))
+        log_p = log_chance(left + alone, left, w, free) + tries
         sizes = tuple(np.sqrt(noise / precision[own]).tolist())
-        choices.append(Choice(entries[g], sizes, explained, log_p, rank < terms))
+        choices.append(Choice(entries[g], sizes, gains[rank], log_p, rank < terms))
         place += w
-    return Chosen(tuple(choices), clock, kappa, float(pays.sum() / table[:, 0].sum()))
+    return Chosen(tuple(choices), clock, kappa, float(pays.sum() / table[:, 0].sum()), alone_leaves)
 
 
 def _standard_error(values: Array) -> Array:

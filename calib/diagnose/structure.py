@@ -41,6 +41,8 @@ _DRAWS, _MOST_NUMBERS = 999, 600_000
 _ABSORBED = 0.05  # share of what a place would show that must be left beside the model
 _FAINT = 1e-4  # mean square of a function that is hardly one
 _SAME = 1e-6  # of a function whose mean square is about 1
+_LEAST_SHARE = 0.0005  # of what is left, that a place must explain to be one
+_CHANCE_OF_SHARE = 3.0  # standard deviations by which the share of a set of functions varies by chance
 _FEWEST = 10.0  # readings over which the functions of a driver act at least
 
 
@@ -101,7 +103,22 @@ def left_over(space: Space, alarm: float = ALARM) -> list[Structure]:
     # Beyond all doubt p-values rank no more: what a place explains does. What any function of the joints would show
     # names no place where a narrower one does.
     places = [max(of_driver, key=lambda s: s.explained_variance) for of_driver in found.values()]
-    return sorted(places, key=lambda s: (s.where == TOGETHER, -s.explained_variance))
+    places = [place for place in places if place.explained_variance >= _LEAST_SHARE]
+    places.sort(key=lambda s: (s.where == TOGETHER, -s.explained_variance))
+    if places:
+        best = places[0]
+        rows = space.rows * len(some) / space.residual.shape[1]
+        chance = _CHANCE_OF_SHARE * np.sqrt(2.0 * functions[best.where].shape[1]) / rows
+        alike = [s for s in places if best.explained_variance - s.explained_variance < chance]
+        simplest = min(alike, key=lambda s: _variables(s.where))
+        if _variables(simplest.where) < _variables(best.where):
+            places.insert(0, places.pop(places.index(simplest)))
+    return places
+
+
+def _variables(driver: str) -> int:
+    """The number of quantities that a driver needs."""
+    return 3 if driver == TOGETHER else 1 + driver.count(" and ")
 
 
 def _some(space: Space) -> NDArray[np.int64]:

@@ -230,19 +230,19 @@ def usual_sizes(effect: Effect) -> Array:
     return np.array([to_internal(1.0 if p.size is None else p.size, p.unit) for p in effect.parameters])
 
 
-def gain_of(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
+def gain_of(a: Array, b: Array, raw: Array, absorbed: float = ABSORBED) -> tuple[Array, Array]:
     """b'A^-1 b for a stack (c, p, p), (c, p); columns are scaled by their raw squares (c, p).
 
-    Directions of which less than a millionth is left after projection do not count: the model absorbs them.
+    Directions of which less than the share `absorbed` is left after projection do not count: the model absorbs them.
     Returns gains (c,) and the number of directions that count (c,).
     """
     scale = 1.0 / np.sqrt(np.maximum(raw, 1e-300))
     a, b = a * scale[:, :, None] * scale[:, None, :], b * scale
     if a.shape[1] == 2:
-        return _gain_of_two(a, b)
+        return _gain_of_two(a, b, absorbed)
     values, vectors = np.linalg.eigh(a)
     along = np.einsum("cij,ci->cj", vectors, b)
-    counts = values > ABSORBED
+    counts = values > absorbed
     return np.sum(np.where(counts, along**2 / np.where(counts, values, 1.0), 0.0), axis=1), counts.sum(axis=1)
 
 
@@ -256,7 +256,7 @@ def estimate_of(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
     return estimate * scale, np.einsum("cij,cj->ci", vectors**2, inverse) * scale**2
 
 
-def _gain_of_two(a: Array, b: Array) -> tuple[Array, Array]:
+def _gain_of_two(a: Array, b: Array, absorbed: float) -> tuple[Array, Array]:
     """The same for two columns, written out: harmonics are by far the most numerous."""
     middle, half = 0.5 * (a[:, 0, 0] + a[:, 1, 1]), 0.5 * (a[:, 0, 0] - a[:, 1, 1])
     radius = np.hypot(half, a[:, 0, 1])
@@ -264,5 +264,5 @@ def _gain_of_two(a: Array, b: Array) -> tuple[Array, Array]:
     c, s = np.cos(angle), np.sin(angle)
     values = np.stack([middle + radius, middle - radius])
     along = np.stack([c * b[:, 0] + s * b[:, 1], c * b[:, 1] - s * b[:, 0]])
-    counts = values > ABSORBED
+    counts = values > absorbed
     return np.sum(np.where(counts, along**2 / np.where(counts, values, 1.0), 0.0), axis=0), counts.sum(axis=0)
