@@ -256,6 +256,7 @@ def test_parameters_show_value_nominal_and_change(data: Path) -> None:
 def test_the_uncertainty_of_a_turned_base_is_turned_with_it(data: Path) -> None:
     found = identify(read_dataset(data))
     (series,) = found.model.targets
+    assert found.model.robot.base == "thesis"  # a turn about z leaves d_1 as it is
     quarter = np.array(
         [[0.0, -1.0, 0.0, 10.0], [1.0, 0.0, 0.0, 20.0], [0.0, 0.0, 1.0, 30.0], [0.0, 0.0, 0.0, 1.0]]
     )

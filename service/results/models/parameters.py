@@ -136,7 +136,9 @@ def _starts(model: RobotModel) -> Iterator[tuple[list[int], Start, list[str]]]:
         else:
             series = of.series if isinstance(of, InSeries) else next(iter(model.targets))
             pose = model.placements.get(series, np.eye(4))
-            start = pose[:3, 3], pose[:3, :3], pose[:3, :3]
+            # Nubiola counts the turns of the base behind d_1, which therefore does not turn with the start
+            raised = (pose[:3, :3] - eye)[:, 2] * (model.robot.d[0] if model.robot.base == "thesis" else 0.0)
+            start = pose[:3, 3] + raised, pose[:3, :3], pose[:3, :3]
         yield [model.index[t.parameter] for t in terms], start, [t.slot.partition(".")[2] for t in terms]
 
 
