@@ -171,10 +171,15 @@ def carried_in_words(term: CarriedTerm) -> str:
     return f"{where} {size} ± {uncertainty} {unit}{when} (k = {COVERAGE:g}): {share}."
 
 
-def shares_in_words(shares: Shares) -> str:
+def shares_in_words(shares: Shares, *, causes_known: bool) -> str:
     """The parts of the squared error that the base model leaves, as a sentence."""
+    named = (
+        "explained by a named cause"
+        if causes_known
+        else "taken up by effects that may only imitate its cause"
+    )
     return (
-        f"Of the squared error that the base model leaves, {percent(shares.named)} is explained by a named cause, "
+        f"Of the squared error that the base model leaves, {percent(shares.named)} is {named}, "
         f"{percent(shares.carried)} is carried without a cause, and {percent(shares.noise)} is noise."
     )
 
@@ -297,7 +302,9 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
         gain_in_words(before, after),
         _not_carried(lost, diagnosis.harmful, len(diagnosis.effects)),
     )
-    shares = shares_in_words(diagnosis.shares) if diagnosis.effects or diagnosis.carried else ""
+    shares = ""
+    if diagnosis.effects or diagnosis.carried:
+        shares = shares_in_words(diagnosis.shares, causes_known=diagnosis.causes_known or not names)
     parts = [warning, gain, head, shares] if lost else [warning, head, shares, gain]
     contradicted = surprised and diagnosis.verdict not in ("unexplained", "excess_noise")
     parts.insert(0 if contradicted else len(parts), _held_out_against(diagnosis.stretch, diagnosis.surprise))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import chdtr, chdtrc
 
 from calib.array import Array
@@ -70,11 +71,11 @@ def _within_visits(dataset: Dataset, fitted: Identification) -> list[str]:
     ]
 
 
-def _apart(values: Array, group: Array) -> tuple[Array, int]:
+def _apart(values: Array, group: NDArray[np.int64]) -> tuple[Array, int]:
     """Values (n, c) less the mean of their group (n,), and the number of readings beyond one per group."""
-    _, group, size = np.unique(group, return_inverse=True, return_counts=True)
-    means = np.array([np.bincount(group, column) for column in values.T]).T / size[:, None]
-    return values - means[group], len(values) - len(size)
+    _, own, size = np.unique(group, return_inverse=True, return_counts=True)
+    means = np.array([np.bincount(own, column) for column in values.T]).T / size[:, None]
+    return values - means[own], len(values) - len(size)
 
 
 def _negative(fitted: Identification) -> list[str]:

@@ -61,10 +61,13 @@ class EffectShown(Answered):
     ] = Field(default_factory=dict)
     between: Annotated[
         list[int | str] | None,
-        told("Of a step: ids of the last reading before it and the first after it, 95 % probability.", None),
+        told(
+            "Of a step: ids of the last reading before it and the first after it, no unit; 95 % probability.",
+            None,
+        ),
     ] = None
     usual_size: Annotated[
-        float | None, told("Usual size, in the unit of the amplitude; null if not known.", 0.1)
+        float | None, told("Usual size, in `unit` of the amplitude; null if not known.", 0.1)
     ] = None
     confirmed: Annotated[bool, told("Whether the size exceeds its expanded uncertainty (k = 2).", True)] = (
         True
@@ -128,7 +131,7 @@ class CarriedShown(Answered):
     where: Annotated[str, told("What it follows, as places of structure are named.", "time")]
     between: Annotated[
         list[int | str] | None,
-        told("Of a change: ids of the readings before and after it, 95 % confidence.", [189, 231]),
+        told("Of a change: ids of the readings before and after it, no unit; 95 % confidence.", [189, 231]),
     ]
     amplitude: Annotated[Figure, told("Its size.", {"value": -0.13, "std": 0.01, "unit": "mm"})]
     explained_variance: Share
@@ -221,7 +224,8 @@ class DiagnosisResult(FitShown):
         list[str], told("Labels of effects found first that did not hold beside carried terms.", [])
     ] = Field(default_factory=list)
     brought_back: Annotated[
-        list[int | str], told("Readings left out that came back, since they lie together.", [])
+        list[int | str],
+        told("Ids (no unit) of readings left out that came back, since they lie together.", []),
     ] = Field(default_factory=list)
     held_out_agrees: Annotated[
         bool | None,
