@@ -20,6 +20,7 @@ from calib.arm.kinematics import (
     nominal_values,
     propagate,
 )
+from calib.arm.loads import HEAVIEST_KG
 from calib.arm.robot import (
     FARTHEST_MM,
     MOST_TURN,
@@ -36,6 +37,7 @@ from calib.arm.world_frame import WorldFrame, by_three_two_one, frame_of, of_bas
 __all__ = [
     "BRANCHES",
     "FARTHEST_MM",
+    "HEAVIEST_KG",
     "LEGS",
     "MOST_TURN",
     "Capsule",

@@ -40,7 +40,7 @@ BasePlacement = Literal["plain", "thesis"]
 
 _KEYS = (
     *("format", "name", "maker", "convention", "base", "parallel_axes", "source", "link", "loads"),
-    *("joint_matrices", "controller_world_mm", "capsule"),
+    *("loads_estimated", "joint_matrices", "controller_world_mm", "capsule"),
 )
 _LEANS = 10.0 * DEG
 """Axes that lean by more are not meant to be parallel."""
@@ -52,6 +52,7 @@ class Robot:
 
     parallel_axes: links whose beta is freed, the twist of the axis at the start of a link (modified DH) or at its end
     (standard DH). slides: links whose joint slides; external: (link, name) of axes that are not the arm's.
+    loads_estimated: whether the loads are estimates (`estimated_loads`), which nobody published or weighed.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Robot:
     capsules: tuple[Capsule, ...] = ()
     slides: tuple[int, ...] = ()
     external: tuple[tuple[int, str], ...] = ()
+    loads_estimated: bool = False
 
     @property
     def joints(self) -> int:
@@ -236,7 +238,10 @@ def robot_from(table: Mapping[str, Any], path: Path) -> Robot:
             raise DataError("is not a list.", do="Write every link as [[link]].", file=path, key="link")
         joints = len(links)
         refuse_unknown(table, _KEYS, path)
-        refuse_flags(table, path, "")
+        estimated = table.get("loads_estimated", False)
+        if not isinstance(estimated, bool):
+            raise DataError(f"is {estimated!r}.", do="Use true or false.", file=path, key="loads_estimated")
+        refuse_flags({key: value for key, value in table.items() if key != "loads_estimated"}, path, "")
         kinds: list[JointKind] = [kind_of(link, number, path) for number, link in enumerate(links, start=1)]
         limits = [limits_of(link, kind) for link, kind in zip(links, kinds, strict=True)]
         convention = table["convention"]
@@ -266,6 +271,7 @@ def robot_from(table: Mapping[str, Any], path: Path) -> Robot:
             capsules=parse_capsules(table.get("capsule", []), joints, path),
             slides=tuple(k for k, kind in enumerate(kinds, start=1) if kind == "slides"),
             external=external_of(links, path),
+            loads_estimated=estimated,
         )
     except DataError:
         raise

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.arm.weight import joints_under_gravity
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.data.header import Header
@@ -85,6 +86,14 @@ class Dataset:
     def validation_rows(self) -> NDArray[np.bool_]:
         """(n,) whether the row was measured and is held out."""
         return self.usable & (self.sets == "validation")
+
+    @cached_property
+    def weightless(self) -> tuple[int, ...]:
+        """The joints that gravity loads while no load is known, so that the model takes them for weightless."""
+        header = self.header
+        if header.loads:
+            return ()
+        return joints_under_gravity(header.robot, self.conditions.joints[self.fit_rows], header.gravity)
 
     @cached_property
     def numbers(self) -> int:

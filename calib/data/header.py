@@ -107,6 +107,17 @@ class Header:
         return name in self.base_targets or name in self.free_base_targets or "*" in self.free_base_targets
 
     @property
+    def declared_loads(self) -> tuple[Load, ...]:
+        """The loads without the estimates of the robot file."""
+        estimates = self.robot.loads if self.robot.loads_estimated else ()
+        return tuple(load for load in self.loads if load not in estimates)
+
+    @property
+    def loads_estimated(self) -> bool:
+        """Whether the robot file's estimates are among the loads."""
+        return len(self.declared_loads) < len(self.loads)
+
+    @property
     def frees_length_zero(self) -> bool:
         """Whether lengths count from an unknown zero."""
         return "length_zero" in self.groups

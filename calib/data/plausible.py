@@ -247,6 +247,12 @@ def remarks(dataset: Dataset) -> list[str]:
             f"{len(twice)} {'reading repeats' if len(twice) == 1 else 'readings repeat'} an earlier one to the last "
             f"digit, joints and measured numbers ({ids}): counted twice, they make errors look smaller."
         )
+    if dataset.weightless and "compliance" in dataset.header.groups:
+        out.append(
+            "No masses are known, so gravity is not modelled and no compliance is identified: a real arm of 0.6 m "
+            "reach was then off by 0.31 instead of 0.11 mm. Give [[loads]] in the header, or the mass of the arm with "
+            "'truepose robot import --mass'."
+        )
     robot = dataset.header.robot
     numbers = [axis.removeprefix("j") for axis in robot.axes]
     joints = dataset.conditions.joints[rows] / robot.joint_units

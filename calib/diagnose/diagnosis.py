@@ -394,6 +394,13 @@ def _notes(dataset: Dataset) -> tuple[str, ...]:
     conditions = dataset.conditions.take(dataset.fit_rows)
     notes = []
     axes = dataset.header.robot.axes
+    if dataset.weightless:
+        joints = ", ".join(axes[k - 1].upper() for k in dataset.weightless)
+        notes.append(
+            f"Gravity is not modelled, since no masses are known: no gear, play or stiffness of {joints} is named, "
+            "because sag looks like them. Give [[loads]] in the header, or the mass of the arm with "
+            "'truepose robot import --mass'."
+        )
     one_sided = [
         axis.upper() for axis, side in zip(axes, conditions.side.T, strict=True) if np.all(side == side[0])
     ]

@@ -5,7 +5,7 @@
 2. Price: an entry scores what it explains over the noise, less log(rows) for each further column, less twice the log of
    the number of entries of its kind.
 3. Number: each fold chooses anew from the blocks that it keeps and predicts the one that it leaves out. The fewest
-   terms within one standard error of the best are taken; none unless the first terms are beyond chance, all entries
+   terms within half a standard error of the best are taken; none unless the first terms are beyond chance, all entries
    counted (Bonferroni), and the gain exceeds 2.5 standard errors of the folds, and there are at least 60 poses.
 4. Size: every term is shrunk by its evidence (MacKay 1992).
 5. A ridge of 3 % of a column ties the model to its own fit, where a fold does not determine it.
@@ -39,7 +39,7 @@ _PATIENCE = 12  # terms without a smaller error after which a fold stops
 LEASH = 0.03
 _SCREENED, _TOP = 1200, 60
 _MOST_COLUMNS = 1400  # of the Gram matrices
-_GATE = 2.5
+_GATE, _WITHIN = 2.5, 0.5  # standard errors of the folds: of the gain, and from the best number of terms
 _CHANCE = 0.05
 _PER_ROUND, _WORTH, _INDEPENDENT = (
     6,
@@ -457,7 +457,7 @@ def _decided(
     table = np.array([row + [row[-1]] * (longest - len(row)) for row in errors])
     best = int(table.sum(axis=0).argmin())
     worse = table - table[:, [best]]
-    terms = int(np.flatnonzero(worse.mean(axis=0) <= _standard_error(worse))[0])
+    terms = int(np.flatnonzero(worse.mean(axis=0) <= _WITHIN * _standard_error(worse))[0])
     pays = table[:, 0] - table[:, terms]
     if not terms or pays.mean() <= _GATE * _standard_error(pays):
         return Chosen()

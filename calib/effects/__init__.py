@@ -3,6 +3,7 @@
 The files are sorted by what they act on: `geometry`, `transmission`, `elasticity`, `thermal`, `slides`, `instrument`.
 """
 
+import re
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -106,6 +107,13 @@ LIBRARY: tuple[Entry, ...] = (
 )
 
 
+OF_GEARS = frozenset(
+    {"periodic", "backlash", "lost_motion", "settling", "encoder_scale", "coupling", "slide_backlash"}
+)
+"""Kinds that blame a gear or its play and need no torque; those of stiffness are not offered without one."""
+
+_JOINT = re.compile(r"\bj(\d+)")
+
 SETS_IN = (shift, joint_step, backlash, slide_backlash, payload, tracker_scale, drift, arm_growth)
 """Files of effects that can set in between two campaigns."""
 
@@ -116,10 +124,17 @@ def entries() -> tuple[Entry, ...]:
 
 
 def offers(survey: Survey) -> list[Family]:
-    """All candidates of the library for these readings, without those that the base model contains."""
+    """All candidates of the library for these readings, without those that the base model contains, and without those
+    that blame the gear of a joint whose gravity is not modelled: its sag looks like them."""
     proposals = [proposal for entry in entries() for proposal in entry.offer(survey)]
     new = [p for p in proposals if not (isinstance(p, Candidate) and survey.frees(p.effect))]
-    return [family_by_axis(p, survey.robot) for p in new]
+    return [family_by_axis(p, survey.robot) for p in new if not _looks_like_sag(p.label, survey)]
+
+
+def _looks_like_sag(label: str, survey: Survey) -> bool:
+    kind, _, rest = label.partition(":")
+    joints = {int(number) for number in _JOINT.findall(rest)}
+    return kind in OF_GEARS and not joints.isdisjoint(survey.weightless)
 
 
 def changes(survey: Survey) -> list[Effect]:

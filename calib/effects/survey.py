@@ -27,7 +27,8 @@ class Survey:
 
     everywhere: conditions of all rows, those too that are only to be predicted; freed: slots and regressors of the
     base model; compliance: joint -> rad/(N.mm) as estimated; loads: None for the robot's own; station: (x, y, z) mm;
-    curves: joints of which a curve over their angle is in the model, that has all their lower orders.
+    curves: joints of which a curve over their angle is in the model, that has all their lower orders; weightless:
+    joints that gravity loads while no load is known.
     """
 
     robot: Robot
@@ -38,6 +39,7 @@ class Survey:
     loads: tuple[Load, ...] | None = None
     station: tuple[float, float, float] = (0.0, 0.0, 0.0)
     curves: frozenset[int] = frozenset()
+    weightless: frozenset[int] = frozenset()
 
     @classmethod
     def of(cls, fitted: Identification, dataset: Dataset) -> Survey:
@@ -57,6 +59,7 @@ class Survey:
             loads=fitted.header.loads,
             station=model.station,
             curves=frozenset(curve.joint for curve in model.curves),
+            weightless=frozenset(dataset.weightless),
         )
 
     def frees(self, effect: Effect) -> bool:

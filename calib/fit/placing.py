@@ -227,10 +227,12 @@ def _refuse_unknown(dataset: Dataset) -> None:
 
 def _adapted(effects: tuple[Effect, ...], dataset: Dataset) -> tuple[Effect, ...]:
     header = dataset.header
-    if not header.hold and not header.priors:
+    guessed = header.loads_estimated and any(effect.label == "compliance" for effect in effects)
+    priors = {**({"compliance": base_model.OF_ESTIMATED_LOADS} if guessed else {}), **header.priors}
+    if not header.hold and not priors:
         return effects
     try:
-        return base_model.adapted(effects, header.hold, header.priors)
+        return base_model.adapted(effects, header.hold, priors)
     except KeyError as error:
         names = ", ".join(p.name for e in effects for p in e.parameters)
         raise DataError(

@@ -18,6 +18,9 @@ from calib.model.regressors import Constant, InSeries, JointAngle, OnTarget, Reg
 COMPLIANCE = "1e-6 rad/(N.mm)"
 """Unit of the compliance of a gear."""
 
+OF_ESTIMATED_LOADS = 3.0
+"""Usual size of a compliance if the loads are estimates, in its unit: it takes up the error of their scale."""
+
 _KEPT = 64  # groups, the same for every fit of a robot; a service that lives for months forgets the others
 _GEOMETRY = {"alpha": ("deg", 0.2), "a": ("mm", 1.0), "theta": ("deg", 1.0), "d": ("mm", 1.0)}
 

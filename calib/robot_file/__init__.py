@@ -2,7 +2,7 @@
 
 from calib.robot_file.description import Described, axes_of, described
 from calib.robot_file.dh_import import import_dh
-from calib.robot_file.draft import CONVENTIONS, Convention, Draft, DraftLink, written_robot
+from calib.robot_file.draft import CONVENTIONS, Convention, Draft, DraftLink, weighed, written_robot
 from calib.robot_file.handful import Handful, read_handful
 from calib.robot_file.misread import Mistake, Verdict, held_against
 from calib.robot_file.schema import SCHEMA
@@ -26,5 +26,6 @@ __all__ = [
     "import_urdf",
     "in_words",
     "read_handful",
+    "weighed",
     "written_robot",
 ]

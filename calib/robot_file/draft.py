@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from calib.arm import Load, Robot, load_robot
 from calib.arm.robot import FORMAT, Convention
+from calib.arm.weight import estimated_loads
 from calib.array import Array
 from calib.errors import DataError
 
@@ -49,6 +50,7 @@ class Draft:
     source: str
     links: tuple[DraftLink, ...]
     loads: tuple[Load, ...] = ()
+    loads_estimated: bool = False
     matrices: dict[str, tuple[Array, Array]] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
@@ -78,6 +80,8 @@ class Draft:
             axes = list(self.parallel_axes)
             yield f"parallel_axes = {axes}   # parallel to the axis before: their twist is identified as well"
         yield f"source = {_quoted(self.source)}"
+        if self.loads_estimated:
+            yield "loads_estimated = true   # nobody weighed the masses below; put published ones in their place"
         for name, (matrix, offset) in self.matrices.items():
             yield ""
             yield from matrix_lines(name, matrix, offset, [link.slides for link in self.links])
@@ -116,6 +120,13 @@ def written_robot(draft: Draft) -> Robot:
             return load_robot("draft.toml", Path(folder))
         except DataError as error:  # nobody has seen that file
             raise DataError(error.what, do=error.do, key=error.key) from error
+
+
+def weighed(draft: Draft, mass_kg: float) -> Draft:
+    """The draft with estimated loads for a mass of the whole arm, kg. Raises DataError if it has masses already."""
+    if draft.loads:
+        raise DataError("is given, but the file has masses.", do="Leave it out.", key="--mass")
+    return replace(draft, loads=estimated_loads(written_robot(draft), mass_kg), loads_estimated=True)
 
 
 def _number(value: float) -> str:

@@ -101,6 +101,11 @@ SCHEMA: dict[str, Any] = {
                     "a mass that loads the joints",
                 ),
             },
+            "loads_estimated": {
+                "type": "boolean",
+                "default": False,
+                "description": "whether the loads are estimates: they weigh less in the fit of the compliances",
+            },
             "joint_matrices": {
                 "type": "object",
                 "description": "how a controller counts: model joint = matrix x counted + offset",

@@ -66,6 +66,8 @@ def refuse_changed(document: Mapping[str, Any], path: Path) -> tuple[str, ...]:
 def refuse_other_table(robot: Robot, reference: Robot, path: Path) -> None:
     """Raise DataError, naming the first number, where the robot of a model is not the one of the robot file."""
     own, other = asdict(robot), asdict(reference)
+    if reference.loads_estimated:
+        own["loads"], own["loads_estimated"] = other["loads"], True
     for key, value in own.items():
         if key not in DESCRIPTION and not _same(value, other[key]):
             where = key

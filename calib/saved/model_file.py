@@ -165,8 +165,13 @@ def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | N
     if robot_file is not None or robot.name in built_in_robots():
         reference = load_robot(robot.name if robot_file is None else str(robot_file.absolute()))
         refuse_other_table(robot, reference, path)
-        # Its capsules are those of today's robot file; models of older versions have none.
-        robot = replace(robot, capsules=reference.capsules)
+        # Its capsules and estimated loads are those of today's robot file; models of older versions have none.
+        robot = replace(
+            robot,
+            capsules=reference.capsules,
+            loads=reference.loads,
+            loads_estimated=reference.loads_estimated,
+        )
         saved = replace(saved, model=replace(saved.model, robot=robot))
     else:
         notes += (

@@ -43,7 +43,7 @@ YARDSTICKS: Mapping[str, float] = {
     "ur10_a_random": 0.075,
     "ur10_a_blocks": 0.181,
     "ur10_b_random": 0.135,
-    "ur10_b_blocks": 0.212,
+    "ur10_b_blocks": 0.111,
     "ur10_b_carried": 0.275,
     _TO_B: 0.41,
     f"{_TO_B}_refitted": 0.25,

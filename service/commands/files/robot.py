@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as notation
+import sys
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -22,12 +23,13 @@ from calib.robot_file import (
     import_dh,
     import_urdf,
     read_handful,
+    weighed,
     written_robot,
 )
 from calib.text import read_text, replace_file
 from service import exit_codes
 from service.commands import options
-from service.commands.files.robot_answers import Asked, ask_draft
+from service.commands.files.robot_answers import Asked, ask_draft, ask_mass
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed.robot_tables import (
     described_lines,
@@ -72,6 +74,16 @@ ConventionOption = Annotated[
     typer.Option(help="dh: the standard one; mdh: the modified one, of Craig."),
 ]
 
+MassOption = Annotated[
+    float | None,
+    typer.Option(
+        min=0.001,
+        metavar="KG",
+        help="Mass of the whole arm: estimated masses of the links are written into the file. Only without masses of "
+        "its links.",
+    ),
+]
+
 
 @app.command("new")
 def new_command(
@@ -89,10 +101,12 @@ def new_command(
         ),
     ] = None,
     source: Annotated[str | None, typer.Option(help="Where the numbers come from.")] = None,
+    mass: MassOption = None,
 ) -> None:
     """Write a robot file; what no option gives is asked for."""
     _refuse_existing(out)
-    asked = Asked(name, maker, None if convention is None else convention.value, joints, link or [], source)
+    convention_name = None if convention is None else convention.value
+    asked = Asked(name, maker, convention_name, joints, link or [], source, mass)
     draft = ask_draft(asked)
     written_robot(draft)
     _write(draft, out)
@@ -122,6 +136,7 @@ def import_command(
         str | None, typer.Option(help="Name of the robot. Default: what the file calls it.")
     ] = None,
     maker: Annotated[str, typer.Option(help="Its maker.")] = "unknown",
+    mass: MassOption = None,
 ) -> None:
     """Make a robot file of a URDF or of a table of DH numbers."""
     out = Path(f"{file.stem}.toml") if out is None else out
@@ -153,7 +168,9 @@ def import_command(
             )
         for remark in remarks:
             terminal.note(f"truepose: {remark}")
-    _write(draft, out)
+    if mass is None and not draft.loads and sys.stdin.isatty():
+        mass = ask_mass()
+    _write(weighed(draft, mass) if mass else draft, out)
 
 
 @app.command("check")
@@ -286,4 +303,15 @@ def _refuse_of_urdf(given: dict[str, object]) -> None:
 
 def _write(draft: Draft, out: Path) -> None:
     replace_file(out, draft.text)
+    if draft.loads_estimated:
+        typer.echo(
+            f"truepose: the masses in {out} are estimates; replace them if the maker publishes some", err=True
+        )
+    elif not draft.loads:
+        typer.echo(
+            f"truepose: no masses are known, so gravity is not modelled: a real arm of 0.6 m reach was then off by "
+            f"0.31 instead of 0.11 mm, and no gear, play or stiffness is named. Give the mass of the arm with "
+            f"--mass KG, or write [[loads]] into {out}",
+            err=True,
+        )
     typer.echo(f"truepose: {out} is written; now: truepose robot check {out}", err=True)

@@ -9,8 +9,9 @@ from typing import TypeVar
 
 import typer
 
+from calib.arm import HEAVIEST_KG
 from calib.errors import DataError
-from calib.robot_file import CONVENTIONS, Convention, Draft, DraftLink
+from calib.robot_file import CONVENTIONS, Convention, Draft, DraftLink, weighed
 
 T = TypeVar("T")
 _SLIDES = "slides"
@@ -27,6 +28,12 @@ class Asked:
     joints: int | None
     links: list[str]
     source: str | None
+    mass_kg: float | None
+
+    @property
+    def complete(self) -> bool:
+        """Whether options gave all that a file needs, so that nobody is asked for anything."""
+        return None not in (self.name, self.maker, self.convention, self.source) and bool(self.links)
 
 
 def ask_draft(asked: Asked) -> Draft:
@@ -46,7 +53,17 @@ def ask_draft(asked: Asked) -> Draft:
         links.append(_ask(f"Joint {len(links) + 1}", link_of))
     source = asked.source or _ask("Where the numbers come from (drawing, data sheet)", _text)
     remarks = ("Written by 'truepose robot new'. docs/robot-file.md explains every key.",)
-    return Draft(name, maker, convention, source, tuple(links), remarks=remarks)
+    draft = Draft(name, maker, convention, source, tuple(links), remarks=remarks)
+    mass_kg = ask_mass() if asked.mass_kg is None and not asked.complete else asked.mass_kg
+    return weighed(draft, mass_kg) if mass_kg else draft
+
+
+def ask_mass() -> float:
+    """The mass of the whole arm, kg; 0 if the user does not know it, or the answers have ended."""
+    try:
+        return _ask("Mass of the whole arm, kg, as in its data sheet (0: unknown)", _mass)
+    except DataError:
+        return 0.0
 
 
 def link_of(text: str) -> DraftLink:
@@ -92,7 +109,7 @@ def _ask(question: str, answer: Callable[[str], T]) -> T:
                 raise
             raise DataError(
                 f"Nobody answers '{question}': the input has ended.",
-                do="Give --name, --maker, --convention, --source and one --link a joint, or run it at a terminal.",
+                do="Give --name, --maker, --convention, --source and one --link per joint, or run it at a terminal.",
             ) from ended
         except DataError as error:
             typer.echo(f"  {error}", err=True)
@@ -102,6 +119,16 @@ def _text(text: str) -> str:
     if not text:
         raise DataError("is empty.", do="Give text.")
     return text
+
+
+def _mass(text: str) -> float:
+    try:
+        mass_kg = float(text)
+    except ValueError:
+        mass_kg = -1.0
+    if not 0.0 <= mass_kg <= HEAVIEST_KG:
+        raise DataError(f"'{text}' is no mass.", do="Give kg, or 0.")
+    return mass_kg
 
 
 def _count(text: str) -> int:
