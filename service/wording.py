@@ -26,6 +26,7 @@ from service import effect_names
 
 GROUPS = ("transmission", "structure", "frames and tool", "instrument", "thermal", "procedure")
 MANY = 6  # effects above which lists are ordered by group
+_CARRIED = 8  # carried terms that are stated one by one
 _STRETCHED = 1.5
 _AS_DECLARED = 0.001  # chance of a larger misfit from which on the noise is as declared
 
@@ -169,6 +170,20 @@ def carried_in_words(term: CarriedTerm) -> str:
     else:
         where, when = f"An error of {term.place} follows {term.condition}, with a size of", ""
     return f"{where} {size} ± {uncertainty} {unit}{when} (k = {COVERAGE:g}): {share}."
+
+
+def stated_carried(terms: Sequence[CarriedTerm]) -> list[str]:
+    """Sentences on carried terms: the largest that exceed their uncertainty, and how many others serve the model."""
+    stated = [term for term in terms if exceeds(term)][:_CARRIED]
+    others = len(terms) - len(stated)
+    rest = f"{counted(others, 'other term')} of the model, smaller or within their uncertainty: no single one is a finding."
+    return [*(carried_in_words(term) for term in stated), *([rest] if others else [])]
+
+
+def exceeds(term: CarriedTerm) -> bool:
+    """Whether the size of a carried term exceeds its expanded uncertainty."""
+    value, std, _ = term.effect.amplitude(term.values, term.covariance)
+    return abs(value) > COVERAGE * std
 
 
 def shares_in_words(shares: Shares, *, causes_known: bool) -> str:

@@ -43,7 +43,7 @@ def diagnosis(
     )
     yield effects(result)
     yield checks(result)
-    yield numbered("Carried without a cause", [wording.carried_in_words(term) for term in result.carried])
+    yield numbered("Carried without a cause", wording.stated_carried(result.carried))
     yield numbered("What to measure next", result.next_measurements)
     if result.follow_up is not None:
         yield follow_up(result.follow_up)

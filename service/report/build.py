@@ -125,7 +125,7 @@ def diagnosis_report(
         ],
         causes_known=diagnosis.causes_known,
         unconfirmed=wording.unconfirmed(diagnosis.effects),
-        carried=[wording.carried_in_words(term) for term in diagnosis.carried],
+        carried=wording.stated_carried(diagnosis.carried),
         next_measurements=diagnosis.next_measurements,
         follow_up=follow_up_section.section_of(diagnosis.follow_up),
         middle=follow_up_section.middle_step_of(followed_up, diagnosis),

@@ -194,6 +194,10 @@ def test_shares_and_carried_terms_are_in_every_presentation(known: Diagnosis) ->
     document = documents.of_diagnosis(carried)
     assert document["shares"] == {"named": 0.25, "carried": 0.5, "noise": 0.25}
     assert document["carried"][0]["finding"] == sentence
+    faint = replace(moved, covariance=100.0**2 * moved.covariance)
+    (only, rest) = wording.stated_carried([moved, faint, faint])
+    assert only == sentence
+    assert rest.startswith("2 other terms")
     follows = wording.carried_in_words(replace(moved, between=None))
     assert follows.startswith("An error of the offset d5 follows time")
 

@@ -274,6 +274,7 @@ def _carried_term(term: CarriedTerm) -> dict[str, Any]:
         "amplitude": {"value": _number(value), "std": _number(std), "unit": unit},
         "explained_variance": _number(term.explained),
         "p_value": _number(term.p_value),
+        "confirmed": wording.exceeds(term),
         "usable": bool(term.effect.is_usable),
     }
 

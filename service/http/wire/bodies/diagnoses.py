@@ -136,6 +136,7 @@ class CarriedShown(Answered):
     amplitude: Annotated[Figure, told("Its size.", {"value": -0.13, "std": 0.01, "unit": "mm"})]
     explained_variance: Share
     p_value: Annotated[float | None, told("Probability that chance shows as much.", 1e-9)]
+    confirmed: Annotated[bool, told("Whether the size exceeds its expanded uncertainty (k = 2).", True)]
     usable: Annotated[bool, told("Whether what it follows is known when the model is used.", True)]
 
 
