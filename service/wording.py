@@ -176,7 +176,7 @@ def stated_carried(terms: Sequence[CarriedTerm]) -> list[str]:
     """Sentences on carried terms: the largest that exceed their uncertainty, and how many others serve the model."""
     stated = [term for term in terms if exceeds(term)][:_CARRIED]
     others = len(terms) - len(stated)
-    rest = f"{counted(others, 'other term')} of the model, smaller or within their uncertainty: no single one is a finding."
+    rest = f"{counted(others, 'other term')} of the model, smaller or within U: no single one is a finding."
     return [*(carried_in_words(term) for term in stated), *([rest] if others else [])]
 
 
