@@ -7,12 +7,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from calib import Dataset, identify, read_dataset
+from calib import DataError, Dataset, identify, read_dataset
 from calib.array import Array
+from calib.data import plausible
+from calib.data.hypotheses import Explanation
 from calib.diagnose import Found, diagnose, next_measurements
 from calib.diagnose.classes import Evidence
 from calib.diagnose.outlying import ACTS_ON
@@ -247,3 +251,15 @@ def test_no_smallest_size_is_absurd(space: Space) -> None:
     # readings that see a millionth of what these do would need sizes that no robot has
     scores.a = [1e-12 * a for a in scores.a]
     assert all(v.size is None for v in visible(scores) if v.label.startswith(("backlash:", "periodic:")))
+
+
+def test_no_rival_repeats_what_was_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, data = simulate(tmp_path, seed=3, n=60, n_validation=0, effects=[])
+    cause: Any = SimpleNamespace(what="The sign of joint 1 is wrong", do="Turn it.", file="header", key="x")
+    other: Any = SimpleNamespace(what="Joint 1 counts backwards", do="Turn it.", file="header", key="x")
+    why = Explanation(cause, (cause, other, other), 5.0, 0.1)
+    monkeypatch.setattr(plausible, "explained", lambda *_, **__: why)
+    with pytest.raises(DataError) as caught:
+        plausible.refuse_implausible(data)
+    assert caught.value.do.count("As likely") == 1
+    assert "As likely: Joint 1 counts backwards." in caught.value.do
