@@ -6,15 +6,29 @@ import math
 from collections.abc import Sequence
 
 from calib.data import Dataset
-from calib.diagnose import ACTS_ON, EACH_POSE, TOGETHER, Diagnosis, Found, Patch, Structure, Surprise
+from calib.diagnose import (
+    ACTS_ON,
+    COVERAGE,
+    EACH_POSE,
+    TOGETHER,
+    CarriedTerm,
+    Diagnosis,
+    Found,
+    Patch,
+    Shares,
+    Structure,
+    Surprise,
+)
+from calib.effects import check_of
 from calib.fit import ErrorStatistics
 from calib.units import percent
 from service import effect_names
 
 GROUPS = ("transmission", "structure", "frames and tool", "instrument", "thermal", "procedure")
 MANY = 6  # effects above which lists are ordered by group
+_CARRIED = 8  # carried terms that are stated one by one
 _STRETCHED = 1.5
-COVERAGE = 2.0  # k of the expanded uncertainty, about 95 %
+_AS_DECLARED = 0.001  # chance of a larger misfit from which on the noise is as declared
 
 HOLDOUTS = {
     "random": "random rows of the same series: flatters, since the neighbours of every row took part in the fit",
@@ -80,17 +94,60 @@ def millimetres(value: float) -> str:
 
 def amplitude(found: Found) -> tuple[str, str, str]:
     """Size of an effect, its expanded uncertainty (k = 2) and unit, as text."""
-    value, spread, unit = found.effect.amplitude(found.values, found.covariance)
+    value, spread, unit = found.amplitude
     return (*with_uncertainty(value, COVERAGE * spread), unit)
+
+
+def usual_size(found: Found) -> str:
+    """The usual size of an effect with its unit; empty if none is known."""
+    return "" if found.usual is None else f"{found.usual:.2g} {found.amplitude[2]}"
+
+
+_SHAPES = {"time_constant_s": ("time constant", "s"), "order": ("order", "per turn")}
+
+
+def shape_of(found: Found) -> str:
+    """What was scanned, with its uncertainty (k = 2), as text: a time constant, an order, a moment of change."""
+    if found.between is not None:
+        return f"between readings {found.between[0]} and {found.between[1]} (95\u00a0%)"
+    if found.index is not None:
+        return f"from reading {found.index} on"
+    parts = []
+    for name, std in found.shape_std.items():
+        words, unit = _SHAPES.get(name, (name, ""))
+        value, uncertainty = with_uncertainty(found.effect.shape[name], COVERAGE * std)
+        parts.append(f"{words} {value} ± {uncertainty} {unit}".rstrip())
+    return ", ".join(parts)
+
+
+IMPOSSIBLE = "This value is physically impossible: another effect is imitated by it."
+
+
+def advice_on(found: Found, *, causes_known: bool) -> str:
+    """What a technician should check; empty where the cause is not known, or the size is usual or not confirmed."""
+    if not causes_known or found.impossible or not (found.confirmed and found.beyond_usual):
+        return ""
+    return check_of(found.effect.label)
+
+
+def unconfirmed(found: Sequence[Found]) -> str:
+    """One sentence on the effects that are smaller than their uncertainty; empty where there are none."""
+    listed = [
+        f"{each.effect.label} {value} ± {uncertainty} {unit}"
+        for each in found
+        if not each.confirmed
+        for value, uncertainty, unit in [amplitude(each)]
+    ]
+    return f"Not confirmed (smaller than the uncertainty U): {'; '.join(listed)}." if listed else ""
 
 
 def sentence_of(found: Found) -> str:
     """One effect in one sentence: what it means, how large, where it began."""
     value, uncertainty, unit = amplitude(found)
     text = f"{found.effect.meaning.rstrip('.')}: {value} ± {uncertainty} {unit} (k = {COVERAGE:g})"
-    if found.index is not None:
-        text += f", from reading {found.index} on"
-    return text + "."
+    shape = shape_of(found)
+    text += f", {shape}." if shape else "."
+    return f"{text} {IMPOSSIBLE}" if found.impossible else text
 
 
 def rivals_of(found: Found) -> list[tuple[str, float]]:
@@ -100,6 +157,46 @@ def rivals_of(found: Found) -> list[tuple[str, float]]:
         for label, w in found.evidence.candidates.items()
         if label != found.effect.label and w >= 0.01
     ]
+
+
+def carried_in_words(term: CarriedTerm) -> str:
+    """Where a carried term acts, what it follows and how large it is, as a sentence that claims no cause."""
+    value, std, unit = term.effect.amplitude(term.values, term.covariance)
+    size, uncertainty = with_uncertainty(value, COVERAGE * std)
+    share = f"{share_in_words(term.explained)} of what the named effects leave"
+    if term.between is not None:
+        where = f"{term.place[:1].upper()}{term.place[1:]} changed by"
+        when = f" between readings {term.between[0]} and {term.between[1]}"
+    else:
+        where, when = f"An error of {term.place} follows {term.condition}, with a size of", ""
+    return f"{where} {size} ± {uncertainty} {unit}{when} (k = {COVERAGE:g}): {share}."
+
+
+def stated_carried(terms: Sequence[CarriedTerm]) -> list[str]:
+    """Sentences on carried terms: the largest that exceed their uncertainty, and how many others serve the model."""
+    stated = [term for term in terms if exceeds(term)][:_CARRIED]
+    others = len(terms) - len(stated)
+    rest = f"{counted(others, 'other term')} of the model, smaller or within U: no single one is a finding."
+    return [*(carried_in_words(term) for term in stated), *([rest] if others else [])]
+
+
+def exceeds(term: CarriedTerm) -> bool:
+    """Whether the size of a carried term exceeds its expanded uncertainty."""
+    value, std, _ = term.effect.amplitude(term.values, term.covariance)
+    return abs(value) > COVERAGE * std
+
+
+def shares_in_words(shares: Shares, *, causes_known: bool) -> str:
+    """The parts of the squared error that the base model leaves, as a sentence."""
+    named = (
+        "explained by a named cause"
+        if causes_known
+        else "taken up by effects that may only imitate its cause"
+    )
+    return (
+        f"Of the squared error that the base model leaves, {percent(shares.named)} is {named}, "
+        f"{percent(shares.carried)} is carried without a cause, and {percent(shares.noise)} is noise."
+    )
 
 
 def by_group(found: Sequence[Found]) -> list[tuple[str, list[Found]]]:
@@ -135,9 +232,14 @@ def gain_in_words(before: ErrorStatistics | None, after: ErrorStatistics | None)
     )
 
 
+def share_in_words(share: float) -> str:
+    """A share in percent with one decimal; never 0.0 for what is there."""
+    return "less than 0.1\u00a0%" if share < 0.0005 else percent(share, 1)
+
+
 def structure_in_words(left: Structure) -> str:
     """One place where structure is left, and how sure that is."""
-    share, sure = percent(left.explained_variance, 1), f"(p {chance(left.p_value)})"
+    share, sure = share_in_words(left.explained_variance), f"(p {chance(left.p_value)})"
     if left.acts_on == ACTS_ON:
         return f"The readings left out lie together: {left.where} explains {share} of which they are {sure}."
     return f"Structure is left: {left.where} explains {share} of what is left {sure}."
@@ -182,32 +284,43 @@ def structure_caption(left: Structure) -> str:
 
 def verdict_in_words(diagnosis: Diagnosis) -> str:
     """The verdict as a plain sentence or two, with what it gains."""
-    names = [found.effect.label for found in diagnosis.effects]
-    listed = effect_names.listed(diagnosis.effects)
-    effects = f"{counted(len(names), 'effect')} that the base model lacks"
+    names = [found.effect.label for found in diagnosis.confirmed]
+    listed = effect_names.listed(diagnosis.confirmed)
+    found = f"Found {counted(len(names), 'effect')} that the base model lacks: {listed}."
+    if not names:
+        found = "Effects were added to the model, but none of them exceeds its uncertainty."
+    imitated = f" It may only be imitated by: {listed}." if names else ""
     before, after = diagnosis.error_before, diagnosis.error_after
-    lost = bool(names) and before is not None and after is not None and after.rms > before.rms
+    lost = bool(diagnosis.effects) and before is not None and after is not None and after.rms > before.rms
     surprised = diagnosis.surprise is not None and diagnosis.surprise.real
     where = "; ".join(f"{s.where}, acting on {s.acts_on}" for s in diagnosis.structure[:2])
     noise = "noise" if names else "the noise"
     if diagnosis.by_repeats:
         noise = f"the noise that visits of the same pose show, {diagnosis.final.noise_scale:.2g} times the declared"
+    beyond = (
+        f"The readings scatter {diagnosis.final.noise_scale:.2f} times as much as declared. No structure shows where "
+        "it comes from: the noise is larger than declared, or a law outside the library is at work."
+    )
+    if surprised and diagnosis.p_lack_of_fit >= _AS_DECLARED:
+        beyond = "The model explains the readings of the fit to the noise, but not those that were held out."
     head = {
         "complete": f"Nothing was found: the base model explains these readings to {noise}. "
         "The report lists how large an effect of each kind must be to show in them.",
-        "excess_noise": (f"Found {effects}: {listed}, but" if names else "No effect was found, but")
-        + f" the readings scatter {diagnosis.final.noise_scale:.2f} times as much as declared"
-        + ". No structure shows where it comes from: the noise is larger"
-        + " than declared, or a law outside the library is at work.",
-        "attributed": f"Found {effects}: {listed}."
-        + ("" if lost or surprised else f" Nothing else is left beyond {noise}."),
-        "ambiguous": f"Found {effects}: {listed}. These poses cannot say which member of a class it is; "
+        "excess_noise": beyond + imitated,
+        "attributed": found + ("" if lost or surprised else f" Nothing else is left beyond {noise}."),
+        "ambiguous": f"{found} These poses cannot say which member of a class it is; "
         "the weights of all members are listed.",
-        "unexplained": (f"Found {effects}: {listed}. " if names else "No effect of the library fits. ")
-        + f"Structure is left that none explains ({where}).",
+        "unexplained": f"Structure is left that no effect explains ({where})."
+        + (imitated or " No effect of the library fits."),
     }[diagnosis.verdict]
-    gain, warning = gain_in_words(before, after), _not_carried(lost, diagnosis.harmful, len(names))
-    parts = [warning, gain, head] if lost else [warning, head, gain]
+    gain, warning = (
+        gain_in_words(before, after),
+        _not_carried(lost, diagnosis.harmful, len(diagnosis.effects)),
+    )
+    shares = ""
+    if diagnosis.effects or diagnosis.carried:
+        shares = shares_in_words(diagnosis.shares, causes_known=diagnosis.causes_known or not names)
+    parts = [warning, gain, head, shares] if lost else [warning, head, shares, gain]
     contradicted = surprised and diagnosis.verdict not in ("unexplained", "excess_noise")
     parts.insert(0 if contradicted else len(parts), _held_out_against(diagnosis.stretch, diagnosis.surprise))
     return " ".join(part for part in parts if part)

@@ -46,7 +46,8 @@ class Diagnosis:
         return f"<diagnosis of {self.findings.dataset.name}: {self.sentence}>"
 
     def _repr_html_(self) -> str:
-        return f"<p>{self.sentence}</p>{self.effects.to_html(float_format=lambda x: f'{x:.4g}')}"
+        known = "" if self.findings.causes_known else "<p>Imitated by:</p>"
+        return f"<p>{self.sentence}</p>{known}{self.effects.to_html(float_format=lambda x: f'{x:.4g}')}"
 
     @property
     def verdict(self) -> str:
@@ -72,8 +73,12 @@ class Diagnosis:
 
     @property
     def effects(self) -> pandas.DataFrame:
-        """One row a parameter of an effect found: label, parameter, value, std, unit, p_value, explained variance,
-        and the rivals that these readings cannot distinguish it from, with their weights."""
+        """One row per parameter of an effect found: label, parameter, value, std, unit, usual_size, p_value, explained
+        variance, whether its size is confirmed (exceeds U), whether it may only imitate an unknown law, and the rivals
+        that these readings cannot distinguish it from, with their weights.
+
+        usual_size is that of the whole effect, in the unit of its amplitude.
+        """
         rows = [
             {
                 "effect": found.effect.label,
@@ -81,8 +86,11 @@ class Diagnosis:
                 "value": to_display(float(value), parameter.unit),
                 "std": to_display(float(variance) ** 0.5, parameter.unit),
                 "unit": parameter.unit,
+                "usual_size": found.usual,
                 "p_value": found.evidence.p_value,
                 "explained_variance": found.evidence.explained_variance,
+                "confirmed": found.confirmed,
+                "imitates": not self.findings.causes_known,
                 "rivals": {k: w for k, w in found.evidence.candidates.items() if k != found.effect.label},
             }
             for found in self.findings.effects
@@ -90,16 +98,26 @@ class Diagnosis:
                 found.effect.parameters, found.values, found.covariance.diagonal(), strict=True
             )
         ]
-        columns = ("parameter", "value", "std", "unit", "p_value", "explained_variance", "rivals")
+        columns = (
+            *("parameter", "value", "std", "unit", "usual_size", "p_value", "explained_variance"),
+            *("confirmed", "imitates", "rivals"),
+        )
         return frame_of_rows(rows, columns, "effect")
 
     @property
+    def next_measurements(self) -> tuple[str, ...]:
+        """Sentences on what to measure next; empty where the causes are known."""
+        return self.findings.next_measurements
+
+    @property
     def errors(self) -> pandas.DataFrame:
-        """The ladder on validation rows, mm: nominal, base model, with effects; n, rms, mean, p95, max."""
+        """The ladder on validation rows, mm: nominal, base model, named effects (if terms are carried), with effects
+        (carried terms included); n, rms, mean, p95, max."""
         found = self.findings
         steps: dict[str, ErrorStatistics | None] = {
             "nominal": found.error_nominal,
             "base model": found.error_before,
+            "named effects": found.error_named if found.carried else None,
             "with effects": found.error_after,
         }
         columns = ("n", "rms", "mean", "p95", "max")

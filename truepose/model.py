@@ -20,6 +20,7 @@ from calib.model import FLANGE, Design, StatedConditions, conditions_at, series_
 from calib.prior import load_prior
 from calib.saved import SavedModel, as_saved, load_model, save_model
 from calib.units import to_display
+from service.results.models.parameters import absolutes, nominals
 from truepose.arguments import joints_of, number_of
 from truepose.data import Data, data_of
 from truepose.frames import frame
@@ -38,8 +39,8 @@ class Model:
     """An identified robot. `saved`: what its file holds; `fitted`: the fit, None for a model that was loaded.
 
     >>> model = truepose.identify("irb120.csv")
-    >>> model.parameters.round(2).loc["base.x"].to_dict()
-    {'value': 0.46, 'std': 0.02, 'unit': 'mm', 'effect': 'base', 'owner': 'mounting'}
+    >>> model.parameters.round(2).loc["base.x", ["value", "std", "unit"]].to_dict()
+    {'value': 0.46, 'std': 0.02, 'unit': 'mm'}
     >>> model.predict(joints_deg=[[10, 20, -30, 40, 50, 60]], target="T1").round(1)  # mm
     array([[498.7, 187.9, 572.5]])
     >>> round(model.error_mm["rms"], 3)
@@ -67,12 +68,16 @@ class Model:
 
     @property
     def parameters(self) -> pandas.DataFrame:
-        """One row a parameter, by name: value (the change from nominal), standard error std, unit, effect, owner.
+        """One row per parameter, by name: value and standard error std counted from where the fit began (of a link: the
+        change from nominal), unit, effect, owner; then the absolute value, the nominal value that robot file or header
+        state, and the change from it (NaN without one; the header is known only to a model fitted here).
 
         A parameter that the readings do not determine has the standard error 0 and the value 0.
         """
         saved = self.saved
         errors = np.sqrt(np.diag(saved.covariance))
+        absolute = absolutes(saved.model, saved.estimate, saved.covariance)
+        nominal = nominals(saved.model, None if self.fitted is None else self.fitted.header)
         owners = [
             (effect.label, effect.owner, p) for effect in saved.model.effects for p in effect.parameters
         ]
@@ -85,6 +90,11 @@ class Model:
                 "unit": [p.unit for _, _, p in owners],
                 "effect": [label for label, _, _ in owners],
                 "owner": [owner for _, owner, _ in owners],
+                "absolute": [absolute[p.name][0] for _, _, p in owners],
+                "nominal": [nominal.get(p.name, math.nan) for _, _, p in owners],
+                "change_from_nominal": [
+                    absolute[p.name][0] - nominal.get(p.name, math.nan) for _, _, p in owners
+                ],
             },
             [p.name for _, _, p in owners],
             "parameter",

@@ -119,7 +119,9 @@ def _refuse_misread(
         if pointed and "tool" not in header.groups:
             _refuse_mixed(dataset, series, meaning, tools, rows)
         return
-    rivals = "".join(f" As likely: {rival.what}. {rival.do}" for rival in why.rivals[:_MOST_RIVALS])
+    said = dict.fromkeys(f" As likely: {rival.what}. {rival.do}" for rival in why.rivals)
+    said.pop(f" As likely: {why.cause.what}. {why.cause.do}", None)
+    rivals = "".join(list(said)[:_MOST_RIVALS])
     raise DataError(
         f"{why.cause.what}. The nominal robot misses the readings of series '{series}' by {why.miss:.3g} mm (median), "
         f"read in that way by {why.left:.3g} mm.",

@@ -1,8 +1,11 @@
 """The diagnosis: effects that the base model lacks, each with its evidence and the rivals that fit nearly as well."""
 
+from calib.diagnose.advice import next_measurements
+from calib.diagnose.carried import CarriedTerm, Shares
 from calib.diagnose.carry import CarryOver, carry_over
 from calib.diagnose.diagnosis import Diagnosis, Found, diagnose
 from calib.diagnose.follow_up import APPROACHES, POSES, SEPARATES, FollowUp, Rivals, later_visits, separating
+from calib.diagnose.named import COVERAGE
 from calib.diagnose.outlying import ACTS_ON
 from calib.diagnose.patch import Patch, error_with_patch, error_without_patch, patch_of
 from calib.diagnose.places import QUICK, SEEN, TOGETHER, pauses, sight_at_tool
@@ -16,6 +19,7 @@ from calib.diagnose.without import errors_without
 __all__ = [
     "ACTS_ON",
     "APPROACHES",
+    "COVERAGE",
     "EACH_POSE",
     "MOST_EFFECTS",
     "POSES",
@@ -23,12 +27,14 @@ __all__ = [
     "SEEN",
     "SEPARATES",
     "TOGETHER",
+    "CarriedTerm",
     "CarryOver",
     "Diagnosis",
     "FollowUp",
     "Found",
     "Patch",
     "Rivals",
+    "Shares",
     "Structure",
     "Surprise",
     "Visible",
@@ -38,6 +44,7 @@ __all__ = [
     "error_without_patch",
     "errors_without",
     "later_visits",
+    "next_measurements",
     "patch_of",
     "pauses",
     "separating",

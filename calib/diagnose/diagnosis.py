@@ -15,6 +15,7 @@ import numpy as np
 
 from calib.array import Array
 from calib.data.dataset import Dataset
+from calib.diagnose.advice import next_measurements
 from calib.diagnose.carried import CarriedTerm, Shares, competed, readings_back, with_terms
 from calib.diagnose.carriers import MANY_WAVES, Carried, beside, gears_to_carry, with_gears
 from calib.diagnose.claims import chance_by_pose
@@ -25,8 +26,10 @@ from calib.diagnose.named import Found, resized
 from calib.diagnose.outlying import together
 from calib.diagnose.power import Visible, visible
 from calib.diagnose.pursuit import Chosen
+from calib.diagnose.remarks import remarks_of
 from calib.diagnose.repeats import NOISY, each_pose, p_beyond_repeats, p_lack_of_fit
 from calib.diagnose.select import MOST_EFFECTS, Selection, refit, select
+from calib.diagnose.shape_uncertainty import with_shapes
 from calib.diagnose.structure import ALARM, SUSPECT, Structure, left_over
 from calib.diagnose.surprise import Surprise, surprise_of
 from calib.diagnose.type_sizes import in_type
@@ -97,6 +100,23 @@ class Diagnosis:
         return self.p_lack_of_fit < NOISY and self.verdict in ("complete", "attributed", "ambiguous")
 
     @property
+    def causes_known(self) -> bool:
+        """Whether the effects found explain the readings; otherwise they may only imitate an unknown law."""
+        return self.verdict not in ("unexplained", "excess_noise")
+
+    @property
+    def confirmed(self) -> tuple[Found, ...]:
+        """The effects whose size exceeds its expanded uncertainty."""
+        return tuple(found for found in self.effects if found.confirmed)
+
+    @property
+    def next_measurements(self) -> tuple[str, ...]:
+        """Sentences on what to measure next; empty where the causes are known."""
+        if self.causes_known:
+            return ()
+        return next_measurements((left.where, left.acts_on) for left in self.structure)
+
+    @property
     def held_out(self) -> Readings | None:
         """The readings of the validation set as the final model sees them; None without any."""
         rows = self.dataset.validation_rows
@@ -140,6 +160,7 @@ def diagnose(
             selection, space = Selection(fitted, holding), Space.of(fitted)
             labels = {e.label for e in holding}
             named = [resized(f, fitted) for f in named if f.effect.label in labels]
+    named = with_shapes(dataset, selection.fitted, named)
     structure = _structure(dataset, space)
     if curves is not None:
         curves = beside(selection.fitted, curves.sizes)
@@ -170,7 +191,7 @@ def diagnose(
         error_before=statistics_of(errors_on(dataset, rows, base.model, base.estimate)),
         error_named=statistics_of(errors_on(dataset, rows, final.model, final.estimate)),
         error_after=statistics_of(errors_on(dataset, rows, layers.fitted.model, layers.fitted.estimate)),
-        notes=_notes(dataset),
+        notes=(*_notes(dataset), *remarks_of(dataset, layers.fitted)),
         follow_up=_follow_up(dataset, selection.fitted, named),
         power=power,
         harmful=_harmful(dataset, layers.fitted, found),

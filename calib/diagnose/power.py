@@ -23,6 +23,7 @@ from calib.scan.scores import ABSORBED, Scores
 from calib.units import to_display
 
 POWER = 0.95
+_ABSURD = 100.0  # times the usual size: no robot has it, so that the readings cannot show the effect
 _QUANTILES = 32  # of the noise along an effect
 
 
@@ -48,6 +49,9 @@ def visible(scores: Scores) -> tuple[Visible, ...]:
         typical = float(np.median(least))
         size = np.sqrt(needed * scores.noise / typical) if typical > 0.0 else None
         shown = None if size is None else to_display(float(size), units[0])
+        usual = effect.parameters[0].size
+        if shown is not None and usual is not None and shown > _ABSURD * usual:
+            shown = None
         found.append(Visible(family.label, shown, units[0]))
     return tuple(found)
 

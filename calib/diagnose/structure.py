@@ -64,7 +64,10 @@ def left_over(space: Space, alarm: float = ALARM) -> list[Structure]:
         return []
     some = _some(space)
     rows = draws(space, clipped=True, most=max(min(_DRAWS, _MOST_NUMBERS // space.size), DRAWS))
-    rows /= np.linalg.norm(rows, axis=0)
+    length = np.linalg.norm(rows, axis=0)
+    if not np.all(length > 0.0):  # most readings fit exactly, so that clipping leaves nothing
+        return []
+    rows /= length
     functions = {name: f[some] for name, f in drivers(space).items() if _spread(f[some]) > _FEWEST}
     squared = np.array([np.sum(f**2, axis=1) for f in functions.values()])
     pulled, alike = space.pulled(rows), _alike(space, functions, some)
@@ -165,7 +168,8 @@ def _deviate(values: Array) -> Array:
         power[:, :1] = total
         powers.append(power / count)
     mean, square, cube = powers
-    variance = np.maximum(square - mean**2, 1e-6 * mean**2)
+    # of the draws about a mean of 1; where one draw holds all that a place has, the others have neither
+    variance = np.maximum(square - mean**2, np.maximum(1e-6 * mean**2, 1e-12))
     spread = np.sqrt(variance)
     skewness = np.clip((cube - 3.0 * mean * square + 2.0 * mean**3) / (variance * spread), *_SKEWNESS)
     shape = 4.0 / skewness**2

@@ -2,11 +2,9 @@
 
 from calib.model.axis import Axis, Drawn
 from calib.model.check import check_effect
-from calib.model.effect import Effect, effect
+from calib.model.effect import Effect, Term, effect
 from calib.model.model import Design, RobotModel
-from calib.model.regressors import (
-    Regressor,
-)
+from calib.model.regressors import InSeries, OnTarget, Regressor, ToAnchor
 from calib.model.stated import FLANGE, StatedConditions, conditions_at, series_of
 
 __all__ = [
@@ -15,9 +13,13 @@ __all__ = [
     "Design",
     "Drawn",
     "Effect",
+    "InSeries",
+    "OnTarget",
     "Regressor",
     "RobotModel",
     "StatedConditions",
+    "Term",
+    "ToAnchor",
     "check_effect",
     "conditions_at",
     "effect",

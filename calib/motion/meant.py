@@ -57,7 +57,9 @@ def refuse_misread(
     why = explained(meaning, others, tool[None], tool_unknown=False, zero_unknown=False)
     if why is None or not _near(why.cause.meaning, tool):
         return
-    rivals = "".join(f" As likely: {rival.what}. {rival.do}" for rival in why.rivals[:_MOST_RIVALS])
+    said = dict.fromkeys(f" As likely: {rival.what}. {rival.do}" for rival in why.rivals)
+    said.pop(f" As likely: {why.cause.what}. {why.cause.do}", None)
+    rivals = "".join(list(said)[:_MOST_RIVALS])
     key = _OPTIONS.get(why.cause.key, why.cause.key)
     raise DataError(
         f"{why.cause.what}. The nominal robot misses half of the points by {why.miss:.3g} mm and more, read in that "

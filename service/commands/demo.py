@@ -156,9 +156,8 @@ def _show(result: LoopResult, hidden: list[dict[str, Any]], terminal: Terminal) 
     if result.followed_up is not None:
         terminal.out.print(middle_step_in_words(result.followed_up, diagnosis))
     terminal.out.print(f"{wording.VERDICT_NAMES[diagnosis.verdict]}. {wording.verdict_in_words(diagnosis)}")
-    if diagnosis.effects:
-        terminal.out.print(tables.effects(diagnosis.effects))
-    for found in diagnosis.effects:
+    terminal.out.print(tables.effects(diagnosis))
+    for found in diagnosis.confirmed if diagnosis.causes_known else ():
         terminal.out.print(f"Your model lacked: {wording.sentence_of(found)}")
     holdout = diagnosis.dataset.header.holdout
     terminal.out.print(tables.errors(verification.rows_of(diagnosis, verified), holdout))

@@ -57,10 +57,13 @@ def verdict_lines(verdict: Verdict) -> Iterator[str]:
         yield "The file explains the readings: no usual mistake is in it."
     elif not verdict.mistakes:
         yield "No usual mistake alone explains them: hold table, zeros and directions against the data sheet."
-    for number, mistake in enumerate(verdict.mistakes):
+    said: dict[str, list[str]] = {}
+    for mistake in verdict.mistakes:
+        said.setdefault(mistake.what, []).extend(mistake.lines)
+    for number, (what, lines) in enumerate(said.items()):
         which = f"Mistake, {verdict.left_mm:.3g} mm when mended" if not number else "As likely"
-        yield f"{which}: {mistake.what}."
-        yield from (f"    {line}" for line in mistake.lines)
+        yield f"{which}: {what}."
+        yield from (f"    {line}" for line in dict.fromkeys(lines))
 
 
 def verdict_document(verdict: Verdict) -> dict[str, Any]:

@@ -11,8 +11,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp, Found
-from calib.effects import check_of
+from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp
 from calib.fit import ErrorStatistics, Identification, LeftOut
 from calib.fit import left_out as rows_left_out
 from calib.units import percent
@@ -42,16 +41,18 @@ def diagnosis(
     yield Text.assemble(
         (f"{wording.VERDICT_NAMES[result.verdict]}. ", "bold"), wording.verdict_in_words(result)
     )
-    if result.effects:
-        yield effects(result.effects)
-        yield checks(result.effects)
+    yield effects(result)
+    yield checks(result)
+    yield numbered("Carried without a cause", wording.stated_carried(result.carried))
+    yield numbered("What to measure next", result.next_measurements)
     if result.follow_up is not None:
         yield follow_up(result.follow_up)
     yield errors(
         {
             "nominal robot, placed": result.error_nominal,
             "identified base model": result.error_before,
-            "with the effects found": result.error_after,
+            **({"with the effects found": result.error_named} if result.effects else {}),
+            **({"with carried terms": result.error_after} if result.carried else {}),
         },
         result.dataset.header.holdout,
         wording.error_kind(result.dataset),
@@ -79,11 +80,19 @@ def diagnosis(
     )
 
 
-def effects(found: Sequence[Found]) -> RenderableType:
-    """Every effect with amplitude, uncertainty, share and rivals, strongest first, by group where there are many."""
-    table = grid("Effects found", "effect", "amplitude ± U (k = 2)", "unit", "explains", "rivals")
-    table.columns[2].justify = "left"
-    table.columns[4].justify = "left"
+def effects(result: Diagnosis) -> RenderableType:
+    """Every confirmed effect with amplitude, uncertainty and share, strongest first, by group where there are many.
+
+    Where the causes are not known the effects have no rivals to be listed: the law itself is a rival of them all.
+    """
+    found, known = result.confirmed, result.causes_known
+    if not result.effects:
+        return Text("")
+    last = ("rivals",) if known else ()
+    title = "Effects found" if known else "Imitated by (the law that is left may resemble these effects)"
+    table = grid(title, "effect", "amplitude ± U (k = 2)", "unit", "usual size", "explains", *last)
+    for text in (2, *((5,) if known else ())):
+        table.columns[text].justify = "left"
     for group, members in wording.by_group(found[:_SHOWN]):
         if group:
             table.add_section()
@@ -93,26 +102,35 @@ def effects(found: Sequence[Found]) -> RenderableType:
             rivals = (
                 ", ".join(f"{label} {percent(w)}" for label, w in wording.rivals_of(effect)[:3]) or "none"
             )
-            at = "" if effect.index is None else f" (from reading {effect.index})"
+            shape = wording.shape_of(effect)
             table.add_row(
-                effect.effect.label + at,
+                effect.effect.label + (f" ({shape})" if shape else ""),
                 f"{value} ± {uncertainty}",
                 unit,
+                wording.usual_size(effect),
                 f"{effect.evidence.explained_variance:.1%}",
-                rivals,
+                *((rivals,) if known else ()),
             )
-    if len(found) <= _SHOWN:
-        return table
-    return Group(
-        table, Text(f"… and {len(found) - _SHOWN} weaker ones; --json and --report list all.", "dim")
-    )
+    below: list[RenderableType] = [
+        Text(f"{each.effect.label}: {wording.IMPOSSIBLE}") for each in found if each.impossible
+    ]
+    if len(found) > _SHOWN:
+        below.append(Text(f"… and {len(found) - _SHOWN} weaker ones; --json and --report list all.", "dim"))
+    if left := wording.unconfirmed(result.effects):
+        below.append(Text(left, "dim"))
+    return Group(*((table,) if found else ()), *below)
 
 
-def checks(found: Sequence[Found]) -> RenderableType:
-    """The checks of a technician for the strongest effects."""
+def checks(result: Diagnosis) -> RenderableType:
+    """The checks of a technician for the strongest effects; nothing where there is no reason for one."""
+    known = result.causes_known
+    rows = [(f.effect.label, wording.advice_on(f, causes_known=known)) for f in result.effects]
+    rows = [row for row in rows if row[1]][:_CHECKS]
+    if not rows:
+        return Text("")
     table = grid("What to check", "effect", "check", left=2)
-    for effect in found[:_CHECKS]:
-        table.add_row(effect.effect.label, check_of(effect.effect.label))
+    for row in rows:
+        table.add_row(*row)
     return table
 
 
@@ -194,13 +212,14 @@ def parameters(found: Identification) -> RenderableType:
 
 def _cells(row: Row) -> tuple[str, ...]:
     nominal = "" if row.nominal is None else f"{row.nominal:.4f}"
-    if row.value is None or row.change is None or row.std is None:
+    if row.absolute is None or row.absolute_std is None:
         with_whom = ", ".join(row.confounded_with[:4])
         reason = f"dropped: confounded with {with_whom}" if with_whom else "dropped: moves nothing here"
         return row.name, nominal, reason, "", "", row.unit
-    change, error = wording.with_uncertainty(row.change, row.std)
+    _, error = wording.with_uncertainty(row.absolute, row.absolute_std)
     places = len(error.partition(".")[2])
-    return row.name, nominal, f"{row.value:.{places}f}", f"{float(change):+.{places}f}", error, row.unit
+    change = "" if row.change is None else f"{row.change:+.{places}f}"
+    return row.name, nominal, f"{row.absolute:.{places}f}", change, error, row.unit
 
 
 def offsets(found: Identification) -> RenderableType:
@@ -214,15 +233,20 @@ def offsets(found: Identification) -> RenderableType:
     return table
 
 
-def warnings(texts: Sequence[str]) -> RenderableType:
-    """Numbered warnings and notes; nothing at all where there are none."""
+def numbered(title: str, texts: Sequence[str]) -> RenderableType:
+    """Numbered sentences; nothing at all where there are none."""
     if not texts:
         return Text("")
-    table = grid("Warnings and notes", "", "", left=2)
+    table = grid(title, "", "", left=2)
     table.show_header = False
     for number, text in enumerate(texts, start=1):
         table.add_row(f"[{number}]", text)
     return table
+
+
+def warnings(texts: Sequence[str]) -> RenderableType:
+    """Numbered warnings and notes."""
+    return numbered("Warnings and notes", texts)
 
 
 def revealed(hidden: Sequence[Mapping[str, Any]], result: Diagnosis) -> RenderableType:

@@ -44,6 +44,8 @@ from service.results.models.patched import Patched
 _LEFT_OUT_SHOWN = 30  # readings, largest errors first
 _ABSENT: Mapping[str, Any] = {
     **dict.fromkeys(("ladder", "error_tables", "effects", "groups", "structure", "power", "notes"), ()),
+    **dict.fromkeys(("unconfirmed", "carried", "next_measurements"), ()),
+    "causes_known": True,
     **dict.fromkeys(("figures", "error_after", "follow_up", "middle", "patch", "p_lack_of_fit", "misfit")),
     **dict.fromkeys(("verification", "regression", "acceptance", "repeats", "judged")),
     "ballbar": None,
@@ -75,7 +77,7 @@ def diagnosis_report(
         "nominal robot": (diagnosis.nominal, diagnosis.nominal_estimate, drawing.NOMINAL),
         "base model": (diagnosis.base.model, diagnosis.base.estimate, drawing.BEFORE),
     }
-    if found:  # else the last model is the base model again
+    if found or diagnosis.carried:  # else the last model is the base model again
         models["with the effects found"] = (final.model, final.estimate, drawing.AFTER)
     measured = _held_out(dataset, models)
     tables = []
@@ -91,7 +93,7 @@ def diagnosis_report(
                 },
             )
         )
-    effects = effects_of(diagnosis.effects, sample, dataset)
+    effects = effects_of(diagnosis, sample)
     joints = _joints(sample, final.model, found)
     return _render(
         dataset,
@@ -106,7 +108,8 @@ def diagnosis_report(
             {
                 ladder.NOMINAL: diagnosis.error_nominal,
                 ladder.BASE: diagnosis.error_before,
-                ladder.EFFECTS: diagnosis.error_after if found else None,  # else it is the base model again
+                ladder.EFFECTS: diagnosis.error_named if found else None,  # else it is the base model again
+                ladder.CARRIED: diagnosis.error_after if diagnosis.carried else None,
             },
             None if verified is None else verified.verified,
         ),
@@ -117,9 +120,13 @@ def diagnosis_report(
         effects=effects,
         error_after=diagnosis.error_after,
         groups=[
-            (group, [effects[diagnosis.effects.index(f)] for f in members])
-            for group, members in wording.by_group(diagnosis.effects)
+            (group, [effects[diagnosis.confirmed.index(f)] for f in members])
+            for group, members in wording.by_group(diagnosis.confirmed)
         ],
+        causes_known=diagnosis.causes_known,
+        unconfirmed=wording.unconfirmed(diagnosis.effects),
+        carried=wording.stated_carried(diagnosis.carried),
+        next_measurements=diagnosis.next_measurements,
         follow_up=follow_up_section.section_of(diagnosis.follow_up),
         middle=follow_up_section.middle_step_of(followed_up, diagnosis),
         patch=None if patched is None else _patch(patched),
@@ -236,7 +243,6 @@ def _template() -> Template:
     environment.filters |= {
         "mm": wording.millimetres,
         "chance": wording.chance,
-        "two_figures": wording.two_figures,
         "capitalize_first": _begun,
         "words": words_of,
     }
@@ -329,15 +335,16 @@ def _parameter(row: Row) -> dict[str, Any]:
         "name": row.name,
         "unit": row.unit,
         "nominal": "" if row.nominal is None else f"{row.nominal:.4f}",
-        "dropped": row.change is None,
+        "dropped": row.absolute is None,
         "confounded_with": ", ".join(row.confounded_with),
     }
-    if row.change is not None and row.std is not None and row.value is not None:
-        change, uncertainty = wording.with_uncertainty(row.change, wording.COVERAGE * row.std)
+    if row.absolute is not None and row.absolute_std is not None:
+        _, uncertainty = wording.with_uncertainty(row.absolute, wording.COVERAGE * row.absolute_std)
         places = len(uncertainty.partition(".")[2])
-        shown |= {"change": change.replace("-", "−"), "uncertainty": uncertainty}
-        # + 0.0: what rounds to nothing has no sign
-        shown["value"] = f"{round(row.value, places) + 0.0:.{places}f}".replace("-", "−")
+        shown["uncertainty"] = uncertainty
+        for name, x in (("value", row.absolute), ("change", row.change)):
+            # + 0.0: what rounds to nothing has no sign
+            shown[name] = "" if x is None else f"{round(x, places) + 0.0:.{places}f}".replace("-", "−")
         shown["nominal"] = shown["nominal"].replace("-", "−")
     return shown
 

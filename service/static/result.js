@@ -82,8 +82,9 @@ function one(root, id) {
 
   function findings() {
     const r = job.result, wide = { className: "wide" };
-    const whole = [h("section", wide, h("h2", {}, t("ladder")), r.verdict && h("p", { className: "big" }, `${t("verdict")}: ${t(`verdict_${r.verdict}`)}`), acceptance(r.acceptance), ladder(job), h("p", { className: "dim" }, t("ladderHint")))];
+    const whole = [h("section", wide, h("h2", {}, t("ladder")), r.verdict && h("p", { className: "big" }, `${t("verdict")}: ${t(`verdict_${r.verdict}`)}`), r.finding && h("p", {}, r.finding), acceptance(r.acceptance), ladder(job), h("p", { className: "dim" }, t("ladderHint")))];
     if (r.effects) whole.push(h("section", wide, h("h2", {}, t("effects")), r.effects.length ? r.effects.map(effect) : h("p", {}, t("noEffects"))));
+    if ((r.next_measurements || []).length) whole.push(h("section", wide, h("h2", {}, t("whatToDo")), h("ol", {}, r.next_measurements.map((each) => h("li", {}, each)))));
     whole.push(h("section", wide, h("h2", {}, t("arrowPicture")), picture));
     if ((r.power || []).length) whole.push(h("section", wide, h("details", {}, h("summary", {}, t("power")), h("p", { className: "dim" }, t("powerHint")),
       powerTable(r.power))));
@@ -140,6 +141,6 @@ function effect(each) {
   const rivals = Object.entries(each.candidates || {}).filter(([label]) => label !== each.label);
   return h("article", { className: "effect" }, h("h3", {}, each.label), h("p", {}, said(each.meaning)),
     h("p", {}, `${t("size")}: ${withU(value, 2 * std, unit || "")} (U, k = 2); ${t("explains", { percent: number(100 * (each.evidence.explained_variance || 0), 0) })}`),
-    rivals.length ? h("p", {}, `${t("orElse")}: ${rivals.map(([label, weight]) => `${label} (${number(100 * weight, 0)} %)`).join(", ")}`) : null,
+    rivals.length && !each.imitates ? h("p", {}, `${t("orElse")}: ${rivals.map(([label, weight]) => `${label} (${number(100 * weight, 0)} %)`).join(", ")}`) : null,
     each.check && h("p", {}, `${t("checkIt")}: `, said(typeof each.check === "string" ? each.check : each.check.text || "")));
 }

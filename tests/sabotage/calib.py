@@ -275,4 +275,18 @@ CHANGES = (
         "samples of one waypoint fall on both sides of a hold-out",
         ("tests/calib/test_convert.py",),
     ),
+    Change(
+        "service/wording.py",
+        "if not causes_known or found.impossible or not (found.confirmed and found.beyond_usual):",
+        "if found.impossible or not (found.confirmed and found.beyond_usual):",
+        "a check is advised for an effect that only imitates an unknown law",
+        ("tests/service/test_statements.py",),
+    ),
+    Change(
+        "calib/diagnose/shape_uncertainty.py",
+        "covariance=found[i].covariance + carried[at] @ shapes @ carried[at].T,",
+        "covariance=found[i].covariance,",
+        "an amplitude is as certain as if its time constant were known",
+        ("tests/calib/test_diagnosis_statements.py",),
+    ),
 )

@@ -165,13 +165,11 @@ def test_doctor_effects_and_names_of_poses_are_german_on_the_german_page() -> No
     doctor = said_in("acquisition/examination/*.py", r"[a-zA-Z]{2,} .*\w|\w .*[a-z]{3}") - PIECES
     effects = said_in("calib/effects/*/*.py", r"^[A-Z].* .*[^.]\.$")
     checks = [kind.check.format(joint="4", name="T1") for entry in LIBRARY for kind in entry.KINDS]
-    notes = said_in("calib/diagnose/diagnosis.py", r"^[A-Z{7].* .*[^.]\.$")
     left = [left_to_see(dict.fromkeys(LEFT, size)) for size in (9.0, float("inf"))]
     texts = [
         *doctor,
         *effects,
         *checks,
-        *notes,
         PLAN,
         *left,
         *(f"{name} of block 1 (validation)" for name in NAMES),

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calib.diagnose import ACTS_ON, Structure, Surprise
+from calib.diagnose import ACTS_ON, Shares, Structure, Surprise
 from calib.fit import ErrorStatistics
 from service.files import as_json
 from service.results.models.documents import reading
@@ -72,7 +72,12 @@ def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
     diagnosis: Any = SimpleNamespace(
         verdict=verdict,
         effects=(found,),
+        confirmed=(found,),
         structure=(),
+        carried=(),
+        causes_known=True,
+        shares=Shares(0.7, 0.0, 0.3),
+        p_lack_of_fit=0.5,
         final=SimpleNamespace(noise_scale=1.0),
         error_before=errors(0.1),
         error_after=errors(0.2),
@@ -107,7 +112,12 @@ def test_noise_beyond_the_declared_is_said_where_repeats_explain_it() -> None:
     diagnosis: Any = SimpleNamespace(
         verdict="complete",
         effects=(),
+        confirmed=(),
         structure=(),
+        carried=(),
+        causes_known=True,
+        shares=Shares(0.7, 0.0, 0.3),
+        p_lack_of_fit=0.5,
         final=SimpleNamespace(noise_scale=2.25),
         error_before=None,
         error_after=None,

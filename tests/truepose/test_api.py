@@ -28,6 +28,7 @@ SURFACE = {
         "errors",
         "findings",
         "model",
+        "next_measurements",
         "plot_residuals",
         "power",
         "report",

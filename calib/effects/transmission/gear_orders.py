@@ -31,7 +31,7 @@ KINDS = (
         "gear_orders",
         words="gear of joint {joint}, over a turn",
         check=(
-            "Look where the curve of the gear of joint {joint} is steep, and measure it again after a year: "
+            "Look where the curve of joint {joint} is steep, and measure it again after a year: "
             "a curve that grows is wear, one that has kept can be corrected for."
         ),
         apart=(),

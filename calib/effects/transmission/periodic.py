@@ -29,8 +29,9 @@ KINDS = (
         "periodic",
         words="gear of joint {joint}, {times} a turn",
         check=(
-            "Look at the gear of joint {joint}: eccentric wheel or bearing at a low order, worn teeth or "
-            "wave generator at the order of its ratio; a growing amplitude is wear."
+            "Look at the drive of joint {joint}: in a gear, an eccentric wheel or bearing at a low order, worn teeth "
+            "or wave generator at the order of its ratio; without a gear, an encoder out of centre. A growing "
+            "amplitude is wear."
         ),
         apart=(),
     ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,8 +10,8 @@ import numpy as np
 from markupsafe import Markup
 
 from calib.data import Dataset
-from calib.diagnose import Found, Structure, Visible, errors_without
-from calib.effects import check_of, words_of
+from calib.diagnose import Diagnosis, Found, Structure, Visible, errors_without
+from calib.effects import words_of
 from calib.fit import ErrorStatistics
 from calib.units import to_display
 from service import effect_names, wording
@@ -28,7 +29,7 @@ def structure_of(left: Structure, number: int, dataset: Dataset, sample: Sample)
         "where": left.where,
         "acts_on": left.acts_on,
         "caption": wording.structure_caption(left),
-        "share": left.explained_variance,
+        "share": wording.share_in_words(left.explained_variance),
         "p_value": left.p_value,
         "picture": None if picture is None else Markup(picture),
     }
@@ -38,31 +39,37 @@ def power_of(power: Sequence[Visible]) -> list[dict[str, Any]]:
     """The smallest size that would have shown, by kind of effect, from the joint that shows it best to the worst."""
     kinds: dict[tuple[str, str], list[tuple[float, str]]] = {}
     for each in power:
-        if each.size is not None:
-            kinds.setdefault((each.label.partition(":")[0], each.unit), []).append((each.size, each.label))
+        size = math.inf if each.size is None else each.size
+        kinds.setdefault((each.label.partition(":")[0], each.unit), []).append((size, each.label))
     return [
         {
             "kind": kind,
             "words": words_of(min(sizes)[1]),
             "unit": unit,
-            "least": min(sizes)[0],
-            "most": max(sizes)[0],
-            "count": len(sizes),
+            "least": _smallest(min(sizes)[0]),
+            "most": _smallest(max(sizes)[0]),
         }
         for (kind, unit), sizes in kinds.items()
     ]
 
 
-def effects_of(effects: Sequence[Found], sample: Sample, dataset: Dataset) -> list[dict[str, Any]]:
-    """The effects found, in their order."""
-    without = errors_without(dataset, sample.fitted, [found.effect for found in effects])
+def _smallest(size: float) -> str:
+    return wording.two_figures(size) if math.isfinite(size) else "these readings cannot show it"
+
+
+def effects_of(diagnosis: Diagnosis, sample: Sample) -> list[dict[str, Any]]:
+    """The confirmed effects, in their order."""
+    effects, known = diagnosis.confirmed, diagnosis.causes_known
+    without = errors_without(diagnosis.dataset, sample.fitted, [found.effect for found in effects])
     return [
-        effect_of(found, sample, number, error)
+        effect_of(found, sample, number, error, causes_known=known)
         for number, (found, error) in enumerate(zip(effects, without, strict=True))
     ]
 
 
-def effect_of(found: Found, sample: Sample, number: int, without: ErrorStatistics | None) -> dict[str, Any]:
+def effect_of(
+    found: Found, sample: Sample, number: int, without: ErrorStatistics | None, *, causes_known: bool
+) -> dict[str, Any]:
     value, uncertainty, unit = wording.amplitude(found)
     picture = None
     if number < DRAWN:
@@ -78,7 +85,9 @@ def effect_of(found: Found, sample: Sample, number: int, without: ErrorStatistic
         "parts": _parts(found),
         "owner": wording.OWNERS[found.effect.owner],
         "group": found.effect.group,
-        "check": check_of(found.effect.label),
+        "check": wording.advice_on(found, causes_known=causes_known),
+        "usual": wording.usual_size(found),
+        "shape": wording.shape_of(found),
         "without": without,
         "share": found.evidence.explained_variance,
         "evidence": found.evidence,

@@ -12,6 +12,7 @@ from service import wording
 NOMINAL = "Nominal robot as found, placed by its base"
 BASE = "Identified base model"
 EFFECTS = "With the effects found"
+CARRIED = "With carried terms"
 VERIFIED = "Verified on the robot"
 HELD_OUT = "held-out readings"
 DRIVEN = "new poses, driven corrected"

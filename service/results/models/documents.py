@@ -15,11 +15,11 @@ import numpy as np
 from acquisition.loop import FollowedUp, campaign_table
 from calib.array import Array
 from calib.data import Dataset
-from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp, Found, Surprise
-from calib.effects import check_of
+from calib.diagnose import SEPARATES, CarriedTerm, CarryOver, Diagnosis, FollowUp, Found, Surprise
 from calib.fit import ErrorStatistics, Identification, UncertaintyMap, left_out, uncertainty_map
 from calib.text import written_by
 from calib.units import DEG, to_display
+from service import wording
 from service.results import typed
 from service.results.models import positions
 from service.results.models.parameters import high_leverage, rows_of, strong_correlations
@@ -87,16 +87,24 @@ def of_diagnosis(
         "program": written_by(),
         "simulated": diagnosis.dataset.header.simulated,
         "verdict": diagnosis.verdict,
-        "effects": [_effect(found) for found in diagnosis.effects],
+        "finding": wording.verdict_in_words(diagnosis),
+        "effects": [_effect(found, causes_known=diagnosis.causes_known) for found in diagnosis.effects],
         **_fit_of(diagnosis.dataset, diagnosis.final),
         "p_lack_of_fit": _number(diagnosis.p_lack_of_fit),
         "error_before_mm": _errors(diagnosis.error_before),
+        "error_named_mm": _errors(diagnosis.error_named),
         "error_after_mm": _errors(diagnosis.error_after),
         "error_nominal_mm": _errors(diagnosis.error_nominal),
         "raises_held_out_error": list(diagnosis.harmful),
         "held_out_misfit": _held_out_misfit(diagnosis.surprise),
         "holdout": diagnosis.dataset.header.holdout,
         "follow_up": [] if diagnosis.follow_up is None else follow_up_of(diagnosis.follow_up),
+        "shares": {name: _number(x) for name, x in asdict(diagnosis.shares).items()},
+        "carried": [_carried_term(term) for term in diagnosis.carried],
+        "withdrawn": list(diagnosis.withdrawn),
+        "brought_back": [reading(name) for name in diagnosis.back],
+        "held_out_agrees": diagnosis.agrees,
+        "next_measurements": list(diagnosis.next_measurements),
         "structure": [
             {
                 "where": s.where,
@@ -111,6 +119,7 @@ def of_diagnosis(
             for v in diagnosis.power
         ],
         "notes": list(diagnosis.notes),
+        "parameters": parameters_of(diagnosis.final, base_model_only=True),
         "data": data_of(diagnosis.dataset),
         **other,
         "seconds": round(diagnosis.seconds, 3),
@@ -199,20 +208,24 @@ def data_of(dataset: Dataset) -> dict[str, Any]:
     }
 
 
-def parameters_of(found: Identification) -> list[dict[str, Any]]:
-    """Every parameter of a model: value (change from nominal), standard error, unit, owner; null where dropped."""
+def parameters_of(found: Identification, *, base_model_only: bool = False) -> list[dict[str, Any]]:
+    """Every parameter of a model: value (counted from where the fit began), standard error, the absolute value with its
+    own, nominal value and change from it, unit, owner; null where dropped."""
     return [
         {
             "name": row.name,
-            "value": None if row.change is None else _number(row.change),
+            "value": None if row.estimate is None else _number(row.estimate),
             "std": None if row.std is None else _number(row.std),
             "unit": row.unit,
             "nominal": row.nominal,
+            "absolute": None if row.absolute is None else _number(row.absolute),
+            "absolute_std": None if row.absolute_std is None else _number(row.absolute_std),
+            "change_from_nominal": None if row.change is None else _number(row.change),
             "owner": row.owner,
-            "dropped": row.change is None,
+            "dropped": row.estimate is None,
             "confounded_with": list(row.confounded_with),
         }
-        for row in rows_of(found)
+        for row in rows_of(found, base_model_only=base_model_only)
     ]
 
 
@@ -249,9 +262,26 @@ def _fit_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
     }
 
 
-def _effect(found: Found) -> dict[str, Any]:
+def _carried_term(term: CarriedTerm) -> dict[str, Any]:
+    value, std, unit = term.effect.amplitude(term.values, term.covariance)
+    return {
+        "label": term.effect.label,
+        "finding": wording.carried_in_words(term),
+        "acts_on": term.place,
+        "slot": term.slot,
+        "where": term.condition,
+        "between": None if term.between is None else [reading(name) for name in term.between],
+        "amplitude": {"value": _number(value), "std": _number(std), "unit": unit},
+        "explained_variance": _number(term.explained),
+        "p_value": _number(term.p_value),
+        "confirmed": wording.exceeds(term),
+        "usable": bool(term.effect.is_usable),
+    }
+
+
+def _effect(found: Found, *, causes_known: bool) -> dict[str, Any]:
     spread = np.sqrt(np.diag(found.covariance))
-    value, std, unit = found.effect.amplitude(found.values, found.covariance)
+    value, std, unit = found.amplitude
     return {
         "label": found.effect.label,
         "meaning": found.effect.meaning,
@@ -269,8 +299,14 @@ def _effect(found: Found) -> dict[str, Any]:
         },
         "owner": found.effect.owner,
         "group": found.effect.group,
-        "check": check_of(found.effect.label),
+        "check": wording.advice_on(found, causes_known=causes_known),
         "shape": {name: _number(x) for name, x in found.effect.shape.items()},
+        "shape_std": {name: _number(x) for name, x in found.shape_std.items()},
+        "between": None if found.between is None else [reading(name) for name in found.between],
+        "usual_size": None if found.usual is None else _number(found.usual),
+        "confirmed": bool(found.confirmed),
+        "imitates": not causes_known,
+        "impossible": bool(found.impossible),
     }
 
 

@@ -1,39 +1,51 @@
-"""The parameters of an identified model as rows: change from nominal, standard error, what was dropped and why."""
+"""The parameters of an identified model as rows: values, nominal values, standard errors, and what was dropped."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from calib.array import Array
+from calib.data import Header
 from calib.fit import Identification
-from calib.model import RobotModel
-from calib.units import to_display
+from calib.model import InSeries, OnTarget, Regressor, RobotModel, Term, ToAnchor
+from calib.units import to_display, to_internal
 
 
 @dataclass(frozen=True)
 class Row:
-    """One parameter, in the unit it is shown in. `change` and `std` are None where it was dropped."""
+    """One parameter, in the unit it is shown in. What the fit says of it is None where it was dropped.
+
+    estimate and std: counted from where the fit began; absolute and absolute_std: the value itself, of a base its pose
+    in the world with turns about x, y, z in that order; nominal: from robot file or header, None if neither states it.
+    """
 
     name: str
     effect: str
     owner: str
     unit: str
-    nominal: float | None  # None where the robot file says nothing about it
-    change: float | None
+    nominal: float | None
+    estimate: float | None
     std: float | None
+    absolute: float | None
+    absolute_std: float | None
     confounded_with: tuple[str, ...]
 
     @property
-    def value(self) -> float | None:
-        """Nominal plus change; the change alone where there is no nominal value."""
-        return None if self.change is None else (self.nominal or 0.0) + self.change
+    def change(self) -> float | None:
+        """The change from nominal; None where there is no nominal value."""
+        return None if self.absolute is None or self.nominal is None else self.absolute - self.nominal
 
 
 def rows_of(found: Identification, *, base_model_only: bool = False) -> list[Row]:
     """Every parameter of a model in order; without those of diagnosed effects on request."""
     dropped = {drop.name: drop.confounded_with for drop in found.dropped}
     errors = found.standard_errors
+    absolute = absolutes(found.model, found.estimate, found.covariance)
+    nominal = nominals(found.model, found.header)
     rows = []
     for effect in found.model.effects:
         if base_model_only and effect.group != "base model":
@@ -41,19 +53,112 @@ def rows_of(found: Identification, *, base_model_only: bool = False) -> list[Row
         for parameter in effect.parameters:
             position = found.model.index[parameter.name]
             live = parameter.name not in dropped
+            value, std = absolute[parameter.name] if live else (None, None)
             rows.append(
                 Row(
                     name=parameter.name,
                     effect=effect.label,
                     owner=effect.owner,
                     unit=parameter.unit,
-                    nominal=_nominal(found.model, parameter.name),
-                    change=to_display(float(found.estimate[position]), parameter.unit) if live else None,
+                    nominal=nominal.get(parameter.name),
+                    estimate=to_display(float(found.estimate[position]), parameter.unit) if live else None,
                     std=to_display(float(errors[position]), parameter.unit) if live else None,
+                    absolute=value,
+                    absolute_std=std,
                     confounded_with=dropped.get(parameter.name, ()),
                 )
             )
     return rows
+
+
+def absolutes(model: RobotModel, estimate: Array, covariance: Array) -> dict[str, tuple[float, float]]:
+    """Name of every parameter -> value and standard error in the unit it is shown in, wherever the fit began.
+
+    estimate (m,) and covariance (m, m) in internal units.
+    """
+    value, std = estimate.astype(np.float64), np.sqrt(np.diag(covariance))
+    for i, start, slots in _starts(model):
+        value[i], change = _moved(start, slots, estimate[i])
+        std[i] = np.sqrt(np.einsum("ab,bc,ac->a", change, covariance[np.ix_(i, i)], change))
+    for i, p in enumerate(model.parameters):
+        value[i] += to_internal(_of_link(model, p.name) or 0.0, p.unit)
+    return {
+        p.name: (to_display(float(v), p.unit), to_display(float(s), p.unit))
+        for p, v, s in zip(model.parameters, value, std, strict=True)
+    }
+
+
+def nominals(model: RobotModel, header: Header | None) -> dict[str, float]:
+    """Name of a parameter -> nominal value in the unit it is shown in; without those that nothing states.
+
+    header: of the data set, which states targets and, where the world frame is given, the base; None: unknown.
+    """
+    found = {p.name: x for p in model.parameters if (x := _of_link(model, p.name)) is not None}
+    for term in _mounting(model):
+        of, axis = term.regressor, term.slot.partition(".")[2]
+        if header is None:
+            continue
+        if term.slot.startswith("base.") and header.world == "nominal":
+            found[term.parameter] = 0.0
+        stated = None
+        if isinstance(of, OnTarget):
+            stated = header.targets_of(of.series).get(of.target)
+        elif isinstance(of, ToAnchor):
+            stated = header.base_targets.get(of.anchor)
+        if stated is not None and axis in _XYZ:
+            found[term.parameter] = stated[_XYZ.index(axis)]
+    return found
+
+
+_XYZ = "xyz"
+Start = tuple[Array, Array, Array]
+"""From where the parameters of a frame count: translation (3,), the axes (3, 3) of theirs, orientation (3, 3)."""
+
+
+def _mounting(model: RobotModel) -> Iterator[Term]:
+    """The terms of the parameters that say where base, tool targets and base targets are."""
+    for effect in model.effects:
+        if effect.group == "base model" and effect.owner == "mounting":
+            yield from effect.terms
+
+
+def _starts(model: RobotModel) -> Iterator[tuple[list[int], Start, list[str]]]:
+    """For every base, tool target and base target its parameters' positions, start and slots."""
+    eye, zero = np.eye(3), np.zeros(3)
+    bodies: dict[Regressor, list[Term]] = {}
+    for term in _mounting(model):
+        bodies.setdefault(term.regressor, []).append(term)
+    for of, terms in bodies.items():
+        if isinstance(of, OnTarget):
+            start = np.array(model.targets[of.series][of.target]), eye, model.turns.get(of.series, eye)
+        elif isinstance(of, ToAnchor):
+            start = np.array(model.anchors.get(of.anchor, zero)), eye, eye
+        else:
+            series = of.series if isinstance(of, InSeries) else next(iter(model.targets))
+            pose = model.placements.get(series, np.eye(4))
+            # Nubiola counts the turns of the base behind d_1, which therefore does not turn with the start
+            raised = (pose[:3, :3] - eye)[:, 2] * (model.robot.d[0] if model.robot.base == "thesis" else 0.0)
+            start = pose[:3, 3] + raised, pose[:3, :3], pose[:3, :3]
+        yield [model.index[t.parameter] for t in terms], start, [t.slot.partition(".")[2] for t in terms]
+
+
+def _moved(start: Start, slots: Sequence[str], estimate: Array) -> tuple[Array, Array]:
+    """Absolute values (p,) of the parameters of a frame at their estimate (p,), and their derivative (p, p) by it.
+    Turns are about x, y, z in that order."""
+    place, axes, turned = start
+
+    def absolute(values: Array) -> Array:
+        of = dict(zip(slots, values, strict=True))
+        moved = place + axes @ np.array([of.get(axis, 0.0) for axis in _XYZ])
+        turns = turned @ Rotation.from_euler("XYZ", [of.get(f"r{axis}", 0.0) for axis in _XYZ]).as_matrix()
+        angles = Rotation.from_matrix(turns).as_euler("XYZ")
+        return np.array([angles[_XYZ.index(s[1])] if s[0] == "r" else moved[_XYZ.index(s)] for s in slots])
+
+    step = 1e-6
+    columns = [
+        (absolute(estimate + h) - absolute(estimate - h)) / (2.0 * step) for h in step * np.eye(len(slots))
+    ]
+    return absolute(estimate), np.column_stack(columns)
 
 
 _STRONG = 0.9
@@ -77,7 +182,8 @@ def high_leverage(found: Identification) -> list[tuple[int, float]]:
     return [(int(found.readings.rows[i]), float(leverage[i])) for i in order]
 
 
-def _nominal(model: RobotModel, name: str) -> float | None:
+def _of_link(model: RobotModel, name: str) -> float | None:
+    """Nominal value of a parameter of a link, in the unit it is shown in; None for others."""
     robot = model.robot
     kind, number = name.rstrip("0123456789"), name[len(name.rstrip("0123456789")) :]
     if not number:

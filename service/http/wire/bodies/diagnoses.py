@@ -10,7 +10,16 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from service.http.wire.bodies.campaign import Campaign
-from service.http.wire.bodies.results import ERRORS, Errors, Figure, FitShown, Number, Share, Unit
+from service.http.wire.bodies.results import (
+    ERRORS,
+    Errors,
+    Figure,
+    FitShown,
+    Number,
+    Parameter,
+    Share,
+    Unit,
+)
 from service.http.wire.bodies.told import Answered, told
 
 Verdict = Literal["complete", "excess_noise", "attributed", "ambiguous", "unexplained"]
@@ -39,8 +48,36 @@ class EffectShown(Answered):
     evidence: Annotated[Evidence, told("The evidence for it.", {"delta_bic": 605.4})]
     owner: Annotated[str, told("To whom it belongs: robot, mounting, tool, instrument ...", "robot")]
     group: Annotated[str, told("The family of effects.", "transmission")]
-    check: Annotated[str, told("What a technician checks.", "Check the preload of the gear of joint 4.")]
+    check: Annotated[
+        str,
+        told(
+            "What a technician checks; empty where the cause is not known or the size is usual.",
+            "Check the preload of the gear of joint 4.",
+        ),
+    ]
     shape: Annotated[dict[str, float | None], told("Figures of its shape, by name with unit.", {})]
+    shape_std: Annotated[
+        dict[str, float | None], told("Standard errors of those that were scanned, by name with unit.", {})
+    ] = Field(default_factory=dict)
+    between: Annotated[
+        list[int | str] | None,
+        told(
+            "Of a step: ids of the last reading before it and the first after it, no unit; 95 % probability.",
+            None,
+        ),
+    ] = None
+    usual_size: Annotated[
+        float | None, told("Usual size, in `unit` of the amplitude; null if not known.", 0.1)
+    ] = None
+    confirmed: Annotated[bool, told("Whether the size exceeds its expanded uncertainty (k = 2).", True)] = (
+        True
+    )
+    imitates: Annotated[
+        bool, told("Whether the effect may only imitate a law that no effect explains.", False)
+    ] = False
+    impossible: Annotated[
+        bool, told("Whether physics forbids the value, as of a negative compliance.", False)
+    ] = False
 
 
 class Separation(Answered):
@@ -82,6 +119,33 @@ class StructureShown(Answered):
     acts_on: Annotated[str, told("On what it acts.", "the tool point")]
     p_value: Annotated[float | None, told("Probability that chance shows as much.", 1e-6)]
     explained_variance: Share
+
+
+class CarriedShown(Answered):
+    """A carried term: an error that left-out readings confirm and that has no known cause."""
+
+    label: Label
+    finding: Annotated[str, told("Where and how large, in a sentence.", "The offset d5 follows time.")]
+    acts_on: Annotated[str, told("On what it acts.", "the offset d5")]
+    slot: Annotated[str, told("The slot of the chain on which it acts.", "d5")]
+    where: Annotated[str, told("What it follows, as places of structure are named.", "time")]
+    between: Annotated[
+        list[int | str] | None,
+        told("Of a change: ids of the readings before and after it, no unit; 95 % confidence.", [189, 231]),
+    ]
+    amplitude: Annotated[Figure, told("Its size.", {"value": -0.13, "std": 0.01, "unit": "mm"})]
+    explained_variance: Share
+    p_value: Annotated[float | None, told("Probability that chance shows as much.", 1e-9)]
+    confirmed: Annotated[bool, told("Whether the size exceeds its expanded uncertainty (k = 2).", True)]
+    usable: Annotated[bool, told("Whether what it follows is known when the model is used.", True)]
+
+
+class SharesShown(Answered):
+    """Shares of the squared error that the base model leaves; they add up to 1."""
+
+    named: Share
+    carried: Share
+    noise: Share
 
 
 class Power(Answered):
@@ -126,11 +190,17 @@ class DiagnosisResult(FitShown):
             "attributed",
         ),
     ]
+    finding: Annotated[
+        str, told("The verdict in sentences.", "Found 1 effect that the base model lacks: play of joint 4.")
+    ] = ""
     effects: Annotated[list[EffectShown], told("What was found, the largest first.", [])]
     p_lack_of_fit: Annotated[float | None, told("Probability that chance leaves as much.", 0.58)]
     error_before_mm: Annotated[Errors | None, told("Of the base model, on readings held out, mm.", ERRORS)]
+    error_named_mm: Annotated[
+        Errors | None, told("With the named effects only, on readings held out, mm.", ERRORS)
+    ] = None
     error_after_mm: Annotated[
-        Errors | None, told("With the effects found, on readings held out, mm.", ERRORS)
+        Errors | None, told("With effects and carried terms, on readings held out, mm.", ERRORS)
     ]
     raises_held_out_error: Annotated[list[str], told("Labels of effects that do.", [])]
     held_out_misfit: Annotated[
@@ -141,7 +211,37 @@ class DiagnosisResult(FitShown):
         ),
     ] = None
     follow_up: Annotated[list[FollowUpShown], told("What to measure next where something is ambiguous.", [])]
+    shares: Annotated[
+        SharesShown | None,
+        told(
+            "How much has a named cause, is carried without one, and is noise.",
+            {"named": 0.8, "carried": 0.1, "noise": 0.1},
+        ),
+    ] = None
+    carried: Annotated[list[CarriedShown], told("Terms without a known cause.", [])] = Field(
+        default_factory=list
+    )
+    withdrawn: Annotated[
+        list[str], told("Labels of effects found first that did not hold beside carried terms.", [])
+    ] = Field(default_factory=list)
+    brought_back: Annotated[
+        list[int | str],
+        told("Ids (no unit) of readings left out that came back, since they lie together.", []),
+    ] = Field(default_factory=list)
+    held_out_agrees: Annotated[
+        bool | None,
+        told(
+            "Whether held-out readings agree with the model, carried terms included; null without any.", True
+        ),
+    ] = None
+    next_measurements: Annotated[
+        list[str],
+        told("What to measure next where a cause is not known.", ["Move joint 3 alone through its range."]),
+    ] = Field(default_factory=list)
     structure: Annotated[list[StructureShown], told("What is left.", [])]
+    parameters: Annotated[list[Parameter], told("Every parameter of the base model.", [])] = Field(
+        default_factory=list
+    )
     power: Annotated[list[Power], told("What would have been seen.", [])]
     notes: Annotated[list[str], told("What else is to be known.", [])]
     carry_over: Annotated[CarriedOver | None, told("Where another data set was judged.", None)] = None

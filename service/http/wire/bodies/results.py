@@ -76,10 +76,20 @@ class Figure(Answered):
 
 
 class Parameter(Figure):
-    """A parameter of a model: its change from nominal."""
+    """A parameter of a model: `value` and `std` count from where the fit began, of a link from nominal."""
 
     name: Annotated[str, told("Its name.", "theta2")]
-    nominal: Annotated[float | None, told("The nominal value, in `unit`; null where there is none.", -90.0)]
+    nominal: Annotated[
+        float | None,
+        told("Nominal value by robot file or header, in `unit`; null where there is none.", -90.0),
+    ]
+    absolute: Annotated[
+        float | None, told("The value itself, in `unit`; of a base its pose, turns about x, y, z.", -90.1)
+    ] = None
+    absolute_std: Annotated[float | None, told("Its standard error, in `unit`.", 0.002)] = None
+    change_from_nominal: Annotated[
+        float | None, told("Absolute less nominal, in `unit`; null where there is no nominal value.", -0.1)
+    ] = None
     owner: Annotated[str, told("To whom it belongs: robot, mounting, tool, instrument ...", "robot")]
     dropped: Annotated[bool, told("These readings do not determine it.", False)] = False
     confounded_with: Annotated[list[str], told("Names of what it cannot be distinguished from.", [])] = Field(
