@@ -86,6 +86,7 @@ class Case:
     before: float
     after: float
     seconds: float
+    withdrawn: tuple[str, ...] = ()  # names whose condition is right and whose law is not
 
     @property
     def shown(self) -> list[Shown]:
@@ -101,8 +102,9 @@ class Case:
         return any(same(top, label) for top, _ in self.certain)
 
     def right_mechanism(self, label: str) -> bool:
-        """Whether some class holds a label of its mechanism."""
-        return any(mechanism(c) == mechanism(label) for candidates in self.classes for c in candidates)
+        """Whether some class holds a label of its mechanism, or carried terms follow the condition of one."""
+        told = [*self.withdrawn, *(c for candidates in self.classes for c in candidates)]
+        return any(mechanism(c) == mechanism(label) for c in told)
 
     @property
     def certain(self) -> list[tuple[str, dict[str, float]]]:
@@ -151,6 +153,7 @@ def case_of(draw: Draw, truth: Truth, result: Diagnosis) -> Case:
         float("nan") if before is None else before.rms,
         float("nan") if after is None else after.rms,
         result.seconds,
+        result.withdrawn,
     )
 
 
