@@ -95,6 +95,12 @@ class Diagnosis:
         return None if self.surprise is None else not self.surprise.real
 
     @property
+    def worse_than_nominal(self) -> bool:
+        """Whether the final model misses held-out readings by more than the nominal robot in its place does."""
+        nominal, after = self.error_nominal, self.error_after
+        return nominal is not None and after is not None and after.rms > nominal.rms
+
+    @property
     def by_repeats(self) -> bool:
         """Whether the verdict rests on the noise that repeated visits show, since there is more than was declared."""
         return self.p_lack_of_fit < NOISY and self.verdict in ("complete", "attributed", "ambiguous")

@@ -480,7 +480,7 @@ def _decided(
     measured = float(rows.sum()) / sum(len(left) for _, left in left_out)
     kappa = max(1.0, float(np.sqrt(np.mean(np.concatenate(missed)) / measured)))
     pursuit, gains = begin(None), list[float]()
-    alone_leaves, chances = pursuit.rss, list[float]()
+    alone_leaves, chances = float(pursuit.rss), list[float]()
     tries = np.log(len(dictionary.entries))
     while len(pursuit.chosen) < most:  # beyond the confirmed terms for the sake of names alone
         before, free = pursuit.rss, pursuit.free
@@ -491,7 +491,7 @@ def _decided(
         if len(pursuit.chosen) > terms and (chance > np.log(HOLDS) or not any(e.effect for e in entries)):
             pursuit.chosen.pop()
             break
-        gains.append(before - pursuit.rss)
+        gains.append(float(before - pursuit.rss))
     surest = _surest(
         table, [entries[g].effect is not None for g in pursuit.chosen[:terms]], np.array(chances)
     )
