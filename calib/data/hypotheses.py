@@ -127,8 +127,9 @@ class Explanation:
     """The likeliest meaning of readings that the files as they are do not explain.
 
     equals: other hypotheses that leave the same, to 1 %; rivals: those that leave up to half more. Both stand in the
-    order in which they were tried, the simpler ones first, since rounding decides which leaves least; miss, left: median distance, mm, of the nominal robot from the
-    readings as the files have them and as `cause` has them.
+    order in which they were tried, the simpler ones first, since rounding decides which leaves least.
+    miss, left: median distance, mm, of the nominal robot from the readings as the files have them and as `cause` has
+    them.
     """
 
     cause: Hypothesis

@@ -160,7 +160,7 @@ def diagnose(
     readings, back = readings_back(dataset, selection.fitted)
     if curves is None:
         progress("comparing names with everything that left-out readings confirm")
-        chosen, holding = competed(base, readings, searched)
+        chosen, holding = competed(base, readings, dataset.conditions, searched)
         if len(holding) < len(searched):
             fitted = _arrived(dataset, refit(dataset, selection.fitted, holding))
             selection, space = Selection(fitted, holding), Space.of(fitted)
@@ -378,10 +378,12 @@ def _verdict(
     does not hold for the readings held out."""
     if structure:
         return "unexplained"
-    if not fits or (surprise is not None and surprise.real):
+    if not fits:
         return "excess_noise"
     if any(not f.evidence.certain for f in found):
         return "ambiguous"
+    if surprise is not None and surprise.real:
+        return "excess_noise"
     return "attributed" if found else "complete"
 
 
