@@ -18,7 +18,9 @@ from calib.data.conditions import Conditions
 from calib.model.model import Design, RobotModel
 
 _AT_ONCE = 1200  # points whose columns are in memory at a time
-_UNKNOWN_BEYOND = 0.25  # of the measured width: from there on nothing is known of a carried term but its prior size
+_UNKNOWN_BEYOND = (
+    0.25  # of the measured width: from there on nothing is known of a carried term but its prior size
+)
 _CONTAINED = 0.95
 _NODES = 32
 
@@ -95,7 +97,9 @@ _TURNS = (np.arange(16) + 0.5) * np.pi / 32.0  # a quarter turn; the plane is sy
 
 def _contained(radius: Array, shares: Array) -> Array:
     """(n,) share of points within a radius (n,), of variances shares (n, 2) and 1."""
-    along = radius[:, None] * np.sin(0.5 * np.pi * _X)  # dense at the ends, where the plane shrinks to nothing
+    along = radius[:, None] * np.sin(
+        0.5 * np.pi * _X
+    )  # dense at the ends, where the plane shrinks to nothing
     step = radius[:, None] * np.cos(0.5 * np.pi * _X) * 0.5 * np.pi * _WEIGHT
     left = np.maximum(radius[:, None] ** 2 - along**2, 0.0)
     # in the whitened plane the square of the distance is exponential in every direction

@@ -26,13 +26,14 @@ from calib.arm.robot import (
 )
 from calib.arm.robot_hash import robot_hash
 from calib.array import Array
-from calib.compensate import Bounds, refuse_unlikely
+from calib.compensate import Bounds, Usable, refuse_unlikely, usable
 from calib.diagnose.diagnosis import Diagnosis
 from calib.errors import DataError
 from calib.fit.identification import Identification
 from calib.fit.least_squares import Dropped
 from calib.model.effect import Effect
 from calib.model.model import RobotModel
+from calib.model.reduced import without
 from calib.model.stated import StatedConditions
 from calib.regression.regression import Regression
 from calib.saved.document import FORMAT, model_document, scope_of
@@ -90,6 +91,43 @@ class SavedModel:
         return StatedConditions(
             temperature_c=np.nan if air is None else air, loads=self.loads, gravity=self.gravity
         )
+
+    def for_use(self, *, named_only: bool = False, bounds: Bounds | None = None) -> tuple[SavedModel, Usable]:
+        """The model for corrections, without carried terms that cannot be used (named_only: without any), and what that
+        costs. A regression, which corrects what the whole model leaves, is then left out too.
+
+        Raises DataError for a model without them that corrects beyond `bounds` (default `Bounds()`).
+        """
+        part = usable(
+            self.model,
+            self.estimate,
+            self.covariance,
+            self.usual,
+            named_only=named_only,
+            coupling=self.coupling,
+        )
+        if not part.left_out:
+            return self, part
+        refuse_unlikely(part.model, part.estimate, self.usual, bounds or Bounds(), coupling=self.coupling)
+        notes = part.in_words
+        if self.regression is not None:
+            notes += ("The regression is left out: it corrects what the whole model leaves.",)
+        held = (
+            None
+            if self.held_std is None
+            else self.held_std[[self.model.index[p.name] for p in part.model.parameters]]
+        )
+        less = replace(
+            self,
+            model=part.model,
+            estimate=part.estimate,
+            covariance=part.covariance,
+            held_std=held,
+            left_open=None,
+            regression=None,
+            notes=(*self.notes, *notes),
+        )
+        return less, part
 
 
 def as_saved(identification: Identification, diagnosis: Diagnosis | None = None) -> SavedModel:
@@ -178,7 +216,9 @@ def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | N
             f"The table and limits of '{robot.name}' are those of {path.name}; --robot FILE checks them.",
         )
     bounds = bounds or Bounds()
-    refuse_unlikely(saved.model, saved.estimate, saved.usual, bounds, coupling=saved.coupling, file=path)
+    of_campaign = [effect for effect in saved.model.effects if not effect.is_usable]
+    model, estimate, _ = without(saved.model, saved.estimate, saved.covariance, of_campaign)
+    refuse_unlikely(model, estimate, saved.usual, bounds, coupling=saved.coupling, file=path)
     if saved.regression is not None:
         refuse_unlikely_shift(saved.regression, robot, bounds.shift_mm, path)
     if saved.updates:

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from calib.arm import refuse_slides
-from calib.compensate import Carried, carried
+from calib.compensate import Carried, Usable, carried
 from calib.errors import DataError
 from calib.saved import SIMULATED, SavedModel
 from service.exports.formats import FORMATS, Export
 from service.programs.conditions import stated_conditions
+from service.programs.summary import of_carried
 
 FORMAT = "truepose-model-export/1"
 _NAMED = 6  # parameters named in one line; the document names all
@@ -35,11 +36,17 @@ def refuse_unknown(kind: str) -> None:
 
 
 def written(
-    saved: SavedModel, name: str, kind: str, conditions: str | None, robot_hash: str | None
+    saved: SavedModel,
+    usable: Usable,
+    name: str,
+    kind: str,
+    conditions: str | None,
+    robot_hash: str | None,
 ) -> Written:
     """Write the model that people know by `name`. Raises DataError.
 
-    kind: one of FORMATS; conditions: as `stated_conditions` takes them; robot_hash: that of a UR's own calibration.
+    saved, usable: the model for corrections and what it leaves out (`SavedModel.for_use`); kind: one of FORMATS;
+    conditions: as `stated_conditions` takes them; robot_hash: that of a UR's own calibration.
     """
     refuse_unknown(kind)
     stated = stated_conditions(conditions, saved)
@@ -64,6 +71,7 @@ def written(
         "nominal_mm": asdict(found.nominal),
         "held_out_rms_mm": held_out,
         "predicted_rms_mm": _together(found.loss.rms, held_out),
+        **of_carried(usable),
         "warnings": list(stated.notes),
     }
     return Written(text, document, about, stated.notes)

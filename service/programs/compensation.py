@@ -14,8 +14,9 @@ import numpy as np
 
 from calib.arm import Robot, forward
 from calib.array import Array
-from calib.compensate import correct, nominal_of
+from calib.compensate import Calibrated, correct, nominal_of
 from calib.errors import DataError
+from calib.fit import radius_95
 from calib.model import FLANGE, RobotModel, StatedConditions
 from calib.saved import SavedModel
 from service.programs.frames import KnownFrames
@@ -34,7 +35,9 @@ class TargetOutcome:
 
     moved: mm and rad from the pose as written to the one that is sent; quantised: mm and rad from the latter to what
     the file can hold; turned: rad, the largest change of a joint that turns; slid: mm, of one that slides, NaN where
-    none does; left: what this arm cannot correct, as a sentence part. Positions are those of the target's tool point.
+    none does; left: what this arm cannot correct and what is outside the measured range, as a sentence part; beyond:
+    what that is; radius_95: of the sphere that contains 95 % of the positions that the model allows, mm. Positions are
+    those of the target's tool point.
     """
 
     target: Target
@@ -45,6 +48,8 @@ class TargetOutcome:
     turned: float
     slid: float = np.nan
     left: str = ""
+    beyond: tuple[str, ...] = ()
+    radius_95: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -106,7 +111,11 @@ def compensate(
     change = np.abs(done.joints - nominal)
     turned = np.max(change[:, ~slides], axis=1, initial=0.0)
     slid = np.max(change[:, slides], axis=1) if slides.any() else np.full(len(targets), np.nan)
-    notes = done.notes
+    notes, radius = done.notes, np.full(len(targets), np.nan)
+    if driven:
+        at = done.joints[[*driven]] if not inverse else nominal[[*driven]]
+        calibrated = Calibrated(model, saved.estimate, stated, point)
+        radius[[*driven]] = radius_95(calibrated.covariance_of_points(at, saved.covariance))
     outcomes = []
     for i, target in enumerate(targets):
         if i not in driven:
@@ -116,7 +125,8 @@ def compensate(
             continue
         moved, quantised = _apart(before[i], flange[i], target.tool), _apart(flange[i], after[i], target.tool)
         joints = float(turned[i]), float(slid[i])
-        outcomes.append(TargetOutcome(target, CORRECTED, "", moved, quantised, *joints, notes[i]))
+        more = (notes[i], done.beyond[i], float(radius[i]))
+        outcomes.append(TargetOutcome(target, CORRECTED, "", moved, quantised, *joints, *more))
     return Compensation(text, tuple(outcomes))
 
 
