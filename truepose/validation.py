@@ -25,8 +25,8 @@ _FIGURES = ("n", "mean", "std", "rms", "p95", "max")
 
 @dataclass(frozen=True)
 class Validation:
-    """Judgements of the nominal robot, placed, of the model, and of the model without its carried terms if it holds any,
-    on the same readings.
+    """Judgements on the same readings: the nominal robot, placed, the model, and the model without carried terms if it
+    holds any.
 
     >>> judged = truepose.validate(truepose.identify("irb120.csv"), "irb120.csv")
     >>> judged.errors.loc["model", ["n", "unit", "rms"]].to_dict()

@@ -36,7 +36,7 @@ from calib.model.model import RobotModel
 from calib.model.reduced import without
 from calib.model.stated import StatedConditions
 from calib.regression.regression import Regression
-from calib.saved.document import FORMAT, model_document, scope_of
+from calib.saved.document import FORMAT, WITH_CARRIED, model_document, scope_of
 from calib.saved.left_open import KEY, LeftOpen
 from calib.saved.model_checks import (
     covariance_of,
@@ -181,8 +181,10 @@ def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | N
     file the table in the model is used, and `notes` says so. Raises DataError naming file and key.
     """
     document = read_json(path)
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise DataError("is not a model file.", do=f'It must hold "format": "{FORMAT}".', file=path)
+    if not isinstance(document, dict) or document.get("format") not in (FORMAT, WITH_CARRIED):
+        raise DataError(
+            "is not a model file.", do=f'It must hold "format": "{FORMAT}" or "{WITH_CARRIED}".', file=path
+        )
     notes = refuse_changed(document, path)
     try:
         saved = _saved(document, path)

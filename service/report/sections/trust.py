@@ -22,7 +22,7 @@ _COLOURS = colormaps["viridis_r"].resampled(16)  # steps can be read off; a smoo
 
 
 def trust_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
-    """The section of a report: figure, radius that contains 95 % in numbers, correlations, leverage, condition number."""
+    """The section of a report: figure, radius that contains 95 %, correlations, leverage, condition number."""
     of_map = uncertainty_map(found)
     return {
         "figure": Markup(_figure(of_map)),
@@ -49,7 +49,7 @@ def trust_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
 
 
 def _figure(of_map: UncertaintyMap) -> str:
-    """Largest radius that contains 95 % of the poses in every cell of radius and height: within the measured ranges, and within the limits."""
+    """Largest radius that contains 95 % by distance and height, within the measured ranges and within the limits."""
     drawn, panels = drawing.figure(7.6, 3.0, 1, 2, bars=True)
     radius = np.linspace(0.0, float(of_map.radius.max()), _CELLS + 1)
     height = np.linspace(float(of_map.height.min()), float(of_map.height.max()), _CELLS + 1)

@@ -56,8 +56,8 @@ def of_identification(
 
 
 def _predicted(of_map: UncertaintyMap) -> dict[str, Any]:
-    """Uncertainty of predicted positions, within the measured joint ranges and outside: expanded (k = 2), and the radius
-    that contains 95 %."""
+    """Uncertainty of predicted positions, within the measured joint ranges and outside: k = 2, and the radius that
+    contains 95 %."""
 
     def summary(u: Array) -> dict[str, Any] | None:
         if not len(u):
