@@ -1,4 +1,4 @@
-"""The document of an identified model (`truepose-model/1`, with carried terms `truepose-model/2`), as its file holds it.
+"""The document of an identified model as its file holds it: `truepose-model/1`, `truepose-model/2` with carried terms.
 
 Every parameter with value, standard error, unit, nominal value and owner; the effects with their slots and
 regressors; covariance; hashes of the data, of the robot and of the whole file; for which approach and temperature it

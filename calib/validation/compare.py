@@ -82,7 +82,7 @@ def refuse_incomparable(first: SavedModel, second: SavedModel, file: Path) -> No
 
 
 def differences(first: SavedModel, second: SavedModel) -> list[Difference]:
-    """Every parameter of the robot that one of the two models has, carried terms excepted, in the order of the first."""
+    """Every parameter of the robot in one of the two models, without carried terms, in the order of the first."""
     units = {p.name: p.unit for saved in (first, second) for p in _robot_parameters(saved.model)}
     out = []
     for name, unit in units.items():
