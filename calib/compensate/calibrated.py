@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.arm.kinematics import Frames
 from calib.array import Array
@@ -94,22 +95,21 @@ class Calibrated:
             poses[:, :3, 3] += np.einsum("nij,nj->ni", base, shift)
         return poses
 
-    def beyond(self, joints: Array) -> tuple[tuple[str, ...], ...]:
-        """Per pose at model angles (n, N), rad: quantities outside the range in which the carried terms that act were
-        measured; empty for poses that are NaN."""
-        acting = [e.label for e in self._model.effects if e.is_carried and not e.is_usable]
-        distances = self._model.without(*acting).beyond(self._at(joints))
-        outside = [np.isfinite(d) & (d > _BEYOND) for d in distances.values()]
-        return tuple(
-            tuple(name for name, rows in zip(distances, outside, strict=True) if rows[i])
-            for i in range(len(joints))
-        )
+    def beyond(self, *joints: Array) -> tuple[tuple[str, ...], ...]:
+        """Per target, at model angles asked and driven (n, N), rad: quantities outside the range in which the carried
+        terms that act were measured."""
+        model = self._model.without(*(e.label for e in self._model.effects if not e.is_usable))
+        found: dict[str, NDArray[np.bool_]] = {}
+        for there in joints:
+            for name, distance in model.beyond(self._at(there)).items():
+                found[name] = found.get(name, np.False_) | (distance > _BEYOND)
+        return tuple(tuple(name for name, rows in found.items() if rows[i]) for i in range(len(joints[0])))
 
     def covariance_of_points(self, joints: Array, covariance: Array) -> Array:
         """(n, 3, 3) covariances, mm2, of the target at model angles (n, N), rad, from that of the model, (m, m)."""
         acting = covariance * np.outer(self._acts, self._acts)
         conditions = self._at(joints)
-        held = [e for e in self._model.effects if e.is_carried and not e.is_usable]
+        held = [e for e in self._model.effects if not e.is_usable]
         model, estimate, acting = without(self._model, self.estimate, acting, held)
         return predict_with_covariance(model, estimate, acting, conditions)[1]
 

@@ -88,7 +88,7 @@ def correct(
     asked = np.stack([joints, found])
     refusals = refused(robot, arm, joints, found, misses, limits, coupling, tool, regression, asked)
     done = misses.correction(found, refusals, iterations, arm)
-    return replace(done, beyond=calibrated.beyond(found))
+    return replace(done, beyond=calibrated.beyond(joints, found))
 
 
 def checked(robot: Robot, joints: Array, limits: Array | None) -> tuple[Array, Array]:

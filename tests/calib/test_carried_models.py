@@ -14,56 +14,18 @@ import pytest
 from calib import DataError, Dataset, SavedModel, identify, load_model, save_model
 from calib.compensate import Bounds, correct, refuse_unlikely
 from calib.fit import Identification, radius_95
-from calib.fit.identify import carry, fit_plain
 from calib.fit.uncertainty import expanded, predict_with_covariance
-from calib.model import Design, Effect, RobotModel, Term, conditions_at, named_only
-from calib.model.carried_regressors import Held, HeldPair, OfTime
-from calib.model.effect import Parameter
-from calib.model.regressors import Regressor
+from calib.model import Design, conditions_at, named_only
+from calib.model.carried_regressors import Held, HeldPair
 from calib.prior.member import Member
 from calib.saved.document import FORMAT, WITH_CARRIED
 from calib.units import DEG, to_internal
 from calib.validation import differences
 from calib.watch import Seen, judge
 from tests.calib.campaigns import simulate
+from tests.calib.carrying import carried, carrying, fit_with
 
 SIZES = {"carried:theta4:angle:1": 0.05, "carried:d5:time:2": 0.3}  # deg, mm
-
-
-def carried(label: str, unit: str, regressor: Regressor, size: float = 0.1) -> Effect:
-    slot = label.split(":")[1]
-    parameter = Parameter(f"{label}.size", unit, size)
-    meaning = f"{slot} follows something, for no known cause."
-    return Effect(
-        label, "carried", "robot", meaning, (parameter,), (Term(parameter.name, slot, 1.0, regressor),)
-    )
-
-
-def step(times: np.ndarray) -> OfTime:
-    """0 in the first third of a campaign, then 1."""
-    begin, end = float(times.min()), float(times.max())
-    return OfTime(
-        (begin, begin + (end - begin) / 3.0, begin + (end - begin) / 3.0 + 1.0, end), (0.0, 0.0, 1.0, 1.0)
-    )
-
-
-def fit_with(dataset: Dataset, fitted: Identification, model: RobotModel) -> Identification:
-    """The readings of a fit fitted with another model."""
-    found = {
-        p.name for p, v in zip(fitted.model.parameters, np.diag(fitted.covariance), strict=True) if v > 0.0
-    }
-    active = np.array([p.name in found or p.name.startswith("carried") for p in model.parameters])
-    start = carry(fitted.model, fitted.estimate, model)
-    return fit_plain(
-        dataset,
-        model,
-        fitted.readings,
-        start,
-        active,
-        fitted.dropped,
-        fitted.faulty_rows,
-        fitted.relabelled_rows,
-    )
 
 
 @pytest.fixture(scope="module")
@@ -73,21 +35,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 @pytest.fixture(scope="module")
 def moved(data: Dataset) -> tuple[Dataset, Identification]:
-    """Readings of a robot whose theta4 follows joint 3 and whose d5 steps, and the fit that carries both."""
-    base, q = identify(data), data.conditions.joints[data.fit_rows, 2]
-    inner = Held("angle", 3, "cubic", 1.0, 0.0, float(np.quantile(q, 0.1)), float(np.quantile(q, 0.9)))
-    effects = (
-        carried("carried:theta4:angle:1", "deg", inner),
-        carried("carried:d5:time:2", "mm", step(data.conditions.time)),
-    )
-    model = base.model.append(*effects)
-    truth = np.r_[base.estimate, to_internal(0.05, "deg"), 0.3]
-    with_them, without = (
-        Design(model, data.conditions).predict(x) for x in (truth, np.r_[base.estimate, 0.0, 0.0])
-    )
-    dataset = replace(data, points=data.points + with_them - without)
-    again = identify(dataset)
-    return dataset, fit_with(dataset, again, again.model.append(*effects))
+    return carrying(data)
 
 
 @pytest.fixture(scope="module")
@@ -224,14 +172,14 @@ def test_corrections_leave_out_what_only_the_campaign_knew(saved: SavedModel) ->
     regressor = saved.model.effects[-2].terms[0].regressor
     assert isinstance(regressor, Held)
     joints = np.tile(np.radians([10.0, -20.0, 0.0, 15.0, 40.0, 5.0]), (3, 1))
-    joints[:, 2] = regressor.high + np.array([-1e-5, 1e-5, 0.1])
+    joints[:, 2] = regressor.high + np.array([-2e-3, 2e-3, 0.1])
     done = [correct(m.model, m.estimate, joints, saved.usual) for m in (used, named)]
     assert all(each.good.all() for each in done)
     assert done[0].beyond == ((), ("joint 3",), ("joint 3",))
     assert done[1].beyond == ((), (), ())
     assert "joint 3" in done[0].notes[2]
-    change = done[0].joints - joints
-    assert np.abs(change[1] - change[0]).max() < 1e-5  # no jump at the border
+    apart = done[0].joints - done[1].joints
+    assert np.abs(apart[1] - apart[0]).max() < 1e-5  # no jump at the border
     assert np.abs(done[0].joints - done[1].joints).max() > 0.01 * DEG
 
 
@@ -266,7 +214,7 @@ def test_a_watch_after_calibration_is_quiet(moved: tuple[Dataset, Identification
     time = conditions.time.copy()
     time[rows] -= time[rows].min()
     for clock in (time, np.full_like(time, np.nan)):
-        sets = np.where(np.isin(np.arange(len(dataset)), rows), "calibration", "unused")
+        sets = np.where(np.isin(np.arange(len(dataset)), rows), "calibration", "validation")
         later = replace(dataset, conditions=replace(conditions, time=clock), sets=sets)
         assert judge(Seen.of(saved, later)).kind == "unchanged"
     # without the carried step the same readings are a change
