@@ -34,7 +34,10 @@ def do(folder: Path) -> None:
     job = read_json(folder / JOB)
     try:
         if job["kind"] == "diagnosis":
-            diagnosis(Path(job["data"]), folder, cell=job.get("cell"), limits=job.get("limits"))
+            anyway = job.get("save_anyway", False)
+            diagnosis(
+                Path(job["data"]), folder, cell=job.get("cell"), limits=job.get("limits"), save_anyway=anyway
+            )
         elif job["kind"] == "alignment":
             alignment(folder, job["order"], job["name"])
         elif job["kind"] == "validation":
@@ -50,18 +53,25 @@ def do(folder: Path) -> None:
 
             watch_job.do(folder, job)
         else:
-            identification(Path(job["data"]), folder, limits=job.get("limits"))
+            anyway = job.get("save_anyway", False)
+            identification(Path(job["data"]), folder, limits=job.get("limits"), save_anyway=anyway)
     except refusals.REFUSALS as error:
         problem = {"text": refusals.cause(error), "do": refusals.remedy(error), **refusals.place(error)}
         replace_file(folder / PROBLEM, as_json(problem))
 
 
 def diagnosis(
-    data: Path, folder: Path, *, cell: str | None = None, limits: dict[str, Any] | None = None
+    data: Path,
+    folder: Path,
+    *,
+    cell: str | None = None,
+    limits: dict[str, Any] | None = None,
+    save_anyway: bool = False,
 ) -> None:
     """Diagnose, save the model, draw the report. Raises DataError.
 
-    cell: text of the cell that could measure more; limits: those of `Limits`, that the error is held to.
+    cell: text of the cell that could measure more; limits: those of `Limits`, that the error is held to; save_anyway:
+    whether a model is saved that is worse on held-out readings than the nominal robot.
     """
     from dataclasses import replace
 
@@ -94,17 +104,21 @@ def diagnosis(
         final = (found.final.model, found.final.estimate)
         acceptance = decide(held_to, dataset, dataset.validation_rows, *final, judged_as(found.effects))
         document["acceptance"] = acceptance.document()
-    sealed = save_model(folder / MODEL, found.final, found) if found.final.converged else None
+    sealed = None
+    if found.final.converged:
+        sealed = save_model(folder / MODEL, found.final, found, save_anyway=save_anyway)
     with left_alone():
         report = diagnosis_report(found, document, acceptance=acceptance, model_sha256=sealed)
     replace_file(folder / REPORT, report)
     replace_file(folder / RESULT, as_json(document))
 
 
-def identification(data: Path, folder: Path, *, limits: dict[str, Any] | None = None) -> None:
-    """Identify, save the model, draw the report. limits: as of a diagnosis. Raises DataError."""
+def identification(
+    data: Path, folder: Path, *, limits: dict[str, Any] | None = None, save_anyway: bool = False
+) -> None:
+    """Identify, save the model, draw the report. limits, save_anyway: as of a diagnosis. Raises DataError."""
     from calib.data import read_dataset
-    from calib.saved import save_model
+    from calib.saved import refuse_worse, save_model
     from calib.text import replace_file
     from service.files import as_json
     from service.results.cell.arrows import arrows_of
@@ -114,6 +128,8 @@ def identification(data: Path, folder: Path, *, limits: dict[str, Any] | None = 
     held_to = Limits.kept(limits)
     result = Identified.of(read_dataset(data), say=lambda step: tell(folder, step), limits=held_to)
     replace_file(folder / ARROWS, as_json(arrows_of(result.dataset, result.found)))
+    if not save_anyway:
+        refuse_worse(result.error_nominal, result.error_identified)
     sealed = save_model(folder / MODEL, result.found) if result.found.converged else None
     replace_file(folder / REPORT, result.report(sealed))
     replace_file(folder / RESULT, as_json(result.document()))

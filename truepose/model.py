@@ -189,11 +189,15 @@ class Model:
             approach=usual.approach if approach_rad is None else approach_rad,
         )
 
-    def save(self, path: str | Path) -> Path:
-        """Write the model file, which the command line and the service read. Raises DataError, OSError."""
+    def save(self, path: str | Path, *, save_anyway: bool = False) -> Path:
+        """Write the model file, which the command line and the service read.
+
+        Raises OSError, and DataError for a model that is worse on held-out readings than the nominal robot, unless
+        `save_anyway`.
+        """
         if self.fitted is None:
             raise DataError("the model was loaded from a file.", do="Copy that file.", key="save")
-        save_model(Path(path), self.fitted, self.findings)
+        save_model(Path(path), self.fitted, self.findings, save_anyway=save_anyway)
         return Path(path)
 
     def plot_residuals(self) -> Figure:

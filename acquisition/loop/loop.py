@@ -54,6 +54,7 @@ from calib.compensate import Bounds, refuse_unlikely, usable
 from calib.data import Dataset, read_dataset
 from calib.diagnose import Diagnosis, FollowUp, diagnose
 from calib.model import StatedConditions
+from calib.saved import refuse_worse
 from calib.units import DEG
 from drivers.errors import ConfigError
 
@@ -161,7 +162,8 @@ def close_loop(
 
     Follow-up poses are recorded in `folder`/campaign_follow_up; data.csv then holds both, data1.csv the first alone.
     poses: how many new poses verify the correction. Raises LoopEnded when a campaign ends early, DataError when
-    the readings cannot be used, ConfigError or UnsafePlan before anything moves.
+    the readings cannot be used or the model is worse than the nominal robot on those held out, ConfigError or
+    UnsafePlan before anything moves.
     """
     check_loop(equipment.cell)
     say("campaign 1: calibration and validation poses")
@@ -182,6 +184,7 @@ def close_loop(
         data = equipment.compute(join, equipment.cell, first, last, folder)
         before, diagnosis = diagnosis, equipment.diagnose(data, say)
         followed_up = FollowedUp(before, planned, len(diagnosis.dataset) - alone)
+    refuse_worse(diagnosis.error_nominal, diagnosis.error_after, data, use=", then measure again")
     say("campaign 2: driving corrected targets")
     return verify(equipment, campaign, folder, first, last, data, diagnosis, followed_up, poses)
 

@@ -20,6 +20,9 @@ _ENOUGH = 0.01
 _ROUNDS = 60
 _HALVINGS = 8
 _SETTLED = 1e-9  # mm, rad
+# mm: how far from its nominal place a tool target usually is. It decides only where the tool hardly turns, so that the
+# readings cannot tell a shift of the tool from one of the base: there, without it, both run away for kilometres.
+_USUAL_MM = 500.0
 
 
 def align(nominal: Array, measured: Array, weights: Array) -> tuple[Array, Array]:
@@ -50,7 +53,7 @@ def base_and_tool(
     Alignment and averaging in turn come near, Gauss-Newton then converges; a target without readings stays.
     """
     turn, place = flange[:, :3, :3], flange[:, :3, 3]
-    targets, weights = targets.copy(), np.ones(len(measured))
+    nominal_targets, targets, weights = targets, targets.copy(), np.ones(len(measured))
     rotation, translation = np.eye(3), np.zeros(3)
     before, of_target = np.inf, [(t, which == t) for t in np.unique(which).tolist()]
     for _ in range(_ROUNDS_NEAR):
@@ -73,7 +76,14 @@ def base_and_tool(
     if not tool_unknown:
         return pose, targets
     return settled(
-        flange, targets, which, measured, pose, tool_unknown=True, enough=max(_NEAR, _ENOUGH * before)
+        flange,
+        targets,
+        which,
+        measured,
+        pose,
+        tool_unknown=True,
+        enough=max(_NEAR, _ENOUGH * before),
+        nominal=nominal_targets,
     )
 
 
@@ -86,15 +96,17 @@ def settled(
     *,
     tool_unknown: bool,
     enough: float = _SETTLED,
+    nominal: Array | None = None,
 ) -> tuple[Array, Array]:
     """Base pose (4, 4) and tool targets (T, 3), mm, by Gauss-Newton from a start; the problem of `base_and_tool`.
 
     A step that raises the robust cost is halved; one below `enough` (mm, rad) is the last. What the readings do not
-    determine stays as it was.
+    determine stays as it was; where the tool hardly turns, its targets are held to their nominal places, `nominal`.
     """
     rotation, shift, targets = base[:3, :3].copy(), base[:3, 3].copy(), targets.copy()
     turn, place = flange[:, :3, :3], flange[:, :3, 3]
     unknown = np.unique(which) if tool_unknown else np.array([], dtype=np.int64)
+    usual = targets.copy() if nominal is None else nominal
 
     def left_by(rotation: Array, shift: Array, targets: Array) -> tuple[Array, Array]:
         arm = (place + np.einsum("nij,nj->ni", turn, targets[which])) @ rotation.T
@@ -112,8 +124,15 @@ def settled(
             of = which == target
             columns[of, :, 6 + 3 * k : 9 + 3 * k] = rotation @ turn[of]
         columns *= weight[:, None, None]
-        step = _step(columns.reshape(-1, columns.shape[2]), (left * weight[:, None]).ravel())
-        cost = float(np.mean((miss * weight) ** 2))
+        held = np.zeros((3 * len(unknown), columns.shape[2]))
+        tie = float(np.median(miss)) / _USUAL_MM
+        held[:, 6:] = tie * np.eye(3 * len(unknown))
+        pull = tie * (usual - targets)[unknown].ravel()
+        step = _step(
+            np.vstack([columns.reshape(-1, columns.shape[2]), held]),
+            np.concatenate([(left * weight[:, None]).ravel(), pull]),
+        )
+        cost = float(np.sum((miss * weight) ** 2) + pull @ pull)
         for halving in range(_HALVINGS):
             part = step / 2.0**halving
             further = Rotation.from_rotvec(part[:3]).as_matrix() @ rotation
@@ -121,7 +140,8 @@ def settled(
             moved[unknown] += part[6:].reshape(-1, 3)
             arm, left = left_by(further, shift + part[3:6], moved)
             miss = _lengths(left)
-            if float(np.mean((miss * weight) ** 2)) <= cost + _SETTLED:
+            pulled = tie * (usual - moved)[unknown]
+            if float(np.sum((miss * weight) ** 2) + np.sum(pulled**2)) <= cost + _SETTLED * len(miss):
                 rotation, shift, targets, step = further, shift + part[3:6], moved, part
                 break
         else:

@@ -126,11 +126,14 @@ class Hypothesis:
 class Explanation:
     """The likeliest meaning of readings that the files as they are do not explain.
 
-    rivals: other hypotheses that explain them as well; miss, left: median distance, mm, of the nominal robot from the
-    readings as the files have them and as `cause` has them.
+    equals: other hypotheses that leave the same, to 1 %; rivals: those that leave up to half more. Both stand in the
+    order in which they were tried, the simpler ones first, since rounding decides which leaves least.
+    miss, left: median distance, mm, of the nominal robot from the readings as the files have them and as `cause` has
+    them.
     """
 
     cause: Hypothesis
+    equals: tuple[Hypothesis, ...]
     rivals: tuple[Hypothesis, ...]
     miss: float
     left: float
@@ -174,12 +177,11 @@ def explained(
             for left_mm, left in (missed(other.meaning, free),)
             if left < _SAME * limit and BETTER * left_mm < _SAME * miss
         ]
-        found = sorted((pair for pair in shares if pair[0] < limit), key=lambda pair: pair[0])
-        if found:
-            least = found[0][0]
-            cause = next(other for left, other in shares if left < _SAME * least)  # the simplest stand first
-            rivals = tuple(other for left, other in found if left < _ALIKE * least and other is not cause)
-            return Explanation(cause, rivals, miss, missed(cause.meaning, free)[0])
+        least = min((left for left, _ in shares), default=np.inf)
+        if least < limit:
+            cause, *equals = (other for left, other in shares if left < _SAME * least)
+            rivals = (other for left, other in shares if _SAME * least <= left < _ALIKE * least)
+            return Explanation(cause, tuple(equals), tuple(rivals), miss, missed(cause.meaning, free)[0])
     return None
 
 

@@ -119,9 +119,10 @@ def _refuse_misread(
         if pointed and "tool" not in header.groups:
             _refuse_mixed(dataset, series, meaning, tools, rows)
         return
-    said = dict.fromkeys(f" As likely: {rival.what}. {rival.do}" for rival in why.rivals)
+    others = (*why.equals, *why.rivals[: max(_MOST_RIVALS - len(why.equals), 0)])
+    said = dict.fromkeys(f" As likely: {other.what}. {other.do}" for other in others)
     said.pop(f" As likely: {why.cause.what}. {why.cause.do}", None)
-    rivals = "".join(list(said)[:_MOST_RIVALS])
+    rivals = "".join(said)
     raise DataError(
         f"{why.cause.what}. The nominal robot misses the readings of series '{series}' by {why.miss:.3g} mm (median), "
         f"read in that way by {why.left:.3g} mm.",

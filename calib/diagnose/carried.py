@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import hypergeom
 
 from calib.array import Array
 from calib.data.conditions import Conditions
@@ -117,14 +116,16 @@ class Layers:
 
 
 def competed(
-    base: Identification, readings: Readings, named: tuple[Effect, ...]
+    base: Identification, readings: Readings, everywhere: Conditions, named: tuple[Effect, ...]
 ) -> tuple[Chosen, tuple[Effect, ...]]:
     """What a pursuit from the base model chooses among terms and names, and the names that hold.
+
+    everywhere: the conditions of all rows that must be predicted.
 
     All names hold where no number of terms pays: the readings then say no more than the search for names did. What
     entered under a name that is withdrawn stays as a carried term: left-out readings confirm it.
     """
-    chosen = pursue(base, readings, named)
+    chosen = pursue(base, readings, everywhere, named)
     if not chosen.choices:
         return chosen, named
     entered = {c.entry.effect.label: c for c in chosen.choices if c.entry.effect is not None}
@@ -377,6 +378,8 @@ def _fitted(
 def readings_back(dataset: Dataset, fitted: Identification) -> tuple[Readings, NDArray[np.int64]]:
     """The readings of a fit with those it left out that lie together in a window of one joint, beyond chance, and the
     rows of the latter in the data set: they show a place where the model fails, and are no accidents."""
+    from scipy.stats import hypergeom  # half a second that a service need not take to begin
+
     readings, out = all_readings(dataset, fitted)
     joints, pose = readings.conditions.joints, readings.conditions.pose
     back, rejected = np.zeros(len(out), dtype=bool), np.flatnonzero(out)

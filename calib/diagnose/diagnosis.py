@@ -95,6 +95,12 @@ class Diagnosis:
         return None if self.surprise is None else not self.surprise.real
 
     @property
+    def worse_than_nominal(self) -> bool:
+        """Whether the final model misses held-out readings by more than the nominal robot in its place does."""
+        nominal, after = self.error_nominal, self.error_after
+        return nominal is not None and after is not None and after.rms > nominal.rms
+
+    @property
     def by_repeats(self) -> bool:
         """Whether the verdict rests on the noise that repeated visits show, since there is more than was declared."""
         return self.p_lack_of_fit < NOISY and self.verdict in ("complete", "attributed", "ambiguous")
@@ -154,7 +160,7 @@ def diagnose(
     readings, back = readings_back(dataset, selection.fitted)
     if curves is None:
         progress("comparing names with everything that left-out readings confirm")
-        chosen, holding = competed(base, readings, searched)
+        chosen, holding = competed(base, readings, dataset.conditions, searched)
         if len(holding) < len(searched):
             fitted = _arrived(dataset, refit(dataset, selection.fitted, holding))
             selection, space = Selection(fitted, holding), Space.of(fitted)
@@ -372,10 +378,12 @@ def _verdict(
     does not hold for the readings held out."""
     if structure:
         return "unexplained"
-    if not fits or (surprise is not None and surprise.real):
+    if not fits:
         return "excess_noise"
     if any(not f.evidence.certain for f in found):
         return "ambiguous"
+    if surprise is not None and surprise.real:
+        return "excess_noise"
     return "attributed" if found else "complete"
 
 

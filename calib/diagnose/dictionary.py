@@ -163,17 +163,23 @@ class Dictionary:
         return np.array([e.width for e in self.entries])
 
     @classmethod
-    def of(cls, model: RobotModel, readings: Readings, named: Sequence[Effect] = ()) -> Dictionary:
-        """Everything that readings offer beside a model, and named effects as entries of their own."""
+    def of(
+        cls, model: RobotModel, readings: Readings, everywhere: Conditions, named: Sequence[Effect] = ()
+    ) -> Dictionary:
+        """Everything that readings offer beside a model, and named effects as entries of their own.
+
+        everywhere: the conditions of all rows that must be predicted; what some of them lack is not offered.
+        """
         conditions = readings.conditions
-        timed = bool(np.isfinite(conditions.time).all() and np.ptp(conditions.time) > 0.0)
+        timed = bool(np.isfinite(everywhere.time).all() and np.ptp(conditions.time) > 0.0)
+        felt = bool(np.isfinite(everywhere.temperature).all())
         clock = "time" if timed else "order"
         times = np.unique(getattr(conditions, clock))
         chain = Chain.of(model.robot)
         beside = {m.slot for m in (*FRAME, *TARGET)} | set(BESIDE)
         slots = [slot for slot in chain.slots if slot not in beside and not slot.startswith("tool.")]
         timely = _of_clock(times)
-        shared = [*timely, *_of_air(conditions, clock), *_of_joints(model, conditions)]
+        shared = [*timely, *(_of_air(conditions, clock) if felt else ()), *_of_joints(model, conditions)]
         entries = [Entry(slot, *shape) for slot in slots for shape in shared]
         entries += [Entry(f"tool.{axis}", *shape) for axis in "xyz" for shape in timely]
         if np.ptp(times) > 0.0:
@@ -199,7 +205,7 @@ def _wave(f: Callable[[Array], Array], rate: float, start: float) -> OfClock:
 
 def step_at(time: float) -> OfClock:
     """A step behind a time."""
-    return OfClock(lambda u: (u > time) * 1.0)
+    return OfClock(lambda u: np.asarray(u > time, dtype=np.float64))
 
 
 def _of_clock(times: Array) -> list[Shape]:
@@ -212,7 +218,9 @@ def _of_clock(times: Array) -> list[Shape]:
     pauses = longest[gap[longest] > 4.0 * np.median(gap)]
     steps = np.unique(np.r_[times[spread], times[pauses]])
     found: list[Shape] = [("time", "a step in time", (step_at(t),), (), float(t)) for t in steps.tolist()]
-    found.append(("time", "a drift", (OfClock(lambda u: (u - start) / span),), (), None))
+    found.append(
+        ("time", "a drift", (OfClock(lambda u: np.asarray((u - start) / span, dtype=np.float64)),), (), None)
+    )
     for share in _WARM_UPS:
         warm = _decay(start, share * span)
         found.append(("time", f"a warm-up in {share:g} of the campaign", (warm,), (), None))
@@ -220,12 +228,12 @@ def _of_clock(times: Array) -> list[Shape]:
 
 
 def _decay(start: float, constant: float) -> OfClock:
-    return OfClock(lambda u: np.asarray(np.exp(-(u - start) / constant), dtype=np.float64))
+    return OfClock(lambda u: np.asarray(np.exp((start - u) / constant), dtype=np.float64))
 
 
 def _of_air(conditions: Conditions, clock: str) -> list[Shape]:
     air = conditions.temperature
-    if not np.isfinite(air).all() or np.ptp(air) <= _LEAST_AIR:
+    if np.ptp(air) <= _LEAST_AIR:
         return []
     middle, low, high = float(np.mean(air)), float(np.min(air)), float(np.max(air))
     found: list[Shape] = [("air", "the air", (Held("air", 0, "linear", 1.0, middle, low, high),), (), None)]

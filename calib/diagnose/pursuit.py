@@ -23,9 +23,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
-from scipy.stats import f as f_law
+from scipy.special import fdtrc
 
 from calib.array import Array
+from calib.data.conditions import Conditions
 from calib.diagnose.dictionary import Dictionary, Entry, Part
 from calib.fit.identification import Identification
 from calib.fit.readings import Readings
@@ -183,7 +184,10 @@ class Groups:
 def log_chance(before: float, after: float, columns: int, free: int) -> float:
     """Log of the chance that columns without meaning lower a sum of squares so much."""
     columns, free = max(columns, 1), max(free, 1)
-    return float(f_law.logsf((before - after) / columns / max(after / free, 1e-300), columns, free))
+    ratio = (before - after) / columns / max(after / free, 1e-300)
+    chance = float(fdtrc(columns, free, max(ratio, 0.0)))
+    # where a float holds it no more, the chance of two columns, which is exact for two
+    return float(np.log(chance)) if chance > 1e-290 else -0.5 * free * float(np.log1p(columns * ratio / free))
 
 
 class Screening:
@@ -298,17 +302,20 @@ def folds_of(readings: Readings, clock: str) -> NDArray[np.int64]:
     return rank[pose] * (FOLDS * _DEALS) // int(seen.sum()) % FOLDS
 
 
-def pursue(found: Identification, readings: Readings, named: Sequence[Effect] = ()) -> Chosen:
+def pursue(
+    found: Identification, readings: Readings, everywhere: Conditions, named: Sequence[Effect] = ()
+) -> Chosen:
     """The entries that left-out blocks confirm beside the model of a fit; nothing where no number of terms pays.
 
-    readings: those that take part, which may be more than the fit's own; named: effects that compete as entries, and
-    are chosen beyond the confirmed number as well while they are significant.
+    readings: those that take part, which may be more than the fit's own; everywhere: the conditions of all rows that
+    must be predicted; named: effects that compete as entries, and are chosen beyond the confirmed number as well while
+    they are significant.
     """
     nothing = Chosen()
     poses = len(np.unique(readings.conditions.pose))
     if poses < FEWEST_POSES:
         return nothing
-    dictionary = Dictionary.of(found.model, readings, named)
+    dictionary = Dictionary.of(found.model, readings, everywhere, named)
     price = dictionary.price - 0.5 * _FAVOUR * dictionary.named
     model = _Model.of(found, readings)
     near, most, log_first = _screened(found, readings, dictionary, price, model)
@@ -480,7 +487,7 @@ def _decided(
     measured = float(rows.sum()) / sum(len(left) for _, left in left_out)
     kappa = max(1.0, float(np.sqrt(np.mean(np.concatenate(missed)) / measured)))
     pursuit, gains = begin(None), list[float]()
-    alone_leaves, chances = pursuit.rss, list[float]()
+    alone_leaves, chances = float(pursuit.rss), list[float]()
     tries = np.log(len(dictionary.entries))
     while len(pursuit.chosen) < most:  # beyond the confirmed terms for the sake of names alone
         before, free = pursuit.rss, pursuit.free
@@ -491,7 +498,7 @@ def _decided(
         if len(pursuit.chosen) > terms and (chance > np.log(HOLDS) or not any(e.effect for e in entries)):
             pursuit.chosen.pop()
             break
-        gains.append(before - pursuit.rss)
+        gains.append(float(before - pursuit.rss))
     surest = _surest(
         table, [entries[g].effect is not None for g in pursuit.chosen[:terms]], np.array(chances)
     )

@@ -34,7 +34,7 @@ _PATIENCE = 2  # rounds without a better model before the best so far is kept
 _MANY = 12  # with more effects than this, one round without a better model is enough
 _LEAST_SHARE = 0.004  # of what is left: an effect that explains less is not worth a name, however sure
 _BESIDE_CURVES = 0.01  # the same where curves of gears have taken the most away already
-_STEPS = 5  # Gauss-Newton steps between choices: the next choice needs no more
+_STEPS = 30  # Gauss-Newton steps between choices: a model that is not fitted to its end is compared with none
 _PASSED_OVER = 8  # candidates that are looked at when the best of them fails beside the noise along it
 _SWAP_MARGIN = 1.0  # evidence that a rival must gain to take an effect's place
 
@@ -70,7 +70,7 @@ def select(
         space = Space.of(fitted)
         scores = Scores(library, space)
         total = _total(space, scores, chosen)
-        if total < lowest and not any(space.forbids(effect) for effect in chosen):
+        if total < lowest and fitted.converged and not any(space.forbids(effect) for effect in chosen):
             best, lowest, waited = Selection(fitted, chosen), total, 0
         else:
             waited += 1

@@ -10,12 +10,13 @@ s is the noise scale: where the readings are noisier than declared the prior cou
 they are better than declared for less, so that readings without noise come back as they are (a prior that is a
 measurement, of a base target, keeps its worth beside the declared noise). A parameter that takes the place of others,
 which the readings cannot distinguish from it, has their sizes beside its own (`usual_sizes`). Steps are solved on
-scaled columns; a step that does not lower the cost is halved.
+scaled columns; a step that does not lower the cost is damped.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -36,6 +37,11 @@ CONVERGED = 0.02  # length of a step in standard errors of the estimate
 LEAST_NOISE = 0.01  # of the declared noise: below it the prior weakens no further
 _MOVES_NOTHING = 1e-6  # whitened displacement, over all readings, for a parameter of its usual size
 _STRAINED = 10.0  # usual sizes by which a parameter may move to make up for the usual size of another
+_IRRELEVANT, _ROW = (
+    1e-4,
+    0.1,
+)  # of the cost, or of that of one row: a damped step that lowers it by less is the last
+_DAMPING = -10, 5  # powers of ten, of the square of a column
 _DEPENDENT = 1e-7  # share of a column left when those before it are projected out
 
 
@@ -337,6 +343,8 @@ def solve(
     iterations, ending = 0, Ending.ROUNDS
     small = tolerance * max(scale, 1.0)
     triangle, size = np.eye(len(held)), np.ones(len(held))
+    damped: int | None = None  # power of ten of the damping that the last step needed
+    power: int | None = None
     columns = np.zeros((at.residual.size, len(held)))
     while iterations < max_iterations and ending is Ending.ROUNDS:
         iterations += 1
@@ -353,23 +361,48 @@ def solve(
         right = (columns.T @ weighted.ravel() - held**2 * (at.estimate - mean)[active] + tied.T @ left) / size
         scaled = _back(triangle, _back(triangle, right, 1))
         change = float(np.linalg.norm(triangle @ scaled))
-        step = scaled / size
-        for _ in range(12):
+        for tried in _steps(scaled, triangle, right, damped if change > max(scale, 1.0) else None):
+            power, trial_step = tried
             trial = at.estimate.copy()
-            trial[active] += step
+            trial[active] += trial_step / size
             there = Linearisation(start.design, start.observed, trial)
             cost_there = _cost(there, root, prior, mean, worth)
             # what a step so small promises drowns in the rounding of the cost, which then cannot judge it
             if cost_there <= cost * (1.0 + 1e-12) or change < small or change**2 < 1e-12 * cost:
                 break
-            step = step / 2.0
         else:
             ending = Ending.NO_DESCENT
             break
+        # A flat direction, of which the readings say nothing, may be followed without end: only the cost counts there.
+        damped = None if power is None else max(power - 1, _DAMPING[0])
+        settled = damped is not None and cost - cost_there < max(
+            _IRRELEVANT * cost, 0.1 * max(scale, 1.0) ** 2
+        )
         at, cost = there, cost_there
-        if change < small:
+        if change < small or settled:
             ending = Ending.CONVERGED
     return Solution(at, active, triangle, size, columns, prior, worth * at.tied[1], iterations, ending)
+
+
+def _steps(
+    scaled: Array, triangle: Array, right: Array, damped: int | None
+) -> Iterator[tuple[int | None, Array]]:
+    """The Gauss-Newton step on scaled columns; then, and once damping was needed at once, damped steps, each shorter,
+    with the power of ten of their damping.
+
+    A nearly flat direction makes the Gauss-Newton step so long that the chain is no longer linear along it, and a
+    fraction of it is too short everywhere else. Damping (R'R + m I, columns of length 1) leaves flat directions alone.
+    Source: Marquardt 1963.
+    """
+    if damped is None:
+        yield None, scaled
+    values, axes = np.linalg.eigh(triangle.T @ triangle)
+    along = axes.T @ right
+    least = max(
+        _DAMPING[0], math.floor(math.log10(max(float(values[0]), 1e-300)))
+    )  # below it nothing is damped
+    for power in range(least if damped is None else damped, _DAMPING[1]):
+        yield power, axes @ (along / (np.maximum(values, 0.0) + 10.0**power))
 
 
 _TRTRS, _GEQRF = get_lapack_funcs(("trtrs", "geqrf"), dtype=np.float64)

@@ -83,10 +83,12 @@ def held_against(path: Path, text: str, handful: Handful) -> Verdict:
         return Verdict(len(handful.rows), (), miss, miss, extent, handful.tool_unknown)
     # The user's own file before another robot that the readings fit as well
     causes = sorted(
-        (why.cause, *why.rivals), key=lambda each: each.what.startswith("the readings are not of")
+        (why.cause, *why.equals, *why.rivals),
+        key=lambda each: each.what.startswith("the readings are not of"),
     )
     mistakes = tuple(
-        Mistake(each.what, tuple(lines_of(each, meaning, path, text))) for each in causes[: 1 + _MOST_RIVALS]
+        Mistake(each.what, tuple(lines_of(each, meaning, path, text)))
+        for each in causes[: 1 + max(_MOST_RIVALS, len(why.equals))]
     )
     return Verdict(len(handful.rows), mistakes, why.miss, why.left, extent, handful.tool_unknown)
 

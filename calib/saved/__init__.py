@@ -1,7 +1,7 @@
 """A model on disk: written with a hash; when it is read, every number is checked against plausible bounds."""
 
 from calib.saved.document import model_document, parameters_of
-from calib.saved.model_file import SIMULATED, SavedModel, as_saved, load_model, save_model
+from calib.saved.model_file import SIMULATED, SavedModel, as_saved, load_model, refuse_worse, save_model
 from calib.saved.updated import save_update
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "load_model",
     "model_document",
     "parameters_of",
+    "refuse_worse",
     "save_model",
     "save_update",
 ]

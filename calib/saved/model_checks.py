@@ -155,7 +155,7 @@ def _refuse_regressor(regressor: Any, model: RobotModel, refuse: Any) -> None:
             good = 0 <= value <= 2
         elif good and field.name == "high":
             good = value > regressor.low
-        elif good and field.name == "other_high":
+        elif good and isinstance(regressor, HeldPair) and field.name == "other_high":
             good = value > regressor.other_low
         elif good and field.name in ("width", "time_constant_s", "count"):
             good = value > 0.0

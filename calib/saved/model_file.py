@@ -31,6 +31,7 @@ from calib.diagnose.diagnosis import Diagnosis
 from calib.errors import DataError
 from calib.fit.identification import Identification
 from calib.fit.least_squares import Dropped
+from calib.fit.statistics import ErrorStatistics
 from calib.model.effect import Effect
 from calib.model.model import RobotModel
 from calib.model.reduced import without
@@ -55,6 +56,7 @@ from calib.text.json_text import read_json
 from calib.text.toml_table import FARTHEST_MM, Vector
 
 SIMULATED = "SIMULATED: the model was identified from a simulated robot and instrument; it says nothing of a real one."
+_SAVED = "; to save it all the same, give --save-anyway (save_anyway over HTTP and in Python)"
 _SIDES = ("from below", "from above", "both sides")
 _MOST_GRAVITY, _HOTTEST_C, _NOISIEST = 10.0, 1000.0, 1e6
 
@@ -154,20 +156,44 @@ def as_saved(identification: Identification, diagnosis: Diagnosis | None = None)
     )
 
 
+def refuse_worse(
+    nominal: ErrorStatistics | None,
+    found: ErrorStatistics | None,
+    file: Path | None = None,
+    use: str = _SAVED,
+) -> None:
+    """Raise DataError if the error of a model on held-out readings exceeds that of the nominal robot in its place.
+
+    Nothing is refused if no readings were held out. use: what is refused, and how to insist.
+    """
+    if nominal is not None and found is not None and found.rms > nominal.rms:
+        raise DataError(
+            f"the model misses held-out readings by {found.rms:.3f} mm RMS, the nominal robot in its place by "
+            f"{nominal.rms:.3f} mm: it would make the robot less accurate.",
+            do=f"Look at the warnings of the fit and at the readings left out{use}.",
+            file=file,
+        )
+
+
 def save_model(
     path: Path | None,
     identification: Identification,
     diagnosis: Diagnosis | None = None,
     regression: Regression | None = None,
+    *,
+    save_anyway: bool = False,
 ) -> str:
     """Write a model, with the regression that is based on it; its `content_sha256`. path: None writes nothing.
 
-    Raises DataError for a fit that did not converge.
+    Raises DataError for a fit that did not converge, and for a diagnosed model that is worse on held-out readings than
+    the nominal robot in its place, unless `save_anyway`.
     """
     if not identification.converged:
         raise DataError(
             "the fit did not converge: it is not saved as a model.", do="Look at its warnings.", file=path
         )
+    if path is not None and diagnosis is not None and not save_anyway:
+        refuse_worse(diagnosis.error_nominal, diagnosis.error_after, path)
     document = model_document(identification, diagnosis, regression)
     if path is not None:
         replace_file(path, json.dumps(document, indent=1, allow_nan=False) + "\n")

@@ -48,6 +48,13 @@ PriorFile = Annotated[
         "--prior", metavar="PRIOR.json", help="What robots of this type share, from 'truepose fleet learn'."
     ),
 ]
+SaveAnyway = Annotated[
+    bool,
+    typer.Option(
+        "--save-anyway",
+        help="Save the model even if it misses held-out readings by more than the nominal robot does.",
+    ),
+]
 AcceptRms = Annotated[
     float | None,
     typer.Option(

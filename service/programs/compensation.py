@@ -86,7 +86,9 @@ def compensate(
     angles, why = postures(targets, robot, coupling)
     nominal = robot.model_angles(angles, coupling)
     corrected = nominal_of if inverse else correct
-    model, point = _with_tool(saved.model, targets)
+    model, tool = _with_tool(saved.model, targets)
+    # An arm of fewer than six joints leaves a tilt of the flange, by which a tool that is long would be off.
+    point = tool if robot.joints < 6 else FLANGE
     done = corrected(
         model, saved.estimate, nominal, stated, target=point, coupling=coupling, regression=saved.regression
     )
@@ -114,7 +116,7 @@ def compensate(
     notes, radius = done.notes, np.full(len(targets), np.nan)
     if driven:
         at = done.joints[[*driven]] if not inverse else nominal[[*driven]]
-        calibrated = Calibrated(model, saved.estimate, stated, point)
+        calibrated = Calibrated(model, saved.estimate, stated, tool)
         radius[[*driven]] = radius_95(calibrated.covariance_of_points(at, saved.covariance))
     outcomes = []
     for i, target in enumerate(targets):
@@ -131,12 +133,9 @@ def compensate(
 
 
 def _with_tool(model: RobotModel, targets: Sequence[Target]) -> tuple[RobotModel, str]:
-    """The model, and its target that shall land: the tool point of the targets where the flange does not carry it.
-
-    An arm of fewer than six joints leaves a tilt of the flange, by which a tool that is long would be off.
-    """
+    """The model, and its target at the tool point of the targets; the flange if there are several."""
     tools = np.unique([target.tool[:3, 3] for target in targets], axis=0)
-    if model.robot.joints >= 6 or len(tools) > 1 or not np.any(tools):
+    if len(tools) > 1 or not np.any(tools):
         return model, FLANGE
     x, y, z = tools[0].tolist()
     return replace(model, targets={s: {**own, _TOOL: (x, y, z)} for s, own in model.targets.items()}), _TOOL

@@ -51,8 +51,10 @@ def test_the_effects_found_help_on_readings_that_were_held_out(diagnosed: tuple[
     assert result.final.converged
     assert result.error_after.rms < 0.85 * result.error_before.rms
     assert result.error_after.p95 < result.error_before.p95
-    gears = [f.effect.label for f in result.effects if f.effect.label.startswith("periodic")]
-    assert len(gears) >= 4, "a UR10 is dominated by periodic errors of its joints"
+    named = [f.effect.label for f in result.effects if f.effect.label.startswith("periodic")]
+    carried = [term.place for term in result.carried if term.condition.endswith("angle")]
+    assert len(named) + len(carried) >= 4, "a UR10 is dominated by periodic errors of its joints"
+    assert {f"joint {k}" for k in (1, 2, 3)} <= {*carried, *(f"joint {n[10]}" for n in named)}
 
 
 def test_what_these_readings_cannot_show_is_said(diagnosed: tuple[Dataset, Diagnosis]) -> None:

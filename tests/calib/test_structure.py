@@ -118,16 +118,17 @@ def test_no_certainty_where_noise_does_not_explain_what_is_left(tmp_path: Path) 
     ("seed", "name", "where", "acts_on"),
     [
         (70000, "backlash:j6", "side of approach of joint 6", "joint 6"),
-        (70001, "thermal_growth", "time", "the lengths of the arm"),
+        (70001, "", "time", "the lengths of the arm"),
     ],
 )
 def test_a_law_outside_the_library_has_no_spurious_names_beside_it(
     seed: int, name: str, where: str, acts_on: str
 ) -> None:
     """Play that a load closes leaves errors of one joint, in which the best of thousands of waves looked sure; an arm
-    that follows the air with a lag leaves what lasts, beside which steps and a warm-up did."""
+    that follows the air with a lag leaves what lasts, beside which steps and a warm-up did: its growth without a lag is
+    withdrawn as well, since late air explains more."""
     result = diagnose(load(departing(seed).campaign()))
-    assert [f.effect.label for f in result.effects] == [name]
+    assert [f.effect.label for f in result.effects] == [name] * bool(name)
     assert result.verdict == "unexplained"
     assert (result.structure[0].where, result.structure[0].acts_on) == (where, acts_on)
 

@@ -13,7 +13,7 @@ from tests.calib.cells import NOISE, Cell
 def test_a_base_ball_out_of_place_is_drawn_and_kept(tmp_path: Path) -> None:
     cell = Cell(5)
     declared = {name: place.tolist() for name, place in cell.base_targets.items()}
-    cell.base_targets["B2"] = cell.base_targets["B2"] + [0.3, -0.2, 0.25]
+    cell.base_targets["B2"] = cell.base_targets["B2"] + [0.9, -0.6, 0.75]
     cell.measure("l", 150, noise=NOISE)
     data = cell.dataset(tmp_path, base_targets=declared).path
     files = {name: tmp_path / name for name in ("r.html", "r.json", "m.json")}

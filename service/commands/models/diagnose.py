@@ -60,6 +60,7 @@ def diagnose_command(
         bool, typer.Option("--patch", help="Map what is left as well: a patch, judged apart, never a cause.")
     ] = False,
     prior: options.PriorFile = None,
+    save_anyway: options.SaveAnyway = False,
     accept_rms: options.AcceptRms = None,
     accept_max: options.AcceptMax = None,
     accept_zones: options.AcceptZones = None,
@@ -116,7 +117,8 @@ def diagnose_command(
             document,
             terminal,
             predictions=predictions,
-            model=model,
+            model=model if save_anyway or not diagnosis.worse_than_nominal else None,
+            save_anyway=save_anyway,
             report=report,
             certified=certificate is not None,
             carried=carried,
@@ -132,7 +134,8 @@ def diagnose_command(
             terminal.note(wording.SIMULATED)
         show(diagnosis, terminal, carried, patched)
         terminal.out.print(tables.acceptance(acceptance))
-        if model is not None and not diagnosis.final.converged:  # refused, when everything else is there
+        unfit = not diagnosis.final.converged or (diagnosis.worse_than_nominal and not save_anyway)
+        if model is not None and unfit:  # refused, when everything else is there
             save_model(model, diagnosis.final, diagnosis)
         if follow_up is not None:
             terminal.note(
@@ -159,6 +162,7 @@ def write_results(
     predictions: Path | None,
     report: Path | None,
     model: Path | None = None,
+    save_anyway: bool = False,
     certified: bool = False,
     carried: CarryOver | None = None,
     patched: Patched | None = None,
@@ -169,7 +173,9 @@ def write_results(
     if predictions is not None:
         replace_file(predictions, predictions_csv(diagnosis))
     named = certified or model is not None or report is not None
-    sealed = save_model(model, diagnosis.final, diagnosis) if named and diagnosis.final.converged else None
+    sealed = None
+    if named and diagnosis.final.converged:
+        sealed = save_model(model, diagnosis.final, diagnosis, save_anyway=save_anyway)
     if report is not None:
         # drawing is not needed for the numbers, and takes long to import
         from service.report import diagnosis_report

@@ -10,7 +10,7 @@ import typer
 from calib.data import read_dataset
 from calib.errors import DataError
 from calib.fit import left_out
-from calib.saved import load_model, save_model
+from calib.saved import load_model, refuse_worse, save_model
 from calib.text import replace_file
 from calib.validation import refuse_other_robot
 from service import wording
@@ -37,6 +37,7 @@ def identify_command(
         ),
     ] = None,
     prior: options.PriorFile = None,
+    save_anyway: options.SaveAnyway = False,
     accept_rms: options.AcceptRms = None,
     accept_max: options.AcceptMax = None,
     accept_zones: options.AcceptZones = None,
@@ -64,7 +65,8 @@ def identify_command(
             refuse_other_robot(stage, dataset, preliminary)
         options.write_result(result.document(), json, terminal)
         named = model is not None or report is not None or certificate is not None
-        sealed = save_model(model, found) if named and found.converged else None
+        fit_to_save = found.converged and (save_anyway or not result.worse_than_nominal)
+        sealed = save_model(model if fit_to_save else None, found) if named and found.converged else None
         if report is not None:
             terminal.say("drawing the report")
             replace_file(report, result.report(sealed, stage))
@@ -87,8 +89,9 @@ def identify_command(
         ):
             terminal.out.print(table)
         terminal.out.print(tables.acceptance(result.acceptance))
-        if model is not None and not found.converged:  # refused, when everything else is there
-            save_model(model, found)
+        if model is not None and not fit_to_save:  # refused, when everything else is there
+            save_model(None, found)
+            refuse_worse(result.error_nominal, result.error_identified, model)
         _say_where(terminal, model, report, dcc)
     options.finish(result.acceptance, terminal)
 

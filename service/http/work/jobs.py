@@ -91,15 +91,19 @@ class Jobs:
         data: Path,
         cell: Cell | None = None,
         limits: Limits | None = None,
+        *,
+        save_anyway: bool = False,
     ) -> dict[str, Any]:
         """Put a job in the queue; its document. Raises Problem 503 when too many wait.
 
-        cell: what a diagnosis that is ambiguous proposes to measure next is kept within it; limits: of the error.
+        cell: what a diagnosis that is ambiguous proposes to measure next is kept within it; limits: of the error;
+        save_anyway: whether a model is saved that is worse on held-out readings than the nominal robot.
         """
         asked = {
             "data": str(data),
             "cell": None if cell is None else cell.source,
             "limits": None if limits is None else asdict(limits),
+            "save_anyway": save_anyway,
         }
         return self._add(kind, {"dataset_id": dataset["id"], **asked}, {})
 

@@ -60,6 +60,12 @@ class Identified:
             verdict = decide(limits, dataset, rows, found.model, found.estimate, BASE)
         return Identified(dataset, found, nominal, placed, before, after, verdict)
 
+    @property
+    def worse_than_nominal(self) -> bool:
+        """Whether the model misses held-out readings by more than the nominal robot in its place does."""
+        nominal, found = self.error_nominal, self.error_identified
+        return nominal is not None and found is not None and found.rms > nominal.rms
+
     def document(self) -> dict[str, Any]:
         """Document of the result (`truepose-identification/1`)."""
         document = documents.of_identification(

@@ -9,7 +9,7 @@ from fastapi.responses import HTMLResponse, JSONResponse, Response
 
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here, Service
-from service.http.wire.bodies import DiagnosisShown, IdentificationShown, JobsShown, ModelShown, ToJudge
+from service.http.wire.bodies import DiagnosisShown, IdentificationShown, JobsShown, ModelShown, ToFit
 from service.http.wire.headers import After, DatasetId, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.wire.plan_bodies import ArrowsShown, ResultShown
@@ -26,11 +26,13 @@ REPORT_HEADERS = {
 }
 
 
-def _add(here: Service, kind: str, collection: str, body: ToJudge, key: str) -> JSONResponse:
+def _add(here: Service, kind: str, collection: str, body: ToFit, key: str) -> JSONResponse:
     def work() -> JSONResponse:
         dataset = here.datasets.get(body.dataset_id)
         path = here.datasets.path(body.dataset_id) / CSV
-        return begun(path_of(collection), here.jobs.add(kind, dataset, path, here.settings.cell, body.limits))
+        cell, anyway = here.settings.cell, body.save_anyway
+        job = here.jobs.add(kind, dataset, path, cell, body.limits, save_anyway=anyway)
+        return begun(path_of(collection), job)
 
     return here.keys.once(key, (collection, body), work)
 
@@ -58,7 +60,7 @@ async def shown(here: Service, kind: str, name: str, wait: int, after: int) -> J
     status_code=202,
     response_model=IdentificationShown,
 )
-def create_identification(here: Here, body: ToJudge, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+def create_identification(here: Here, body: ToFit, idempotency_key: IdempotencyKey = "") -> JSONResponse:
     """Identify the robot of a data set, and hold the error on readings held out to limits where there are some."""
     return _add(here, "identification", "identifications", body, idempotency_key)
 
@@ -70,7 +72,7 @@ async def get_identification(here: Here, job_id: JobId, wait: Wait = 0, after: A
 
 
 @router.post("/diagnoses", operation_id="createDiagnosis", status_code=202, response_model=DiagnosisShown)
-def create_diagnosis(here: Here, body: ToJudge, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+def create_diagnosis(here: Here, body: ToFit, idempotency_key: IdempotencyKey = "") -> JSONResponse:
     """Identify the robot of a data set and find what its model lacks.
 
     The error on readings held out is held to limits where there are some: `result.acceptance`.

@@ -13,7 +13,7 @@ from service.http.wire.bodies.asked import (
     TakeLease,
     TakeLeaseOver,
     TargetsToCorrect,
-    ToJudge,
+    ToFit,
     WhyBody,
 )
 from service.http.wire.bodies.campaign import CampaignTable
@@ -111,7 +111,7 @@ __all__ = [
     "TakeLease",
     "TakeLeaseOver",
     "TargetsToCorrect",
-    "ToJudge",
+    "ToFit",
     "ValidationAsked",
     "ValidationShown",
     "WhyBody",

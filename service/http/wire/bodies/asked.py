@@ -245,6 +245,19 @@ class ToJudge(OfDataset):
         return Limits.of(self.accept_rms_mm or None, self.accept_max_mm or None, zones)
 
 
+class ToFit(ToJudge):
+    """Readings to fit a model to, and limits that its error is held to."""
+
+    save_anyway: Annotated[
+        bool,
+        told(
+            "Whether the model is kept even if it misses held-out readings by more than the nominal robot does; "
+            "otherwise the job fails then.",
+            False,
+        ),
+    ] = False
+
+
 class RegressionAsked(OfDataset):
     """A data set, and the options of `truepose regress`."""
 

@@ -1,0 +1,79 @@
+"""A model that is worse on held-out readings than the nominal robot in its place is saved by consent only."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from calib.data import Dataset, read_dataset
+from calib.diagnose import Diagnosis, diagnose
+from calib.errors import DataError
+from calib.model import Design
+from calib.saved import load_model, refuse_worse, save_model
+from service.cli import main
+from tests.calib.campaigns import simulate, write_files
+
+
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, Diagnosis]:
+    folder = tmp_path_factory.mktemp("worse")
+    _, data = simulate(folder, seed=3, n=70, n_validation=20, effects=[])
+    return data, diagnose(data)
+
+
+def worse(diagnosis: Diagnosis) -> Diagnosis:
+    after = diagnosis.error_after
+    assert after is not None
+    return replace(diagnosis, error_nominal=replace(after, rms=0.5 * after.rms))
+
+
+def test_a_worse_model_is_refused_with_both_figures(
+    diagnosed: tuple[Dataset, Diagnosis], tmp_path: Path
+) -> None:
+    found = worse(diagnosed[1])
+    assert found.worse_than_nominal
+    assert found.error_after is not None
+    with pytest.raises(DataError) as refused:
+        save_model(tmp_path / "model.json", found.final, found)
+    assert f"{found.error_after.rms:.3f}" in refused.value.what
+    assert f"{0.5 * found.error_after.rms:.3f}" in refused.value.what
+    assert not (tmp_path / "model.json").exists()
+
+
+def test_a_worse_model_is_saved_by_consent(diagnosed: tuple[Dataset, Diagnosis], tmp_path: Path) -> None:
+    found = worse(diagnosed[1])
+    save_model(tmp_path / "model.json", found.final, found, save_anyway=True)
+    assert len(load_model(tmp_path / "model.json").estimate) == len(found.final.estimate)
+
+
+def test_a_better_model_and_one_without_held_out_readings_are_saved(
+    diagnosed: tuple[Dataset, Diagnosis], tmp_path: Path
+) -> None:
+    found = diagnosed[1]
+    assert not found.worse_than_nominal
+    save_model(tmp_path / "model.json", found.final, found)
+    refuse_worse(None, found.error_after)
+    refuse_worse(found.error_nominal, None)
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+def test_the_commands_ask_for_consent(command: str, tmp_path: Path) -> None:
+    """Held-out readings of another base position: whatever is fitted misses them, the nominal robot a little less."""
+    campaign, _ = simulate(tmp_path, seed=3, n=70, n_validation=20, effects=[])
+    rows = [dict(row) for row in campaign.rows]
+    data = write_files(tmp_path, rows, campaign.header)
+    dataset = read_dataset(data)
+    found = diagnose(dataset)
+    toward = Design(found.nominal, dataset.conditions).predict(found.nominal_estimate)
+    for row, point in zip(rows, toward, strict=True):
+        if row["set"] == "validation":
+            row |= dict(zip(("x_mm", "y_mm", "z_mm"), point.tolist(), strict=True))
+    data = write_files(tmp_path, rows, campaign.header)
+    model = tmp_path / "model.json"
+    asked = [command, str(data), "--model", str(model)]
+    assert main(asked) == 2
+    assert not model.exists()
+    assert main([*asked, "--save-anyway"]) == 0
+    assert model.exists()
