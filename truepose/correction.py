@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.array import Array
-from calib.compensate import Correction, correct, model_sides, nominal_of, sides_that_move
+from calib.compensate import Correction, Usable, correct, model_sides, nominal_of, sides_that_move
 from calib.errors import DataError
 from calib.model import FLANGE
 from calib.units import DEG
@@ -37,6 +37,7 @@ class Corrected:
     joints_deg: Array
     wanted_deg: Array
     found: Correction
+    usable: Usable
     _columns: tuple[str, ...] = ()
 
     @property
@@ -46,10 +47,13 @@ class Corrected:
 
     @property
     def targets(self) -> pandas.DataFrame:
-        """One row a target: j1_deg and so on to drive, status, why it was refused."""
+        """One row per target: j1_deg and so on to drive, status, why it was refused, and notes, such as joints outside
+        the measured range."""
         columns: dict[str, Any] = dict(zip(self._columns, self.joints_deg.T, strict=True))
         status = [str(status) for status in self.found.status]
-        return frame({**columns, "status": status, "reason": list(self.found.reasons)})
+        return frame(
+            {**columns, "status": status, "reason": list(self.found.reasons), "notes": list(self.found.notes)}
+        )
 
     def __repr__(self) -> str:
         return f"<{len(self.good)} targets, {int(self.good.sum())} corrected>"
@@ -67,6 +71,7 @@ def compensate(
     series: str | None = None,
     limits_deg: Any = None,
     inverse: bool = False,
+    named_only: bool = False,
 ) -> Corrected:
     """Correct joint targets; `truepose compensate` does the same to a program.
 
@@ -75,7 +80,8 @@ def compensate(
     approach_deg: how far before the target its last move begins. temperature_c, time_s: of the air, and since the
     start of the campaign, for effects that need them. series: of a model that holds several.
     limits_deg: (N, 2), default the robot's. inverse: from targets that were taught on the real robot to the nominal
-    one. Raises DataError.
+    one. named_only: without carried terms. Terms that follow what only the campaign knew are always left out;
+    `Corrected.usable` says which, and what that costs. Raises DataError.
 
     >>> model = truepose.identify("irb120.csv")
     >>> corrected = truepose.compensate(model, joints_deg=[[10, 20, -30, 40, 50, 60]], target="T1")
@@ -83,7 +89,7 @@ def compensate(
     True
     """
     refuse_no_model(model, Model)
-    saved = model.saved
+    saved, usable = model.saved.for_use(named_only=named_only)
     joints = joints_of(joints_deg, saved)
     count = saved.model.robot.joints
     stated = model.stated(
@@ -114,7 +120,11 @@ def compensate(
             raise
         raise DataError(f"{error}.", do="Use one of those.", key="target") from error
     return Corrected(
-        angles_of(found.joints, saved), angles_of(joints, saved), found, saved.model.robot.joint_columns
+        angles_of(found.joints, saved),
+        angles_of(joints, saved),
+        found,
+        usable,
+        saved.model.robot.joint_columns,
     )
 
 

@@ -54,7 +54,9 @@ class Model:
 
     def __repr__(self) -> str:
         model = self.saved.model
-        found = [effect.label for effect in model.effects if effect.group != "base model"]
+        found = [e.label for e in model.effects if e.group != "base model" and not e.is_carried]
+        if carried := sum(e.is_carried for e in model.effects):
+            found.append(f"{carried} carried term{'s' if carried > 1 else ''}")
         beside = f" with {', '.join(found)}" if found else ""
         return f"<model of {model.robot.name}{beside}: {len(model.parameters)} parameters>"
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calib.fit import base_model_of, place_nominal
+from calib.model import named_only
 from calib.units import DEG
 from calib.validation import Judgement, judge, place, refuse_other_robot
 from truepose.arguments import refuse_no_model
@@ -24,7 +25,8 @@ _FIGURES = ("n", "mean", "std", "rms", "p95", "max")
 
 @dataclass(frozen=True)
 class Validation:
-    """Judgements of the nominal robot, placed, and of the model, on the same readings.
+    """Judgements on the same readings: the nominal robot, placed, the model, and the model without carried terms if it
+    holds any.
 
     >>> judged = truepose.validate(truepose.identify("irb120.csv"), "irb120.csv")
     >>> judged.errors.loc["model", ["n", "unit", "rms"]].to_dict()
@@ -34,7 +36,7 @@ class Validation:
     judgements: tuple[Judgement, ...]
 
     def __repr__(self) -> str:
-        nominal, judged = (each.error for each in self.judgements)
+        nominal, judged = (each.error for each in self.judgements[:2])
         return f"<{judged.n} readings: {nominal.rms:.4f} mm RMS nominal, {judged.rms:.4f} mm with the model>"
 
     def _repr_html_(self) -> str:
@@ -69,8 +71,12 @@ def validate(
     dataset = data_of(data).dataset
     refuse_other_robot(model.saved, dataset, Path("the model"))
     rows = dataset.usable if everything else dataset.validation_rows
-    own = (model.saved.model, model.saved.estimate)
-    placed = place(dataset, *own) if place_it else own
-    nominal = place_nominal(dataset, base_model_of(dataset))
-    names: dict[str, tuple[Any, np.ndarray]] = {"nominal robot, placed": nominal, "model": placed}
+    saved = model.saved
+    own = {"model": (saved.model, saved.estimate)}
+    if any(effect.is_carried for effect in saved.model.effects):
+        own["model, named causes only"] = named_only(saved.model, saved.estimate, saved.covariance)[:2]
+    names: dict[str, tuple[Any, np.ndarray]] = {
+        "nominal robot, placed": place_nominal(dataset, base_model_of(dataset))
+    }
+    names |= {name: place(dataset, *each) if place_it else each for name, each in own.items()}
     return Validation(tuple(judge(name, dataset, rows, *each) for name, each in names.items()))

@@ -19,7 +19,7 @@ from acquisition.cell.cell import Cell
 from acquisition.cell.robot_section import RobotSection
 from acquisition.cell.transit import may_visit
 from calib.array import Array
-from calib.compensate import Correction, correct
+from calib.compensate import Correction, Usable, correct, usable
 from calib.data import Dataset
 from calib.diagnose import Diagnosis
 from calib.model import FLANGE, RobotModel, StatedConditions, series_of
@@ -35,7 +35,8 @@ def correction(cell: Cell, diagnosis: Diagnosis, goals_deg: Array, stated: State
     Targets and corrected joints are the controller's; the sides of `stated` are replaced by those of the approach.
     """
     robot, limits = cell.robot, np.array(cell.robot.limits_deg)
-    final, units = diagnosis.final, cell.robot.model.joint_units
+    units = cell.robot.model.joint_units
+    final = _used(diagnosis, cell.robot.coupling)
     room = 10.0**-DECIMALS  # what rounding may add
     limits = np.column_stack([limits[:, 0] - APPROACH_DEG + room, limits[:, 1] - room]) * units[:, None]
     done = correct(
@@ -48,6 +49,12 @@ def correction(cell: Cell, diagnosis: Diagnosis, goals_deg: Array, stated: State
         coupling=robot.coupling,
     )
     return replace(done, joints=robot.model.controller_angles(done.joints, robot.coupling))
+
+
+def _used(diagnosis: Diagnosis, coupling: str) -> Usable:
+    """The model that corrects, as a saved one would: without terms that follow what only the campaign knew."""
+    final = diagnosis.final
+    return usable(final.model, final.estimate, final.covariance, StatedConditions(), coupling=coupling)
 
 
 def _landing(model: RobotModel, stated: StatedConditions) -> str:
@@ -76,7 +83,8 @@ def clear(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
 
 def follows_conditions(dataset: Dataset, diagnosis: Diagnosis, goals_deg: Array) -> bool:
     """Whether the corrected joints depend on time or temperature more than a little."""
-    final, header = diagnosis.final, dataset.header
+    header = dataset.header
+    final = _used(diagnosis, header.coupling)
     series = next(iter(final.model.targets))
     stated = StatedConditions(series=series, temperature_c=22.0, time_s=3600.0, loads=dataset.header.loads)
     robot = header.robot

@@ -50,7 +50,7 @@ from acquisition.run.orders.lease import Lease
 from acquisition.run.outcome import Outcome
 from acquisition.run.run import Run
 from calib.array import Array
-from calib.compensate import Bounds, refuse_unlikely
+from calib.compensate import Bounds, refuse_unlikely, usable
 from calib.data import Dataset, read_dataset
 from calib.diagnose import Diagnosis, FollowUp, diagnose
 from calib.model import StatedConditions
@@ -272,7 +272,8 @@ def verify(
     """
     dataset, final = diagnosis.dataset, diagnosis.final
     usual = StatedConditions(loads=dataset.header.loads, gravity=dataset.header.gravity)
-    refuse_unlikely(final.model, final.estimate, usual, Bounds(), coupling=dataset.header.coupling)
+    used = usable(final.model, final.estimate, final.covariance, usual, coupling=dataset.header.coupling)
+    refuse_unlikely(used.model, used.estimate, usual, Bounds(), coupling=dataset.header.coupling)
     world = world_of(first.record)
     soon = conditions_soon(equipment, dataset, first, last)
     wanted: Array

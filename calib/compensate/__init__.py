@@ -7,6 +7,7 @@ from calib.compensate.carried import Carried, carried, constant_slots, joint_ori
 from calib.compensate.controller import model_sides, sides_that_move
 from calib.compensate.correct import correct, inverse_poses
 from calib.compensate.correction import REASONS, Correction, Status
+from calib.compensate.usable import Usable, usable
 
 __all__ = [
     "REASONS",
@@ -15,6 +16,7 @@ __all__ = [
     "Carried",
     "Correction",
     "Status",
+    "Usable",
     "carried",
     "constant_slots",
     "correct",
@@ -24,4 +26,5 @@ __all__ = [
     "nominal_of",
     "refuse_unlikely",
     "sides_that_move",
+    "usable",
 ]

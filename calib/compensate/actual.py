@@ -6,6 +6,8 @@ nominal: q_nom = IK_nom(FK_cal(q)). What `calib.compensate.correct` makes of q_n
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from calib.arm.freedoms import Freedoms
@@ -40,9 +42,11 @@ def nominal_of(
     tool = tool_point(model, series_of(model, stated), target)
     arm = Freedoms.of(robot, limits, coupling, tool)
     known = np.flatnonzero(np.all(np.isfinite(joints), axis=1))
-    reached = Calibrated(model, estimate, stated, target, regression).poses(joints[known])
+    calibrated = Calibrated(model, estimate, stated, target, regression)
+    reached = calibrated.poses(joints[known])
     found, misses = np.full_like(joints, np.nan), Misses.unknown(len(joints))
     found[known] = nominal_inverse(robot, reached, joints[known], tool, arm)
     misses.take(known, arm, robot, found[known], tool, nominal_poses(model, found[known], tool), reached)
     refusals = refused(robot, arm, joints, found, misses, limits, coupling, tool, regression, joints[None])
-    return misses.correction(found, refusals, np.isfinite(misses.landed).astype(np.int64), arm)
+    done = misses.correction(found, refusals, np.isfinite(misses.landed).astype(np.int64), arm)
+    return replace(done, beyond=calibrated.beyond(joints))

@@ -12,6 +12,8 @@ to T that it can reach; the rest of the pose error stays and is reported.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -85,7 +87,8 @@ def correct(
         found[left] = memory.next(left, here / scale, shifted / scale) * scale
     asked = np.stack([joints, found])
     refusals = refused(robot, arm, joints, found, misses, limits, coupling, tool, regression, asked)
-    return misses.correction(found, refusals, iterations, arm)
+    done = misses.correction(found, refusals, iterations, arm)
+    return replace(done, beyond=calibrated.beyond(joints, found))
 
 
 def checked(robot: Robot, joints: Array, limits: Array | None) -> tuple[Array, Array]:

@@ -69,7 +69,8 @@ class Correction:
     """Corrected targets. `joints` (n, N) rad or mm, NaN where refused: a refused target must never be driven.
 
     landed (n,) mm and turned (n,) rad: how far from the wanted pose the calibrated model is at `joints`, of what the
-    arm can move and turn; left: what it cannot; iterations (n,): how many the target took.
+    arm can move and turn; left: what it cannot; iterations (n,): how many the target took; beyond: per target, joints
+    and other quantities that are outside the range in which carried terms were measured.
     """
 
     joints: Array
@@ -78,6 +79,7 @@ class Correction:
     turned: Array
     left: Left
     iterations: NDArray[np.int64]
+    beyond: tuple[tuple[str, ...], ...] = ()
 
     @property
     def good(self) -> NDArray[np.bool_]:
@@ -91,11 +93,16 @@ class Correction:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The error left of each target that may be driven because the arm cannot correct it, as a sentence part."""
-        return tuple(
-            f"left: {words}" if good and (words := self.left.in_words(off, askew)) else ""
-            for good, off, askew in zip(self.good, self.left.off, self.left.askew, strict=True)
-        )
+        """Sentence parts on each target that may be driven: the error left because the arm cannot correct it, and what
+        is outside the measured range, where carried terms keep their value."""
+        out = []
+        for i, good in enumerate(self.good):
+            words = self.left.in_words(float(self.left.off[i]), float(self.left.askew[i]))
+            parts = [f"left: {words}"] if words else []
+            if self.beyond and self.beyond[i]:
+                parts.append(f"outside measured range: {', '.join(self.beyond[i])}")
+            out.append("; ".join(parts) if good else "")
+        return tuple(out)
 
     @classmethod
     def of(

@@ -10,7 +10,7 @@ from calib.fit.offsets import Offset, judge_points, offsets_of
 from calib.fit.placing import base_model_of, place_nominal
 from calib.fit.readings import Readings, readings_of
 from calib.fit.statistics import ErrorStatistics, statistics_of
-from calib.fit.uncertainty import expanded
+from calib.fit.uncertainty import expanded, radius_95
 from calib.fit.uncertainty_map import UncertaintyMap, uncertainty_map
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "length_differences",
     "offsets_of",
     "place_nominal",
+    "radius_95",
     "readings_of",
     "silent",
     "statistics_of",

@@ -15,18 +15,20 @@ from numpy.typing import NDArray
 from calib.arm.kinematics import forward
 from calib.array import Array
 from calib.fit.identification import Identification
-from calib.fit.uncertainty import expanded
+from calib.fit.uncertainty import expanded, radius_95
 from calib.model.stated import StatedConditions, conditions_at
 
 
 @dataclass(frozen=True)
 class UncertaintyMap:
-    """N poses: joints (N, n) rad; radius (N,) from axis 1 and height (N,), mm; u (N,) mm, k = 2, worst direction."""
+    """N poses: joints (N, n) rad; radius (N,) from axis 1 and height (N,), mm; u (N,) mm, k = 2, worst direction;
+    radius_95 (N,) mm: of the sphere that contains 95 % of the positions that the readings allow."""
 
     joints: Array
     radius: Array
     height: Array
     u: Array
+    radius_95: Array
     measured: NDArray[np.bool_]  # (N,) within the joint ranges of the readings
 
 
@@ -55,6 +57,7 @@ def uncertainty_map(found: Identification) -> UncertaintyMap:
         radius=np.hypot(place[:, 0], place[:, 1]),
         height=place[:, 2],
         u=expanded(covariance),
+        radius_95=radius_95(covariance),
         measured=np.all((joints >= low) & (joints <= high), axis=1),
     )
 

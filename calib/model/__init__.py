@@ -4,6 +4,7 @@ from calib.model.axis import Axis, Drawn
 from calib.model.check import check_effect
 from calib.model.effect import Effect, Term, effect
 from calib.model.model import Design, RobotModel
+from calib.model.reduced import named_only
 from calib.model.regressors import InSeries, OnTarget, Regressor, ToAnchor
 from calib.model.stated import FLANGE, StatedConditions, conditions_at, series_of
 
@@ -23,5 +24,6 @@ __all__ = [
     "check_effect",
     "conditions_at",
     "effect",
+    "named_only",
     "series_of",
 ]

@@ -23,6 +23,13 @@ QUANTITIES: Mapping[str, Callable[[Conditions, int], Array]] = {
 }
 """Recorded quantities by name: rad or mm, N.mm, rad or mm, degC; of the joint with index k where they belong to one."""
 
+_NAMES = {
+    "angle": "joint {}",
+    "torque": "the gravity torque of joint {}",
+    "move": "the last move of joint {}",
+    "air": "the air temperature",
+}
+
 LAWS: Mapping[str, Callable[[Array], Array]] = {
     "linear": lambda x: x,
     "cubic": lambda x: x**3,
@@ -58,9 +65,11 @@ class Held:
         values = np.clip(QUANTITIES[self.quantity](conditions, self.joint - 1), self.low, self.high)
         return LAWS[self.law](self.rate * (values - self.centre))
 
-    def beyond(self, conditions: Conditions) -> Array:
-        """(n,) distance beyond the measured range, as a share of its width; 0 within it."""
-        return _beyond(QUANTITIES[self.quantity](conditions, self.joint - 1), self.low, self.high)
+    def beyond(self, conditions: Conditions) -> dict[str, Array]:
+        """Name of the quantity -> (n,) distance beyond its measured range, as a share of its width; 0 within it."""
+        values = QUANTITIES[self.quantity](conditions, self.joint - 1)
+        name = _NAMES[self.quantity].format(conditions.axis_names[self.joint - 1].removeprefix("j"))
+        return {name: _beyond(values, self.low, self.high)}
 
     def drawn_over(self, conditions: Conditions) -> Axis:
         """The quantity itself."""
@@ -95,13 +104,11 @@ class HeldPair:
         other = np.clip(conditions.joints[:, self.other - 1], self.other_low, self.other_high)
         return LAWS[self.law](self.rate * one + self.other_rate * other)
 
-    def beyond(self, conditions: Conditions) -> Array:
-        """(n,) the larger distance of the two angles beyond the measured range, as a share of its width."""
-        joints = conditions.joints
-        return np.maximum(
-            _beyond(joints[:, self.joint - 1], self.low, self.high),
-            _beyond(joints[:, self.other - 1], self.other_low, self.other_high),
-        )
+    def beyond(self, conditions: Conditions) -> dict[str, Array]:
+        """Name of each joint -> (n,) distance beyond its measured range, as a share of its width; 0 within it."""
+        one = Held("angle", self.joint, self.law, self.rate, 0.0, self.low, self.high)
+        other = Held("angle", self.other, self.law, self.other_rate, 0.0, self.other_low, self.other_high)
+        return one.beyond(conditions) | other.beyond(conditions)
 
 
 @dataclass(frozen=True)
@@ -120,9 +127,9 @@ class OfTime:
         """(n,) values of the function; NaN where a reading has no time."""
         return np.interp(getattr(conditions, self.clock), self.times, self.values)
 
-    def beyond(self, conditions: Conditions) -> Array:
-        """(n,) distance beyond the measured time, as a share of the campaign."""
-        return _beyond(getattr(conditions, self.clock), self.times[0], self.times[-1])
+    def beyond(self, conditions: Conditions) -> dict[str, Array]:
+        """The time -> (n,) distance beyond the measured time, as a share of the campaign; 0 within it."""
+        return {"the time": _beyond(getattr(conditions, self.clock), self.times[0], self.times[-1])}
 
     def drawn_over(self, conditions: Conditions) -> Axis:
         """The time."""
@@ -133,8 +140,3 @@ class OfTime:
 
 def _beyond(values: Array, low: float, high: float) -> Array:
     return np.maximum(np.maximum(low - values, values - high), 0.0) / max(high - low, 1e-12)
-
-
-def known_when_used(regressor: object) -> bool:
-    """Whether a regressor of a carried term can be evaluated when the model is used."""
-    return not isinstance(regressor, OfTime) and getattr(regressor, "quantity", "angle") in WHEN_USED

@@ -16,9 +16,20 @@ from typing import Any, Literal
 import numpy as np
 
 from calib.array import Array
+from calib.data.conditions import Conditions
 from calib.model import regressors
-from calib.model.carried_regressors import known_when_used
-from calib.model.regressors import Cosine, Regressor, Sine
+from calib.model.carried_regressors import WHEN_USED, Held, HeldPair, OfTime
+from calib.model.regressors import (
+    Cosine,
+    CreepBetween,
+    LastMove,
+    Regressor,
+    Sine,
+    StepAt,
+    Time,
+    WarmTravel,
+    WarmUp,
+)
 from calib.units import FACTORS, to_display, to_internal
 
 Owner = Literal["robot", "mounting", "instrument"]
@@ -34,6 +45,7 @@ Group = Literal[
 ]
 
 
+_OF_THE_CAMPAIGN = (OfTime, Time, WarmUp, StepAt, CreepBetween, LastMove, WarmTravel)
 _CURVE = 6  # parameters of one unit above which they are the waves of one curve, not directions of one thing
 
 
@@ -113,7 +125,21 @@ class Effect:
     @property
     def is_usable(self) -> bool:
         """Whether all that drives the effect is known when the model is used, as for compensation and export."""
-        return not self.is_carried or all(known_when_used(term.regressor) for term in self.terms)
+        return not self.is_carried or not any(
+            isinstance(term.regressor, _OF_THE_CAMPAIGN)
+            or getattr(term.regressor, "quantity", "angle") not in WHEN_USED
+            for term in self.terms
+        )
+
+    def beyond(self, conditions: Conditions) -> dict[str, Array]:
+        """Name of a quantity that drives a carried term -> (n,) distance beyond its measured range, as a share of its
+        width; empty for named effects, which hold wherever their law holds."""
+        regressors = {t.regressor for t in self.terms if isinstance(t.regressor, Held | HeldPair | OfTime)}
+        found: dict[str, Array] = {}
+        for regressor in regressors:
+            for name, distance in regressor.beyond(conditions).items():
+                found[name] = np.maximum(found.get(name, 0.0), distance)
+        return found
 
     @property
     def is_curve(self) -> bool:

@@ -117,6 +117,15 @@ class RobotModel:
             dtype=bool,
         )
 
+    def beyond(self, conditions: Conditions) -> dict[str, Array]:
+        """Name of a quantity -> (n,) distance beyond the range in which carried terms were measured, as a share of its
+        width; 0 within it."""
+        found: dict[str, Array] = {}
+        for effect in self.effects:
+            for name, distance in effect.beyond(conditions).items():
+                found[name] = np.maximum(found.get(name, 0.0), distance)
+        return found
+
     def append(self, *effects: Effect) -> RobotModel:
         """The model with more effects at the end."""
         return replace(self, effects=(*self.effects, *effects))

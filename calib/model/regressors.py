@@ -326,7 +326,7 @@ def to_json(regressor: Regressor) -> dict[str, Any]:
 
 def from_json(table: dict[str, Any]) -> Regressor:
     """The regressor that `to_json` wrote. Raises KeyError for a kind that this version does not know."""
-    shape = {
+    shape: dict[str, Any] = {
         key: tuple(value) if isinstance(value, list) else value
         for key, value in table.items()
         if key != "kind"

@@ -56,11 +56,14 @@ class Member:
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
         """The effects found beside the base model; no curves of gears, whose waves are too many to name, and
-        nothing that happened once in one campaign."""
+        nothing that happened once in one campaign, and no carried terms, whose labels are no causes."""
         return tuple(
             e
             for e in self.saved.model.effects
-            if e.group != "base model" and e.owner == "robot" and not e.is_curve and "rank" not in e.shape
+            if e.group not in ("base model", "carried")
+            and e.owner == "robot"
+            and not e.is_curve
+            and "rank" not in e.shape
         )
 
     @cached_property

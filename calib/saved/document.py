@@ -1,4 +1,4 @@
-"""The document of an identified model (`truepose-model/1`), as its file holds it.
+"""The document of an identified model as its file holds it: `truepose-model/1`, `truepose-model/2` with carried terms.
 
 Every parameter with value, standard error, unit, nominal value and owner; the effects with their slots and
 regressors; covariance; hashes of the data, of the robot and of the whole file; for which approach and temperature it
@@ -25,6 +25,9 @@ from calib.text.program import written_by
 from calib.units import FACTORS, to_display
 
 FORMAT = "truepose-model/1"
+WITH_CARRIED = "truepose-model/2"
+"""The format of a model with carried terms: versions that do not know these refuse it, and so do their fleet servers,
+which read no effects."""
 
 
 def model_document(
@@ -36,7 +39,7 @@ def model_document(
     judged = None if diagnosis is None else diagnosis.error_after
     occasion = identification.header.occasion
     document: dict[str, Any] = {
-        "format": FORMAT,
+        "format": WITH_CARRIED if any(e.is_carried for e in model.effects) else FORMAT,
         "program": written_by(),
         "robot": model.robot.name,
         "robot_table": asdict(model.robot),

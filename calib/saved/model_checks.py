@@ -21,6 +21,7 @@ from calib.arm.robot_hash import DESCRIPTION
 from calib.array import Array
 from calib.errors import DataError
 from calib.fit.least_squares import Dropped
+from calib.model.carried_regressors import LAWS, QUANTITIES, Held, HeldPair, OfTime
 from calib.model.effect import Group, Owner
 from calib.model.model import RobotModel
 from calib.text.toml_table import FARTHEST_MM
@@ -31,6 +32,9 @@ _SAME = 1e-9  # rad and mm
 _SHAPES = {
     "joint": int,
     "count": int,
+    "other": int,
+    "quantity": str,
+    "law": str,
     "axis": int,
     "order": (int, float),
     "series": str,
@@ -116,6 +120,8 @@ def refuse_effects(model: RobotModel, path: Path) -> None:
                 raise refuse(f"has a parameter {parameter.name!r} that is given twice or has no name")
             if not isinstance(parameter.unit, str) or parameter.unit not in FACTORS:
                 raise refuse(f"has a parameter {parameter.name!r} in the unit {parameter.unit!r}")
+            if effect.is_carried and size is None:
+                raise refuse(f"has a parameter {parameter.name!r} without a size")
             if size is not None and not (_is_number(size) and size > 0.0):
                 raise refuse(f"has a parameter {parameter.name!r} of the size {size!r}")
             if parameter.centre is not None and not _is_number(parameter.centre):
@@ -129,16 +135,28 @@ def refuse_effects(model: RobotModel, path: Path) -> None:
 
 
 def _refuse_regressor(regressor: Any, model: RobotModel, refuse: Any) -> None:
+    if isinstance(regressor, Held | HeldPair):
+        good = regressor.law in LAWS and (isinstance(regressor, HeldPair) or regressor.quantity in QUANTITIES)
+        if not good or (regressor.joint == 0 and getattr(regressor, "quantity", "") != "air"):
+            raise refuse(f"has {type(regressor).__name__} with an unknown quantity, law or joint")
+    elif isinstance(regressor, OfTime):
+        _refuse_function(regressor, refuse)
+        return
     for field in fields(regressor):
         value = getattr(regressor, field.name)
         kind = _SHAPES.get(field.name, (int, float))
         good = isinstance(value, kind) and not isinstance(value, bool)
-        if good and field.name == "joint":
-            good = 1 <= value <= model.robot.joints
+        if good and isinstance(value, float):
+            good = bool(np.isfinite(value))
+        if good and field.name in ("joint", "other"):
+            air = getattr(regressor, "quantity", "") == "air"
+            good = value == 0 if air else 1 <= value <= model.robot.joints
         elif good and field.name == "axis":
             good = 0 <= value <= 2
         elif good and field.name == "high":
             good = value > regressor.low
+        elif good and isinstance(regressor, HeldPair) and field.name == "other_high":
+            good = value > regressor.other_low
         elif good and field.name in ("width", "time_constant_s", "count"):
             good = value > 0.0
         elif good and field.name == "series":
@@ -149,6 +167,19 @@ def _refuse_regressor(regressor: Any, model: RobotModel, refuse: Any) -> None:
             good = value in model.anchors
         if not good:
             raise refuse(f"has {type(regressor).__name__} of {field.name} = {value!r}")
+
+
+def _refuse_function(regressor: OfTime, refuse: Any) -> None:
+    times, values = regressor.times, regressor.values
+    good = (
+        regressor.clock in ("time", "order")
+        and isinstance(times, tuple)
+        and isinstance(values, tuple)
+        and 2 <= len(times) == len(values)
+        and all(_is_number(x) for x in (*times, *values))
+    )
+    if not good or np.any(np.diff(times) <= 0.0):
+        raise refuse("has OfTime without increasing times and as many numbers")
 
 
 def estimate_of(entries: Any, model: RobotModel, path: Path) -> Array:

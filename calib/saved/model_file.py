@@ -26,7 +26,7 @@ from calib.arm.robot import (
 )
 from calib.arm.robot_hash import robot_hash
 from calib.array import Array
-from calib.compensate import Bounds, refuse_unlikely
+from calib.compensate import Bounds, Usable, refuse_unlikely, usable
 from calib.diagnose.diagnosis import Diagnosis
 from calib.errors import DataError
 from calib.fit.identification import Identification
@@ -34,9 +34,10 @@ from calib.fit.least_squares import Dropped
 from calib.fit.statistics import ErrorStatistics
 from calib.model.effect import Effect
 from calib.model.model import RobotModel
+from calib.model.reduced import without
 from calib.model.stated import StatedConditions
 from calib.regression.regression import Regression
-from calib.saved.document import FORMAT, model_document, scope_of
+from calib.saved.document import FORMAT, WITH_CARRIED, model_document, scope_of
 from calib.saved.left_open import KEY, LeftOpen
 from calib.saved.model_checks import (
     covariance_of,
@@ -92,6 +93,43 @@ class SavedModel:
         return StatedConditions(
             temperature_c=np.nan if air is None else air, loads=self.loads, gravity=self.gravity
         )
+
+    def for_use(self, *, named_only: bool = False, bounds: Bounds | None = None) -> tuple[SavedModel, Usable]:
+        """The model for corrections, without carried terms that cannot be used (named_only: without any), and what that
+        costs. A regression, which corrects what the whole model leaves, is then left out too.
+
+        Raises DataError for a model without them that corrects beyond `bounds` (default `Bounds()`).
+        """
+        part = usable(
+            self.model,
+            self.estimate,
+            self.covariance,
+            self.usual,
+            named_only=named_only,
+            coupling=self.coupling,
+        )
+        if not part.left_out:
+            return self, part
+        refuse_unlikely(part.model, part.estimate, self.usual, bounds or Bounds(), coupling=self.coupling)
+        notes = part.in_words
+        if self.regression is not None:
+            notes += ("The regression is left out: it corrects what the whole model leaves.",)
+        held = (
+            None
+            if self.held_std is None
+            else self.held_std[[self.model.index[p.name] for p in part.model.parameters]]
+        )
+        less = replace(
+            self,
+            model=part.model,
+            estimate=part.estimate,
+            covariance=part.covariance,
+            held_std=held,
+            left_open=None,
+            regression=None,
+            notes=(*self.notes, *notes),
+        )
+        return less, part
 
 
 def as_saved(identification: Identification, diagnosis: Diagnosis | None = None) -> SavedModel:
@@ -169,8 +207,10 @@ def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | N
     file the table in the model is used, and `notes` says so. Raises DataError naming file and key.
     """
     document = read_json(path)
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise DataError("is not a model file.", do=f'It must hold "format": "{FORMAT}".', file=path)
+    if not isinstance(document, dict) or document.get("format") not in (FORMAT, WITH_CARRIED):
+        raise DataError(
+            "is not a model file.", do=f'It must hold "format": "{FORMAT}" or "{WITH_CARRIED}".', file=path
+        )
     notes = refuse_changed(document, path)
     try:
         saved = _saved(document, path)
@@ -204,7 +244,9 @@ def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | N
             f"The table and limits of '{robot.name}' are those of {path.name}; --robot FILE checks them.",
         )
     bounds = bounds or Bounds()
-    refuse_unlikely(saved.model, saved.estimate, saved.usual, bounds, coupling=saved.coupling, file=path)
+    of_campaign = [effect for effect in saved.model.effects if not effect.is_usable]
+    model, estimate, _ = without(saved.model, saved.estimate, saved.covariance, of_campaign)
+    refuse_unlikely(model, estimate, saved.usual, bounds, coupling=saved.coupling, file=path)
     if saved.regression is not None:
         refuse_unlikely_shift(saved.regression, robot, bounds.shift_mm, path)
     if saved.updates:

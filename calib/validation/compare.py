@@ -82,7 +82,7 @@ def refuse_incomparable(first: SavedModel, second: SavedModel, file: Path) -> No
 
 
 def differences(first: SavedModel, second: SavedModel) -> list[Difference]:
-    """Every parameter of the robot that one of the two models has, in the order of the first."""
+    """Every parameter of the robot in one of the two models, without carried terms, in the order of the first."""
     units = {p.name: p.unit for saved in (first, second) for p in _robot_parameters(saved.model)}
     out = []
     for name, unit in units.items():
@@ -103,7 +103,8 @@ def apart(dataset: Dataset, rows: NDArray[np.bool_], first: Placed, second: Plac
 
 
 def _robot_parameters(model: RobotModel) -> Iterator[Parameter]:
-    return (p for effect in model.effects if effect.owner == "robot" for p in effect.parameters)
+    named = (e for e in model.effects if e.owner == "robot" and not e.is_carried)
+    return (p for effect in named for p in effect.parameters)
 
 
 def _of(saved: SavedModel, name: str, unit: str) -> tuple[float | None, float | None]:

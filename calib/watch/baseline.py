@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,8 +12,10 @@ from calib.arm.robot import Load
 from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.data.header import Header
+from calib.model.carried_regressors import OfTime
+from calib.model.effect import Term
 from calib.model.model import RobotModel
-from calib.model.regressors import Temperature, Time, WarmUp
+from calib.model.regressors import Constant, Temperature, Time, WarmUp
 from calib.model.stated import AFTER_EVERYTHING
 from calib.saved import SavedModel
 
@@ -69,7 +72,8 @@ class Baseline:
     """The baseline that later readings are compared with: model, estimate (m + k,) and covariance (m + k, m + k), with
     what the calibration left open and without what the instrument did with time in its own campaign.
 
-    plain (m + k,): the estimate by which the saved model itself predicts, and corrects.
+    plain (m + k,): the estimate by which the saved model itself predicts, and corrects. Carried functions of time have
+    the value that they had at the end of the campaign.
     """
 
     model: RobotModel
@@ -88,7 +92,7 @@ class Baseline:
             for effect in model.effects
             if effect.owner == "instrument"
             for term in effect.terms
-            if isinstance(term.regressor, Time | WarmUp)
+            if isinstance(term.regressor, Time | WarmUp | OfTime)
         }
         # a drift that was left open has done what it did to the parameters; later readings need not carry the time
         own = len(saved.model.effects)
@@ -99,9 +103,54 @@ class Baseline:
         model, estimate = replace(model, effects=effects), estimate[held]
         kept = np.array([p.name not in gone for p in model.parameters], dtype=float)
         plain = np.concatenate([saved.estimate, np.zeros(len(estimate) - len(saved.estimate))])
-        return cls(
-            model, estimate * kept, covariance[np.ix_(held, held)] * np.outer(kept, kept), plain * kept
-        )
+        covariance = covariance[np.ix_(held, held)] * np.outer(kept, kept)
+        return cls(*_after_campaign(model, estimate * kept, covariance, plain * kept))
+
+
+def _after_campaign(
+    model: RobotModel, estimate: Array, covariance: Array, plain: Array
+) -> tuple[RobotModel, Array, Array, Array]:
+    """A baseline whose carried functions of time keep their last value, whenever a watch is.
+
+    Why a term follows time is not known, so it may do after the campaign what it did in its second half. That is one
+    more uncertainty per parameter; a step that is over in the first half adds nothing, a slow wave its whole size.
+    """
+    effects, again, spread = [], [], []
+    for effect in model.effects:
+        if not any(isinstance(term.regressor, OfTime) for term in effect.terms):
+            effects.append(effect)
+            continue
+        effects.append(replace(effect, terms=tuple(_weighed(t, _last) for t in effect.terms)))
+        later = replace(effect, label=f"{_LATER}:{effect.label}").apart(_LATER)
+        of_time = tuple(_weighed(t, _moved_late) for t in later.terms if isinstance(t.regressor, OfTime))
+        again.append(replace(later, terms=of_time))
+        spread.extend(float(estimate[model.index[p.name]]) ** 2 for p in effect.parameters)
+    more = np.zeros(len(spread))
+    whole = np.zeros(2 * (len(estimate) + len(spread),))
+    whole[: len(estimate), : len(estimate)] = covariance
+    whole[len(estimate) :, len(estimate) :] = np.diag(spread)
+    model = replace(model, effects=(*effects, *again))
+    return model, np.concatenate([estimate, more]), whole, np.concatenate([plain, more])
+
+
+_LATER = "later"
+
+
+def _weighed(term: Term, value: Callable[[OfTime], float]) -> Term:
+    if not isinstance(term.regressor, OfTime):
+        return term
+    return replace(term, weight=term.weight * value(term.regressor), regressor=Constant())
+
+
+def _last(function: OfTime) -> float:
+    return function.values[-1]
+
+
+def _moved_late(function: OfTime) -> float:
+    """Root mean square of the difference from the last value, over the second half of the campaign."""
+    times = np.linspace(0.5 * (function.times[0] + function.times[-1]), function.times[-1], 200)
+    values = np.interp(times, function.times, function.values)
+    return float(np.sqrt(np.mean((values - function.values[-1]) ** 2)))
 
 
 def root_of(covariance: Array) -> Array:

@@ -56,12 +56,14 @@ def of_refusal(name: str, error: DataError) -> dict[str, Any]:
 
 
 def _parameters(found: Diagnosis) -> list[dict[str, Any]]:
-    """The parameters of the model with its effects, as trends take them."""
+    """The parameters of the base model and of named effects, as trends take them."""
     final = found.final
+    carried = {p.name for e in final.model.effects if e.is_carried for p in e.parameters}
     entries = parameters_of(final.model, final.estimate, final.standard_errors)
     return [
         {"name": e["name"], "value": _short(e["value"]), "std": _short(e["std"]), "unit": e["unit"]}
         for e in entries
+        if e["name"] not in carried
     ]
 
 

@@ -23,6 +23,7 @@ from fleet.store import Document, Kind, RobotKey, dataset_content
 
 KINDS: Mapping[str, Kind] = {
     "truepose-model/1": "model",
+    "truepose-model/2": "model",
     "truepose-watch/1": "watch",
     "truepose-diagnosis/1": "diagnosis",
     "truepose-upkeep/1": "thermal",

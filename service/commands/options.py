@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from calib.compensate import Bounds
+from calib.compensate import Bounds, Usable
 from calib.errors import DataError
 from calib.prior import TypePrior, load_prior
 from calib.saved import SavedModel, load_model
@@ -97,6 +97,10 @@ CellName = Annotated[
 Serial = Annotated[
     str, typer.Option(metavar="SERIAL", help="Serial number of the robot, if its controller reports none.")
 ]
+NamedOnly = Annotated[
+    bool,
+    typer.Option("--named-only", help="Leave out the carried terms of the model: correct named causes only."),
+]
 LARGEST = (Bounds().turn_deg, Bounds().shift_mm)
 
 
@@ -110,6 +114,14 @@ def read_model(path: Path, robot_file: Path | None, largest: tuple[float, float]
     if not all(0.0 < value < math.inf for value in largest):
         raise DataError("is no bound.", do="Give DEG MM, above zero.", key="--largest-correction")
     return load_model(path, robot_file=robot_file, bounds=Bounds(*largest))
+
+
+def read_for_use(
+    path: Path, robot_file: Path | None, largest: tuple[float, float], *, named_only: bool
+) -> tuple[SavedModel, Usable]:
+    """A model file for corrections, and what it leaves out of the whole model. Raises DataError."""
+    saved = read_model(path, robot_file, largest)
+    return saved.for_use(named_only=named_only, bounds=Bounds(*largest))
 
 
 def read_prior(path: Path | None) -> TypePrior | None:

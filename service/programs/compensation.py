@@ -14,8 +14,9 @@ import numpy as np
 
 from calib.arm import Robot, forward
 from calib.array import Array
-from calib.compensate import correct, nominal_of
+from calib.compensate import Calibrated, correct, nominal_of
 from calib.errors import DataError
+from calib.fit import radius_95
 from calib.model import FLANGE, RobotModel, StatedConditions
 from calib.saved import SavedModel
 from service.programs.frames import KnownFrames
@@ -34,7 +35,9 @@ class TargetOutcome:
 
     moved: mm and rad from the pose as written to the one that is sent; quantised: mm and rad from the latter to what
     the file can hold; turned: rad, the largest change of a joint that turns; slid: mm, of one that slides, NaN where
-    none does; left: what this arm cannot correct, as a sentence part. Positions are those of the target's tool point.
+    none does; left: what this arm cannot correct and what is outside the measured range, as a sentence part; beyond:
+    what that is; radius_95: of the sphere that contains 95 % of the positions that the model allows, mm. Positions are
+    those of the target's tool point.
     """
 
     target: Target
@@ -45,6 +48,8 @@ class TargetOutcome:
     turned: float
     slid: float = np.nan
     left: str = ""
+    beyond: tuple[str, ...] = ()
+    radius_95: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -81,7 +86,9 @@ def compensate(
     angles, why = postures(targets, robot, coupling)
     nominal = robot.model_angles(angles, coupling)
     corrected = nominal_of if inverse else correct
-    model, point = _with_tool(saved.model, targets)
+    model, tool = _with_tool(saved.model, targets)
+    # An arm of fewer than six joints leaves a tilt of the flange, by which a tool that is long would be off.
+    point = tool if robot.joints < 6 else FLANGE
     done = corrected(
         model, saved.estimate, nominal, stated, target=point, coupling=coupling, regression=saved.regression
     )
@@ -106,7 +113,11 @@ def compensate(
     change = np.abs(done.joints - nominal)
     turned = np.max(change[:, ~slides], axis=1, initial=0.0)
     slid = np.max(change[:, slides], axis=1) if slides.any() else np.full(len(targets), np.nan)
-    notes = done.notes
+    notes, radius = done.notes, np.full(len(targets), np.nan)
+    if driven:
+        at = done.joints[[*driven]] if not inverse else nominal[[*driven]]
+        calibrated = Calibrated(model, saved.estimate, stated, tool)
+        radius[[*driven]] = radius_95(calibrated.covariance_of_points(at, saved.covariance))
     outcomes = []
     for i, target in enumerate(targets):
         if i not in driven:
@@ -116,17 +127,15 @@ def compensate(
             continue
         moved, quantised = _apart(before[i], flange[i], target.tool), _apart(flange[i], after[i], target.tool)
         joints = float(turned[i]), float(slid[i])
-        outcomes.append(TargetOutcome(target, CORRECTED, "", moved, quantised, *joints, notes[i]))
+        more = (notes[i], done.beyond[i], float(radius[i]))
+        outcomes.append(TargetOutcome(target, CORRECTED, "", moved, quantised, *joints, *more))
     return Compensation(text, tuple(outcomes))
 
 
 def _with_tool(model: RobotModel, targets: Sequence[Target]) -> tuple[RobotModel, str]:
-    """The model, and its target that shall land: the tool point of the targets where the flange does not carry it.
-
-    An arm of fewer than six joints leaves a tilt of the flange, by which a tool that is long would be off.
-    """
+    """The model, and its target at the tool point of the targets; the flange if there are several."""
     tools = np.unique([target.tool[:3, 3] for target in targets], axis=0)
-    if model.robot.joints >= 6 or len(tools) > 1 or not np.any(tools):
+    if len(tools) > 1 or not np.any(tools):
         return model, FLANGE
     x, y, z = tools[0].tolist()
     return replace(model, targets={s: {**own, _TOOL: (x, y, z)} for s, own in model.targets.items()}), _TOOL

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from calib.compensate import Usable
 from calib.units import DEG
 from service import wording
 from service.programs.compensation import CORRECTED, EMPTY, REFUSED, Compensation, TargetOutcome
@@ -42,10 +44,20 @@ def document(done: Compensation) -> dict[str, Any]:
                 "largest_slide_change_mm": _number(o.slid),
                 "quantised_mm": _number(o.quantised[0]),
                 "quantised_deg": _number(o.quantised[1] / DEG),
+                "outside_measured_range": list(o.beyond),
+                "radius_95_mm": _number(o.radius_95),
                 "notes": _notes(o),
             }
             for o in done.outcomes
         ],
+    }
+
+
+def of_carried(usable: Usable) -> dict[str, Any]:
+    """The carried terms that a correction leaves out, and what that costs."""
+    return {
+        "carried_left_out": [effect.label for effect in usable.left_out],
+        "carried_loss_mm": None if usable.loss is None else asdict(usable.loss),
     }
 
 

@@ -125,3 +125,25 @@ def test_an_outbox_waits_while_the_database_is_gone_and_its_own_bad_document_sta
             assert first.hash in aside.said
             assert [entry.hash for entry in outbox.entries("sent")] == [good.hash]
         assert {entry.hash for entry in store.documents()} == {first.hash, other.hash, good.hash}
+
+
+def test_a_model_with_carried_terms_waits_aside_for_a_server_that_knows_them(tmp_path: Path) -> None:
+    """A server of before knows one format of models: the outbox keeps the document, and sends it to a newer one."""
+    carrying = documents.of("model", {"format": "truepose-model/2", "parameters": [], "effects": []})
+    url = f"sqlite:///{tmp_path}/plant.sqlite3"
+
+    def sent_by(outbox: Outbox) -> None:
+        with server_of(url) as port, closing(Link(f"http://127.0.0.1:{port}", TOKENS.operator)) as link:
+            Sender(outbox, link, Clock(), chance=random.Random(1)).round()
+
+    with Outbox(tmp_path / FILE) as outbox:
+        outbox.put(carrying, NOW)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("fleet.store.rows._ALSO", ())
+            sent_by(outbox)
+        (aside,) = outbox.entries("aside")
+        assert aside.hash == carrying.hash
+        assert "truepose-model/2" in aside.said
+        assert outbox.retry(carrying.hash, NOW)
+        sent_by(outbox)
+        assert [entry.hash for entry in outbox.entries("sent")] == [carrying.hash]

@@ -86,7 +86,7 @@ def test_a_batch_is_kept_whole_or_not_at_all(store: Store) -> None:
     [
         (b"\xff\xfe", "model record"),
         (b"[1, 2]", "is no document"),
-        (b'{"format": "truepose-model/2", "parameters": []}', "truepose-model/2"),
+        (b'{"format": "truepose-model/3", "parameters": []}', "truepose-model/3"),
         (b'{"format": "truepose-model/1"}', "damaged"),
         (
             b'{"format": "truepose-model/1", "parameters": [{"name": "a", "value": "1", "std": 1, "unit": ""}]}',
@@ -123,6 +123,18 @@ def test_trends_are_in_order_of_time_with_u(store: Store) -> None:
 def test_a_parameter_without_a_standard_error_has_no_u(store: Store) -> None:
     store.add(model({"d1": 1.0}, std=None))
     assert store.trend(ROBOT, "d1")[0].u is None
+
+
+def test_trends_hold_no_carried_terms(store: Store) -> None:
+    entries = [
+        {"name": name, "value": 1.5, "std": 0.1, "unit": "mm"} for name in ("d1", "carried:d5:time:1.size")
+    ]
+    effects = [
+        {"group": "base model", "parameters": entries[:1]},
+        {"group": "carried", "parameters": entries[1:]},
+    ]
+    store.add(of("model", {"format": "truepose-model/2", "parameters": entries, "effects": effects}))
+    assert [point.parameter for point in store.trend(ROBOT)] == ["d1"]
 
 
 def test_the_error_of_models_and_watches_is_one_trend(store: Store) -> None:

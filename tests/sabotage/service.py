@@ -27,8 +27,8 @@ CHANGES = (
     ),
     Change(
         "service/programs/compensation.py",
-        "model.robot.joints >= 6 or",
-        "True or",
+        "tool if robot.joints < 6 else FLANGE",
+        "FLANGE",
         "the flange of a SCARA lands where its tool should",
         ("tests/service/test_machines_driven.py",),
     ),

@@ -77,6 +77,17 @@ def test_a_table_is_corrected_as_on_the_command_line(
     assert told["rows"][0]["j1_deg"] == float(rows[0]["j1_deg"]) != 10.0
 
 
+def test_named_only_is_taken_and_what_is_left_out_is_said(service: Served, path: str) -> None:
+    """This model carries nothing: the answer is the same, and says so."""
+    whole, named = (corrected(service, path, csv=TABLE, named_only=only) for only in (False, True))
+    assert whole["csv"] == named["csv"]
+    assert (named["carried_left_out"], named["carried_loss_mm"]) == ([], None)
+    assert {t["radius_95_mm"] is None for t in named["targets"]} == {False}
+    assert [t["outside_measured_range"] for t in named["targets"]] == [[], []]
+    export = service.client.get(path.replace("/targets", "/exports/urdf"), params={"named_only": True}).json()
+    assert (export["carried_left_out"], export["carried_loss_mm"]) == ([], None)
+
+
 def test_json_targets_and_back(service: Served, path: str) -> None:
     rows = [row | {"note": row["note"] or "-"} for row in csv.DictReader(io.StringIO(TABLE))]
     numbers = [{k: float(v) if k.endswith("_deg") else v for k, v in row.items()} for row in rows]

@@ -19,7 +19,7 @@ from service.cli import main
 from tests.service.campaigns import write_data
 
 SURFACE = {
-    "Corrected": {"joints_deg", "wanted_deg", "found", "good", "targets"},
+    "Corrected": {"joints_deg", "wanted_deg", "found", "good", "targets", "usable"},
     "Data": {"dataset", "readings", "simulated"},
     "Diagnosis": {
         "base",

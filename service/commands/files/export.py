@@ -26,6 +26,7 @@ def export_command(
         str | None,
         typer.Option("--hash", metavar="calib_...", help="ur-yaml: the robot's own calibration hash."),
     ] = None,
+    named_only: options.NamedOnly = False,
     robot_file: options.RobotFile = None,
     largest_correction: options.LargestCorrection = options.LARGEST,
     json: options.Json = None,
@@ -35,9 +36,9 @@ def export_command(
     refuse_unknown(kind)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {model}")
-        saved = options.read_model(model, robot_file, largest_correction)
+        saved, usable = options.read_for_use(model, robot_file, largest_correction, named_only=named_only)
         options.note_without_regression(saved, terminal)
-        done = written(saved, str(model), kind, conditions, robot_hash)
+        done = written(saved, usable, str(model), kind, conditions, robot_hash)
         options.write_result({**done.document, "out": str(out)}, json, terminal)
         replace_file(out, done.text)
         terminal.rest()

@@ -60,6 +60,7 @@ def compensate_command(
     inverse: Annotated[
         bool, typer.Option("--inverse", help="From actual to nominal: targets taught on the real robot.")
     ] = False,
+    named_only: options.NamedOnly = False,
     keep_refused: Annotated[
         bool, typer.Option("--keep-refused", help="Write the program though some targets stay as they were.")
     ] = False,
@@ -81,7 +82,7 @@ def compensate_command(
     )
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {model} and {program}")
-        saved = options.read_model(model, robot, largest_correction)
+        saved, usable = options.read_for_use(model, robot, largest_correction, named_only=named_only)
         stated = stated_conditions(conditions, saved)
         read = read_program(program, saved.model.robot, known)
         terminal.say(f"correcting {wording.counted(len(read.targets), 'target')}")
@@ -97,6 +98,7 @@ def compensate_command(
             "direction": "actual to nominal" if inverse else "nominal to actual",
             "conditions": stated.document,
             **summary.document(done),
+            **summary.of_carried(usable),
             "warnings": list(stated.notes),
         }
         options.write_result(document, json, terminal)

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from calib.compensate import Bounds
+from calib.compensate import Bounds, Usable
 from calib.errors import DataError
 from calib.saved import SavedModel, load_model
 from calib.text import meant_by
@@ -32,7 +32,7 @@ def corrected(
 
     Raises DataError, ConfigError.
     """
-    saved = load_model(model_file, bounds=Bounds(order["largest_deg"], order["largest_mm"]))
+    saved, usable = for_use(model_file, order)
     refuse_null(order["targets"], "targets")
     text = order["csv"] or _as_csv(order["targets"])
     known = KnownFrames(named_frames("tool", [order["tool"]] if order["tool"] else []), {})
@@ -40,7 +40,7 @@ def corrected(
     table = parse(text, NAME, saved.model.robot, known)
     done = compensate(table, NAME, saved, stated.stated, known, inverse=order["inverse"])
     more = {"csv": done.text, "rows": _rows(done.text)}
-    return finite(_told(done, saved, model_id, stated, order) | more), _refused(done)
+    return finite(_told(done, saved, usable, model_id, stated, order) | more), _refused(done)
 
 
 def corrected_program(
@@ -49,18 +49,31 @@ def corrected_program(
     """Correct, as `corrected`, a program of this name and content. `order`: the form of the request. Raises
     DataError.
     """
-    saved = load_model(model_file, bounds=Bounds(order["largest_deg"], order["largest_mm"]))
+    saved, usable = for_use(model_file, order)
     file = Path(name)
     known = KnownFrames(named_frames("tool", order["tool"]), named_frames("frame", order["frame"]))
     stated = stated_conditions(order["conditions"], saved)
     program = parse(text_of(content, file), file, saved.model.robot, known)
     done = compensate(program, file, saved, stated.stated, known, inverse=order["inverse"])
     more = {"name": name, "program_base64": base64.b64encode(bytes_of(done.text)).decode("ascii")}
-    return _sayable(finite(_told(done, saved, model_id, stated, order) | more)), _sayable(_refused(done))
+    return _sayable(finite(_told(done, saved, usable, model_id, stated, order) | more)), _sayable(
+        _refused(done)
+    )
+
+
+def for_use(model_file: Path, order: Mapping[str, Any]) -> tuple[SavedModel, Usable]:
+    """The model of a request for corrections, and what it leaves out of the whole model. Raises DataError."""
+    bounds = Bounds(order["largest_deg"], order["largest_mm"])
+    return load_model(model_file, bounds=bounds).for_use(named_only=order["named_only"], bounds=bounds)
 
 
 def _told(
-    done: Compensation, saved: SavedModel, model_id: str, stated: ProgramConditions, order: Mapping[str, Any]
+    done: Compensation,
+    saved: SavedModel,
+    usable: Usable,
+    model_id: str,
+    stated: ProgramConditions,
+    order: Mapping[str, Any],
 ) -> dict[str, Any]:
     return {
         "format": summary.FORMAT,
@@ -69,6 +82,7 @@ def _told(
         "direction": "actual to nominal" if order["inverse"] else "nominal to actual",
         "conditions": stated.document,
         **summary.document(done),
+        **summary.of_carried(usable),
         "warnings": list(stated.notes),
     }
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from calib.compensate import Bounds
-from calib.saved import load_model
 from service.exports import written
+from service.http.work.corrections import for_use
 from service.plain import finite
 
 
-def exported(
-    model_file: Path, model_id: str, kind: str, conditions: str, robot_hash: str, bounds: Bounds
-) -> dict[str, Any]:
-    """The document of the answer. Raises DataError."""
-    saved = load_model(model_file, bounds=bounds)
-    done = written(saved, model_id, kind, conditions, robot_hash or None)
+def exported(model_file: Path, model_id: str, kind: str, order: Mapping[str, Any]) -> dict[str, Any]:
+    """The document of the answer. `order`: the query of the request. Raises DataError."""
+    saved, usable = for_use(model_file, order)
+    done = written(saved, usable, model_id, kind, order["conditions"], order["robot_hash"] or None)
     return finite(done.document | {"text": done.text, "about": list(done.about)})

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from calib.compensate import Bounds
+from typing import Any
 
 Corrected = tuple[dict[str, Any], list[dict[str, Any]]]
 
@@ -28,10 +25,8 @@ def corrected_program(
     return corrections.corrected_program(model_file, model_id, name, content, order)
 
 
-def exported(
-    model_file: Path, model_id: str, kind: str, conditions: str, robot_hash: str, bounds: Bounds
-) -> dict[str, Any]:
+def exported(model_file: Path, model_id: str, kind: str, order: Mapping[str, Any]) -> dict[str, Any]:
     """Export a model in a worker, as `exporting.exported`."""
     from service.http.work import exporting
 
-    return exporting.exported(model_file, model_id, kind, conditions, robot_hash, bounds)
+    return exporting.exported(model_file, model_id, kind, order)

@@ -22,15 +22,15 @@ _COLOURS = colormaps["viridis_r"].resampled(16)  # steps can be read off; a smoo
 
 
 def trust_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
-    """The section of a report: figure, predicted U in numbers, correlations, leverage, condition number."""
+    """The section of a report: figure, radius that contains 95 %, correlations, leverage, condition number."""
     of_map = uncertainty_map(found)
     return {
         "figure": Markup(_figure(of_map)),
         "rows": [
             (name, *(millimetres(float(x)) for x in (np.median(u), np.quantile(u, 0.95), u.max())))
             for name, u in (
-                ("within the measured joint ranges", of_map.u[of_map.measured]),
-                ("outside them, within the joint limits", of_map.u[~of_map.measured]),
+                ("within the measured joint ranges", of_map.radius_95[of_map.measured]),
+                ("outside them, within the joint limits", of_map.radius_95[~of_map.measured]),
             )
             if len(u)
         ],
@@ -49,30 +49,34 @@ def trust_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
 
 
 def _figure(of_map: UncertaintyMap) -> str:
-    """Largest U of the poses in every cell of radius and height: within the measured ranges, and within the limits."""
+    """Largest radius that contains 95 % by distance and height, within the measured ranges and within the limits."""
     drawn, panels = drawing.figure(7.6, 3.0, 1, 2, bars=True)
     radius = np.linspace(0.0, float(of_map.radius.max()), _CELLS + 1)
     height = np.linspace(float(of_map.height.min()), float(of_map.height.max()), _CELLS + 1)
-    scale = LogNorm(float(of_map.u.min()), float(of_map.u.max()))
+    scale = LogNorm(float(of_map.radius_95.min()), float(of_map.radius_95.max()))
     for axes, (title, rows) in zip(
         panels,
         (
             ("Within the measured joint ranges", of_map.measured),
-            ("Within the robot's joint limits", np.ones(len(of_map.u), dtype=bool)),
+            ("Within the robot's joint limits", np.ones(len(of_map.radius_95), dtype=bool)),
         ),
         strict=True,
     ):
         worst = np.full((_CELLS, _CELLS), np.nan)
         i = np.clip(np.digitize(of_map.radius[rows], radius) - 1, 0, _CELLS - 1)
         j = np.clip(np.digitize(of_map.height[rows], height) - 1, 0, _CELLS - 1)
-        np.fmax.at(worst, (j, i), of_map.u[rows])
+        np.fmax.at(worst, (j, i), of_map.radius_95[rows])
         axes.pcolormesh(radius, height, worst, norm=scale, cmap=_COLOURS)
         axes.set_title(title, fontsize=9.5, loc="left")
         axes.set_xlabel("distance of the flange from axis 1, mm")
         axes.set_ylabel("height, mm")
-    bar = drawing.colour_bar(drawn, ScalarMappable(scale, _COLOURS), panels[-1], "largest U (k = 2), mm")
+    bar = drawing.colour_bar(
+        drawn, ScalarMappable(scale, _COLOURS), panels[-1], "largest radius that contains 95 %, mm"
+    )
     bar.ax.tick_params(which="both", labelsize=8.5)
     drawing.plain(bar.ax.yaxis)
     return drawing.as_svg(
-        drawn, "trust", "Map of the predicted expanded uncertainty over distance from axis 1 and height"
+        drawn,
+        "trust",
+        "Map of the radius that contains 95 % of predicted positions over distance from axis 1 and height",
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ import numpy as np
 from calib.array import Array
 from calib.data import Dataset
 from calib.fit import base_model_of, place_nominal, silent
-from calib.model import RobotModel
+from calib.model import RobotModel, named_only
 from calib.saved import SavedModel
 from calib.validation import (
     Difference,
@@ -85,11 +85,16 @@ class Validated:
         }
         if second is not None and other is not None:
             models[_name(other, unlike=_name(path))] = in_place(second)
+        names = list(models)
+        if any(effect.is_carried for effect in saved.model.effects):
+            model, estimate, _ = named_only(saved.model, saved.estimate, saved.covariance)
+            models[f"{_name(path)}, named causes only"] = in_place(
+                replace(saved, model=model, estimate=estimate)
+            )
         judgements = []
         for name, judged in models.items():
             say(f"judging the {name}")
             judgements.append(judge(name, dataset, rows, *judged, asked.point))
-        names = list(models)
         parameters, between = [], None
         if second is not None:
             parameters = differences(saved, second)

@@ -56,7 +56,8 @@ def of_identification(
 
 
 def _predicted(of_map: UncertaintyMap) -> dict[str, Any]:
-    """Expanded uncertainty (k = 2) of predicted positions, within the measured joint ranges and outside."""
+    """Uncertainty of predicted positions, within the measured joint ranges and outside: k = 2, and the radius that
+    contains 95 %."""
 
     def summary(u: Array) -> dict[str, Any] | None:
         if not len(u):
@@ -71,6 +72,8 @@ def _predicted(of_map: UncertaintyMap) -> dict[str, Any]:
         "coverage_factor": 2,
         "measured_ranges": summary(of_map.u[of_map.measured]),
         "outside_them": summary(of_map.u[~of_map.measured]),
+        "radius_95_measured_ranges": summary(of_map.radius_95[of_map.measured]),
+        "radius_95_outside_them": summary(of_map.radius_95[~of_map.measured]),
     }
 
 

@@ -21,6 +21,7 @@ _CONDITIONS = (
     "cog (mm), series."
 )
 _BOUNDS = Bounds()
+_NAMED_ONLY = "Leave out the carried terms of the model: correct named causes only."
 _FRAME = "{} that is not in the program, [NAME=]x,y,z,w,p,r, mm and deg."
 Conditions = Annotated[str, Form(max_length=1000, description=_CONDITIONS, examples=["side=below"])]
 LargestDeg = Annotated[
@@ -69,6 +70,7 @@ def correct_program(
     keep_refused: Annotated[
         bool, Form(description="Answer though some targets stay as they were.", examples=[False])
     ] = False,
+    named_only: Annotated[bool, Form(description=_NAMED_ONLY, examples=[False])] = False,
     largest_deg: LargestDeg = _BOUNDS.turn_deg,
     largest_mm: LargestMm = _BOUNDS.shift_mm,
 ) -> dict[str, Any]:
@@ -81,6 +83,7 @@ def correct_program(
         "tool": tool,
         "frame": frame,
         "inverse": inverse,
+        "named_only": named_only,
         "largest_deg": largest_deg,
         "largest_mm": largest_mm,
     }
@@ -105,11 +108,16 @@ def export_model(
             max_length=200, description="ur-yaml: the robot's own calibration hash.", examples=["calib_123"]
         ),
     ] = "",
+    named_only: Annotated[bool, Query(description=_NAMED_ONLY, examples=[False])] = False,
     largest_deg: LargestDeg = _BOUNDS.turn_deg,
     largest_mm: LargestMm = _BOUNDS.shift_mm,
 ) -> dict[str, Any]:
     """The model in another program's format: `text` is the file, the rest says what this format leaves out."""
-    bounds = Bounds(largest_deg, largest_mm)
-    return here.workers.call(
-        exported, here.jobs.model_file(job_id), job_id, kind, conditions, robot_hash, bounds
-    )
+    order = {
+        "conditions": conditions,
+        "robot_hash": robot_hash,
+        "named_only": named_only,
+        "largest_deg": largest_deg,
+        "largest_mm": largest_mm,
+    }
+    return here.workers.call(exported, here.jobs.model_file(job_id), job_id, kind, order)

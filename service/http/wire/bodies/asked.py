@@ -197,6 +197,9 @@ class TargetsToCorrect(Body):
     ] = ""
     inverse: Inverse = False
     keep_refused: KeepRefused = False
+    named_only: Annotated[
+        bool, told("Leave out the carried terms of the model: correct named causes only.", False)
+    ] = False
     largest_deg: LargestDeg = Bounds().turn_deg
     largest_mm: LargestMm = Bounds().shift_mm
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from pydantic import Field
+
 from service.http.wire.bodies.results import ERRORS, Errors
-from service.http.wire.bodies.targets import StatedConditions
+from service.http.wire.bodies.targets import CarriedLeftOut, CarriedLoss, StatedConditions
 from service.http.wire.bodies.told import Answered, told
 
 ExportKind = Literal["ur-yaml", "urdf", "dh-csv", "dh-md", "mastering"]
@@ -28,5 +30,7 @@ class ModelExport(Answered):
         float | None, told("The model's own error on readings held out, RMS, mm.", 0.04)
     ]
     predicted_rms_mm: Annotated[float | None, told("Both together, RMS, mm.", 0.05)]
+    carried_left_out: CarriedLeftOut = Field(default_factory=list)
+    carried_loss_mm: CarriedLoss = None
     about: Annotated[list[str], told("The same in sentences.", [])]
     warnings: Annotated[list[str], told("What keeps it from meaning what it seems to.", [])]

@@ -56,7 +56,10 @@ class HeldOut(Answered):
 class ModelShown(Answered):
     """A model: what it holds beside these members is for the program that wrote it."""
 
-    format: Annotated[Literal["truepose-model/1"], told("The format.", "truepose-model/1")]
+    format: Annotated[
+        Literal["truepose-model/1", "truepose-model/2"],
+        told("The format; /2 holds carried terms.", "truepose-model/1"),
+    ]
     robot: Annotated[str, told("The robot file's name.", "abb-irb120")]
     robot_table: Annotated[RobotTable, told("The nominal robot.", {"name": "abb-irb120"})]
     robot_sha256: Annotated[str, told("Hash of the robot.", "2cb1834862e993f8")]

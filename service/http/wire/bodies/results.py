@@ -206,6 +206,12 @@ class PredictedU(Answered):
     coverage_factor: Annotated[float, told("Number of standard uncertainties.", 2)]
     measured_ranges: Annotated[Spread | None, told("Within the measured joint ranges, mm.", None)]
     outside_them: Annotated[Spread | None, told("Outside of them, mm.", None)]
+    radius_95_measured_ranges: Annotated[
+        Spread | None, told("Radius that contains 95 %, within the measured joint ranges, mm.", None)
+    ] = None
+    radius_95_outside_them: Annotated[
+        Spread | None, told("Radius that contains 95 %, outside of them, mm.", None)
+    ] = None
 
 
 class IdentificationResult(FitShown):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, NotRequired
 
+from pydantic import Field
 from typing_extensions import TypedDict
 
+from service.http.wire.bodies.results import Errors
 from service.http.wire.bodies.told import Answered, DescribedAs, told
 
 Millimetres = Annotated[float | None, told("A length, mm; null where it is not known.", 0.412)]
@@ -68,7 +70,32 @@ class TargetDone(Answered):
     ]
     quantised_mm: Annotated[float | None, told("What the program's digits round away, mm.", 0.0004)]
     quantised_deg: Annotated[float | None, told("What the program's digits round away, deg.", 0.00003)]
+    outside_measured_range: Annotated[
+        list[str],
+        told(
+            "Joints and other quantities outside the range of the readings, where carried terms are held.",
+            ["joint 3"],
+        ),
+    ] = Field(default_factory=list)
+    radius_95_mm: Annotated[
+        float | None,
+        told(
+            "Radius that contains 95 % of the positions that the model allows, mm; null: not corrected.", 0.08
+        ),
+    ] = None
     notes: Annotated[list[str], told("What else is to be known.", [])]
+
+
+CarriedLeftOut = Annotated[
+    list[str], told("Carried terms that the correction leaves out, by label.", ["carried:d5:time:1"])
+]
+CarriedLoss = Annotated[
+    Errors | None,
+    told(
+        "How far they move the tool, at random poses and times of the campaign, mm; null: none left out.",
+        None,
+    ),
+]
 
 
 class Corrected(Answered):
@@ -86,6 +113,8 @@ class Corrected(Answered):
     empty: Annotated[int, told("Number of targets that were never taught.", 0)]
     largest_move_mm: Millimetres
     largest_quantisation_mm: Millimetres
+    carried_left_out: CarriedLeftOut = Field(default_factory=list)
+    carried_loss_mm: CarriedLoss = None
     targets: Annotated[list[TargetDone], told("Every target.", [])]
     warnings: Annotated[list[str], told("What keeps the correction from meaning what it seems to.", [])]
 
