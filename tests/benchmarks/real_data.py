@@ -136,7 +136,7 @@ def measured(name: str) -> dict[str, Figures]:
         whole = Figures(
             nominal=_rms(found.error_nominal),
             base=_rms(found.error_before),
-            named=_rms(found.error_after),
+            named=_rms(found.error_named),
             carried=_rms(found.error_after),
             verdict=found.verdict,
             effects=len(added) - carried,
