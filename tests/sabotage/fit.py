@@ -169,8 +169,8 @@ CHANGES = (
     ),
     Change(
         "calib/fit/robust.py",
-        "    return _limits(freedom) * max(noise_scale(residual, freedom), 1.0)",
-        "    return _limits(freedom) * 1.0",
+        "    return limits(freedom) * max(noise_scale(residual, freedom), 1.0)",
+        "    return limits(freedom) * 1.0",
         "most readings are rejected where the noise was declared too small",
         FIT,
     ),
