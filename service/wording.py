@@ -20,13 +20,14 @@ from calib.diagnose import (
     Surprise,
 )
 from calib.effects import check_of
-from calib.fit import ErrorStatistics
+from calib.fit import ErrorStatistics, HeldOutFaults
 from calib.units import percent
 from service import effect_names
 
 GROUPS = ("transmission", "structure", "frames and tool", "instrument", "thermal", "procedure")
 MANY = 6  # effects above which lists are ordered by group
 _CARRIED = 8  # carried terms that are stated one by one
+_FAULTS_SHOWN = 8  # faulty held-out readings that are listed
 _STRETCHED = 1.5
 _AS_DECLARED = 0.001  # chance of a larger misfit from which on the noise is as declared
 
@@ -323,7 +324,28 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
     parts = [warning, gain, head, shares] if lost else [warning, head, shares, gain]
     contradicted = surprised and diagnosis.verdict not in ("unexplained", "excess_noise")
     parts.insert(0 if contradicted else len(parts), _held_out_against(diagnosis.stretch, diagnosis.surprise))
+    parts.append(held_out_faults_in_words(diagnosis.held_out_faults))
     return " ".join(part for part in parts if part)
+
+
+def held_out_faults_in_words(found: HeldOutFaults) -> str:
+    """Sentences on held-out readings that fit another tool target or are gross errors; empty if there are none."""
+    if not found.faults:
+        return ""
+    exchanged = [f for f in found.faults if f.fits is not None]
+    gross = [f for f in found.faults if f.fits is None]
+    said = []
+    if exchanged:
+        listed = ", ".join(f"{f.reading_id} ({f.target}: fits {f.fits})" for f in exchanged[:_FAULTS_SHOWN])
+        more = f" and {len(exchanged) - _FAULTS_SHOWN} more" if len(exchanged) > _FAULTS_SHOWN else ""
+        said.append(f"{counted(len(exchanged), 'held-out reading')} of another tool target: {listed}{more}.")
+    if gross:
+        listed = ", ".join(f"{f.reading_id} ({f.error_mm:.2f} mm)" for f in gross[:_FAULTS_SHOWN])
+        more = f" and {len(gross) - _FAULTS_SHOWN} more" if len(gross) > _FAULTS_SHOWN else ""
+        said.append(f"{counted(len(gross), 'held-out reading')} with a gross error: {listed}{more}.")
+    if found.error_without is not None:
+        said.append(f"Without them the held-out error is {found.error_without.rms:.3f} mm RMS.")
+    return " ".join(said)
 
 
 def _not_carried(lost: bool, harmful: Sequence[str], count: int) -> str:

@@ -184,7 +184,7 @@ def close_loop(
         data = equipment.compute(join, equipment.cell, first, last, folder)
         before, diagnosis = diagnosis, equipment.diagnose(data, say)
         followed_up = FollowedUp(before, planned, len(diagnosis.dataset) - alone)
-    refuse_worse(diagnosis.error_nominal, diagnosis.error_after, data, use=", then measure again")
+    refuse_worse(*diagnosis.gain, file=data, use=", then measure again")
     say("campaign 2: driving corrected targets")
     return verify(equipment, campaign, folder, first, last, data, diagnosis, followed_up, poses)
 

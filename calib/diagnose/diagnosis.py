@@ -37,6 +37,7 @@ from calib.diagnose.without import errors_without
 from calib.effects import Survey, offers
 from calib.fit.again import fit_again
 from calib.fit.held_out import errors_on
+from calib.fit.held_out_faults import HeldOutFaults, held_out_faults
 from calib.fit.identification import Identification
 from calib.fit.identify import Progress, fit, identify, silent
 from calib.fit.least_squares import Dropped
@@ -55,6 +56,7 @@ Verdict = Literal["complete", "excess_noise", "attributed", "ambiguous", "unexpl
 _SCREENINGS = 3
 _MOST_RIVALS = 5  # of an effect, and of all of them together, that poses are sought for to distinguish
 _MOST_PAIRS = 12
+_MANY_FAULTS = 0.02  # share of held-out readings that are faulty, beyond which nothing is called complete
 _HARM = 0.02  # share by which the held-out error must be smaller without an effect that does harm
 
 
@@ -86,6 +88,7 @@ class Diagnosis:
     ]  # the terms of the final model without a name, the one that explains most first
     withdrawn: tuple[str, ...]  # names that the search found and that did not hold beside the carried terms
     shares: Shares
+    held_out_faults: HeldOutFaults  # held-out readings that are no readings of what they say
     back: tuple[str, ...]  # readings that the fit had left out and that came back, since they lie together
     seconds: float
 
@@ -95,10 +98,17 @@ class Diagnosis:
         return None if self.surprise is None else not self.surprise.real
 
     @property
+    def gain(self) -> tuple[ErrorStatistics | None, ErrorStatistics | None]:
+        """Error of the nominal robot in its place and of the final model on held-out readings, faulty ones apart."""
+        rows = self.dataset.validation_rows & ~self.held_out_faults.rows
+        nominal = errors_on(self.dataset, rows, self.nominal, self.nominal_estimate)
+        return statistics_of(nominal), self.held_out_faults.error_without
+
+    @property
     def worse_than_nominal(self) -> bool:
         """Whether the final model misses held-out readings by more than the nominal robot in its place does."""
-        nominal, after = self.error_nominal, self.error_after
-        return nominal is not None and after is not None and after.rms > nominal.rms
+        nominal, found = self.gain
+        return nominal is not None and found is not None and found.rms > nominal.rms
 
     @property
     def by_repeats(self) -> bool:
@@ -181,7 +191,8 @@ def diagnose(
     structure = layers.places(structure) if layers.terms else structure
     of_gears = [] if curves is None else [_curve(curves, curve) for curve in curves.curves.values()]
     found = sorted([*of_gears, *named], key=lambda f: -f.evidence.explained_variance)
-    surprise = surprise_of(dataset, layers.fitted)
+    faults = held_out_faults(dataset, layers.fitted)
+    surprise = surprise_of(dataset, layers.fitted, faults.rows)
     rows = dataset.validation_rows
     return Diagnosis(
         dataset=dataset,
@@ -190,7 +201,7 @@ def diagnose(
         nominal=nominal,
         nominal_estimate=nominal_estimate,
         effects=tuple(found),
-        verdict=_verdict(found, structure, fits=_fits(space), surprise=surprise),
+        verdict=_verdict(found, structure, fits=_fits(space), holds=_holds(surprise, faults)),
         structure=tuple(structure),
         p_lack_of_fit=p_lack_of_fit(space),
         error_nominal=statistics_of(errors_on(dataset, rows, nominal, nominal_estimate)),
@@ -202,6 +213,7 @@ def diagnose(
         power=power,
         harmful=_harmful(dataset, layers.fitted, found),
         surprise=surprise,
+        held_out_faults=faults,
         carried=layers.terms,
         withdrawn=tuple(e.label for e in searched if all(e.label != f.effect.label for f in found)),
         shares=Shares.of(base, final, layers.fitted),
@@ -371,9 +383,7 @@ def _fits(space: Space) -> bool:
     return p_lack_of_fit(space) >= NOISY or (repeats is not None and repeats >= NOISY)
 
 
-def _verdict(
-    found: list[Found], structure: list[Structure], *, fits: bool, surprise: Surprise | None
-) -> Verdict:
+def _verdict(found: list[Found], structure: list[Structure], *, fits: bool, holds: bool) -> Verdict:
     """The verdict. No cause or class is certain where the residuals exceed what noise explains, or where the model
     does not hold for the readings held out."""
     if structure:
@@ -382,9 +392,15 @@ def _verdict(
         return "excess_noise"
     if any(not f.evidence.certain for f in found):
         return "ambiguous"
-    if surprise is not None and surprise.real:
+    if not holds:
         return "excess_noise"
     return "attributed" if found else "complete"
+
+
+def _holds(surprise: Surprise | None, faults: HeldOutFaults) -> bool:
+    """Whether the model holds for the readings held out: within their expectation, and not many of them faulty."""
+    many = len(faults.faults) > _MANY_FAULTS * max(faults.error_without.n if faults.error_without else 0, 1)
+    return not (many or (surprise is not None and surprise.real))
 
 
 def _harmful(dataset: Dataset, final: Identification, found: list[Found]) -> tuple[str, ...]:

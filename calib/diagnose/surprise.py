@@ -17,6 +17,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from calib.data.dataset import Dataset
@@ -40,11 +41,17 @@ class Surprise:
         return self.p_value < _CHANCE and self.times > _NOTICED
 
 
-def surprise_of(dataset: Dataset, found: Identification) -> Surprise | None:
-    """The surprise of the validation rows, which took no part in the model; None where nothing was held out."""
-    if not dataset.validation_rows.any():
+def surprise_of(
+    dataset: Dataset, found: Identification, faulty: NDArray[np.bool_] | None = None
+) -> Surprise | None:
+    """The surprise of the validation rows, which took no part in the model; None where nothing was held out.
+
+    faulty: (n,) mask over the data set of rows that are left out, since they are no readings of what they say.
+    """
+    rows = dataset.validation_rows if faulty is None else dataset.validation_rows & ~faulty
+    if not rows.any():
         return None
-    readings = readings_of(dataset, dataset.validation_rows, found.model, found.estimate)
+    readings = readings_of(dataset, rows, found.model, found.estimate)
     if readings.observed.count == 0:
         return None
     spread = np.sqrt(np.diag(found.covariance))

@@ -2,6 +2,7 @@
 
 from calib.fit.circle_points import FEWEST, LEAST_RANGE
 from calib.fit.held_out import errors_on, length_differences
+from calib.fit.held_out_faults import HeldOutFault, HeldOutFaults
 from calib.fit.identification import Identification
 from calib.fit.identify import identify, silent
 from calib.fit.left_out import LeftOut, all_readings, left_out
@@ -16,6 +17,8 @@ __all__ = [
     "FEWEST",
     "LEAST_RANGE",
     "ErrorStatistics",
+    "HeldOutFault",
+    "HeldOutFaults",
     "Identification",
     "LeftOut",
     "Offset",

@@ -30,10 +30,11 @@ def distances(residual: Array) -> Array:
 
 def noise_scale(residual: Array, freedom: Freedom) -> float:
     """Robust ratio of the residuals (k, n) to the declared noise; freedom (n,) rows of every reading."""
-    return _scale(distances(residual), freedom)
+    return scale_of(distances(residual), freedom)
 
 
-def _scale(distance: Array, freedom: Freedom) -> float:
+def scale_of(distance: Array, freedom: Freedom) -> float:
+    """Robust ratio of distances (n,) to those of noise as declared."""
     largest = 0.0
     for q in (0.5, 0.9):
         ratio = distance / _chi(freedom, q)
@@ -67,10 +68,10 @@ def bisquare(residual: Array, freedom: Freedom) -> Array:
 
 def threshold(residual: Array, freedom: Freedom) -> Array:
     """(n,) distance beyond which, with 99 % confidence over all n readings, a reading does not belong."""
-    return _limits(freedom) * max(noise_scale(residual, freedom), 1.0)
+    return limits(freedom) * max(noise_scale(residual, freedom), 1.0)
 
 
-def _limits(freedom: Freedom) -> Array:
+def limits(freedom: Freedom) -> Array:
     """(n,) distance that noise as declared exceeds at one of n readings in a hundredth of all clean sets."""
     values = np.array([_limit(rows, _REJECT / len(freedom)) for rows in range(int(freedom.max()) + 1)])
     return values[freedom]
@@ -92,4 +93,4 @@ def suspicious(distance: Array, freedom: Freedom) -> bool:
     distance: (n,) standardised lengths of its residuals. A clean set that is suspected, one in a hundred, loses only
     the time of a robust fit.
     """
-    return bool(np.any(distance > _limits(freedom) * _scale(distance, freedom)))
+    return bool(np.any(distance > limits(freedom) * scale_of(distance, freedom)))

@@ -193,7 +193,7 @@ def save_model(
             "the fit did not converge: it is not saved as a model.", do="Look at its warnings.", file=path
         )
     if path is not None and diagnosis is not None and not save_anyway:
-        refuse_worse(diagnosis.error_nominal, diagnosis.error_after, path)
+        refuse_worse(*diagnosis.gain, file=path)
     document = model_document(identification, diagnosis, regression)
     if path is not None:
         replace_file(path, json.dumps(document, indent=1, allow_nan=False) + "\n")

@@ -5,15 +5,18 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from calib.diagnose import ACTS_ON, Shares, Structure, Surprise
-from calib.fit import ErrorStatistics
+from calib.fit import ErrorStatistics, HeldOutFaults
 from service.files import as_json
 from service.results.models.documents import reading
 from service.wording import chance, counted, grouped, structure_in_words, verdict_in_words, with_uncertainty
+
+NO_FAULTS = HeldOutFaults((), np.zeros(1, dtype=np.bool_), None)
 
 
 @pytest.mark.parametrize(
@@ -83,6 +86,7 @@ def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
         error_after=errors(0.2),
         stretch=1.1,
         surprise=Surprise(1.1, 0.2),
+        held_out_faults=NO_FAULTS,
         by_repeats=False,
         harmful=(),
     )
@@ -123,6 +127,7 @@ def test_noise_beyond_the_declared_is_said_where_repeats_explain_it() -> None:
         error_after=None,
         stretch=None,
         surprise=None,
+        held_out_faults=NO_FAULTS,
         by_repeats=True,
         harmful=(),
     )

@@ -100,6 +100,11 @@ def of_diagnosis(
         "error_nominal_mm": _errors(diagnosis.error_nominal),
         "raises_held_out_error": list(diagnosis.harmful),
         "held_out_misfit": _held_out_misfit(diagnosis.surprise),
+        "held_out_faults": [
+            {**asdict(fault), "error_mm": _number(fault.error_mm)}
+            for fault in diagnosis.held_out_faults.faults
+        ],
+        "error_without_faults_mm": _errors(diagnosis.held_out_faults.error_without),
         "holdout": diagnosis.dataset.header.holdout,
         "follow_up": [] if diagnosis.follow_up is None else follow_up_of(diagnosis.follow_up),
         "shares": {name: _number(x) for name, x in asdict(diagnosis.shares).items()},

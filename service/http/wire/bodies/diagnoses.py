@@ -176,6 +176,15 @@ class HeldOutMisfit(Answered):
     beyond: Annotated[bool, told("Whether the model does not hold there: told before the verdict.", False)]
 
 
+class HeldOutFaultShown(Answered):
+    """A held-out reading that is no reading of what it says."""
+
+    reading_id: Annotated[str, told("The reading.", "212")]
+    target: Annotated[str, told("Its tool target as the data set has it.", "A")]
+    fits: Annotated[str | None, told("The tool target that it fits; null for a gross error.", "B")]
+    error_mm: Annotated[float | None, told("Its distance from the prediction, mm.", 41.2)]
+
+
 class DiagnosisResult(FitShown):
     """A diagnosis (`truepose-diagnosis/1`)."""
 
@@ -209,6 +218,14 @@ class DiagnosisResult(FitShown):
             "Readings held out against their expectation; null where there were none.",
             {"times_expected": 1.02, "p_value": 0.31, "beyond": False},
         ),
+    ] = None
+    held_out_faults: Annotated[
+        list[HeldOutFaultShown],
+        told("Held-out readings of another tool target, or with a gross error.", []),
+        Field(default_factory=list),
+    ]
+    error_without_faults_mm: Annotated[
+        Errors | None, told("Error of the held-out readings without these, mm; null if none is left.", None)
     ] = None
     follow_up: Annotated[list[FollowUpShown], told("What to measure next where something is ambiguous.", [])]
     shares: Annotated[
