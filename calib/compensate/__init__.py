@@ -7,7 +7,7 @@ from calib.compensate.carried import Carried, carried, constant_slots, joint_ori
 from calib.compensate.controller import model_sides, sides_that_move
 from calib.compensate.correct import correct, inverse_poses
 from calib.compensate.correction import REASONS, Correction, Status
-from calib.compensate.usable import Usable, usable
+from calib.compensate.for_use import Usable, usable
 
 __all__ = [
     "REASONS",

@@ -48,7 +48,7 @@ class Calibrated:
     """The calibrated robot at stated conditions, with the base as the nominal frame where the fit placed it.
 
     estimate: (m,) of the model, zero where a parameter is the instrument's or only says where the base was put, and
-    for carried terms that follow what is known only during a campaign (`calib.compensate.usable` adapts the others).
+    for carried terms that follow what is known only during a campaign (`calib.compensate.for_use` adapts the others).
     """
 
     def __init__(
