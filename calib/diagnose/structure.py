@@ -178,14 +178,19 @@ def _deviate(values: Array) -> Array:
 
 
 def _share(space: Space, functions: Array, axes: Array, some: NDArray[np.int64]) -> float:
-    """Share of the left-over variance that the functions explain along some axes, their number allowed for."""
+    """Share of the left-over variance that the functions explain along some axes, their number allowed for.
+
+    Of more functions than a third of the rows the first ones count: as many as rows would explain everything.
+    """
     n = len(functions)
+    measured = space.rows * n // space.residual.shape[1]
+    functions = functions[:, : max(measured // (3 * len(axes)), 1)]
     columns = np.einsum("akn,nf->afkn", axes[:, :, some], functions)
     columns = space.fitted.readings.observed.take(some).by_visit(columns)
     columns = columns.reshape(-1, space.residual.shape[0] * n).T
     left = space.residual[:, some].ravel()
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
     u = u[:, s > 1e-3 * max(float(s[0]), 1e-300)]
-    rows = max(space.rows * n // space.residual.shape[1], u.shape[1] + 1)
+    rows = max(measured, u.shape[1] + 1)
     gain, total = float(np.sum((u.T @ left) ** 2)), float(left @ left)
     return float(np.clip(1.0 - (1.0 - gain / total) * rows / max(rows - u.shape[1], 1), 0.0, 1.0))

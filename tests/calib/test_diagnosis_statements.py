@@ -257,7 +257,7 @@ def test_no_rival_repeats_what_was_said(tmp_path: Path, monkeypatch: pytest.Monk
     _, data = simulate(tmp_path, seed=3, n=60, n_validation=0, effects=[])
     cause: Any = SimpleNamespace(what="The sign of joint 1 is wrong", do="Turn it.", file="header", key="x")
     other: Any = SimpleNamespace(what="Joint 1 counts backwards", do="Turn it.", file="header", key="x")
-    why = Explanation(cause, (cause, other, other), 5.0, 0.1)
+    why = Explanation(cause, (cause, other), (other,), 5.0, 0.1)
     monkeypatch.setattr(plausible, "explained", lambda *_, **__: why)
     with pytest.raises(DataError) as caught:
         plausible.refuse_implausible(data)
