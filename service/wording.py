@@ -302,8 +302,8 @@ def verdict_in_words(diagnosis: Diagnosis) -> str:
         f"The readings scatter {diagnosis.final.noise_scale:.2f} times as much as declared. No structure shows where "
         "it comes from: the noise is larger than declared, or a law outside the library is at work."
     )
-    if surprised and diagnosis.p_lack_of_fit >= _AS_DECLARED:
-        beyond = "The model explains the readings of the fit to the noise, but not those that were held out."
+    if diagnosis.p_lack_of_fit >= _AS_DECLARED:
+        beyond = "The model explains the readings of the fit to the noise, but not all of those that were held out."
     head = {
         "complete": f"Nothing was found: the base model explains these readings to {noise}. "
         "The report lists how large an effect of each kind must be to show in them.",

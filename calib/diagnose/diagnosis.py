@@ -142,11 +142,12 @@ class Diagnosis:
     def stretch(self) -> float | None:
         """Held-out error over what the fit leaves on its own points; `surprise` says whether that is to be expected."""
         observed = self.final.readings.observed
-        if self.error_after is None or observed.points is None or observed.lengths is not None:
+        held_out = self.held_out_faults.error_without
+        if held_out is None or observed.points is None or observed.lengths is not None:
             return None
         design = Design(self.final.model, self.final.readings.conditions)
         left = observed.points - design.frames(self.final.estimate, ()).p
-        return self.error_after.rms / float(np.sqrt(np.mean(np.sum(left**2, axis=0))))
+        return held_out.rms / float(np.sqrt(np.mean(np.sum(left**2, axis=0))))
 
 
 def diagnose(

@@ -31,6 +31,7 @@ _WAVES = 5
 _PAIRED = 3  # orders of a turn of each of two joints, and half waves of one that turns little
 _WIDE = 1.5 * np.pi  # rad: a joint that turned further has the orders of its turn, too
 _FIELDS = 96
+_PLACES = 25.0  # steps to which the spread of the predicted places is rounded
 _WIDTH = 1.2  # rad: correlation length of a field over several joints
 _STILL = 1e-6
 _OWN = {SIGHT: DISTANCE, BASE: OVERTURNING}  # what drives a direction by itself
@@ -112,7 +113,10 @@ def _outside_the_arm(space: Space, conditions: Conditions) -> dict[str, Array]:
     if np.all(np.isfinite(conditions.temperature)):
         found |= _named("temperature", _powers(conditions.temperature, 3))
     # Predicted places: a measured one contains the residual, and would explain it by itself.
+    # Rounded, since where few places are measured again and again the predicted one is the place less the residual.
     point = np.broadcast_to(frames.p, (3, n)).T
+    step = max(float(np.sqrt(np.mean(np.var(point, axis=0)))), 1e-9) / _PLACES
+    point = np.round(point / step) * step
     found |= _named("region of the workspace", np.column_stack([_quadratic(point), _region(point)]))
     found |= _named("direction of the tool", _quadratic(np.broadcast_to(frames.z, (3, n)).T))
     view = point - np.array(space.fitted.model.station)

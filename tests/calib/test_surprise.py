@@ -66,7 +66,7 @@ def test_held_out_readings_that_contradict_a_verdict_are_told_before_it(few: lis
         "beyond": True,
     }
     words = verdict_in_words(result)
-    assert "not those that were held out" in words
+    assert "not all of those that were held out" in words
     assert "what the fit leaves" not in words
     assert surprise_of(replace(data, sets=np.full(len(data), "calibration")), result.final) is None
 
