@@ -45,7 +45,7 @@ from calib.fit.left_out import all_readings
 from calib.fit.of_type import TypePrior
 from calib.fit.placing import base_model_of, place_nominal
 from calib.fit.readings import Readings, readings_of
-from calib.fit.statistics import ErrorStatistics, statistics_of
+from calib.fit.statistics import ErrorStatistics, statistics_of, worse
 from calib.model.effect import Effect
 from calib.model.model import Design, RobotModel
 from calib.scan.evidence import CLAIM, p_value
@@ -108,7 +108,7 @@ class Diagnosis:
     def worse_than_nominal(self) -> bool:
         """Whether the final model misses held-out readings by more than the nominal robot in its place does."""
         nominal, found = self.gain
-        return nominal is not None and found is not None and found.rms > nominal.rms
+        return worse(found, nominal)
 
     @property
     def by_repeats(self) -> bool:

@@ -9,7 +9,7 @@ from calib.fit.left_out import LeftOut, all_readings, left_out
 from calib.fit.offsets import Offset, judge_points, offsets_of
 from calib.fit.placing import base_model_of, place_nominal
 from calib.fit.readings import Readings, readings_of
-from calib.fit.statistics import ErrorStatistics, statistics_of
+from calib.fit.statistics import ErrorStatistics, statistics_of, worse
 from calib.fit.uncertainty import expanded, radius_95
 from calib.fit.uncertainty_map import UncertaintyMap, uncertainty_map
 
@@ -39,4 +39,5 @@ __all__ = [
     "silent",
     "statistics_of",
     "uncertainty_map",
+    "worse",
 ]

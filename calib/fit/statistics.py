@@ -8,6 +8,8 @@ import numpy as np
 
 from calib.array import Array
 
+_WORSE, _LEAST_MM = 0.02, 1e-3
+
 
 @dataclass(frozen=True)
 class ErrorStatistics:
@@ -36,3 +38,11 @@ def statistics_of(errors: Array) -> ErrorStatistics | None:
         p95=float(np.quantile(errors, 0.95)),
         max=float(np.max(errors)),
     )
+
+
+def worse(found: ErrorStatistics | None, nominal: ErrorStatistics | None) -> bool:
+    """Whether the error of a model exceeds that of the nominal robot in its place by more than 2 % and a micrometre;
+    False if nothing was held out."""
+    if found is None or nominal is None:
+        return False
+    return found.rms > (1.0 + _WORSE) * nominal.rms + _LEAST_MM

@@ -31,7 +31,7 @@ from calib.diagnose.diagnosis import Diagnosis
 from calib.errors import DataError
 from calib.fit.identification import Identification
 from calib.fit.least_squares import Dropped
-from calib.fit.statistics import ErrorStatistics
+from calib.fit.statistics import ErrorStatistics, worse
 from calib.model.effect import Effect
 from calib.model.model import RobotModel
 from calib.model.reduced import without
@@ -166,7 +166,7 @@ def refuse_worse(
 
     Nothing is refused if no readings were held out. use: what is refused, and how to insist.
     """
-    if nominal is not None and found is not None and found.rms > nominal.rms:
+    if nominal is not None and found is not None and worse(found, nominal):
         raise DataError(
             f"the model misses held-out readings by {found.rms:.3f} mm RMS, the nominal robot in its place by "
             f"{nominal.rms:.3f} mm: it would make the robot less accurate.",

@@ -269,7 +269,7 @@ def test_openapi_suits_client_generators(service: Served) -> None:
         "NewLoop",
         "NewCampaign",
         "TakeLease",
-        "ToJudge",
+        "ToFit",
         "Why",
         "Export",
         "TargetsToCorrect",

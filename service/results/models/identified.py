@@ -17,6 +17,7 @@ from calib.fit import (
     place_nominal,
     silent,
     statistics_of,
+    worse,
 )
 from calib.model import RobotModel
 from calib.prior import TypePrior
@@ -63,8 +64,7 @@ class Identified:
     @property
     def worse_than_nominal(self) -> bool:
         """Whether the model misses held-out readings by more than the nominal robot in its place does."""
-        nominal, found = self.error_nominal, self.error_identified
-        return nominal is not None and found is not None and found.rms > nominal.rms
+        return worse(self.error_identified, self.error_nominal)
 
     def document(self) -> dict[str, Any]:
         """Document of the result (`truepose-identification/1`)."""
