@@ -36,14 +36,11 @@ def estimated_loads(robot: Robot, mass_kg: float) -> tuple[Load, ...]:
             moment[k] = length @ (way[:-1] + way[1:]) / 2.0
     if not mass.any():
         raise DataError("has no length.", do="Give a_mm and d_mm of its links.", file=robot.name, key="link")
-    return tuple(
-        Load(
-            int(k) + 1,
-            round(float(mass_kg * mass[k] / mass.sum()), 2),
-            (*(round(float(x), 1) + 0.0 for x in moment[k] / mass[k]),),  # type: ignore[arg-type]
-        )
-        for k in np.flatnonzero(mass_kg * mass / mass.sum() >= 0.005)
-    )
+    loads = []
+    for k in np.flatnonzero(mass_kg * mass / mass.sum() >= 0.005):
+        x, y, z = (round(float(c), 1) + 0.0 for c in moment[k] / mass[k])
+        loads.append(Load(int(k) + 1, round(float(mass_kg * mass[k] / mass.sum()), 2), (x, y, z)))
+    return tuple(loads)
 
 
 def _ways(robot: Robot) -> list[Array]:

@@ -26,7 +26,7 @@ from calib.diagnose.places import TOGETHER
 from calib.diagnose.pursuit import HOLDS, LEASH, Choice, Chosen, parts, pursue
 from calib.diagnose.structure import Structure
 from calib.fit.identification import Identification
-from calib.fit.identify import carry
+from calib.fit.identify import carry, leaving_out
 from calib.fit.left_out import all_readings
 from calib.fit.readings import Readings
 from calib.model.carried_regressors import OfTime
@@ -42,12 +42,13 @@ _ROUNDS = 3  # Gauss-Newton steps of the final fit: the terms are small
 _REMAINS = 0.1  # share of what a name explains that terms of its condition may explain beside it
 _NEAR, _MOST_AVERAGED = 60, 8  # change points to either side of a step, and steps that are averaged over them
 _MOST_PLACES = 8
+_BY_ROWS = "order of the rows"
 _SURE = 0.95  # of the interval for the moment of a change
 
 
 @dataclass(frozen=True)
 class CarriedTerm:
-    """A carried term. explained: share of the squared error left by the base model that it explained as it entered;
+    """A carried term. explained: share of the squared error left by the named effects that it explained as it entered;
     condition: what it follows, as places of structure are named; between: ids of the readings before and after the
     moment of a change, which lies between them with 95 % confidence; None for other terms."""
 
@@ -166,12 +167,13 @@ def _kind(effect: Effect) -> str:
     return "time" if "time" in own else "air" if "air" in own else "joint" if own else "constant"
 
 
-def _condition(entry: Entry) -> str:
-    """The condition of an entry, as places of structure are named."""
-    if entry.effect is None:
-        return CONDITIONS[entry.kind].format(*entry.joints)
-    joints = sorted(c for c in _conditions_of(entry.effect) if isinstance(c, int))
-    return CONDITIONS[_kind(entry.effect)].format(*joints)
+def _condition(entry: Entry, clock: str) -> str:
+    """The condition of an entry, as places of structure are named; without times only the order of rows is known."""
+    kind, joints = entry.kind, list(entry.joints)
+    if entry.effect is not None:
+        kind = _kind(entry.effect)
+        joints = sorted(c for c in _conditions_of(entry.effect) if isinstance(c, int))
+    return _BY_ROWS if kind == "time" and clock == "order" else CONDITIONS[kind].format(*joints)
 
 
 def _conditions_of_entry(entry: Entry) -> set[str | int]:
@@ -185,6 +187,9 @@ def with_terms(dataset: Dataset, named: Identification, readings: Readings, chos
     carried = chosen.carried(named={e.label for e in named.model.effects})
     if not carried:
         return Layers(named, ())
+    if len(readings.rows) > len(named.readings.rows):  # some that had been left out came back
+        back = {dataset.reading_id[row] for row in readings.rows}
+        named = leaving_out(named, readings, tuple(name for name in named.faulty_rows if name not in back))
     known = np.unique(getattr(readings.conditions, chosen.clock))
     effects, moments = [], []
     for number, choice in enumerate(carried, start=1):
@@ -219,10 +224,10 @@ def with_terms(dataset: Dataset, named: Identification, readings: Readings, chos
                 effect,
                 fitted.estimate[at],
                 fitted.covariance[np.ix_(at, at)],
-                choice.explained / left,
+                min(choice.explained / left, 1.0),
                 float(np.exp(min(choice.log_p, 0.0))),
-                _condition(choice.entry),
-                None if moment is None else _between(dataset, readings.conditions, chosen.clock, moment),
+                _condition(choice.entry, chosen.clock),
+                None if moment is None else _between(dataset, readings, chosen.clock, moment),
             )
         )
     return Layers(fitted, tuple(sorted(terms, key=lambda t: -t.explained)))
@@ -253,7 +258,7 @@ def _unnamed(choice: Choice, number: int, conditions: Conditions, clock: str) ->
         named,
         label=label,
         group="carried",
-        meaning=f"{named.terms[0].slot} follows {_condition(choice.entry)}, for no known cause.",
+        meaning=f"{named.terms[0].slot} follows {_condition(choice.entry, clock)}, for no known cause.",
         parameters=tuple(
             Parameter(f"{label}.{p.short}", p.unit, to_display(size, p.unit))
             for p, size in zip(named.parameters, choice.sizes, strict=True)
@@ -317,11 +322,10 @@ def _averaged(
 
 
 def _between(
-    dataset: Dataset, conditions: Conditions, clock: str, moment: tuple[float, float]
+    dataset: Dataset, readings: Readings, clock: str, moment: tuple[float, float]
 ) -> tuple[str, str]:
     """Ids of the last reading of the fit at or before an interval, and of the first at or after it."""
-    times = getattr(dataset.conditions, clock)
-    rows = np.flatnonzero(dataset.fit_rows)
+    times, rows = getattr(dataset.conditions, clock), readings.rows
     before = rows[times[rows] <= moment[0]]
     after = rows[times[rows] >= moment[1]]
     first = before[np.argmax(times[before])] if len(before) else rows[0]

@@ -11,7 +11,8 @@
 4. Size: every term is shrunk by its evidence (MacKay 1992).
 5. A ridge of 3 % of a column ties the model to its own fit, where a fold does not determine it.
 
-The covariance is multiplied by what the folds show to be missing: the mean square of their standardised errors.
+The covariance is multiplied by what the folds show to be missing: the mean square of their standardised errors, where
+that is above 1.
 Sources: Pati et al. 1993 (pursuit); Breiman et al. 1984 (one standard error); Roberts et al. 2017 (whole blocks).
 """
 
@@ -38,19 +39,15 @@ FOLDS = 8
 FEWEST_POSES = 60
 _DEALS = 4  # stretches of the campaign that are dealt to each fold
 _PATIENCE = 12  # terms without a smaller error after which a fold stops
-LEASH = 0.03
+LEASH = 0.03  # of a column, by which the model is tied to its own fit
 _SCREENED, _TOP = 1200, 60
 _MOST_COLUMNS = 1400  # of the Gram matrices
 _GATE, _WITHIN = 2.5, 0.5  # standard errors of the folds: of the gain, and from the best number of terms
-_CHANCE, _FAR_BEYOND = (
-    0.01,
-    1e-6,
-)  # that a set which lacks nothing begins, and that a last term is one of chance
-_PER_ROUND, _WORTH, _INDEPENDENT = (
-    6,
-    0.3,
-    0.1,
-)  # entries of a round, share of the best score, and of one another
+_CHANCE = 0.01  # that a set which lacks nothing begins, and that a last term is one of chance
+_FAR_BEYOND = 1e-6  # chance of a last term that needs to pay little for itself
+_PER_ROUND = 6  # entries that enter in one round of the screening
+_WORTH = 0.3  # share of the best score that they have at least
+_INDEPENDENT = 0.1  # share of one that the others of its round may have in common with it
 _LOST = 1e-6  # share of a column that is lost to rounding
 _ABSORBED = 0.02  # share of a column that must be left beside the model
 _ROUNDS = 30  # of the evidence
@@ -94,9 +91,9 @@ class Pursuit:
             self._there[:, :count] = solve_triangular(lower, self._columns[:, :count].T, lower=True).T
             self.missed = residual - self._there[:, :count] @ share
 
-    def _enter(self, i: int) -> int:
+    def _enter(self, i: int) -> None:
         if self.own[i] <= _LOST * self.whole[i]:
-            return 0
+            return
         k, size = self._used, np.sqrt(self.own[i])
         before = self._basis[:k, i]
         direction = (self.gram[i] - before @ self._basis[:k]) / size
@@ -111,7 +108,6 @@ class Pursuit:
         if len(self.missed):
             self._there[:, k] = (self._columns[:, i] - self._there[:, :k] @ before) / size
             self.missed = self.missed - share * self._there[:, k]
-        return 1
 
     def step(self) -> bool:
         """Let the best entry enter; False where nothing is left of any."""
@@ -273,14 +269,11 @@ class Choice:
 @dataclass(frozen=True)
 class Chosen:
     """What a pursuit chose, in the order of entry. clock: that its functions of time count by; kappa: ratio of the
-    errors on left-out blocks to what they were expected to be, at least 1; gain: share of the squared error on left-out
-    blocks that the confirmed entries take away; square: sum of squares that the model alone leaves."""
+    errors on left-out blocks to what they were expected to be, at least 1."""
 
     choices: tuple[Choice, ...] = ()
     clock: str = "time"
     kappa: float = 1.0
-    gain: float = 0.0
-    square: float = 1.0
 
     def carried(self, named: Collection[str] = ()) -> tuple[Choice, ...]:
         """The confirmed entries, without the named effects of these labels."""
@@ -487,7 +480,7 @@ def _decided(
     measured = float(rows.sum()) / sum(len(left) for _, left in left_out)
     kappa = max(1.0, float(np.sqrt(np.mean(np.concatenate(missed)) / measured)))
     pursuit, gains = begin(None), list[float]()
-    alone_leaves, chances = float(pursuit.rss), list[float]()
+    chances = list[float]()
     tries = np.log(len(dictionary.entries))
     while len(pursuit.chosen) < most:  # beyond the confirmed terms for the sake of names alone
         before, free = pursuit.rss, pursuit.free
@@ -517,7 +510,7 @@ def _decided(
         sizes = tuple(np.sqrt(noise / precision[own]).tolist())
         choices.append(Choice(entries[g], sizes, gains[rank], log_p, rank < surest))
         place += w
-    return Chosen(tuple(choices), clock, kappa, float(pays.sum() / table[:, 0].sum()), alone_leaves)
+    return Chosen(tuple(choices), clock, kappa)
 
 
 def _surest(table: Array, named: list[bool], chance: Array) -> int:

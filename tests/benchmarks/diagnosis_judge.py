@@ -102,7 +102,7 @@ class Case:
         return any(same(top, label) for top, _ in self.certain)
 
     def right_mechanism(self, label: str) -> bool:
-        """Whether some class holds a label of its mechanism, or carried terms follow the condition of one."""
+        """Whether some class, or some name that was withdrawn since carried terms explain more, is of its mechanism."""
         told = [*self.withdrawn, *(c for candidates in self.classes for c in candidates)]
         return any(mechanism(c) == mechanism(label) for c in told)
 

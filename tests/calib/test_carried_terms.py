@@ -97,6 +97,26 @@ def test_an_error_of_one_joint_that_follows_another_is_carried_and_usable(
     assert len(data) == len(found.dataset)
 
 
+def test_without_times_only_an_order_is_claimed(clean: tuple[Dataset, Diagnosis]) -> None:
+    moment = float(np.sort(clean[0].conditions.time)[150])
+    data = bent(clean, "a2", OfTime((moment, moment + 1e-3), (0.0, 1.0)), 0.25)
+    untimed = replace(data.conditions, time=np.full(len(data), np.nan))
+    found = diagnose(replace(data, conditions=untimed))
+    assert (found.carried[0].place, found.carried[0].condition) == ("the length a2", "order of the rows")
+    assert "time" not in [place.where for place in found.structure]
+    assert found.next_measurements
+
+
+def test_rows_that_come_back_are_no_longer_left_out(clean: tuple[Dataset, Diagnosis]) -> None:
+    """A law within a few degrees of a joint, so large that its readings were rejected as gross errors."""
+    data = bent(clean, "theta3", Held("angle", 3, "window", 1.0 / 0.3, 0.2, -np.pi, np.pi), 4e-3)
+    found = diagnose(data)
+    assert found.back
+    assert not set(found.back) & set(found.final.faulty_rows)
+    assert set(found.back) <= {data.reading_id[row] for row in found.final.readings.rows}
+    assert found.carried[0].condition == "joint 3 angle"
+
+
 def test_held_out_readings_choose_no_term(clean: tuple[Dataset, Diagnosis]) -> None:
     data = bent(clean, "theta5", Held("angle", 3, "sine", 2.0, 0.0, -np.pi, np.pi), 1.5e-3)
     points = data.points.copy()
