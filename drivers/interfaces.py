@@ -44,7 +44,7 @@ class JointReading:
 class RobotStatus:
     """State of the controller; None means that this dialect does not report it."""
 
-    mode: str  # "auto", "manual" or "unknown"
+    mode: str  # "auto", "manual", "unknown", or "reduced": manual, moves slowly while the enabling device is held
     motors_on: bool | None
     emergency_stop: bool | None
     moving: bool | None
@@ -146,6 +146,7 @@ class Answer(Enum):
     CONFIRM = "confirm"
     SKIP = "skip"
     REDO = "redo"
+    PAUSE = "pause"
     ABORT = "abort"
 
 

@@ -20,9 +20,10 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol, TextIO
 from urllib.parse import parse_qsl, urlsplit
 
-from drivers.errors import ConfigError, LinkLost, LinkTimeout, ProtocolError
+from drivers.errors import ConfigError, LinkError, LinkLost, LinkTimeout, ProtocolError
 
 _CHUNK = 4096
+_CLOSED = "Cable and power are in order: start the program that listens there, or correct the port."
 _HOST = re.compile(r"[A-Za-z0-9_.:-]+")
 
 
@@ -91,7 +92,7 @@ def parse_url(url: str) -> Address:
 class TcpLink:
     """A TCP connection to a device. Not shared between threads, except `close`, which is always safe.
 
-    `clock`: returns s; all deadlines on this link are measured by it.
+    `clock`: returns s; all deadlines on this link are measured by it. `enabled_at`: where a person opens its port.
     """
 
     poll_s = 0.1  # how often a waiting question looks at its `meanwhile`
@@ -103,8 +104,10 @@ class TcpLink:
         *,
         wire: WireSink | None = None,
         clock: Callable[[], float] = time.monotonic,
+        enabled_at: str = "",
     ) -> None:
         self.address = address
+        self._enabled_at = enabled_at
         self.device = device
         self.wire = wire
         self.clock = clock
@@ -126,6 +129,14 @@ class TcpLink:
                 f"{where} did not accept within connect = {connect_s:g} s",
                 device=self.device,
                 command="connect",
+                what_to_do=LinkError.advice,  # nothing there says a word, not even no
+            ) from error
+        except ConnectionRefusedError as error:
+            raise LinkLost(
+                f"{where} not reachable: the device answers, its port is closed",
+                device=self.device,
+                command="connect",
+                what_to_do=" ".join(filter(None, (_CLOSED, self._enabled_at))),
             ) from error
         except OSError as error:
             raise LinkLost(

@@ -1,4 +1,4 @@
-"""The operator as a device: asked by prompts, answers confirm, skip, redo or abort.
+"""The operator as a device: asked by prompts, answers confirm, skip, redo, pause or abort.
 
 A person is never assumed: without a terminal, with its input closed or its page gone, asking raises
 NoOperator instead of going on as if somebody had confirmed.

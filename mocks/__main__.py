@@ -11,7 +11,7 @@ import json
 import signal
 import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +24,51 @@ DEVICES = {name: (name,) for name in _ALONE} | {"qc20w": ("qc20w", "qc20w-serial
 ROBOTS = {"fanuc": "fanuc-lrmate200ic", "ur": "ur5"}  # of a cell of one device, if not the usual arm
 
 
+def _ours(_: Cell) -> None:
+    """As a cell is made."""
+
+
+def _stock(cell: Cell) -> None:
+    cell.abb.stock = cell.fanuc.mappdk.stock = True
+
+
+def _polyscope(software: tuple[int, int, int, int]) -> Callable[[Cell], None]:
+    def put(cell: Cell) -> None:
+        cell.ur.software = software
+        cell.ur.registers.served = software >= (3, 9)
+
+    return put
+
+
+def _without_sums(cell: Cell) -> None:
+    for bridge in cell.bridges:
+        bridge.sums = False
+
+
+_MBP: Mapping[str, Callable[[Cell], None]] = {"mbp1": _ours, "mbp1-plain": _without_sums}
+# The dialects of each device; without one named it speaks the first, a UR the software of its series.
+DIALECTS: Mapping[str, Mapping[str, Callable[[Cell], None]]] = {
+    "abb": {"calsrv": _ours, "open_abb": _stock},
+    "abb-simple": {"simple_message": _ours},
+    "fanuc": {"mappdk-cal": _ours, "mappdk": _stock},  # Modbus is served beside either
+    "ur": {
+        "polyscope-3.15": _polyscope((3, 15, 8, 106339)),
+        "polyscope-3.8": _polyscope((3, 8, 0, 61336)),  # without registers
+        "polyscope-5.11": _polyscope((5, 11, 1, 108318)),
+    },
+    "emscon": {"emscon": _ours},
+    **dict.fromkeys(("ctrack", "faro", "leica", "qc20w"), _MBP),
+}
+
+
+def speak(cell: Cell, dialect: str) -> None:
+    """Let the devices of the cell that know this dialect speak it. Raises ValueError that names the known ones."""
+    known = {name: put for device in cell.devices for name, put in DIALECTS.get(device, {}).items()}
+    if dialect not in known:
+        raise ValueError(f"--dialect {dialect}: there is {', '.join(known) or 'none to choose'} here.")
+    known[dialect](cell)
+
+
 def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog=PROGRAM, description="simulated devices on their real wire protocols"
@@ -31,7 +76,7 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("name", choices=["cell", *sorted(DEVICES)])
     parser.add_argument("file", nargs="?", type=Path, help="CELL.toml, needed for `cell`")
     parser.add_argument("--port", type=int, default=0, help="of the first device; 0: a free one")
-    parser.add_argument("--stock", action="store_true", help="ABB, Fanuc: without our programs on the robot")
+    parser.add_argument("--dialect", help="of a device; a name that there is not lists those there are")
     parser.add_argument("--seed", type=int)
     parser.add_argument("--time-scale", type=float)
     parsed = parser.parse_args(argv)
@@ -75,7 +120,9 @@ def main(argv: Sequence[str]) -> int:
     try:
         file = described(chosen)
         devices = DEVICES.get(chosen.name, (file.robot_driver, file.instrument_driver))
-        cell = Cell(file, stock=chosen.stock, devices=devices)
+        cell = Cell(file, devices=devices)
+        if chosen.dialect is not None:
+            speak(cell, chosen.dialect)
     except (OSError, ValueError, TypeError, tomllib.TOMLDecodeError) as error:
         sys.stderr.write(f"{PROGRAM}: {error}\n")
         return 2

@@ -127,13 +127,13 @@ class Cell:
     # -- orders of the back door that mean every device ----------------------------------------------------
 
     @property
-    def _bridges(self) -> tuple[MbpBridge, ...]:
+    def bridges(self) -> tuple[MbpBridge, ...]:
         alone = (each.bridge for each in (self.faro, self.leica, self.ctrack, self.qc20w))
         return *alone, self.qc20w.serial
 
     @property
     def _clocks(self) -> tuple[DeviceClock, ...]:
-        return self.ur_clock, *(bridge.clock for bridge in self._bridges)
+        return self.ur_clock, *(bridge.clock for bridge in self.bridges)
 
     async def _reboot(self, order: dict[str, Any]) -> None:
         """Power off and on: connections reset, counters and clocks begin anew, instruments not initialised."""
@@ -160,12 +160,12 @@ class Cell:
     def _careless_stream(self, order: dict[str, Any]) -> None:
         """Every bridge pushes samples to whoever is connected, whoever asked for them; rate 0 ends it."""
         fields = {key: str(value) for key, value in order.items()}
-        for bridge in self._bridges:
+        for bridge in self.bridges:
             bridge.stream(fields if order["rate"] else None, careless=True)
 
     def _sums(self, order: dict[str, Any]) -> None:
         """Every bridge sends its lines with a checksum, or without."""
-        for bridge in self._bridges:
+        for bridge in self.bridges:
             bridge.sums = bool(order["on"])
 
     # -- serving ------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""A child process that is waited for while signals are heard.
+"""Child processes: how they are started, and how one is waited for while signals are heard.
 
 Python runs the handler of a signal when the call that waits is interrupted. A signal that comes just before that call
 interrupts nothing, nor does one that the system gives to another thread: then its handler runs after the wait, that
@@ -10,10 +10,16 @@ from __future__ import annotations
 import signal
 import socket
 import subprocess
+import sys
 import threading
 from collections.abc import Callable, Sequence
 
 _ENDED = 0  # no signal has this number
+
+
+def python(module: str, *arguments: str) -> list[str]:
+    """The command line of a module of ours; what lies in the current folder, as a `fleet.py`, is no part of it."""
+    return [sys.executable, "-P", "-m", module, *arguments]
 
 
 def run(

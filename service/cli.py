@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from service.refusals import Refusal
 
 
+OVERWRITE = "--overwrite"
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line (default: that of the process) and return its exit code.
 
@@ -41,7 +44,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     from service.commands import app
 
     try:
-        app(args=None if arguments is None else list(arguments), prog_name="truepose")
+        app(args=_in_front(sys.argv[1:] if arguments is None else arguments), prog_name="truepose")
     except SystemExit as end:  # how Typer hands over the code of every command, 130 after an interrupt
         return end.code if isinstance(end.code, int) else exit_codes.DONE
     except _refusals() as error:
@@ -49,6 +52,14 @@ def _run(arguments: Sequence[str] | None) -> int:
     except OSError as error:
         return _complain(f"{error.filename or 'a file'}: {error.strerror or error}.", exit_codes.FAILED)
     return exit_codes.DONE
+
+
+def _in_front(arguments: Sequence[str]) -> list[str]:
+    """The arguments with an option of all commands where Typer looks for it, wherever it was written."""
+    own = list(arguments)
+    end = own.index("--") if "--" in own else len(own)
+    others = [each for each in own[:end] if each != OVERWRITE]
+    return [*([OVERWRITE] if len(others) < end else []), *others, *own[end:]]
 
 
 def _refusals() -> tuple[type[Refusal], ...]:

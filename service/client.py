@@ -212,7 +212,7 @@ class Client:
                 yield run
 
     def answer(self, run: Run, verb: str, *, reason: str = "", typed: str = "") -> Run:
-        """Answer the prompt of a run: confirm, skip, redo or abort. A late or second answer is no error.
+        """Answer the prompt of a run: confirm, skip, redo, pause or abort. A late or second answer is no error.
 
         typed: the numbers that its `entry` asks for, with confirm.
         """

@@ -154,6 +154,8 @@ def validation(data: Path, folder: Path, model: str | None, order: dict[str, Any
     from calib.text import replace_file
     from calib.validation import hold_outs
     from service.files import as_json
+    from service.garbage import left_alone
+    from service.report import validation_report
     from service.results.judgement import validation_document
     from service.results.judgement.acceptance import Limits
     from service.results.judgement.validated import Question, Read, Validated
@@ -164,7 +166,13 @@ def validation(data: Path, folder: Path, model: str | None, order: dict[str, Any
     else:
         limits = Limits.kept(order["limits"])
         asked = Question(order["placed"], order["everything"], limits=limits)
-        document = Validated.of(dataset, Read(load_model(Path(model)), Path(model)), asked).document()
+        saved = load_model(Path(model))
+        found = Validated.of(dataset, Read(saved, Path(model)), asked)
+        document = found.document()
+        if not asked.everything:
+            with left_alone():
+                report = validation_report(found, document, saved.sha256)
+            replace_file(folder / REPORT, report)
     replace_file(folder / RESULT, as_json(document))
 
 

@@ -6,6 +6,7 @@ Modes are those of POSIX; on Windows the folder's access list decides, which a f
 from __future__ import annotations
 
 import os
+import re
 import stat
 import sys
 from collections.abc import Iterator
@@ -40,6 +41,19 @@ def note_if_others_read(folder: Path) -> None:
             f"truepose: others on this computer can read {folder}. What is written now they cannot; "
             f"for the whole of it: chmod -R go= {folder}\n"
         )
+
+
+def refuse_foreign(path: Path, form: str) -> None:
+    """Refuse a file that is to be replaced, and was not written by a service. form: a pattern of what one writes; an
+    empty file is one whose writer was killed. Raises DataError."""
+    if path.is_symlink() or path.exists():
+        text = path.read_bytes()[:_MOST_BYTES].decode("utf-8", "replace") if path.is_file() else ""
+        if path.is_symlink() or not path.is_file() or (text and not re.fullmatch(form, text)):
+            raise DataError(
+                "was not written by a service, which keeps a file of this name.",
+                do="Move it, or give another folder with --record.",
+                file=path,
+            )
 
 
 def make_secret(path: Path, text: str) -> None:

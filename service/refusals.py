@@ -8,6 +8,7 @@ what else they must say: data have a file, a line and a key; a device has its na
 from __future__ import annotations
 
 import os
+import re
 from typing import Any
 
 from calib.errors import DataError
@@ -17,6 +18,8 @@ from service import exit_codes
 
 Refusal = AcquisitionError | DataError
 REFUSALS = (AcquisitionError, DataError)
+# An absolute path; no URL, in which the slashes follow a colon, and no path of the interface
+_PLACE = re.compile(r"(?<![\w:/.])(?!/(?:api|cell|loops|runs)/)(?:/|[A-Za-z]:[\\/])[^\s:'\"]+")
 
 
 def sentence(refusal: Refusal) -> str:
@@ -36,12 +39,22 @@ def exit_code(refusal: Refusal) -> int:
 def cause(refusal: Refusal) -> str:
     """The fault and its place, without the remedy; of a file its name, never its place on the server."""
     if not isinstance(refusal, DataError):
-        return refusal.message.rstrip(".") + "."
+        return without_places(refusal.message).rstrip(".") + "."
     name = "" if refusal.file is None else str(refusal.file).replace("\\", "/").rsplit("/", 1)[-1]
     line = "" if refusal.line is None else f"line {refusal.line}"
     key = "" if refusal.key is None else f"key '{refusal.key}'"
     place = ", ".join(part for part in (name, line, key) if part)
     return f"{place}: {refusal.what}" if place else refusal.what
+
+
+def without_places(text: str) -> str:
+    """A sentence with the names of files and their folders, but not where on this computer they lie."""
+
+    def last_parts(found: re.Match[str]) -> str:
+        parts = re.split(r"(?<=[\\/])", found[0])
+        return "".join(parts[-2:]) if len(parts) > 3 else found[0]
+
+    return _PLACE.sub(last_parts, text)
 
 
 def remedy(refusal: Refusal) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import socket
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from acquisition import Cell, Devices, open_devices
 from drivers.errors import ConfigError
 from drivers.interfaces import Answer, Operator, Prompt, Typed
 from drivers.operator import RehearsalOperator
+from service.child import python
 
 START_TIMEOUT_S = 60.0  # a shared machine may be slow to import numpy
 END_TIMEOUT_S = 5.0
@@ -108,7 +108,7 @@ def _answer_of(port: int, question: Mapping[str, object], seconds: float | None)
 
 def command_of(*arguments: str) -> list[str]:
     """The command line of the simulators."""
-    return [sys.executable, "-m", "mocks", *arguments]
+    return python("mocks", *arguments)
 
 
 @contextmanager
@@ -118,7 +118,7 @@ def simulated_cell(cell: Cell) -> Iterator[SimulatedDevices]:
         file = Path(folder) / "cell.toml"
         file.write_text(cell.source, encoding="utf-8")
         process = subprocess.Popen(
-            [sys.executable, "-m", "service.guard", *command_of("cell", str(file), "--port", "0")],
+            python("service.guard", *command_of("cell", str(file), "--port", "0")),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             encoding="utf-8",

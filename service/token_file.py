@@ -14,7 +14,7 @@ from pathlib import Path
 
 from calib.errors import DataError
 from service.http.access.roles import Tokens
-from service.private import make_secret, read_secret
+from service.private import make_secret, read_secret, refuse_foreign
 
 NAME = "tokens"
 VARIABLE = "TRUEPOSE_TOKEN"
@@ -33,6 +33,7 @@ def tokens_until_the_end(record: Path, operator: str | None) -> Iterator[Tokens]
     tokens = _new(operator)
     record.mkdir(parents=True, exist_ok=True)
     file, text = record / NAME, _text(tokens)
+    refuse_foreign(file, r"(?:[!-~]+\n){2}")
     file.unlink(missing_ok=True)  # of a service that was killed
     make_secret(file, text)
     try:

@@ -14,13 +14,13 @@ from calib.diagnose import (
     CarriedTerm,
     Diagnosis,
     Found,
-    Patch,
     Shares,
     Structure,
     Surprise,
 )
 from calib.effects import check_of
 from calib.fit import ErrorStatistics, HeldOutFaults
+from calib.regression import Patch
 from calib.units import percent
 from service import effect_names
 

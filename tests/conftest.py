@@ -35,6 +35,14 @@ os.environ.setdefault(
     "PYTEST_DEBUG_TEMPROOT", tempfile.gettempdir()
 )  # not in the folder of `pytest_configure`
 
+# Programs of ours start without the current folder (`-P`); some call functions of these tests
+os.environ["PYTHONPATH"] = os.pathsep.join(
+    filter(None, (str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH")))
+)
+
+# What commands have written is kept beside the tests, not in the home of whoever runs them
+os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="truepose-state-")
+
 _STARTS = re.compile(r"\b(served|in_a_browser|subprocess)\b")
 
 settings.register_profile(

@@ -131,8 +131,8 @@ def _by_map(source: Any, map_path: Path, header: object) -> Dataset:
     if not isinstance(given, list | tuple) or not all(isinstance(each, str | Path) for each in given):
         raise DataError("goes with names of files.", do="Give one file, or a list of two.", key="map")
     files = [Path(each) for each in given]
-    table = converted(read_map(map_path), files, map_path, map_path.parent).table
-    return data_set_of(table, map_path.with_name(f"{files[0].stem}.csv"), files)
+    found = converted(read_map(map_path), files, map_path, map_path.parent)
+    return data_set_of(found.table, found.fit, map_path.with_name(f"{files[0].stem}.csv"), files)
 
 
 def data_of(source: Data | str | Path) -> Data:

@@ -130,6 +130,7 @@ def campaign_from(
     top = TomlTable(table, file)
     top.text("format", allowed=(FORMAT,))
     top.only(_KEYS.split())
+    top.text("name", "")
     approach = read_approach(top.table("approach"), Approach())
     settle = read_settle(top, Settle(4.0, check=False))
     blocks = top.tables("block")

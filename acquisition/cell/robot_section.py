@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from acquisition.cell.obstacles import Obstacle, read_keep_out
 from acquisition.errors import as_config_error
 from calib.arm import Robot, built_in_robots, load_robot, own_robot_table, robot_from
+from calib.data import ABSOLUTE_ACCURACY
 from calib.text import TomlTable
 from drivers import Option, RobotDriver, TextOption, robot_driver
 from drivers.errors import ConfigError
@@ -28,7 +29,8 @@ class RobotSection:
     Joints are counted in deg, and in mm where they slide, also where a name ends in `_deg`.
 
     home_deg: a posture over which every pose can be reached, where the cell file has one; options: what only its
-    driver uses; file: the parsed robot file of a robot that is not in the library.
+    driver uses; file: the parsed robot file of a robot that is not in the library; absolute_accuracy: whether the
+    controller corrects by its maker's own calibration, "on", "off" or "unknown".
     """
 
     model: Robot
@@ -45,6 +47,7 @@ class RobotSection:
     repeatability_mm: float
     options: Mapping[str, float | str] = field(default_factory=dict)
     file: Mapping[str, Any] | None = None
+    absolute_accuracy: str = "unknown"
 
     @property
     def declared(self) -> RobotDriver:
@@ -90,6 +93,7 @@ def read_robot(table: TomlTable, beside: Path | None) -> RobotSection:
         (
             *("model", "joint_coupling", "driver", "url", "speed_mm_s", "speed_deg_s", "limits_deg"),
             *("table_z_mm", "keep_out", "home_deg", "repeatability_deg", "repeatability_mm", "file"),
+            "absolute_accuracy",
             *(option.key for option in options),
         )
     )
@@ -136,6 +140,7 @@ def read_robot(table: TomlTable, beside: Path | None) -> RobotSection:
         home_deg=_home(table, rows),
         repeatability_deg=table.number("repeatability_deg", 0.0008, low=0.0),
         repeatability_mm=table.number("repeatability_mm", 0.003, low=0.0),
+        absolute_accuracy=table.word("absolute_accuracy", ABSOLUTE_ACCURACY, "unknown"),
         options=read_options(table, options),
         file=file,
     )

@@ -42,11 +42,13 @@ class Finding:
 
 
 class Chart:
-    """The findings of one device, in the order in which they were made. `progress` hears what is asked next."""
+    """The findings of one device, in the order in which they were made. `progress` hears what is asked next. `again`:
+    whether the device can be asked more after a link broke; nothing can until it is set."""
 
     def __init__(self, device: str, progress: Listener) -> None:
         self.device = device
         self.findings: list[Finding] = []
+        self.again: Callable[[], bool] = lambda: False
         self._progress = progress
 
     def begin(self, check: str) -> None:
@@ -74,13 +76,16 @@ class Chart:
         )
 
     def ask(self, check: str, question: Callable[[], _T]) -> _T | None:
-        """The answer, or None after writing down why there is none. Raises LinkError, written down as well."""
+        """The answer, or None after writing down why there is none. Raises LinkError, written down as well, where the
+        device cannot be asked more."""
         self.begin(check)
         try:
             return question()
         except LinkError as error:
             self.fault(check, error)
-            raise
+            if not self.again():
+                raise
+            return None
         except AcquisitionError as error:
             self.fault(check, error)
             return None

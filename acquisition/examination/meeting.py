@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 from acquisition.cell.identity import Match, OtherDevice
@@ -14,6 +15,8 @@ from acquisition.examination.clocks import APART_S, ClockReading, examine_clock
 from acquisition.examination.finding import Chart
 from drivers.errors import AcquisitionError, LinkError, SafetyStop
 from drivers.interfaces import Attended, Device, Identity, weakness_of
+
+_MOST_TIMES_MORE = 3  # connected after a question without an answer, each of which takes its deadline
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +31,23 @@ class Place:
 def examine_device(
     device: Device, chart: Chart, place: Place, match: Callable[[Identity], Match], ask: Callable[[], None]
 ) -> None:
-    """Meet the device, `ask` it what only its kind can be asked, disconnect. Ends when the link breaks."""
+    """Meet the device, `ask` it what only its kind can be asked, disconnect.
+
+    A question that breaks the link is left out, and the device met again for the others; ends when it does not answer.
+    """
+    left = _MOST_TIMES_MORE
+
+    def again() -> bool:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            return False
+        with suppress(AcquisitionError):
+            device.connect()
+            return True
+        return False
+
+    chart.again = again
     try:
         if _meet(device, chart, place, match):
             ask()
@@ -46,6 +65,12 @@ def _meet(device: Device, chart: Chart, place: Place, match: Callable[[Identity]
         device.connect()
     except AcquisitionError as error:
         chart.fault("safety" if isinstance(error, SafetyStop) else "link", error)
+        if isinstance(
+            error.__cause__, ConnectionRefusedError
+        ):  # a computer is there: another port may tell whose
+            with suppress(AcquisitionError):
+                who = device.identify()
+                _compare(chart, who, match(who))
         return False
     chart.ok("link", f"{place.name} answers, {time.monotonic() - begun:.2f} s")
     who = chart.ask("identity", device.identify)

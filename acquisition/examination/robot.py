@@ -64,6 +64,12 @@ def _fitness(chart: Chart, status: RobotStatus, details: Details) -> None:
     """Mode, safety and motors, each in its own line."""
     if status.mode == "manual":
         chart.fault("mode", WrongMode("controller in manual mode"))
+    elif status.mode == "reduced":
+        chart.note(
+            "mode",
+            "manual, at reduced speed: it moves only while the enabling device is held",
+            "Hold it for a first trial; switch to automatic for a campaign.",
+        )
     elif status.mode == "auto":
         chart.ok("mode", "automatic")
     stopped = isinstance(details.trouble, SafetyStop)

@@ -5,8 +5,7 @@ from acquisition.record.event import Event
 from acquisition.record.export import export, export_events, planned_header
 from acquisition.record.individuals import Acceptance, individual_of
 from acquisition.record.merge import export_together
-from acquisition.record.rescue import rescue
-from acquisition.record.salvage import Salvage, salvage
+from acquisition.record.rescue import rescue, salvage
 from acquisition.record.states import State
 from acquisition.record.store import Store
 from acquisition.record.streams import export_streams
@@ -16,7 +15,6 @@ __all__ = [
     "FILE",
     "Acceptance",
     "Event",
-    "Salvage",
     "State",
     "Store",
     "Verification",

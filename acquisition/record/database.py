@@ -26,7 +26,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from acquisition.errors import RecordError, RecordInUse, StorageError, damaged
-from acquisition.record.schema import SCRIPTS
+from acquisition.record.schema import LAST_TO_READ_OLDER, SCRIPT, UNSEALED, VERSION
 
 FILE, LOCK = "record.sqlite3", "owner.lock"
 _GLANCE_S = 0.2  # a look by `is_owned` keeps nobody from owning a record
@@ -44,7 +44,7 @@ _MISSING = (
 class Database:
     """The file of one record. `writer` False: reads only, beside the owner, in any program.
 
-    A file of an older version is carried over when it is opened, one of a newer version is refused.
+    A file of another version is refused, and stays as it is.
     """
 
     def __init__(self, folder: Path, *, writer: bool, new: bool = False) -> None:
@@ -58,10 +58,19 @@ class Database:
                 _remove(self.path)  # its making was interrupted before there was a campaign in it
             if (self.path.exists() if new else _look_at(self.path)) == new:
                 raise RecordError(f"{folder}: {'there is a record already' if new else 'there is no record'}")
-            self._connection = self._connect("rwc" if new else "rw" if writer else "ro")
-            self._reader = self._connection  # until the file is what it should be
+            self._connection = self._reader = self._connect("rwc" if new else "ro")
             try:
-                self._prepare(writer, new)
+                if not new:
+                    self._refuse_others()
+                    if writer:  # only now: what is refused is never changed
+                        self._connection.close()
+                        self._connection = self._reader = self._connect("rw")
+                if writer:
+                    self.query("PRAGMA journal_mode = WAL")
+                    self.query("PRAGMA synchronous = FULL")
+                self.query("PRAGMA foreign_keys = ON")
+                if new:
+                    self.script(f"BEGIN IMMEDIATE; {SCRIPT} COMMIT;")
                 if writer:
                     self._reader = self._connect("ro")
             except BaseException:
@@ -70,6 +79,7 @@ class Database:
             if new:
                 _sync(folder)
                 _sync(folder.parent)
+            self._files = self._identities()
         except BaseException:
             self._release()
             raise
@@ -88,22 +98,8 @@ class Database:
             raise _storage(self.path, error) from error
         return connection
 
-    def _prepare(self, writer: bool, new: bool) -> None:
-        """See that it is a record before anything is written to it, then bring it up to date."""
-        version = 0 if new else self._version()
-        if version < len(SCRIPTS) and not writer:
-            Database(self.path.parent, writer=True).close()  # carried over by an owner, then read
-        if writer:
-            self.query("PRAGMA journal_mode = WAL")
-            self.query("PRAGMA synchronous = FULL")
-        self.query("PRAGMA foreign_keys = ON")
-        if not writer:
-            return
-        for number in range(version, len(SCRIPTS)):
-            self.script(f"BEGIN IMMEDIATE; {SCRIPTS[number]} PRAGMA user_version = {number + 1}; COMMIT;")
-
-    def _version(self) -> int:
-        """The number of migrations that the file has seen. Raises RecordError, DamagedRecord."""
+    def _refuse_others(self) -> None:
+        """Raise RecordError or DamagedRecord for a file that is no record of this version."""
         tables = {row[0] for row in self.query("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if tables and (missing := _TABLES - tables):
             raise damaged(
@@ -114,14 +110,9 @@ class Database:
             )
         if not tables or not self.query("SELECT 1 FROM campaign"):
             raise RecordError(f"{self.path}: holds no campaign; start it anew in this folder")
-        version = self.query("PRAGMA user_version")[0][0]
-        if version > len(SCRIPTS):
-            made = f"a newer version of this program (version {version}, known {len(SCRIPTS)})"
-            raise RecordError(
-                f"{self.path}: was made by {made}",
-                what_to_do="Use the version of TruePose that made it, or a newer one.",
-            )
-        return version
+        refuse_version(self.path, self.query("PRAGMA user_version")[0][0])
+        if self.query("SELECT 1 FROM campaign WHERE unsealed_poses > 0"):
+            refuse_version(self.path, UNSEALED)
 
     def script(self, text: str) -> None:
         """Run several statements. Raises StorageError."""
@@ -142,6 +133,7 @@ class Database:
                 yield self._connection
                 if not within:
                     self._connection.execute("COMMIT")
+                    self._must_be_there()
             except BaseException as error:
                 with suppress(sqlite3.Error):  # SQLite may have rolled back by itself (disk full)
                     self._connection.execute("ROLLBACK")
@@ -151,6 +143,30 @@ class Database:
             finally:
                 if not within:
                     self._within = None
+
+    def _identities(self) -> dict[Path, tuple[int, int] | None]:
+        """Device and inode of the file and of its journal, by path; None for one that is not there."""
+        found: dict[Path, tuple[int, int] | None] = {}
+        for path in (self.path, self.path.with_name(f"{FILE}-wal")):
+            try:
+                seen = path.stat()
+                found[path] = seen.st_dev, seen.st_ino
+            except OSError:
+                found[path] = None
+        return found
+
+    def _must_be_there(self) -> None:
+        """Raise StorageError where the file is no longer that of its path: what is written would be lost with it."""
+        now = self._identities()
+        for path, before in self._files.items():
+            if before is not None and now[path] != before:
+                raise StorageError(
+                    f"{path}: {'was removed or moved' if now[path] is None else 'was replaced'} while it was written",
+                    command="record",
+                    what_to_do="Put the file back where it was, or start a new record; the readings since then are "
+                    "in neither.",
+                )
+        self._files = now
 
     def query(self, sql: str, values: Sequence[Any] = ()) -> list[sqlite3.Row]:
         """All rows of a question; within a transaction of this thread, as it has left them. Raises StorageError."""
@@ -249,7 +265,10 @@ def _begun(path: Path) -> bool:
         _look_at(path)
     except StorageError:
         return True
-    with closing(sqlite3.connect(path)) as connection:
+    # Reading only: whoever closes a file that he may write to merges its journal. A journal of the other kind, to be
+    # rolled back, has only a file whose making was interrupted.
+    mode = "rw" if path.with_name(f"{path.name}-journal").exists() else "ro"
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode={mode}", uri=True)) as connection:
         try:
             tables = {
                 row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
@@ -274,6 +293,20 @@ def _sync(folder: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
+
+
+def refuse_version(path: Path, version: int) -> None:
+    """Raise RecordError for a record that another version of the program wrote."""
+    if version > VERSION:
+        raise RecordError(
+            f"{path}: was made by a newer version of this program (version {version}, known {VERSION})",
+            what_to_do="Use the version of TruePose that made it, or a newer one.",
+        )
+    if version < VERSION:
+        raise RecordError(
+            f"{path}: is a record of version {version}, and this program reads version {VERSION}",
+            what_to_do=f"Export it with the last program that reads it: commit {LAST_TO_READ_OLDER} of TruePose.",
+        )
 
 
 def _storage(path: Path, error: sqlite3.Error) -> StorageError:

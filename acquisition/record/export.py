@@ -194,7 +194,8 @@ def _text(value: float | None, decimals: int) -> str:
     return f"{value:.{decimals}f}"
 
 
-def _noise(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
+def noise_table(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
+    """The table [noise] of a header, for points that are measured from a station (mm, in their frame)."""
     noise = cell.instrument.noise
     slides = {"repeatability_mm": cell.robot.repeatability_mm} if cell.robot.model.slides else {}
     robot = {"repeatability_deg": cell.robot.repeatability_deg, **slides}
@@ -249,12 +250,17 @@ def _header(
         **({"robot_file": cell.robot.file} if cell.robot.file else {}),
         "instrument": cell.instrument.name,
         **({"simulated": True} if simulated else {}),
+        **(
+            {}
+            if cell.robot.absolute_accuracy == "unknown"
+            else {"absolute_accuracy": cell.robot.absolute_accuracy}
+        ),
         "world": "nominal",
         "joint_coupling": cell.robot.coupling,
         "gravity_base": [0.0, 0.0, -9.81],
         "model": {"fit": list(DEFAULT_GROUPS)},
         **({"unprotected": unprotected} if unprotected else {}),
-        "noise": _noise(cell, station_mm),
+        "noise": noise_table(cell, station_mm),
         "tool_targets": {name: list(point) for name, point in cell.tool.targets.items()},
         **_known(cell, touched),
         "loads": [

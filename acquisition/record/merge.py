@@ -114,6 +114,10 @@ def merge(
         other = part.data.header
         if other.get("simulated") != header.get("simulated"):
             raise RecordError("simulated and real readings do not belong into one data set")
+        if other.get("absolute_accuracy") != header.get("absolute_accuracy"):
+            raise RecordError(
+                f"{part.data.name}: was measured with another absolute_accuracy of the controller"
+            )
         if _setup(other) != _setup(header):
             raise RecordError(f"{part.data.name}: was not measured in the cell of {first.name}")
         series.join(other, part.data.name)

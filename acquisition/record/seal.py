@@ -5,7 +5,7 @@ names and values of all columns that are not empty, the table and the id of the 
 refused as well. BLAKE2b, 8 bytes: it is against accidents, not against forgery.
 
 Sealed are the plan (`pose`), what was attempted once it is closed (`attempt`), the devices, and of the campaign what
-it was begun with and its world frame. Rows of records older than version 4 have no sum and are taken as they are.
+it was begun with and its world frame.
 """
 
 from __future__ import annotations
@@ -75,19 +75,15 @@ def checksum_of_campaign(row: Mapping[str, Any]) -> str:
 
 
 def campaign_agrees(row: Mapping[str, Any]) -> bool:
-    """Whether a campaign agrees with its checksum; one of a version without checksums always does."""
-    if row["checksum"] is None:
-        return row["unsealed_poses"] > 0
+    """Whether a campaign agrees with its checksum."""
     return row["checksum"] == checksum_of_campaign(row)
 
 
 def agrees(campaign: Mapping[str, Any], table: str, row: Mapping[str, Any]) -> bool:
-    """Whether a row agrees with its checksum; a row of a version without checksums always does."""
+    """Whether a row agrees with its checksum; an attempt gets its own when it is closed."""
     if table == "attempt" and row["status"] == "open":
         return True
-    if row["checksum"] is not None:
-        return row["checksum"] == checksum(campaign["id"], table, row)
-    return row["id"] <= campaign.get(f"unsealed_{table}s", 0)  # chunks always had one
+    return row["checksum"] == checksum(campaign["id"], table, row)
 
 
 class Seals:
@@ -149,10 +145,3 @@ def check(database: Database) -> None:
         raise damaged(
             database.path, f"{wrong[0]}{more} no longer agree{'' if more else 's'} with the checksum"
         )
-
-
-def unprotected(database: Database) -> int:
-    """Number of readings of poses from before there were sums."""
-    return database.query(
-        "SELECT count(*) FROM attempt WHERE arrival IS NOT NULL AND status = 'good' AND checksum IS NULL"
-    )[0][0]

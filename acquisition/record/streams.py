@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import tomli_w
 from numpy.typing import NDArray
 
 from acquisition.cell.cell import Cell, cell_of_record
 from acquisition.errors import RecordError
+from acquisition.record.export import noise_table
 from acquisition.record.store import Store
 from calib.text import replace_file
 
@@ -96,11 +98,14 @@ def read_stream(store: Store, attempt: int, role: str) -> Stream:
     return Stream(table[:, 0], table[:, 1], table[:, 2].astype(np.int64), table[:, 3] > 0.0, table[:, _HEAD:])
 
 
-def export_streams(record_dir: Path, out: Path) -> tuple[Cell, list[ExportedPath]]:
-    """Write OUT_robot.csv and OUT_tracker.csv of the path of a record; numbered where it has several.
+def export_streams(
+    record_dir: Path, out: Path, permit: Callable[[Sequence[Path]], object] = lambda files: None
+) -> tuple[Cell, list[ExportedPath]]:
+    """Write OUT_robot.csv, OUT_tracker.csv and its noise, OUT_tracker.toml, of the path of a record.
 
-    Of a path that was never completed the last attempt, as far as it goes. A sample of the robot that is doubted is
-    left out and leaves a gap, one of the tracker has its status. Raises RecordError, StorageError, OSError.
+    Numbered where it has several. Of a path that was never completed the last attempt, as far as it goes. A sample of
+    the robot that is doubted is left out and leaves a gap, one of the tracker has its status. permit: called with all
+    files before any is written. Raises RecordError, StorageError, OSError, and what `permit` raises.
     """
     with Store.reading(record_dir) as store:
         cell = cell_of_record(store.campaign["cell"], str(store.database.path))
@@ -111,7 +116,7 @@ def export_streams(record_dir: Path, out: Path) -> tuple[Cell, list[ExportedPath
                 what_to_do="Measure a campaign with a block of kind = 'path'; without --streams its readings are "
                 "exported.",
             )
-        done = []
+        done, texts = [], dict[Path, str]()
         for number, row in enumerate(attempts, start=1):
             stem = out.with_suffix("")
             if len(attempts) > 1:
@@ -119,8 +124,9 @@ def export_streams(record_dir: Path, out: Path) -> tuple[Cell, list[ExportedPath
             robot, tracker = (read_stream(store, row["attempt"], role) for role in ("robot", "instrument"))
             files = [stem.with_name(f"{stem.name}_{what}.csv") for what in ("robot", "tracker")]
             simulated = bool(store.campaign["simulated"])
-            replace_file(files[0], _robot_text(robot, simulated))
-            replace_file(files[1], _tracker_text(tracker, simulated))
+            texts |= {files[0]: _robot_text(robot, simulated), files[1]: _tracker_text(tracker, simulated)}
+            header = {"noise": noise_table(cell, (0.0, 0.0, 0.0))}  # points are in the instrument's frame
+            texts[files[1].with_suffix(".toml")] = tomli_w.dumps(header)
             both = {"robot": robot, "instrument": tracker}
             done.append(
                 ExportedPath(
@@ -132,6 +138,9 @@ def export_streams(record_dir: Path, out: Path) -> tuple[Cell, list[ExportedPath
                     complete=row["status"] == "good",
                 )
             )
+    permit(list(texts))
+    for file, text in texts.items():
+        replace_file(file, text)
     return cell, done
 
 

@@ -237,7 +237,11 @@ class Run:
         return None
 
     def _check_disk(self) -> None:
-        if shutil.disk_usage(self.folder).free < LEAST_FREE_BYTES:
+        try:
+            free = shutil.disk_usage(self.folder).free
+        except OSError as error:
+            raise StorageError(f"{self.folder}: cannot be reached ({error.strerror})") from error
+        if free < LEAST_FREE_BYTES:
             raise StorageError(f"{self.folder}: less than {LEAST_FREE_BYTES // 1_000_000} MB free")
 
     def _moments(self, clock: Clock) -> Callable[[], Moment]:
@@ -337,8 +341,8 @@ class Run:
     def stop(self, by: str = "", key: str | None = None) -> list[AcquisitionError]:
         """Halt the robot now and end the run. Returns what could not be stopped: use the button, it says which.
 
-        Nothing waits for the record while the robot moves (`run.noting`). Raises StorageError for a run at rest that
-        cannot be ended.
+        Nothing waits for the record while the robot moves (`run.noting`). A run that its record has brought to rest
+        stays paused for that reason. Raises StorageError for any other run at rest that cannot be ended.
         """
         with self._mutex:
             execution = self._execution
@@ -348,7 +352,12 @@ class Run:
             self._resumed = False
         if execution is not None:
             return execution.rig.halt()
-        self._store.command("stop", by, key)
+        try:
+            self._store.command("stop", by, key)
+        except StorageError:
+            if self._trouble:
+                return []
+            raise
         with self._mutex:
             ended = (State.STOPPED, State.SUCCEEDED, State.FAILED)
             if self._execution is None and self._store.state not in ended:

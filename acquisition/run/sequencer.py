@@ -41,7 +41,7 @@ from acquisition.run.checks.expected import Anew, Expectation, as_planned
 from acquisition.run.checks.gates import Gates, Zeroing
 from acquisition.run.checks.nests import Nests
 from acquisition.run.clock import Clock
-from acquisition.run.orders.control import Control, Stopping
+from acquisition.run.orders.control import ON_REQUEST, Control, Stopping
 from acquisition.run.prompts.desk import Desk, Given
 from acquisition.run.prompts.hands import Hands
 from acquisition.run.prompts.picture import Picture
@@ -92,7 +92,7 @@ class Sequencer:
         self._arrivals = Arrivals(store, campaign, rig, control, transit, by_hand=by_hand)
         self._path = PathDrive(store, campaign, rig, control, transit)
         self._checks, self._anew, self._attitudes = BallbarChecks(store, cell), Anew(), Attitudes(cell)
-        self._companions = Companions()
+        self._companions = Companions(store)
         self._second_stage = SecondStage(store, cell, campaign, self._placing.cell)
         self._nests = Nests(store, cell, lambda nest: self._try(nest, last=True), self._consult)
         self._arrival: Arrival | None = None
@@ -209,7 +209,7 @@ class Sequencer:
             self._arrival = None if planned.visit.waypoints else arrival  # a path ends elsewhere
             self._link_faults = self._given_up = self._tries = self._refusals = 0
             if doubt is not None:
-                self._ask(doubt)
+                self._ask(doubt, pause=True)
 
     def _measure(self, planned: Planned, attempt: int, arrival: Arrival | None) -> str | None:
         """Keep a reading; a question about it to a person, where it does not go with those before it."""
@@ -363,18 +363,28 @@ class Sequencer:
     def _answer(self, text: str, picture: Picture) -> Answer:
         return self._ask(text, about=picture)
 
-    def _ask(self, text: str, again: Sequence[int] = (), about: Picture | str | None = None) -> Answer:
+    def _ask(
+        self,
+        text: str,
+        again: Sequence[int] = (),
+        about: Picture | str | None = None,
+        *,
+        pause: bool = False,
+    ) -> Answer:
         """The answer; a redo is done with here. Raises Stopping for abort, NoOperator, Pausing."""
         self._arrival = None
         self._rig.may_have_moved()
         again, picture = again or self._last, about if isinstance(about, Picture) else Picture(about)
-        return self._obeyed(self._desk.ask(text, picture, redo=bool(again)), again).answer
+        return self._obeyed(self._desk.ask(text, picture, redo=bool(again), pause=pause), again).answer
 
     def _obeyed(self, given: Given, again: Sequence[int]) -> Given:
         """An answer, with what it orders beside the question done; again: what a redo measures once more.
 
-        Raises Stopping for abort.
+        Raises Stopping for abort, Pausing for pause.
         """
+        if given.answer is Answer.PAUSE:
+            self._control.pause(given.reason or ON_REQUEST)
+            self._control.check()
         if given.answer is Answer.ABORT:
             self._control.stop()
             raise Stopping

@@ -12,7 +12,6 @@ from acquisition.record.attempts import Attempts
 from acquisition.record.database import is_owned
 from acquisition.record.drift import drift_of
 from acquisition.record.path_progress import share_of_path
-from acquisition.record.seal import unprotected
 from acquisition.record.states import LEFT_BEHIND, State
 from acquisition.record.store import Store
 from acquisition.run.clock import Clock
@@ -23,7 +22,6 @@ class RunStatus:
     """`done` of `total` readings of robot poses (skipped ones count as done); `seconds_left` on the wall.
 
     drift: of the reference pose (`record.drift`); None before its second reading.
-    unprotected: readings from before rows had checksums (`record.seal`).
     path: the last waypoint that a path reached, of how many, with the samples and the lost ones of both streams so far;
     None without a path.
     """
@@ -42,7 +40,6 @@ class RunStatus:
     drift: dict[str, Any] | None = None
     seconds_left: float | None = None
     simulated: bool = False
-    unprotected: int = 0
     path: dict[str, Any] | None = None
 
     def as_dict(self) -> dict[str, Any]:
@@ -88,7 +85,6 @@ def status_of(store: Store, pace: Pace | None = None, trouble: str | None = None
         drift=None if (drift := drift_of(store)) is None else drift.as_dict(),
         seconds_left=None if pace is None else pace.seconds_left(done, share_of_path(store.database, path)),
         simulated=bool(row["simulated"]),
-        unprotected=unprotected(store.database) if row["unsealed_attempts"] else 0,
         path=path,
     )
 

@@ -42,6 +42,7 @@ _KEYS = (
     *("format", "name", "maker", "convention", "base", "parallel_axes", "source", "link", "loads"),
     *("loads_estimated", "joint_matrices", "controller_world_mm", "capsule"),
 )
+_NO_ROOM = 0.1  # deg or mm between the limits of a joint that follows others
 _LEANS = 10.0 * DEG
 """Axes that lean by more are not meant to be parallel."""
 
@@ -148,6 +149,20 @@ class Robot:
     def body(self) -> tuple[Capsule, ...]:
         """The capsules of the robot file, or where it has none what encloses most arms of this length."""
         return self.capsules or default_capsules(self.convention, self.alpha, self.a, self.d)
+
+    def followers(self, coupling: str) -> tuple[int, ...]:
+        """The joints (0-based) that follow others by a joint matrix: no motor drives them, and their limits leave them
+        no room. Raises KeyError for an unknown `coupling`."""
+        if coupling == "none":
+            return ()
+        turned_by = np.count_nonzero(self.joint_matrices[coupling].matrix, axis=1)
+        room = (np.array(self.upper) - np.array(self.lower)) / self.joint_units
+        return tuple(np.flatnonzero((turned_by > 1) & (room < _NO_ROOM)).tolist())
+
+    @cached_property
+    def rods(self) -> str:
+        """The joint matrix by which joints follow others, `none` without."""
+        return next((name for name in self.joint_matrices if self.followers(name)), "none")
 
     def model_angles(self, controller: Array, coupling: str) -> Array:
         """(n, N) joints as the controller counts -> (n, N) of the model, rad or mm.

@@ -109,8 +109,8 @@ def compare(dataset: Dataset, plan: Plan, *, progress: Progress = silent) -> Com
     waypoint = waypoints_of(dataset)
     if not rows.any():
         raise DataError(
-            "holds no points, and the regression is one on positions.",
-            do="Measure x_mm, y_mm, z_mm.",
+            "holds no calibration rows with points, and the regression is one on positions.",
+            do="Measure x_mm, y_mm, z_mm with set = calibration.",
             file=dataset.path,
             key="x_mm",
         )

@@ -3,7 +3,7 @@
 from calib.compensate.actual import nominal_of
 from calib.compensate.bounds import Bounds, refuse_unlikely
 from calib.compensate.calibrated import Calibrated
-from calib.compensate.carried import Carried, carried, constant_slots, joint_origins
+from calib.compensate.carried import Carried, carried, constant_slots, joint_origins, poses_with
 from calib.compensate.controller import model_sides, sides_that_move
 from calib.compensate.correct import correct, inverse_poses
 from calib.compensate.correction import REASONS, Correction, Status
@@ -24,6 +24,7 @@ __all__ = [
     "joint_origins",
     "model_sides",
     "nominal_of",
+    "poses_with",
     "refuse_unlikely",
     "sides_that_move",
     "usable",

@@ -66,12 +66,20 @@ def refuse_unlikely(
         shift, turn = off(estimate)
         if shift <= bounds.shift_mm and turn <= bounds.turn_deg:
             continue
+        beyond = [
+            # rounded up: what exceeds a limit must not look as if it met it
+            f"{np.ceil(size * 10**digits) / 10**digits:.{digits}f} {unit}, more than {limit:g} {unit}"
+            for size, digits, unit, limit in (
+                (shift, 1, "mm", bounds.shift_mm),
+                (turn, 2, "deg", bounds.turn_deg),
+            )
+            if size > limit
+        ]
         share = [
             max(np.divide(off(alone), (bounds.shift_mm, bounds.turn_deg))) for alone in np.diag(estimate)
         ]
         raise DataError(
-            f"corrects the robot by up to {shift:.1f} mm and {turn:.2f} deg, more than {bounds.shift_mm:g} mm and "
-            f"{bounds.turn_deg:g} deg; most of it by this parameter.",
+            f"corrects the robot by up to {' and '.join(beyond)}; most of it by this parameter.",
             do="Use a model of this robot as it was written. Where the robot is really so far off, allow more: "
             "--largest-correction DEG MM, over HTTP largest_deg and largest_mm.",
             file=file,

@@ -3,9 +3,10 @@
 A DH table, a URDF or joint offsets hold numbers for the slots of the chain. At stated conditions some effects are
 such numbers: geometry, joint offsets, thermal growth at the stated temperature, half the backlash at the stated
 side. What follows the joints (compliance, gear errors, encoder scale) is left out. Nothing here asks which effect it
-is: a term is carried if what drives it is the same in every pose, and the table holds its slot.
+is: a term is carried if what drives it is the same in every pose, and the table holds its slot. Where a term is left
+out, the numbers are fitted once more, to the poses of the whole model: they take over what they can of it.
 
-    loss = |FK_full(q) - FK_carried(q)| of the flange, over random q within the joint limits
+    loss = |FK_full(q) - FK_file(q)| of the flange, over random q within the joint limits
 """
 
 from __future__ import annotations
@@ -24,6 +25,10 @@ from calib.model.model import RobotModel
 from calib.model.stated import StatedConditions
 
 _SAMPLES = 1000
+_LEVER_MM = 100.0  # a turn of the flange counts as what it moves a tool of this length
+_STEPS = 4
+_STEP = 1e-5  # rad or mm, of differences
+_SEEN = 1e-3  # of the best seen direction: what is seen less stays as it is
 _AXES = np.eye(3)
 
 
@@ -31,13 +36,20 @@ _AXES = np.eye(3)
 class Carried:
     """values: slot -> change from nominal, rad or mm. left_out: names of the parameters of which something is lost.
 
-    loss: of the flange's position, mm; nominal: what the nominal robot is off by in the same poses.
+    joints: (n, N) model angles, rad; poses: (n, 4, 4) of the flange there by the whole model, mm.
     """
 
+    robot: Robot
     values: dict[str, float]
     left_out: tuple[str, ...]
-    loss: ErrorStatistics
-    nominal: ErrorStatistics
+    joints: Array
+    poses: Array
+
+    def off(self, poses: Array) -> ErrorStatistics:
+        """What the places of the flange in (n, 4, 4) at `joints` are off by, mm."""
+        found = statistics_of(np.linalg.norm(self.poses[:, :3, 3] - poses[:, :3, 3], axis=1))
+        assert found is not None  # there are poses
+        return found
 
 
 def carried(
@@ -47,12 +59,14 @@ def carried(
     slots: Collection[str],
     *,
     coupling: str = "none",
+    joints: Array | None = None,
 ) -> Carried:
-    """The part of a model, estimate (m,), that the slots carry. Raises DataError for a condition that is missing."""
+    """The part of a model, estimate (m,), that the slots carry. joints: (n, N) model angles, rad, at which it shall be
+    close; None: random ones within the limits. Raises DataError for a condition that is missing."""
     robot = model.robot
-    rng = np.random.default_rng(1)
-    counted = rng.uniform(robot.lower, robot.upper, (_SAMPLES, robot.joints))
-    joints = robot.model_angles(counted, coupling)
+    if joints is None:
+        counted = np.random.default_rng(1).uniform(robot.lower, robot.upper, (_SAMPLES, robot.joints))
+        joints = robot.model_angles(counted, coupling)
     calibrated = Calibrated(model, estimate, stated)
     design = calibrated.design(joints)
     values: dict[str, float] = {}
@@ -65,15 +79,38 @@ def carried(
             values[slot] = values.get(slot, 0.0) + float(np.mean(amounts))
         else:
             lost[model.parameters[position].name] = None
-    full = poses_of(design.frames(calibrated.estimate, record=()), _SAMPLES)[:, :3, 3]
+    poses = poses_of(design.frames(calibrated.estimate, record=()), len(joints))
+    if lost and slots:
+        values = _projected(robot, joints, poses, {slot: values.get(slot, 0.0) for slot in slots})
+    return Carried(robot, values, tuple(lost), joints, poses)
 
-    def off(changes: dict[str, float]) -> ErrorStatistics:
-        reached = propagate(Chain.of(robot), changed(robot, joints, changes), Placement(), record=())
-        found = statistics_of(np.linalg.norm(full - poses_of(reached, _SAMPLES)[:, :3, 3], axis=1))
-        assert found is not None  # there are _SAMPLES of them
-        return found
 
-    return Carried(values, tuple(lost), off(values), off({}))
+def poses_with(robot: Robot, joints: Array, changes: dict[str, float]) -> Array:
+    """(n, 4, 4) of the flange, mm, at model angles (n, N), of the nominal robot with the changes of its slots."""
+    values = changed(robot, joints, changes)
+    return poses_of(propagate(Chain.of(robot), values, Placement(), record=()), len(joints))
+
+
+def _projected(robot: Robot, joints: Array, poses: Array, start: dict[str, float]) -> dict[str, float]:
+    """The changes that come closest to `poses` (n, 4, 4) at `joints` (n, N), by least squares from `start`.
+
+    Places and turns count, a turn by `_LEVER_MM`: without turns, a tool would lose what the flange gains.
+    """
+
+    def off(changes: dict[str, float]) -> Array:
+        reached = poses_with(robot, joints, changes)
+        turned = np.cross(reached[:, :3, :3], poses[:, :3, :3], axis=1).sum(axis=2) / 2.0
+        return np.concatenate([(poses - reached)[:, :3, 3], _LEVER_MM * turned]).ravel()
+
+    values = dict(start)
+    for _ in range(_STEPS):
+        here = off(values)
+        slopes = np.stack([here - off(values | {s: values[s] + _STEP}) for s in values], axis=1) / _STEP
+        scale = np.linalg.norm(slopes, axis=0)
+        scale[scale == 0.0] = 1.0
+        step = np.linalg.lstsq(slopes / scale, here, rcond=_SEEN)[0] / scale
+        values = {slot: value + float(by) for (slot, value), by in zip(values.items(), step, strict=True)}
+    return values
 
 
 def changed(robot: Robot, joints: Array, changes: dict[str, float]) -> dict[str, Array | float]:

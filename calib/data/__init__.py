@@ -3,7 +3,7 @@
 from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.data.groups import DEFAULT_GROUPS, GROUPS, LEVELS
-from calib.data.header import LEAST, Header, header_of, read_header
+from calib.data.header import ABSOLUTE_ACCURACY, LEAST, Header, header_of, read_header, read_noise
 from calib.data.hypotheses import FEWEST as FEWEST_MEANT
 from calib.data.hypotheses import Hypothesis, Meaning, explained, of_points, of_robot
 from calib.data.joints_misread import of_directions, of_joints
@@ -13,6 +13,7 @@ from calib.data.read import dataset_of, read_dataset
 from calib.data.spans import OTHER, Span
 
 __all__ = [
+    "ABSOLUTE_ACCURACY",
     "DEFAULT_GROUPS",
     "FEWEST_MEANT",
     "GROUPS",
@@ -36,4 +37,5 @@ __all__ = [
     "of_robot",
     "read_dataset",
     "read_header",
+    "read_noise",
 ]

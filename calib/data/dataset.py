@@ -5,7 +5,7 @@ Rows of `set = validation` never enter a fit or a choice: `fit_rows` leaves them
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -40,6 +40,9 @@ class Dataset:
     sha256: str
     arrivals_told: bool = (
         True  # whether the file says how joints arrived; else the order of its rows stands in
+    )
+    read_apart: Array | None = (
+        None  # (n, N) joints read back less commanded ones, rad or mm, NaN where not read
     )
     spans: tuple[Span, ...] = ()  # distances between balls of one body, in which the arm takes no part
 
@@ -88,12 +91,23 @@ class Dataset:
         return self.usable & (self.sets == "validation")
 
     @cached_property
+    def placing(self) -> Dataset:
+        """The data set by which a robot is placed: this one, or where all its measured rows only judge, the same with
+        these as calibration rows.
+        """
+        if self.fit_rows.any():
+            return self
+        return replace(self, sets=np.where(self.sets == "validation", "calibration", self.sets))
+
+    @cached_property
     def weightless(self) -> tuple[int, ...]:
         """The joints that gravity loads while no load is known, so that the model takes them for weightless."""
         header = self.header
         if header.loads:
             return ()
-        return joints_under_gravity(header.robot, self.conditions.joints[self.fit_rows], header.gravity)
+        return joints_under_gravity(
+            header.robot, self.conditions.joints[self.placing.fit_rows], header.gravity
+        )
 
     @cached_property
     def numbers(self) -> int:

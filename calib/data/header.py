@@ -48,14 +48,17 @@ _KEYS = {
         "holdout",
         "beyond_limits",
         "simulated",
+        "absolute_accuracy",
         "device",
         "unprotected",
         "measured",
         "readings",
         "not_taken",
+        "joints",
+        "measured_at_origin",
     ),
 }
-_MODEL_KEYS = {"fit", "level", "hold", "priors"}
+_MODEL_KEYS = {"fit", "level", "hold", "priors", "one_tool"}
 _NOISE_KEYS = {
     *("kind", "sigma_mm", "station_mm", "range_mm", "range_ppm", "transverse_mm", "transverse_ppm"),
     *("rotation_mrad", "length_mm", "repeatability_deg", "repeatability_mm"),
@@ -65,6 +68,10 @@ _IDS, _MOST_READINGS = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?"), 1_000_000
 _NEAR = 0.7  # likeness, of 1, from which an unknown key is a misspelt one
 
 World = Literal["free", "nominal"]
+
+
+ABSOLUTE_ACCURACY = ("on", "off", "unknown")
+"""Whether the controller corrects targets by its maker's own calibration."""
 
 
 @dataclass(frozen=True)
@@ -89,10 +96,16 @@ class Header:
     tool_targets_u_mm: Mapping[str, float] = field(default_factory=dict)
     u_mm_assumed: tuple[str, ...] = ()  # names whose uncertainty nobody stated
     nests: Mapping[str, Vector] = field(default_factory=dict)  # on which the world frame is set up, mm
+    one_tool: bool = False  # whether all series measured the same tool
     hold: tuple[str, ...] = ()  # parameters held at their nominal values
     # Parameter or group -> std in the parameter's unit
     priors: Mapping[str, float] = field(default_factory=dict)
     simulated: bool = False  # whether a simulated robot was measured by a simulated instrument
+    absolute_accuracy: str = (
+        "unknown"  # whether the controller corrected by its maker's calibration: on, off, unknown
+    )
+    read_back: bool = False  # whether the joints are those that the controller read back, not those commanded
+    at_origin: bool = False  # whether a point at exactly 0, 0, 0 was measured there
     beyond_limits: bool = False  # whether joints may lie beyond the limits of the robot file
     devices: tuple[Mapping[str, str], ...] = ()  # robots and instruments of the readings, and their series
     unprotected: str = ""  # what the wires of robot and instrument could not see while this was measured
@@ -178,9 +191,13 @@ def header_of(values: Mapping[str, Any], path: Path, text: str) -> Header:
         **_base_targets(table),
         u_mm_assumed=_names(table, "u_mm_assumed"),
         nests=table.vectors("nests"),
+        one_tool=_one_tool(table.table("model"), series_targets),
         hold=_names(table.table("model"), "hold"),
         priors=_priors(table.table("model").table("priors")),
         simulated=table.flag("simulated"),
+        absolute_accuracy=table.word("absolute_accuracy", ABSOLUTE_ACCURACY, "unknown"),
+        read_back=table.text("joints", "commanded", ("commanded", "read-back")) == "read-back",
+        at_origin=table.flag("measured_at_origin"),
         beyond_limits=table.flag("beyond_limits"),
         devices=_devices(table),
         unprotected=table.text("unprotected", ""),
@@ -190,6 +207,17 @@ def header_of(values: Mapping[str, Any], path: Path, text: str) -> Header:
         unknown_keys=unknown,
         text=text,
     )
+
+
+def _one_tool(model: TomlTable, series_targets: Mapping[str, Mapping[str, Vector]]) -> bool:
+    one = model.flag("one_tool")
+    if one and (own := [name for name, targets in series_targets.items() if targets]):
+        raise model.refuse(
+            "one_tool",
+            f"says that all series have one tool, and the series '{own[0]}' has tool targets of its own.",
+            "Leave one of the two out.",
+        )
+    return one
 
 
 def _readings(table: TomlTable) -> tuple[str, ...]:
@@ -325,6 +353,12 @@ def _groups(table: TomlTable) -> tuple[str, ...]:
     if len(set(groups)) != len(groups):
         raise table.refuse("fit", "names a group twice.", "Name each group once.")
     return tuple(groups)
+
+
+def read_noise(path: Path) -> Noise:
+    """The table `[noise]` of a header. Raises DataError (file, key)."""
+    _, values = read_toml(path)
+    return _noise(TomlTable(values, path).table("noise"))
 
 
 def _noise(table: TomlTable) -> Noise:

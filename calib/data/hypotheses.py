@@ -30,6 +30,7 @@ BETTER = 5.0
 
 # Miss of the nominal robot, as a share of the extent of the readings, that asks for no explanation
 _SMALL = 0.02
+_MOST = 0.75  # of the readings, by which a meaning is judged
 _EXPLAINED = 0.03  # the same, that a believed hypothesis may leave
 _ALIKE = 1.5  # ratio of misses within which two hypotheses count as alike
 _SAME = 1.01  # the same, within which they say the same of the readings
@@ -37,8 +38,15 @@ _UNITS = {"metres": 1000.0, "inches": 25.4, "centimetres": 10.0, "micrometres": 
 _LATEST = 3  # rows by which a column may have slipped
 _SEEN = 1e-3  # sine of alpha from which on its sign shows
 _METRES = 20.0  # mm: an arm with a smaller reach is written in metres
-# Share of the reach: by so much the right arm's nominal table may miss, and no other arm is suspected
+# Share of the reach: by so much the right arm's nominal table may miss, so that no other arm is suspected, and what it
+# misses is explained however small the extent
 _NOMINAL = 0.005
+
+_PER_COLUMN = 3.0  # measured numbers for each of a geometry that is to be free
+_STEP = 1e-3  # rad: about as far as 1 mm at arm's length
+_FLAT = 1e-3  # of the largest singular value: what the readings hardly show stays nominal
+_ROBUST = 4  # rounds of reweighting
+_NEAR = 10.0  # mm, mrad: an arm as it was made
 
 File = Literal["data", "header"]
 
@@ -67,7 +75,11 @@ class Meaning:
         return forward(self.robot, self.robot.model_angles(self.angles, self.coupling))
 
     def miss(self, tools: Array, *, tool_unknown: bool, zero_unknown: bool) -> tuple[float, float]:
-        """Median distance, mm, of the nominal robot in its best place from the readings, and their extent, mm."""
+        """Distance, mm, within which the nominal robot in its best place comes to three quarters of the readings, and
+        the extent of the readings or, where it turns about points, of its flange, mm.
+
+        A median would not see that every third reading of three targets has slipped.
+        """
         turn, place = self.flange[:, :3, :3], self.flange[:, :3, 3]
         tools = self.tool_factor * tools
         if self.points is None:
@@ -75,7 +87,49 @@ class Meaning:
             return self._miss_of_lengths(nominal, zero_unknown=zero_unknown), extent_of(nominal)
         pose, tool = base_and_tool(self.flange, tools, self.which, self.points, tool_unknown=tool_unknown)
         there = (place + np.einsum("nij,nj->ni", turn, tool[self.which])) @ pose[:3, :3].T + pose[:3, 3]
-        return float(np.median(np.linalg.norm(self.points - there, axis=1))), extent_of(self.points)
+        return float(np.quantile(np.linalg.norm(self.points - there, axis=1), _MOST)), max(
+            extent_of(self.points), extent_of(place)
+        )
+
+    def miss_of_near(self, tools: Array) -> tuple[float, float]:
+        """What `miss` says of the robot whose geometry fits best, to first order, and how far that is from the nominal
+        one, mm or mrad; infinite without points enough."""
+        robot, keys = self.robot, ("alpha", "a", "theta", "d")
+        if self.points is None or 3 * len(self.points) < _PER_COLUMN * (4 * robot.joints + 9):
+            return np.inf, np.inf
+        pose, tool = base_and_tool(
+            self.flange, self.tool_factor * tools, self.which, self.points, tool_unknown=True
+        )
+        turned = robot.model_angles(self.angles, self.coupling)
+
+        def points(of: Robot) -> Array:
+            flange = forward(of, turned)
+            arm = flange[:, :3, 3] + np.einsum("nij,nj->ni", flange[:, :3, :3], tool[self.which])
+            return arm @ pose[:3, :3].T
+
+        here, columns = points(robot), []
+        for key in keys:
+            step = _STEP if key in ("alpha", "theta") else 1.0
+            for k, value in enumerate(getattr(robot, key)):
+                numbers = getattr(robot, key)
+                moved = replace(robot, **{key: (*numbers[:k], value + step, *numbers[k + 1 :])})
+                columns.append(points(moved) - here)
+        columns += [np.cross(axis, here) * _STEP for axis in np.eye(3)]
+        columns += [np.broadcast_to(axis, here.shape) for axis in np.eye(3)]
+        turn = pose[:3, :3] @ self.flange[:, :3, :3]
+        for target in np.unique(self.which):
+            of = (self.which == target)[:, None]
+            columns += [np.where(of, turn[:, :, axis], 0.0) for axis in range(3)]
+        matrix, right = np.stack(columns, axis=-1), self.points - here - pose[:3, 3]
+        left, change = right, np.zeros(matrix.shape[2])
+        for _ in range(_ROBUST):
+            size = np.linalg.norm(left, axis=1)
+            weight = np.sqrt(np.minimum(1.0, 2.0 * np.median(size) / np.maximum(size, 1e-9)))[:, None]
+            by_row = (matrix * weight[:, :, None]).reshape(-1, matrix.shape[2])
+            change, *_ = np.linalg.lstsq(by_row, (right * weight).ravel(), rcond=_FLAT)
+            left = right - matrix @ change
+        far = np.abs(change[: len(keys) * robot.joints]).max()
+        return float(np.quantile(np.linalg.norm(left, axis=1), _MOST)), float(far)
 
     def _miss_of_lengths(self, nominal: Array, *, zero_unknown: bool) -> float:
         assert self.lengths is not None
@@ -87,7 +141,7 @@ class Meaning:
             if of.sum() >= FEWEST and place is not None:
                 off = self.lengths[of] - np.linalg.norm(nominal[of] - place, axis=1)
                 miss.append(np.abs(off - zero_unknown * np.median(off)))
-        return float(np.median(np.concatenate(miss))) if miss else np.inf
+        return float(np.quantile(np.concatenate(miss), _MOST)) if miss else np.inf
 
 
 @dataclass(frozen=True)
@@ -128,8 +182,8 @@ class Explanation:
 
     equals: other hypotheses that leave the same, to 1 %; rivals: those that leave up to half more. Both stand in the
     order in which they were tried, the simpler ones first, since rounding decides which leaves least.
-    miss, left: median distance, mm, of the nominal robot from the readings as the files have them and as `cause` has
-    them.
+    miss, left: distance, mm, within which the nominal robot comes to three quarters of the readings, as the files have
+    them and as `cause` has them.
     """
 
     cause: Hypothesis
@@ -155,7 +209,7 @@ def explained(
     """
 
     def missed(of: Meaning, free: bool) -> tuple[float, float]:
-        """Median distance, mm, and as a share of the extent of the readings."""
+        """The miss, mm, and as a share of the extent of the readings."""
         miss, extent = of.miss(tools, tool_unknown=free, zero_unknown=zero_unknown)
         return miss, miss / max(extent, 1e-9)
 
@@ -165,7 +219,11 @@ def explained(
         miss, plain = missed(meaning, free)
         if plain < _SMALL:
             return None
-        limit = min(plain / BETTER, _EXPLAINED)
+        if free:
+            left_mm, far = meaning.miss_of_near(tools)
+            if BETTER * left_mm < miss and far < _NEAR:
+                return None
+        limit, near_mm = plain / BETTER, _NOMINAL * reach(meaning.robot)
         if not free and meaning.points is not None:
             limit = min(limit, 2.0 * missed(meaning, True)[1])  # a wrong tool must not explain it better
         # The others are let go at once, with their poses: of twenty joints there are twenty thousand pairs. In mm, too,
@@ -176,6 +234,7 @@ def explained(
             if other.least_mm <= miss
             for left_mm, left in (missed(other.meaning, free),)
             if left < _SAME * limit and BETTER * left_mm < _SAME * miss
+            if left < _EXPLAINED or left_mm < near_mm
         ]
         least = min((left for left, _ in shares), default=np.inf)
         if least < limit:
@@ -183,6 +242,20 @@ def explained(
             rivals = (other for left, other in shares if _SAME * least <= left < _ALIKE * least)
             return Explanation(cause, tuple(equals), tuple(rivals), miss, missed(cause.meaning, free)[0])
     return None
+
+
+def slipped(meaning: Meaning, others: Iterator[Hypothesis], tools: Array) -> Explanation | None:
+    """The hypothesis about rows that a robot of any geometry near the nominal one follows clearly better; None if none.
+
+    Along a path of short steps the nominal robot itself misses by as much as the next row is away.
+    """
+    plain, _ = meaning.miss_of_near(tools)
+    found = [(other.meaning.miss_of_near(tools)[0], other) for other in others]
+    left, cause = min(found, default=(np.inf, None), key=lambda each: each[0])
+    if cause is None or BETTER * left > plain or not np.isfinite(plain):
+        return None
+    equals = tuple(other for miss, other in found if other is not cause and miss < _SAME * left)
+    return Explanation(cause, equals, (), plain, left)
 
 
 def of_robot(meaning: Meaning) -> Iterator[Hypothesis]:

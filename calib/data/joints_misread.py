@@ -66,24 +66,32 @@ def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
             replace(plain, matrix=_with(plain.matrix, k, k, factor)),
         )
         yield replace(other, counting=None)
-        if k + 1 == last or unit != robot.units[k + 1]:
-            continue
-        following, order = robot.joint_columns[k + 1], [*range(k), k + 1, k, *range(k + 2, last)]
+    alike = [
+        (one, other) for one, other in combinations(range(last), 2) if robot.units[one] == robot.units[other]
+    ]
+    names = [axis.removeprefix("j") for axis in robot.axes]
+    for one, other in alike:
+        order = list(range(last))
+        order[one], order[other] = other, one
+        columns = robot.joint_columns[one], robot.joint_columns[other]
         yield counted(
-            f"joints {axis.removeprefix('j')} and {robot.axes[k + 1].removeprefix('j')} are in each other's column",
-            f"Swap the columns {name} and {following}.",
-            f"{name}, {following}",
+            f"joints {names[one]} and {names[other]} are in each other's column",
+            f"Swap the columns {columns[0]} and {columns[1]}.",
+            ", ".join(columns),
             replace(plain, matrix=plain.matrix[order]),
         )
+    for k, following in alike:
+        if following != k + 1:
+            continue
         for own, share in product((1.0, -1.0), repeat=2):
             its = "minus " * (own < 0.0)
             yield counted(
-                f"joint {robot.axes[k + 1].removeprefix('j')} of the robot is {its}the controller's "
-                f"{'plus' if share > 0.0 else 'minus'} its {joint}: the two are coupled",
+                f"joint {names[following]} of the robot is {its}the controller's "
+                f"{'plus' if share > 0.0 else 'minus'} its joint {names[k]}: the two are coupled",
                 f"Use a joint matrix that has {share:g} in row {k + 2}, column {k + 1}"
                 + f", and {own:g} in column {k + 2}" * (own < 0.0)
                 + ".",
-                following,
+                robot.joint_columns[following],
                 replace(plain, matrix=_with(_with(plain.matrix, k + 1, k, share), k + 1, k + 1, own)),
             )
 

@@ -48,7 +48,8 @@ def refuse_misspelt(table: Columns, robot: Robot) -> None:
     A name that differs only in its number is accepted as it is: a seventh axis.
     """
     of_joint = zip(robot.joint_columns, robot.approach_columns, robot.previous_columns, strict=True)
-    known = [*_ONCE, *chain.from_iterable(zip(*of_joint, strict=True))]
+    read_back = [re.sub("_", "_read_", name, count=1) for name in robot.joint_columns]
+    known = [*_ONCE, *chain.from_iterable(zip(*of_joint, strict=True)), *read_back]
     absent = [name for name in known if name not in table]
     for name in table.names:
         if name in known or _FOR_PEOPLE.fullmatch(name):

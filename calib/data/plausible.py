@@ -8,7 +8,7 @@ the readings can show.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, islice
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib.arm.kinematics import forward
+from calib.arm.robot import Robot
 from calib.arm.start import align, tool_turn
 from calib.array import Array
 from calib.data.conditions import row_keys
@@ -32,6 +33,7 @@ from calib.data.hypotheses import (
     of_robot,
     of_rows,
     of_tools,
+    slipped,
 )
 from calib.data.joints_misread import of_directions, of_joints
 from calib.data.mixed import mixture
@@ -41,6 +43,9 @@ from calib.errors import DataError
 _GOOD = 0.05
 _BETTER = 0.1  # share of the miss that may be left when it is explained
 _NARROW = 20.0  # deg or mm
+_STUCK_ROWS = 3  # that give one point to the last digit
+READ_APART = 0.01
+"""deg or mm by which joints are read back elsewhere than commanded before it is reported."""
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 _ENOUGH = 300  # readings of a series that show what the files mean
 _MOST_RIVALS = 2
@@ -53,6 +58,7 @@ def refuse_implausible(dataset: Dataset) -> None:
     Points mirrored or in another unit, joints with another sign, order or zero, rows that slipped, another robot or
     another reading of its file (`calib.data.hypotheses`), quaternions in another order.
     """
+    _refuse_stuck(dataset)
     conditions = dataset.conditions
     controller = dataset.header.robot.controller_angles(conditions.joints, dataset.header.coupling)
     for s, series in enumerate(conditions.series_names):
@@ -66,6 +72,28 @@ def refuse_implausible(dataset: Dataset) -> None:
             flange = forward(dataset.header.robot, conditions.joints[turned])
             arm = np.einsum("nij,nj->ni", flange[:, :3, :3], tools[conditions.target[turned]])
             _refuse_turns(dataset, series, flange, flange[:, :3, 3] + arm, turned)
+
+
+def _refuse_stuck(dataset: Dataset) -> None:
+    """Raise DataError for one point in many postures, where most readings have one of their own (a ball in sockets has
+    not): what an instrument shows when it sees nothing."""
+    rows = np.flatnonzero(dataset.usable & dataset.pointed)
+    found, which, count = np.unique(dataset.points[rows], axis=0, return_inverse=True, return_counts=True)
+    stuck = count >= _STUCK_ROWS
+    for k in np.flatnonzero(stuck & (count[stuck].sum() < 0.5 * len(rows))):
+        same = rows[which.reshape(-1) == k]
+        flange = forward(dataset.header.robot, dataset.conditions.joints[same])[:, :3, 3]
+        if np.max(np.ptp(flange, axis=0)) > _NARROW:
+            names = ", ".join(dataset.reading_id[i] for i in same[:_MOST_NAMED])
+            more = ", ..." if len(same) > _MOST_NAMED else ""
+            x, y, z = found[k].tolist()
+            raise DataError(
+                f"are {x:g}, {y:g}, {z:g} in {len(same)} readings ({names}{more}) of different postures: what an "
+                "instrument shows when it sees nothing.",
+                do="Leave these cells empty.",
+                file=dataset.path,
+                key="x_mm, y_mm, z_mm",
+            )
 
 
 def _tools(dataset: Dataset, series: str) -> Array:
@@ -89,6 +117,8 @@ def _refuse_misread(
         None if pointed else conditions.anchor,
     )
     rows = np.flatnonzero(measured)
+    if pointed:  # of distances, the legs of one pose are no repeats of each other
+        rows = _beside_moves(rows, conditions.pose)
     rows = rows[:: max(1, -(-len(rows) // _ENOUGH))]
     meaning = replace(
         everything,
@@ -115,6 +145,8 @@ def _refuse_misread(
     ) or explained(
         meaning, lambda: _pairs(meaning, everything, rows, measured), tools, tool_as_given=True, **unknown
     )
+    if why is None and pointed:
+        why = slipped(meaning, of_rows(everything, rows, measured), tools)
     if why is None:
         if pointed and "tool" not in header.groups:
             _refuse_mixed(dataset, series, meaning, tools, rows)
@@ -124,12 +156,19 @@ def _refuse_misread(
     said.pop(f" As likely: {why.cause.what}. {why.cause.do}", None)
     rivals = "".join(said)
     raise DataError(
-        f"{why.cause.what}. The nominal robot misses the readings of series '{series}' by {why.miss:.3g} mm (median), "
-        f"read in that way by {why.left:.3g} mm.",
+        f"{why.cause.what}. The nominal robot misses a quarter of the readings of series '{series}' by more than "
+        f"{why.miss:.3g} mm; read in that way, by more than {why.left:.3g} mm.",
         do=why.cause.do + rivals,
         file=dataset.path if why.cause.file == "data" else dataset.path.with_suffix(".toml"),
         key=why.cause.key,
     )
+
+
+def _beside_moves(rows: NDArray[np.int64], pose: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The first and the last of the rows of each stay at a pose: the others repeat them, and hide rows that slipped."""
+    moved = np.diff(pose[rows]) != 0
+    beside = np.append(False, moved) | np.append(moved, False)
+    return rows[beside] if beside.sum() >= FEWEST else rows
 
 
 def _pairs(
@@ -235,10 +274,44 @@ def assumed_in_words(header: Header) -> str:
     )
 
 
+def turned_apart(apart: Array, units: Sequence[str]) -> Array:
+    """Differences of joints (n, N), rad or mm; of joints that turn within half a turn."""
+    turns = np.array([unit != "mm" for unit in units])
+    return np.where(turns, (apart + np.pi) % (2.0 * np.pi) - np.pi, apart)
+
+
+def read_apart_in_words(apart: Array, robot: Robot) -> str:
+    """A sentence on joints that were read back elsewhere than commanded, '' where none was. apart: (n, N), rad or mm,
+    NaN where nothing was read."""
+    shown = np.abs(apart) / robot.joint_units
+    largest = np.nanmax(shown, axis=0, initial=0.0)
+    far = np.flatnonzero(largest > READ_APART)
+    if not len(far):
+        return ""
+    joints = ", ".join(
+        f"{robot.axes[k].removeprefix('j')} by up to {largest[k]:.3f} {robot.units[k]}"
+        f" (median {np.nanmedian(shown[:, k]):.3f})"
+        for k in far
+    )
+    return (
+        f"The controller read joints back elsewhere than commanded: joint {joints}. The commanded ones are used, so "
+        "an error found of such a joint, as its play, may be that the robot did not stand where it was sent."
+    )
+
+
 def remarks(dataset: Dataset) -> list[str]:
     """Limitations of the readings of a fit, sentence by sentence: repeated rows, narrow joints, one approach."""
     rows = dataset.fit_rows
     out = []
+    if dataset.read_apart is not None and (
+        words := read_apart_in_words(dataset.read_apart[rows], dataset.header.robot)
+    ):
+        out.append(words)
+    if dataset.header.read_back:
+        out.append(
+            "The joints are those that the controller read back, not those commanded: an error found of a joint that "
+            "depends on its side of approach, as its play, may be the controller's error of position."
+        )
     if words := assumed_in_words(dataset.header):
         out.append(words)
     twice = _repeated(dataset, rows)

@@ -22,7 +22,7 @@ from calib.data.dataset import SETS, Dataset
 from calib.data.expected import expected_points
 from calib.data.header import Header, read_header
 from calib.data.misspelt import refuse_misspelt
-from calib.data.plausible import refuse_implausible
+from calib.data.plausible import refuse_implausible, turned_apart
 from calib.data.spans import take_spans
 from calib.data.unfit import refuse_beyond_limits, refuse_unfit
 from calib.data.visits import moves_before_the_last, with_visits
@@ -33,6 +33,7 @@ from calib.text.toml_table import FARTHEST_MM
 _MOST_DEG = 1e5
 _OF_AXIS = re.compile(r"([je]\d+)_(?:deg|mm)")
 _MOST_WAYPOINTS = 1e9
+_WARMEST_C = 100.0  # air, either way of zero, in which nobody measures
 _UNITLESS = ("x", "y", "z", "t", "length", "t_air")
 
 
@@ -63,7 +64,7 @@ def dataset_of(table: Columns, header: Header) -> Dataset:
         if name not in SETS:
             raise table.refuse(i, "set", f"is '{name}'", f"Use {', '.join(SETS)}")
     status = _status(table)
-    points, orientation = _measured(table, status)
+    points, orientation = _measured(table, status, header)
     series, target = _names(table, header)
     time = table.numbers("t_s")
     loading = statics(header.robot, joints, header.loads, header.gravity)
@@ -72,7 +73,9 @@ def dataset_of(table: Columns, header: Header) -> Dataset:
     side, previous = arrivals_of(table, header, joints, order, series_index)
     target_names, target_index = np.unique(target, return_inverse=True)
     anchor_names, anchor_index = _base_targets(table, header)
-    fitted = np.isin(status, ("", "ok")) & (sets != "validation")
+    fitted = usable = np.isin(status, ("", "ok"))
+    if (usable & (sets != "validation")).any():  # else the rows place themselves (`Dataset.placing`)
+        fitted = usable & (sets != "validation")
     located = np.where(fitted[:, None], points, np.nan)
     conditions = Conditions(
         joints=joints,
@@ -85,7 +88,7 @@ def dataset_of(table: Columns, header: Header) -> Dataset:
         unit_load=loading.unit_load,
         time=time,
         order=order.astype(np.float64),
-        temperature=table.numbers("t_air_c"),
+        temperature=_air(table),
         point=expected_points(header, joints, series, target, located),
         series=series_index,
         target=target_index,
@@ -114,22 +117,42 @@ def dataset_of(table: Columns, header: Header) -> Dataset:
         u_length=table.numbers("u_length_mm"),
         u_point=np.column_stack([table.numbers(f"u_{axis}_mm") for axis in "xyz"]),
         sha256=hashlib.sha256((table.sha256 + header.text).encode()).hexdigest(),
+        read_apart=_read_apart(table, header.robot),
         arrivals_told=any(
             name in table for name in (header.robot.approach_columns[0], header.robot.previous_columns[0])
         ),
         spans=spans,
     )
-    refuse_unfit(dataset, table)
-    refuse_implausible(dataset)
+    refuse_unfit(dataset.placing, table)
+    refuse_implausible(dataset.placing)
     if not header.beyond_limits:
         refuse_beyond_limits(dataset, table)
     return dataset
 
 
+def _read_apart(table: Columns, robot: Robot) -> Array | None:
+    """(n, N) joints as read back less those commanded, as the controller counts them, rad or mm; None without."""
+    names = [f"{axis}_read_{unit}" for axis, unit in zip(robot.axes, robot.units, strict=True)]
+    if not any(name in table for name in names):
+        return None
+    read, commanded = (
+        np.column_stack([table.numbers(name) for name in columns]) for columns in (names, robot.joint_columns)
+    )
+    return turned_apart((read - commanded) * robot.joint_units, robot.units)
+
+
+def _air(table: Columns) -> Array:
+    """(n,) temperature of the air, degC. Raises DataError for numbers of another unit."""
+    air = table.numbers("t_air_c")
+    for i in np.flatnonzero(np.abs(air) > _WARMEST_C):
+        raise table.refuse(int(i), "t_air_c", f"is {air[i]:g}", "Give the temperature of the air in degC")
+    return air
+
+
 def _refuse_without_units(table: Columns, robot: Robot) -> None:
     of_joints = dict(zip(robot.axes, robot.units, strict=True))
     for name in table.names:
-        stem = name.lower()
+        stem = name.lower().replace("_read", "", 1)
         if stem in _UNITLESS or stem in of_joints or (stem.startswith("j") and stem[1:].isdigit()):
             unit = {"t": "s", "t_air": "c", **of_joints}.get(stem, "deg" if stem.startswith("j") else "mm")
             raise DataError(
@@ -166,9 +189,18 @@ def _joints(table: Columns, header: Header) -> Array:
     robot = header.robot
     _refuse_other_axes(table, robot)
     first, last = robot.joint_columns[0], robot.joint_columns[-1]
+    # what follows other joints stays at 0 in its own column, which may then be left out
+    held = {robot.joint_columns[k] for k in robot.followers(header.coupling)}
     for name in robot.joint_columns:
+        if name in held and name not in table:
+            continue
         table.require(name, f"The robot {robot.name} has {robot.joints} joints: give {first} to {last}.")
-    shown = np.column_stack([table.numbers(name, required=True) for name in robot.joint_columns])
+    shown = np.column_stack(
+        [
+            np.zeros(len(table)) if name in held and name not in table else table.numbers(name, required=True)
+            for name in robot.joint_columns
+        ]
+    )
     degrees = shown[:, [kind == "turns" for kind in robot.kinds]]
     if len(degrees) >= 5 and degrees.size and np.max(np.abs(degrees)) <= 2.0 * np.pi + 1e-3:
         name = robot.joint_columns[robot.kinds.index("turns")]
@@ -258,7 +290,7 @@ def _base_targets(table: Columns, header: Header) -> tuple[tuple[str, ...], NDAr
     return names, np.array([names.index(str(name)) if name else -1 for name in named], dtype=np.int64)
 
 
-def _measured(table: Columns, status: NDArray[np.str_]) -> tuple[Array, Array]:
+def _measured(table: Columns, status: NDArray[np.str_], header: Header) -> tuple[Array, Array]:
     for axis in "xyz" if "length_mm" not in table else "":
         table.require(
             f"{axis}_mm", "Every reading has a measured point x_mm, y_mm, z_mm (empty where not measured)."
@@ -267,12 +299,12 @@ def _measured(table: Columns, status: NDArray[np.str_]) -> tuple[Array, Array]:
     for i in np.flatnonzero(np.isfinite(points).any(axis=1) & ~np.isfinite(points).all(axis=1)):
         raise table.refuse(int(i), "x_mm, y_mm, z_mm", "are only partly filled", "Fill all three or none")
     zero = np.all(points == 0.0, axis=1) & np.isin(status, ("", "ok"))
-    for i in np.flatnonzero(zero):
+    for i in np.flatnonzero(zero & (not header.at_origin)):
         raise table.refuse(
             int(i),
             "x_mm, y_mm, z_mm",
             "are 0, 0, 0: what trackers send when they see nothing",
-            "Leave them empty",
+            "Leave them empty; or write measured_at_origin = true in the header where a point was measured there",
         )
     for i in np.flatnonzero(np.max(np.abs(np.nan_to_num(points)), axis=1) > FARTHEST_MM):
         raise table.refuse(

@@ -33,12 +33,15 @@ def refuse_beyond_limits(dataset: Dataset, table: Columns) -> None:
 
 
 def refuse_unfit(dataset: Dataset, table: Columns) -> None:
-    """Raise DataError for readings that cannot carry the model of their header."""
+    """Raise DataError for readings that cannot carry the model of their header, or cannot even say where the robot is.
+
+    dataset: that by which the robot is placed; where nothing is to be fitted, its validation rows alone.
+    """
     rows = dataset.fit_rows
     if not rows.any():
         raise DataError(
-            "has no calibration rows that were measured.",
-            do="Mark some rows set = calibration; validation rows never enter a fit.",
+            "has no row that was measured: none to fit, and none to judge a model by.",
+            do="Measure, or take back the status of rows that were rejected without need.",
             file=table.path,
             key="set",
         )

@@ -22,9 +22,8 @@ from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.diagnose.dictionary import CONDITIONS, Entry, OfClock, bound, held, step_at
-from calib.diagnose.places import TOGETHER
 from calib.diagnose.pursuit import HOLDS, LEASH, Choice, Chosen, parts, pursue
-from calib.diagnose.structure import Structure
+from calib.diagnose.structure import TOGETHER, Structure
 from calib.fit.identification import Identification
 from calib.fit.identify import carry, leaving_out
 from calib.fit.left_out import all_readings

@@ -1,7 +1,8 @@
 """The diagnosis: identify, search for effects, refit, and judge on held-out readings.
 
 The choice of effects, the refits and the rejection of rows use calibration rows only. Validation rows are predicted at
-the end, by the nominal robot in its place, by the base model, and by the model with the effects.
+the end, by the nominal robot in its place, by the base model, and by the model with the effects. `carry_over` judges
+what was found on another data set of the same robot.
 """
 
 from __future__ import annotations
@@ -15,42 +16,76 @@ import numpy as np
 
 from calib.array import Array
 from calib.data.dataset import Dataset
-from calib.diagnose.advice import next_measurements
 from calib.diagnose.carried import CarriedTerm, Shares, competed, readings_back, with_terms
-from calib.diagnose.carriers import MANY_WAVES, Carried, beside, gears_to_carry, with_gears
-from calib.diagnose.claims import chance_by_pose
-from calib.diagnose.classes import Evidence, judge
-from calib.diagnose.follow_up import FollowUp, follow_up
+from calib.diagnose.curves import MANY_WAVES, Carried, beside, gears_to_carry, with_gears
+from calib.diagnose.follow_up import FollowUp, follow_up, next_measurements, remarks_of
+from calib.diagnose.found import (
+    Found,
+    Surprise,
+    Visible,
+    errors_without,
+    resized,
+    surprise_of,
+    visible,
+    with_shapes,
+)
 from calib.diagnose.held_blocks import Blocks, carried_gains
-from calib.diagnose.named import Found, resized
-from calib.diagnose.outlying import together
-from calib.diagnose.power import Visible, visible
 from calib.diagnose.pursuit import Chosen
-from calib.diagnose.remarks import remarks_of
-from calib.diagnose.repeats import NOISY, each_pose, p_beyond_repeats, p_lack_of_fit
-from calib.diagnose.select import MOST_EFFECTS, Selection, refit, select
-from calib.diagnose.shape_uncertainty import with_shapes
-from calib.diagnose.structure import ALARM, SUSPECT, Structure, left_over
-from calib.diagnose.surprise import Surprise, surprise_of
-from calib.diagnose.type_sizes import in_type
-from calib.diagnose.without import errors_without
+from calib.diagnose.select import MOST_EFFECTS, Evidence, Selection, chance_by_pose, judge, refit, select
+from calib.diagnose.structure import (
+    ALARM,
+    NOISY,
+    SUSPECT,
+    Structure,
+    each_pose,
+    left_over,
+    p_beyond_repeats,
+    p_lack_of_fit,
+    together,
+)
 from calib.effects import Survey, offers
+from calib.errors import DataError
+from calib.fit import robust
 from calib.fit.again import fit_again
 from calib.fit.held_out import errors_on
 from calib.fit.held_out_faults import HeldOutFaults, held_out_faults
 from calib.fit.identification import Identification
-from calib.fit.identify import Progress, fit, identify, silent
-from calib.fit.least_squares import Dropped
+from calib.fit.identify import Progress, carry, fit, identify, silent, within_type
+from calib.fit.least_squares import Dropped, Linearisation, find_dependent, solve
 from calib.fit.left_out import all_readings
-from calib.fit.of_type import TypePrior
+from calib.fit.of_type import Beside, TypePrior, centred
 from calib.fit.placing import base_model_of, place_nominal
 from calib.fit.readings import Readings, readings_of
 from calib.fit.statistics import ErrorStatistics, statistics_of, worse
+from calib.model.base_model import named_in
 from calib.model.effect import Effect
 from calib.model.model import Design, RobotModel
-from calib.scan.evidence import CLAIM, p_value
-from calib.scan.scores import Scores
-from calib.scan.space import Space
+from calib.scan.scores import CLAIM, Scores, Space, p_value
+from calib.units import percent
+
+
+def in_type(
+    dataset: Dataset, fitted: Identification, beside: Beside, found: list[Found], *, refit: bool
+) -> tuple[Identification, list[Found]]:
+    """The fit held to its type with what was found, and the findings with their new values.
+
+    beside: the base model's; refit: False where curves of gears are in the model, whose sizes the readings say: then
+    all stays as the base model had it.
+    """
+    if not refit:
+        return replace(fitted, beside=beside, warnings=(*beside.warnings(), *fitted.warnings)), found
+    base = base_model_of(dataset)
+    usual = {p.name: p for e in (*base.effects, *(f.effect for f in found)) for p in e.parameters}
+
+    def again(model: RobotModel) -> Identification:
+        return fit_again(dataset, fitted, model)
+
+    spoken_for = named_in(base.effects, dataset.header.priors)
+    wanted = frozenset(beside.prior.shares) - frozenset(beside.open) - spoken_for
+    model = centred(fitted.model, beside.prior, wanted)
+    final = within_type(again(model), Beside(beside.prior, open=beside.open), usual, again)
+    return final, [resized(f, final) for f in found]
+
 
 Verdict = Literal["complete", "excess_noise", "attributed", "ambiguous", "unexplained"]
 _SCREENINGS = 3
@@ -437,20 +472,119 @@ def _notes(dataset: Dataset) -> tuple[str, ...]:
     if not dataset.arrivals_told:
         notes.append(
             "The order of the rows was taken for the way of the robot: the file has neither approach1 .. nor "
-            "prev1_deg ... Where it went over points between, backlash and settling look like noise."
+            "prev1_deg ... Where it went over points between, backlash and settling look like noise. With these "
+            "columns they are found where they are."
         )
     untimed = int(np.sum(~np.isfinite(dataset.conditions.time)))
     if untimed:
         notes.append(
-            f"{untimed} of {len(dataset)} rows carry no time (t_s): drift of the instrument was not looked for."
+            f"{untimed} of {len(dataset)} rows carry no time (t_s): what moved or crept between two of them, drift of "
+            "the instrument and warming up were not looked for as causes; terms of the order of the rows may be "
+            "carried. With the times such causes are found, and rows of several files come into their order."
         )
     cold = int(np.sum(~np.isfinite(dataset.conditions.temperature)))
     if cold:
         notes.append(
-            f"{cold} of {len(dataset)} rows carry no temperature (t_air_c): thermal growth was not looked for."
+            f"{cold} of {len(dataset)} rows carry no temperature (t_air_c): thermal growth was not looked for. With "
+            "the temperature of the air at every reading it is found, and corrected on warmer and colder days."
         )
     elif np.ptp(conditions.temperature) < 0.2:
         notes.append("The air temperature hardly moved: thermal growth is invisible here, not absent.")
     if len({int(t) for t in conditions.target}) == 1:
         notes.append("One tool target only: a shifted and a tilted tool look the same.")
     return tuple(notes)
+
+
+@dataclass(frozen=True)
+class CarryOver:
+    """Errors on the validation rows of the other data set, mm."""
+
+    name: str
+    base: ErrorStatistics | None
+    frozen: ErrorStatistics | None
+    refitted: ErrorStatistics | None
+
+    @property
+    def finding(self) -> str:
+        """The carry-over in a sentence; empty where the other set has no validation rows."""
+        if self.base is None or self.frozen is None or self.refitted is None:
+            return ""
+        frozen, refitted = (1.0 - errors.rms / self.base.rms for errors in (self.frozen, self.refitted))
+        if frozen <= 0.0:
+            said = (
+                f"Frozen as found, the effects do not carry over: they raise the error by {percent(-frozen)}."
+            )
+        else:
+            said = f"Frozen as found, the effects take {percent(frozen)} of the base model's error away."
+        if refitted <= 0.0:
+            return f"{said} Fitted anew, their amplitudes do not help either."
+        return f"{said} With their amplitudes fitted anew they take {percent(refitted)} away."
+
+
+def carry_over(diagnosis: Diagnosis, other: Dataset) -> CarryOver:
+    """Judge the effects of `diagnosis` on another data set. Raises DataError when it is of another robot."""
+    if other.header.robot.name != diagnosis.dataset.header.robot.name:
+        raise DataError(
+            f"is of the robot '{other.header.robot.name}', not '{diagnosis.dataset.header.robot.name}'.",
+            do="Give another data set of the same robot.",
+            file=other.path,
+            key="robot",
+        )
+    own = identify(other)
+    found = (*(f.effect for f in diagnosis.effects), *(t.effect for t in diagnosis.carried))
+    effects = tuple(e for e in found if _carries(e))
+    effects = (*(e for e in effects if not e.is_curve), *(e for e in effects if e.is_curve))
+    base = base_model_of(other)
+    model = replace(base, effects=(*base.effects, *effects))
+    placed, placed_estimate = place_nominal(other, base)
+    start = carry(placed, placed_estimate, model)
+    final = diagnosis.final.model
+    for effect in model.effects:
+        if effect.owner == "robot":
+            for parameter in effect.parameters:
+                if parameter.name in final.index:
+                    start[model.index[parameter.name]] = diagnosis.final.estimate[final.index[parameter.name]]
+    mounting = [i for e in model.effects if e.owner == "mounting" for i in model.positions(e)]
+    frozen = _fit(other, model, start, mounting, own)
+    refitted = _fit(other, model, start, range(len(start)), own)
+    rows = other.validation_rows
+    return CarryOver(
+        name=other.name,
+        base=statistics_of(errors_on(other, rows, own.model, own.estimate)),
+        frozen=statistics_of(errors_on(other, rows, model, frozen)),
+        refitted=statistics_of(errors_on(other, rows, model, refitted)),
+    )
+
+
+def _carries(effect: Effect) -> bool:
+    """Whether an effect carries over: gears and mounting do; drifts, steps and temperatures belong to one session.
+
+    What leans or loads the arm shares its columns with the compliances: without it these would carry a part of it.
+    """
+    if effect.is_carried:
+        return effect.is_usable and effect.owner == "robot"
+    return effect.owner != "instrument" and effect.group != "thermal" and "rank" not in effect.shape
+
+
+def _fit(
+    other: Dataset, model: RobotModel, start: Array, free: list[int] | range, own: Identification
+) -> Array:
+    """Least squares over the `free` parameters, on the readings that fitted the other set's own base model."""
+    belongs = np.zeros(len(other), dtype=bool)
+    belongs[own.readings.rows] = True
+    readings = readings_of(other, belongs, model, start)
+    design = Design(model, readings.conditions)
+    observed = readings.observed
+    # The sizes that evidence gave the curves of gears hold what these readings leave open of them.
+    others = replace(model, effects=tuple(e for e in model.effects if not e.is_curve))
+    active = np.ones(len(start), dtype=bool)
+    count = len(others.parameters)
+    active[:count], dropped = find_dependent(
+        Linearisation(Design(others, readings.conditions), observed, start[:count])
+    )
+    allowed = np.zeros(len(start), dtype=bool)
+    allowed[list(free)] = True
+    at = Linearisation(design, observed, start)
+    for _ in range(2):
+        at = solve(at, active & allowed, dropped, scale=robust.noise_scale(at.residual, observed.freedom)).at
+    return at.estimate

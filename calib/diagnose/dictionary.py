@@ -389,4 +389,4 @@ CONDITIONS: Mapping[str, str] = {
     "side": "side of approach of joint {0}",
     "move": "last move of joint {0}",
 }
-"""Kind of entry -> the name of its condition, as places of structure have it (`calib.diagnose.places`)."""
+"""Kind of entry -> the name of its condition, as places of structure have it (`calib.diagnose.structure`)."""

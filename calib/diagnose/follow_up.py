@@ -1,31 +1,119 @@
-"""Poses that would distinguish rival explanations: what to measure next when a diagnosis is ambiguous.
+"""What to measure next, and remarks on the readings at hand.
 
-Each rival b of an effect a is fitted in its place. Where the two models predict d(x) apart at a pose x, and the
-rival's parameters with covariance C may still adapt themselves (columns J), a reading with noise S separates them by
+Poses that would distinguish rival explanations: each rival b of an effect a is fitted in its place. Where the two
+models predict d(x) apart at a pose x, and the rival's parameters with covariance C may still adapt themselves (columns
+J), a reading with noise S separates them by the squared Mahalanobis distance d' (S + J C J')^-1 d. Poses are taken one
+by one, each where it separates most what is separated least so far; after each the rival is fitted to what would be
+seen there (a Kalman step on d and C). Source: Atkinson & Fedorov 1975 (T-optimal designs, sequential form).
 
-    d' (S + J C J')^-1 d,
-
-the squared Mahalanobis distance. Poses are taken one by one, each where it separates most what is separated least
-so far; after each the rival is fitted to what would be seen there (a Kalman step on d and C), so that the next pose
-looks elsewhere. Source: Atkinson & Fedorov 1975 (T-optimal designs, sequential form).
+Where the cause is unknown the advice follows from the places of the structure: it varies that quantity alone, so that
+the next diagnosis can tell it from what was varied together with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtr, chdtrc
 
 from calib.array import Array
 from calib.data.conditions import Conditions
+from calib.data.dataset import Dataset
 from calib.data.header import Header
+from calib.diagnose.found import COVERAGE
+from calib.diagnose.structure import ACTS_ON, DISTANCE, EACH_POSE, OVERTURNING, QUICK, SIGHT, TIME, TOGETHER
 from calib.effects import kind_of
 from calib.effects.kind import SECOND_TARGET, distinguishing
 from calib.fit.identification import Identification
+from calib.model.base_model import COMPLIANCE
 from calib.model.model import Design
 from calib.model.stated import StatedConditions, conditions_at
-from calib.units import DEG
+from calib.units import DEG, to_display
+
+_MOST = 5  # sentences
+_AXIS = r"([^\s]+)"
+
+_SWEEP = (
+    "Move joint {} alone through its range in small steps, up and back down, with all other joints at rest; "
+    "read at every step."
+)
+_PAIR = (
+    "Move joint {0} alone through its range at three positions of joint {1}; then exchange the two joints."
+)
+_SIDES = (
+    "Visit the first ten poses again, once with joint {} arriving from below and once from above, "
+    "with the same last move otherwise."
+)
+_MOVES = "Visit the same poses after last moves of joint {} of several lengths, such as 2, 10 and 40 degrees."
+_LOAD = "Measure some of the same poses with another payload, declared in the header."
+_REPEAT = (
+    "Repeat the first ten poses now, in the middle and at the end of the next campaign: what depends on time "
+    "differs, what depends on the pose does not."
+)
+_STILL = "Read one pose thirty times without moving the robot: this shows the noise of the instrument alone."
+_PAUSE = "Read the same pose at once, after 10 s and after 60 s at rest, at several poses."
+_WARMTH = (
+    "Measure the same poses at another air temperature, and record it for each reading (t_air_c); "
+    "let it rise and fall, so that it does not follow the clock."
+)
+_STATION = "Measure some of the same poses again with the instrument at another place."
+_TURN = "Measure the same places with the tool turned by 90 and by 180 degrees, and all tool targets at each pose."
+_SINGLE = "Move each joint alone through its range, all others at rest: this shows which joint it belongs to."
+_NEAR = "Measure more poses near those where the error is largest."
+_AGAIN = "Measure the poses of the readings that were left out again: faulty readings do not repeat, an effect does."
+
+_OF_JOINT = (
+    (re.compile(rf"joint {_AXIS} and joint {_AXIS} angles"), _PAIR),
+    (re.compile(rf"joint {_AXIS} angle"), _SWEEP),
+    (re.compile(rf"side of approach of joint {_AXIS}.*"), _SIDES),
+    (re.compile(rf"last move (?:but one )?of joint {_AXIS}"), _MOVES),
+)
+_OF_PLACE = (
+    (("torque", "moment across", "last change of torque", OVERTURNING, "payload"), _LOAD),
+    ((QUICK,), _STILL),
+    (("time since the last move",), _PAUSE),
+    ((TIME,), _REPEAT),
+    (("temperature",), _WARMTH),
+    (("tool target", "direction of the tool", "side of the tool"), _TURN),
+    (("region of the workspace", "direction of view", DISTANCE, SIGHT), _STATION),
+    ((EACH_POSE,), _NEAR),
+    ((TOGETHER,), _SINGLE),
+)
+
+
+def next_measurements(places: Iterable[tuple[str, str]]) -> tuple[str, ...]:
+    """Sentences on what to measure next, the most telling place first; for no place, what separates noise from a law.
+
+    places: (what drives the error, what it acts on), as `Structure.where` and `Structure.acts_on`.
+    """
+    advice: list[str] = []
+    for where, acts_on in places:
+        if acts_on == ACTS_ON:
+            advice.append(_AGAIN)
+        advice.append(_of(where))
+        # a joint that errs with the load or the time is examined by itself as well
+        if own := re.fullmatch(rf"joint {_AXIS}", acts_on):
+            advice.append(_SWEEP.format(own[1]))
+        if acts_on == SIGHT:
+            advice.append(_STATION)
+    told = list(dict.fromkeys(advice))[:_MOST]
+    return tuple(told or (_REPEAT, _STILL))
+
+
+def _of(where: str) -> str:
+    for pattern, sentence in _OF_JOINT:
+        if found := pattern.fullmatch(where):
+            return sentence.format(*found.groups())
+    return next(
+        (sentence for begins, sentence in _OF_PLACE if where.startswith(begins)),
+        _REPEAT,
+    )
+
 
 POSES = 12
 _CANDIDATES = 1500
@@ -216,3 +304,79 @@ def _noise(found: Identification, conditions: Conditions) -> Array:
 def _last(values: Array, order: Array) -> float:
     value = float(values[np.argmax(order)])
     return value if np.isfinite(value) else 0.0
+
+
+_RARE = 0.001  # chance of a remark on the noise without reason
+_LARGE = 0.75  # ratio of found noise to declared below which the declared one is too large
+_FAR = 0.1  # below it the identification warns of wrong units
+_SURE = 3.0  # standard errors below zero that make a compliance negative
+_FEWEST = 10  # repeats within visits by which the noise of the instrument is known
+
+
+def remarks_of(dataset: Dataset, fitted: Identification) -> tuple[str, ...]:
+    """Sentences on the noise of a fit and on its compliances."""
+    return (*_declared(fitted), *_within_visits(dataset, fitted), *_negative(fitted))
+
+
+def _declared(fitted: Identification) -> list[str]:
+    scale, freedom = fitted.noise_scale, fitted.degrees_of_freedom
+    if not _FAR < scale < _LARGE or chdtr(freedom, freedom * (scale / _LARGE) ** 2) > _RARE:
+        return []
+    return [
+        f"The residuals are {scale:.2g} times the declared noise: [noise] in the header is too large. Uncertainties "
+        "and the smallest detectable sizes count with the declared noise, so that they are too large as well."
+    ]
+
+
+def _within_visits(dataset: Dataset, fitted: Identification) -> list[str]:
+    """What readings of one target during one rest of the robot show: the instrument's noise alone."""
+    conditions, rows = fitted.readings.conditions, fitted.readings.rows
+    rest = np.column_stack([conditions.visit, conditions.target, conditions.anchor, conditions.series])
+    group = np.unique(rest, axis=0, return_inverse=True)[1].reshape(-1)
+    noise = dataset.header.noise
+    total, count, repeats = 0.0, 0, 0
+    pointed, spanned = dataset.pointed[rows], dataset.spanned[rows]
+    if pointed.any():
+        points = dataset.points[rows][pointed]
+        apart, spare = _apart(points, group[pointed])
+        covariance = noise.of_points(points, dataset.u_point[rows][pointed])
+        total += float(np.sum(apart * np.linalg.solve(covariance, apart[:, :, None])[:, :, 0]))
+        count, repeats = count + 3 * spare, repeats + spare
+    if spanned.any():
+        apart, spare = _apart(dataset.lengths[rows][spanned, None], group[spanned])
+        given = dataset.u_length[rows][spanned]
+        total += float(np.sum((apart[:, 0] / np.where(np.isfinite(given), given, noise.length_mm)) ** 2))
+        count, repeats = count + spare, repeats + spare
+    if repeats < _FEWEST:
+        return []
+    ratio = math.sqrt(total / count)
+    if chdtrc(count, total) < _RARE:
+        means = "the instrument scatters more than declared"
+    elif chdtr(count, total) < _RARE:
+        means = "the instrument scatters less than declared"
+    else:
+        means = "as declared"
+    return [
+        f"{repeats} repeated readings within visits, during which the robot rested, scatter {ratio:.2g} times the "
+        f"declared noise of the instrument: {means}. The repeatability of the robot does not show in them."
+    ]
+
+
+def _apart(values: Array, group: NDArray[np.int64]) -> tuple[Array, int]:
+    """Values (n, c) less the mean of their group (n,), and the number of readings beyond one per group."""
+    _, own, size = np.unique(group, return_inverse=True, return_counts=True)
+    means = np.array([np.bincount(own, column) for column in values.T]).T / size[:, None]
+    return values - means[own], len(values) - len(size)
+
+
+def _negative(fitted: Identification) -> list[str]:
+    """Compliances of the base model that are negative beyond their uncertainty."""
+    found = []
+    for p, value, std in zip(fitted.model.parameters, fitted.estimate, fitted.standard_errors, strict=True):
+        if p.unit == COMPLIANCE and "." not in p.name and value + _SURE * std < 0.0 < std:
+            shown, u = (to_display(float(x), p.unit) for x in (value, COVERAGE * std))
+            found.append(
+                f"The compliance {p.name} came out negative ({shown:.2g} ± {u:.1g} {p.unit}), which no joint can be: "
+                "another effect is imitated by it. Check the masses and centres of the loads."
+            )
+    return found

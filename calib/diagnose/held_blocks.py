@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.model.effect import Effect
-from calib.scan.space import Space
+from calib.scan.scores import Space
 
 BLOCKS = 8
 _FEWEST = 8  # readings a block

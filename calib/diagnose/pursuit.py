@@ -187,14 +187,17 @@ def log_chance(before: float, after: float, columns: int, free: int) -> float:
 
 
 class Screening:
-    """A pursuit on rows: columns (D, m) in single precision beside an orthonormal basis of the model, several entries
-    per round, so that the many columns are read once for all of them."""
+    """A pursuit on rows: columns (D, m) in single precision, which become unit vectors, beside an orthonormal basis of
+    the model, several entries per round, so that the many columns are read once for all of them."""
 
     def __init__(self, columns: Array, basis: Array, left: Array, groups: Groups, rows: int) -> None:
+        # The square of a torque's cube is beyond what single precision holds
+        size = np.sqrt(np.einsum("ij,ij->i", columns, columns, dtype=np.float64))
+        columns /= np.where(size > 0.0, size, 1.0)[:, None]
         self.columns, self.basis, self.left, self.groups = columns, basis, left, groups
         self.rows, self.free, self.rss = rows, rows - basis.shape[1], float(left @ left)
         self.chosen: list[int] = []
-        self.whole = np.einsum("ij,ij->i", columns, columns).astype(float)
+        self.whole = np.where(size > 0.0, 1.0, 0.0)
         shared = self._shared(basis)
         self.own = self.whole - np.einsum("ij,ij->i", shared, shared)
         i, j = groups.pairs

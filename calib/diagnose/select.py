@@ -1,8 +1,20 @@
-"""The choice of effects: forward, swap, backward, with joint refits on the exact chain between.
+"""The choice of named effects, and the classes of those that explain the readings as well.
 
-Forward steps are taken on the linearised model, some at a time, then everything is refitted together and the
-scanned orders are refined. When nothing more enters, effects that no longer pass by themselves leave, and those
-that another candidate explains better are swapped; then forward again, until nothing changes.
+*Search.* Forward steps are taken on the linearised model, some at a time, then everything is refitted together and what
+was scanned (orders, time constants, change points) is refined between the places of the scan. When nothing more enters,
+effects that no longer pass by themselves leave, and those that another candidate explains better are swapped; then
+forward again, until nothing changes.
+
+*Chance.* Where poses repeat or are few, the largest of all candidates at all places of their scans is taken on each of
+the residuals drawn at random (`calib.diagnose.structure`), and a claim must exceed those, not only its F test. An F
+test also takes the noise for equal in all directions; what a law outside the library leaves is not. So a gain is
+measured against what is left along the very direction in which the effect acts, pose by pose, and stretch by stretch
+in time. Sources: White 1980, Newey and West 1987 (variance of an estimate where noise is not alike, or lasts).
+
+*Classes.* Each effect of the model is taken out in turn. Every label whose entry in its place costs less than 6 in
+evidence belongs to its class, with weight exp(-delta/2), normalised. A candidate with 95 % of the weight is certain;
+with less the class is ambiguous. A twin, whose columns contain the whole effect on these readings, costs nothing,
+because no reading distinguishes the two, whatever their labels and numbers of columns.
 """
 
 from __future__ import annotations
@@ -11,22 +23,110 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import fdtrc
 
 from calib.array import Array
 from calib.data.dataset import Dataset
-from calib.diagnose.claims import against_own_noise, chance_by_pose
-from calib.diagnose.null import Chance
-from calib.diagnose.refine import refine
+from calib.diagnose.structure import Chance, draws
 from calib.effects import Survey, offers
 from calib.fit.identification import Identification
 from calib.fit.identify import Progress, carry, fit_plain, silent
 from calib.fit.least_squares import Linearisation, find_dependent
 from calib.model.effect import Effect
 from calib.model.model import Design
-from calib.scan.evidence import CLAIM, p_value
-from calib.scan.harmonics import one_order
-from calib.scan.scores import Score, Scores
-from calib.scan.space import Space
+from calib.scan.families import one_order
+from calib.scan.scores import ABSORBED, CLAIM, CLASS_WIDTH, Score, Scores, Space, gain_of, p_value
+
+_FEW = 150  # poses below which rows alone do not say how sure a claim is
+STRETCHES = 16  # of the campaign, by which what lasts is known
+
+
+def chance_by_pose(scores: Scores) -> Chance | None:
+    """The chance of a gain with poses as the units; None where poses are many, each with one reading."""
+    space = scores.space
+    pose = space.fitted.readings.conditions.pose
+    count = int(pose.max()) + 1
+    if count >= _FEW and count == len(pose):
+        return None
+    drawn = draws(space)[:, 1:]
+    square = np.sum(drawn**2, axis=0)
+    log_p = []
+    for index, family in enumerate(scores.families):
+        gain, columns = _gains(scores.a[index], family.shared(space, drawn), family.raw)
+        tries = np.array([scores.multiplicity(index, place) for place in range(len(gain))])
+        for alike in np.unique(tries):
+            of = tries == alike
+            best = np.argmax(gain[of], axis=0)
+            log_p.append(
+                _log_p(
+                    np.take_along_axis(gain[of], best[None], axis=0)[0],
+                    columns[of][best],
+                    square,
+                    scores.freedom,
+                )
+                + math.log(alike)
+            )
+    return Chance.of(np.array(log_p))
+
+
+def _gains(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
+    """(places, B) gains b'A^-1 b for A (places, p, p) and b (places, p, B), and (places,) columns that count."""
+    scale = 1.0 / np.sqrt(np.maximum(raw, 1e-300))
+    values, vectors = np.linalg.eigh(a * scale[:, :, None] * scale[:, None, :])
+    counts = values > ABSORBED
+    weights = np.where(counts, 1.0 / np.sqrt(np.where(counts, values, 1.0)), 0.0)
+    along = (vectors * weights[:, None, :]).transpose(0, 2, 1) @ (b * scale[:, :, None])
+    return np.sum(along**2, axis=1), counts.sum(axis=1)
+
+
+def _log_p(gain: Array, columns: Array, square: Array, freedom: int) -> Array:
+    """log of the F test's p for gains (B,) with so many columns (B,), of residual squares (B,)."""
+    left = np.maximum(freedom - columns, 1)
+    ratio = (gain / np.maximum(columns, 1)) / (np.maximum(square - gain, 1e-300) / left)
+    with np.errstate(divide="ignore"):  # beyond what a float holds: -inf
+        return np.where(columns > 0, np.log(fdtrc(np.maximum(columns, 1), left, ratio)), 0.0)
+
+
+def against_own_noise(space: Space, directions: Array, left: Array) -> float:
+    """Factor, at most 1, of the gain along orthonormal directions (size, p) of an effect, where what the whole model
+    leaves (size,) is larger along them than elsewhere."""
+    k, n = space.residual.shape
+    conditions = space.fitted.readings.conditions
+    acting = (directions * left[:, None]).reshape(k, n, -1).sum(axis=0)
+    in_time = np.argsort(np.argsort(conditions.order, kind="stable"), kind="stable")
+    square = max(
+        float(np.sum(np.array([np.bincount(group, column) for column in acting.T]) ** 2))
+        for group in (conditions.pose, in_time * STRETCHES // n)
+    )
+    along = square / max(float(np.sum(directions**2)), 1e-300)
+    return min(1.0, float(left @ left) / space.rows / max(along, 1e-300))
+
+
+def refine(space: Space, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """The chosen effects at better orders, constants and change points; what was not scanned is unchanged."""
+    if not any(effect.shape for effect in chosen):
+        return chosen
+    offered = offers(_survey(space))
+    made_by = {i: family for i, effect in enumerate(chosen) for family in offered if family.made(effect)}
+    refined = list(chosen)
+    for kind in dict.fromkeys(type(family) for family in made_by.values()):
+        own = {i: family for i, family in made_by.items() if type(family) is kind}
+        better = kind.refine(space, [(family, chosen[i]) for i, family in own.items()])
+        for i, effect in zip(own, better, strict=True):
+            refined[i] = effect
+    # Orders that met are one effect, or a pair of large amplitudes that cancel: the first, the stronger, keeps it.
+    return tuple(
+        effect
+        for i, effect in enumerate(refined)
+        if not any(one_order(space, effect, earlier) for earlier in refined[:i])
+    )
+
+
+def _survey(space: Space) -> Survey:
+    model = space.fitted.model
+    curves = frozenset(curve.joint for curve in model.curves)
+    return Survey(model.robot, space.fitted.readings.conditions, curves=curves)
+
 
 MOST_EFFECTS = 60
 _ROUNDS = 60
@@ -237,3 +337,111 @@ def _swap(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Eff
         if best is not None and best.evidence > own + _SWAP_MARGIN:
             out[i] = best.effect
     return tuple(out)
+
+
+CERTAIN = 0.95
+# Share of what an effect does that a twin may fail to do: rounding of angles, no reading shows it
+_TWIN = 1e-4
+_FIT_WIDTH = 30.0  # by how much worse an order may fit before its evidence is not even worked out
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The evidence for one effect of the model, with all others in the model."""
+
+    candidates: dict[str, float]  # label -> weight, heaviest first
+    effects: dict[str, Effect]  # label -> the candidate itself
+    delta_bic: float
+    p_value: float
+    explained_variance: float
+
+    def at_most_as_sure_as(self, chance: Chance) -> Evidence:
+        """The evidence with the p-value that the whole scan has by chance, where that is larger."""
+        log_p = math.log(max(self.p_value, 1e-300))
+        return replace(self, p_value=max(self.p_value, min(1.0, chance.p_value(log_p))))
+
+    @property
+    def certain(self) -> bool:
+        """Whether one candidate has at least 95 % of the weight."""
+        return max(self.candidates.values()) >= CERTAIN
+
+
+def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ...]) -> Evidence:
+    """The class of one effect and the evidence for it. `scores` are those of the whole model."""
+    without, gain, columns = leave_one_out(space, scores, effect)
+    tries = scores.multiplicity_of(effect)
+    counts = against_own_noise(space, space.own_direction(effect)[0], space.residual.ravel())
+    own = without.own(effect, gain)
+    twins = _twins(without, effect)
+    costs, effects = {effect.label: 0.0}, {effect.label: effect}
+    others = tuple(other for other in chosen if other is not effect)
+    for score in (*candidates(without, others), *_near_rivals(without), *twins):
+        label = score.effect.label
+        if score.freedom == 0 or label in {other.label for other in others}:
+            continue
+        # A rival that the linearised model prefers lost against the effect when both were refitted.
+        cost = max(own - score.evidence, 0.0)
+        if score.freedom <= columns or score in twins:
+            # No more complex, or a twin, and it fits as well: what is usual must not decide alone.
+            fit = without.space.rows * math.log(
+                max(without.rss - score.gain, 1e-300) / max(without.rss - gain, 1e-300)
+            )
+            cost = min(cost, max(fit, 0.0))
+        if cost < min(CLASS_WIDTH, costs.get(label, math.inf)) and not _same(without, effect, score.effect):
+            costs[label], effects[label] = cost, score.effect
+    best = min(costs.values())
+    weights = {label: math.exp(-0.5 * (cost - best)) for label, cost in costs.items()}
+    total = sum(weights.values())
+    ranked = sorted(weights, key=lambda label: -weights[label])
+    return Evidence(
+        candidates={label: weights[label] / total for label in ranked},
+        effects={label: effects[label] for label in ranked},
+        delta_bic=own,
+        p_value=p_value(gain, columns, without.rss, without.freedom, tries, counts),
+        explained_variance=gain / without.rss,
+    )
+
+
+def _twins(scores: Scores, effect: Effect) -> list[Score]:
+    """Candidates whose columns, by what the rest of the model leaves of them, hold all that the effect does here.
+
+    Families without twins are not looked at.
+    """
+    directions, coefficients = scores.space.own_direction(effect)
+    does: Array = directions @ (coefficients / np.linalg.norm(coefficients))
+    found = []
+    for index, family in enumerate(scores.families):
+        if not family.twins:
+            continue
+        shared = family.shared(scores.space, does[:, None])[:, :, 0]
+        share, _ = gain_of(scores.a[index], shared, family.raw)
+        place = int(np.argmax(share))
+        gain, freedom = scores.gains(index)
+        if share[place] > 1.0 - _TWIN and freedom[place] > 0:
+            found.append(scores.at(index, place, float(gain[place]), int(freedom[place])))
+    return found
+
+
+def _near_rivals(scores: Scores) -> list[Score]:
+    """Every rival of its own that is nearly as good as the best of its family: whole orders of a joint, neighbours that
+    a short range confuses, and creeps beside a step."""
+    found = []
+    for index, family in enumerate(scores.families):
+        if not family.rivals.any():
+            continue
+        gain, freedom = scores.gains(index)
+        left = np.maximum(scores.rss - gain, 1e-300)
+        near = scores.space.rows * np.log(left / left.min()) < _FIT_WIDTH
+        found += [
+            scores.at(index, int(i), float(gain[i]), int(freedom[i]))
+            for i in np.flatnonzero(near & family.rivals)
+        ]
+    return found
+
+
+def _same(scores: Scores, one: Effect, other: Effect) -> bool:
+    """Whether a place of the scan is the chosen effect again: two whole orders are always two explanations."""
+    if one.label == other.label:
+        return True
+    both_whole = all(e.shape.get("order", 0.5).is_integer() for e in (one, other))
+    return not both_whole and one_order(scores.space, one, other)

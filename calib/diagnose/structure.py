@@ -1,34 +1,377 @@
 """Tests of the residuals of a fit for structure, and along which quantity the structure is.
 
-Structure is looked for at every place (`calib.diagnose.places`) by a score test: with the functions F of a driver and
-what the residual has along a direction, reading by reading, as s,
+*Places.* Structure is looked for along quantities that may drive it (`drivers`), each a set of smooth functions of the
+conditions with the slow ones weighted most, and in directions in which an error may act (`directions`): at the tool
+point along the world's axes or the tool's, along the line of sight, on all lengths of the arm, as a tilt of the base,
+or on one joint. With the functions F of a driver and what the residual has along a direction as s, the score is
 
     T = |F's|^2 / |r|^2,
 
-which is r'Kr for the kernel K that driver and direction make, without forming it. Its distribution without structure,
-and that of the largest over all places, come from the same residuals with the signs of whole poses drawn anew
-(`calib.diagnose.null`). The test is free of the size of the noise. Source: Lin 1997 (score tests with kernels).
-Each place is tested with two weightings, with slow functions weighted most and with all weighted equally, because an
-interaction of orders 2 and 3 is hidden by the slow functions of its two joints. The smaller p counts, for the data as
-for the draws.
+which is r'Kr for the kernel K that driver and direction make, without forming it. Source: Lin 1997. Each place is
+tested with slow functions weighted most and with all weighted equally, because an interaction of orders 2 and 3 is
+hidden by the slow functions of its two joints. Places that one would look at first (`likely`) share half of the chance
+of an alarm, all others the other half. Source: Genovese, Roeder and Wasserman 2006.
 
-Places that one would look at first (`likely`) share half of the chance of an alarm among them, all others the other
-half. Source: Genovese, Roeder and Wasserman 2006 (weighted p-values).
+*Chance.* Readings of one pose share its repeatability and what the model lacks there, and real residuals have tails. So
+T is compared with that of the same residuals with random signs for whole poses, freed of what the fit absorbs:
+
+    r* = (I - QQ') (w o (I - B)^-1/2 r),      w = +1 or -1 for each pose,
+
+B the blocks of QQ' that belong to one pose: where few poses carry a fit it hides most of their errors, and would hide
+them once more. What counts is how large the largest of all places is by chance; beyond the draws its logarithm is taken
+to fall as straight as among them. Sources: Davidson and Flachaire 2008 (wild bootstrap), Cameron et al. 2008
+(clusters), Bell and McCaffrey 2002 (B), Westfall and Young 1993 (smallest of many p-values), Pickands 1975 (tail).
+
+*Readings left out.* A weak floor that yields only under the largest moments disturbs a fortieth of the readings; they
+are rejected like gross errors. But gross errors do not depend on the pose: the mean of F over the readings left out is
+compared with that over as many poses drawn at random (`together`).
+
+*Noise.* The residuals are compared with the declared noise and with that of repeated visits. Readings of one visit
+share where the robot came to rest: unless the repeatability is declared, degrees of freedom count as if every visit had
+one reading. Sources: the lack-of-fit F test, Draper and Smith ch. 2; Satterthwaite 1946.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr
+from scipy.special import chdtrc, fdtrc, log_ndtr
 
+from calib.arm.kinematics import Frames, gravity_at_flange, gravity_torques
+from calib.arm.robot import Robot
 from calib.array import Array
-from calib.diagnose.null import DRAWS, Chance, draws
-from calib.diagnose.places import TOGETHER, along, directions, drivers, likely
-from calib.scan.space import Space
+from calib.data.conditions import Conditions
+from calib.scan.scores import Space
+
+DRAWS, _FEWEST_DRAWS = 199, 59
+_MOST_DRAWN = 4_000_000  # of the drawn residuals: 32 MB
+_TERMS = 40  # of the series of (1 - b)^-1/2: to 1 % where the fit hides 90 % of an error
+_CLIP = 3.0
+_TAIL = 0.2  # share of the draws from which the tail is taken
+
+
+def draws(space: Space, *, clipped: bool = False, most: int = DRAWS) -> Array:
+    """(size, 1 + B) the residuals with all signs as they are, then as chance would have them; B up to `most`, fewer
+    where readings are many. clipped: readings far larger than most count as three times the median, so that a few of
+    them neither make structure nor hide it."""
+    pose = space.fitted.readings.conditions.pose
+    count = int(np.clip(_MOST_DRAWN // space.size, _FEWEST_DRAWS, most))
+    signs = np.ones((pose.max() + 1, 1 + count))
+    signs[:, 1:] = np.random.default_rng(0).choice((-1.0, 1.0), signs[:, 1:].shape)
+    errors, residual = _freed(space, pose), space.residual
+    if clipped:
+        length = np.linalg.norm(errors, axis=0)
+        kept = np.minimum(1.0, _CLIP * np.median(length) / np.maximum(length, 1e-300))
+        errors, residual = errors * kept, residual * kept
+    drawn = errors[:, :, None] * signs[pose]
+    drawn[:, :, 0] = residual  # the fit hides its part of the draws as it did of the data, once
+    drawn = drawn.reshape(space.size, 1 + count)
+    basis = space.basis_of_readings
+    return drawn - basis @ (basis.T @ drawn)
+
+
+def _freed(space: Space, pose: NDArray[np.int64]) -> Array:
+    """(k, n) (I - B)^-1/2 r by its series: residuals as large as the errors behind them."""
+    k, n = space.residual.shape
+    basis = space.basis_of_readings.reshape(k, n, -1)
+    order = np.argsort(pose, kind="stable")
+    first = np.searchsorted(pose[order], np.arange(pose.max() + 1))
+    term = space.residual
+    total = term.copy()
+    for j in range(1, _TERMS):
+        shared = np.einsum("kna,kn->na", basis, term)
+        of_pose = np.add.reduceat(shared[order], first, axis=0)
+        term = (2.0 * j - 1.0) / (2.0 * j) * np.einsum("kna,na->kn", basis, of_pose[pose])
+        total += term
+    return total
+
+
+@dataclass(frozen=True)
+class Chance:
+    """The largest -log p of every draw, over all places of a test; p as the test itself has it."""
+
+    largest: Array  # (B,) ascending
+
+    @classmethod
+    def of(cls, log_p: Array) -> Chance:
+        """The chances given log p (places, B) of the draws; every place counts in full, so p may exceed 1."""
+        return cls(np.sort(-np.min(log_p, axis=0)))
+
+    def p_value(self, log_p: float) -> float:
+        """Chance that the largest of all places is so large, from the log p of one."""
+        count = len(self.largest)
+        start = int((1.0 - _TAIL) * count)
+        threshold = float(self.largest[start])
+        if -log_p <= threshold:
+            return (1.0 + float(np.sum(self.largest >= -log_p))) / (1.0 + count)
+        mean = max(float(np.mean(self.largest[start:] - threshold)), 1e-3)
+        return _TAIL * float(np.exp((threshold + log_p) / mean))
+
+
+TOGETHER = "joint angles together"
+TIME = "time"
+QUICK = "time, from one reading to the next"
+SIGHT = "the line of sight"
+OVERTURNING = "overturning moment"
+LENGTHS = "the lengths of the arm"
+DISTANCE = "distance from the instrument"
+BASE = "the tilt of the base"  # about the vertical it turns as joint 1 does
+SEEN = "is seen by the instrument"  # side of the tool
+_WAVES = 5
+_PAIRED = 3  # orders of a turn of each of two joints, and half waves of one that turns little
+_WIDE = 1.5 * np.pi  # rad: a joint that turned further has the orders of its turn, too
+_FIELDS = 96
+_PLACES = 25.0  # steps to which the spread of the predicted places is rounded
+_WIDTH = 1.2  # rad: correlation length of a field over several joints
+_STILL = 1e-6
+_OWN = {SIGHT: DISTANCE, BASE: OVERTURNING}  # what drives a direction by itself
+_SLOW, _SLOW_TO = 5.0, 12  # half waves over a campaign: as of a drift, of warmth
+_QUICK_FROM, _QUICK, _QUICK_TO = 6, 20.0, 80
+_FAR = 16  # half waves over the range of distances: as of a meter that errs with its modulation
+
+
+def drivers(space: Space) -> dict[str, Array]:
+    """Name of each driver -> (n, m) functions of it, mean square falling from 1 with their order."""
+    conditions, robot = space.fitted.readings.conditions, space.fitted.model.robot
+    joints = range(conditions.joints.shape[1])
+    names = [axis.removeprefix("j") for axis in robot.axes]
+    moving = [k for k in joints if np.ptp(conditions.joints[:, k]) > _STILL]
+    wide = [k for k in moving if robot.kinds[k] == "turns" and np.ptp(conditions.joints[:, k]) > _WIDE]
+    waves = {k: _waves(conditions.joints[:, k], _WAVES, k in wide) for k in moving}
+    paired = {k: waves[k][:, : 2 * _to_order(conditions.joints[:, k], k in wide)] for k in moving}
+    found = {f"joint {names[k]} angle": waves[k] for k in moving}
+    for j, k in combinations(moving, 2):
+        found[f"joint {names[j]} and joint {names[k]} angles"] = _products(paired[j], paired[k])
+    if len(moving) > 2:
+        angles = _as_angles(conditions.joints, robot)
+        turned = [_circle(angles[:, k]) if k in wide else angles[:, [k]] for k in moving]
+        found[TOGETHER] = _field(np.hstack(turned))
+    before = gravity_torques(
+        robot, conditions.previous, space.fitted.header.loads, space.fitted.header.gravity
+    )
+    for k in joints:
+        load = _powers(conditions.torque[:, k], 5)
+        found |= _named(f"torque about joint {names[k]}", load)
+        found |= _named(f"moment across joint {names[k]}", _quadratic(conditions.moment[:, k]))
+        if k in waves:
+            side = conditions.side[:, k, None]
+            beside = np.column_stack([waves[k][:, :8], load[:, :3]])
+            found |= _named(f"side of approach of joint {names[k]}", np.column_stack([side, side * beside]))
+            moved = _powers(conditions.joints[:, k] - conditions.previous[:, k], 4)
+            found |= _named(f"last move of joint {names[k]}", moved)
+            earlier = conditions.earlier[:, k]
+            earlier = np.column_stack([np.sign(earlier), _powers(earlier, 3)])
+            found |= _named(f"last move but one of joint {names[k]}", earlier)
+            unloaded = _powers(conditions.torque[:, k] - before[:, k], 4)
+            found |= _named(f"last change of torque about joint {names[k]}", unloaded)
+    found |= _named(OVERTURNING, _quadratic(conditions.overturning))
+    found |= _drives(robot, conditions, space.fitted.header.coupling)
+    return found | _outside_the_arm(space, conditions)
+
+
+def _drives(robot: Robot, conditions: Conditions, coupling: str) -> dict[str, Array]:
+    """The side from which a drive came whose joint another drive turns as well: by rods, or as it is counted only.
+
+    Where rods carry the forearm its gear turns as the controller counts, and so does what its gear has of play.
+    """
+    if coupling == "none":
+        return {}
+    mixed = np.count_nonzero(np.array(robot.joint_matrices[coupling].matrix), axis=1) > 1
+    now, before = (robot.controller_angles(q, coupling) for q in (conditions.joints, conditions.previous))
+    found: dict[str, Array] = {}
+    for k in np.flatnonzero(mixed & (np.ptp(now, axis=0) > _STILL)):
+        side = np.sign(now[:, k] - before[:, k])[:, None]
+        beside = np.column_stack([_circle(now[:, k]), _powers(conditions.torque[:, k], 3)])
+        name = f"side of approach of joint {robot.axes[k].removeprefix('j')} as its controller counts it"
+        found |= _named(name, np.column_stack([side, side * beside]))
+    return found
+
+
+def _as_angles(joints: Array, robot: Robot) -> Array:
+    """(n, N) joints with the whole travel of a slide as half a turn: a field over several is as smooth along each."""
+    travel = np.array(robot.upper) - np.array(robot.lower)
+    return joints * np.where([kind == "slides" for kind in robot.kinds], np.pi / travel, 1.0)
+
+
+def _outside_the_arm(space: Space, conditions: Conditions) -> dict[str, Array]:
+    frames, n = space.frames, len(conditions)
+    found: dict[str, Array] = {}
+    if np.all(np.isfinite(conditions.time)) and np.ptp(conditions.time) > 0.0:
+        found[TIME] = _lasting(conditions.order, 1, _SLOW_TO, _SLOW)
+        found[QUICK] = _lasting(conditions.order, _QUICK_FROM, _QUICK_TO, _QUICK)
+        found |= _named("time since the last move", _powers(np.log1p(pauses(conditions)), 3))
+    if np.all(np.isfinite(conditions.temperature)):
+        found |= _named("temperature", _powers(conditions.temperature, 3))
+    # Predicted places: a measured one contains the residual, and would explain it by itself.
+    # Rounded, since where few places are measured again and again the predicted one is the place less the residual.
+    point = np.broadcast_to(frames.p, (3, n)).T
+    step = max(float(np.sqrt(np.mean(np.var(point, axis=0)))), 1e-9) / _PLACES
+    point = np.round(point / step) * step
+    found |= _named("region of the workspace", np.column_stack([_quadratic(point), _region(point)]))
+    found |= _named("direction of the tool", _quadratic(np.broadcast_to(frames.z, (3, n)).T))
+    view = point - np.array(space.fitted.model.station)
+    distance = np.linalg.norm(view, axis=1, keepdims=True)
+    found |= _named("direction of view", _quadratic(view / np.maximum(distance, 1e-9)))
+    found |= _named(DISTANCE, _over_range(distance[:, 0], _SLOW, _FAR))
+    target = np.eye(len(conditions.target_names))[conditions.target]
+    found |= _named("tool target", target)
+    down = gravity_at_flange(space.fitted.model.robot, conditions.joints, space.fitted.header.gravity)
+    seen = np.broadcast_to(sight_at_tool(frames, space.fitted.model.station), (n, 3))
+    for side, at_tool in (("is down", down), (SEEN, seen)):
+        found |= _named(f"side of the tool that {side}", _quadratic(at_tool))
+        if np.ptp(conditions.target) > 0:
+            by_target = _products(target, _quadratic(at_tool))
+            found |= _named(f"tool target and the side that {side}", by_target)
+    return found
+
+
+def sight_at_tool(frames: Frames, station: tuple[float, float, float]) -> Array:
+    """(n, 3) the line of sight from the instrument's place to the target, along the axes of the tool."""
+    view = frames.p - np.array(station)[:, None]
+    along_axes = np.array([np.sum(axis * view, axis=0) for axis in (frames.x, frames.y, frames.z)])
+    return (along_axes / np.maximum(np.linalg.norm(view, axis=0), 1e-9)).T
+
+
+def directions(space: Space) -> dict[str, Array]:
+    """Name of each direction -> (a, k, n) change of the readings for a unit along each of its a axes, whitened reading
+    by reading: what drives it may differ within a visit."""
+    conditions, frames = space.fitted.readings.conditions, space.frames
+    n, observed = len(conditions), space.fitted.readings.observed
+    world = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, n))
+    tool = np.stack([np.broadcast_to(axis, (3, n)) for axis in (frames.x, frames.y, frames.z)])
+    found = {
+        name: observed.displaced(frames, axes)
+        for name, axes in (("the tool point", world), ("the tool point, along the tool's axes", tool))
+    }
+    view = np.broadcast_to(frames.p, (3, n)) - np.array(space.fitted.model.station)[:, None]
+    found[SIGHT] = observed.displaced(frames, (view / np.maximum(np.linalg.norm(view, axis=0), 1e-9))[None])
+    found[LENGTHS] = _growth(space)[None]
+    found[BASE] = np.stack([observed.column(frames, slot) for slot in ("base.rx", "base.ry")])
+    robot = space.fitted.model.robot
+    for axis, slot in zip(robot.axes, robot.joint_slots, strict=True):
+        found[f"joint {axis.removeprefix('j')}"] = observed.column(frames, slot)[None]
+    return found
+
+
+def _growth(space: Space) -> Array:
+    """(k, n) change of the readings when every link grows in proportion, by 1 mm where it is longest; whitened as
+    `directions`."""
+    robot = space.fitted.model.robot
+    lengths = {f"{kind}{k + 1}": float(getattr(robot, kind)[k]) for kind in "ad" for k in range(robot.joints)}
+    longest = max(max(abs(length) for length in lengths.values()), 1e-9)
+    column = partial(space.fitted.readings.observed.column, space.frames)
+    grown = [length / longest * column(slot) for slot, length in lengths.items() if length != 0.0]
+    return np.sum(grown, axis=0) if grown else np.zeros(space.residual.shape)
+
+
+def likely(driver: str, direction: str) -> bool:
+    """Whether an error of this direction is what one would look for first: it moves the tool point whatever drives it,
+    a joint where that joint's own angle, load or arrival drives it, all but the tool point by time and warmth, the
+    sight by its length, and the base by the moment that overturns it."""
+    if driver in (TIME, QUICK, "temperature", _OWN.get(direction)):
+        return True
+    return direction.startswith("the tool point") or direction in driver
+
+
+def along(axis: Array, rows: Array) -> Array:
+    """(n, B) what rows (size, B), whitened, have along one axis (k, n), reading by reading."""
+    k, n = axis.shape
+    return np.einsum("kn,knb->nb", axis, rows.reshape(k, n, -1))
+
+
+def _named(name: str, functions: Array) -> dict[str, Array]:
+    """The driver, less functions that are the same for all readings; none where no function is left."""
+    varies = np.std(functions, axis=0) > 1e-9
+    return {name: functions[:, varies]} if varies.any() else {}
+
+
+def _waves(angle: Array, orders: int, wide: bool) -> Array:
+    """cos and sin over the measured range, 1 to `orders` half waves, (n, 2 orders). wide: the first half wave, and 1 to
+    `orders` whole waves a turn, (n, 2 orders + 2): what geometry, gears and gravity do comes back after a turn."""
+    phase = (angle - angle.min()) / np.ptp(angle) * np.pi
+    numbers = range(1, orders + 1)
+    if not wide:
+        return np.column_stack([f(k * phase) / k for k in numbers for f in (np.cos, np.sin)])
+    slow = [np.cos(phase), np.sin(phase)]
+    return np.column_stack([*slow, *(f(k * angle) / k for k in numbers for f in (np.cos, np.sin))])
+
+
+def _to_order(angle: Array, wide: bool) -> int:
+    """The number of leading waves whose orders are at most _PAIRED per turn."""
+    if wide:
+        return _PAIRED + 1
+    return int(np.clip(np.ceil(_PAIRED * np.ptp(angle) / np.pi), _PAIRED, _WAVES))
+
+
+def _circle(angle: Array) -> Array:
+    """(n, 2) cos and sin, so that angles a turn apart are the same."""
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _over_range(values: Array, corner: float, last: int) -> Array:
+    """(n, last) half waves over the range of values (n,), weights falling from a corner on."""
+    waves = np.arange(1, last + 1)
+    phase = (values - values.min()) / max(float(np.ptp(values)), 1e-9) * np.pi
+    return np.cos(np.outer(phase, waves)) * np.sqrt(2.0 / (1.0 + (waves / corner) ** 2))
+
+
+def _lasting(order: Array, first: int, last: int, corner: float) -> Array:
+    """Half waves over the campaign, by rank in time: the shape of an error that lasts from reading to reading."""
+    rank = np.argsort(np.argsort(order, kind="stable"), kind="stable")
+    waves = np.arange(first, max(min(len(order) // 4, last), first) + 1)
+    phase = (rank + 0.5) / len(order) * np.pi
+    return np.cos(np.outer(phase, waves)) * np.sqrt(2.0 / (1.0 + (waves / corner) ** 2))
+
+
+def _products(one: Array, other: Array) -> Array:
+    return np.einsum("ni,nj->nij", one, other).reshape(len(one), -1)
+
+
+def _powers(values: Array, degree: int) -> Array:
+    """Legendre polynomials over the range of the values, (n, degree), weights falling; zeros for a constant."""
+    if not np.all(np.isfinite(values)):
+        return np.zeros((len(values), degree))
+    low, high = np.quantile(values, (0.02, 0.98))
+    if high - low <= _STILL * (1.0 + np.max(np.abs(values))):
+        return np.zeros((len(values), degree))
+    x = np.clip(2.0 * (values - low) / (high - low) - 1.0, -1.2, 1.2)
+    return np.polynomial.legendre.legvander(x, degree)[:, 1:] * np.sqrt(2.0 / np.arange(1, degree + 1))
+
+
+def _quadratic(vectors: Array) -> Array:
+    """Linear and quadratic functions of (n, 3) vectors, (n, 9)."""
+    x = (vectors - vectors.mean(axis=0)) / np.maximum(vectors.std(axis=0), 1e-9)
+    pairs = [(i, j) for i in range(3) for j in range(i, 3)]
+    return np.column_stack([x, *(0.5 * x[:, i] * x[:, j] for i, j in pairs)])
+
+
+def _field(coordinates: Array, width: float = _WIDTH) -> Array:
+    """(n, m) random Fourier features of a Gaussian kernel over (n, d). Source: Rahimi and Recht 2007."""
+    rng = np.random.default_rng(0)
+    waves = rng.normal(size=(coordinates.shape[1], _FIELDS)) / width
+    return np.cos(coordinates @ waves + rng.uniform(0.0, 2.0 * np.pi, _FIELDS)) * np.sqrt(2.0)
+
+
+def _region(point: Array) -> Array:
+    """Smooth fields over the workspace (n, m), as wide as the spread of the points and narrower."""
+    spread = np.maximum(np.sqrt(np.mean(np.var(point, axis=0))), 1e-9)
+    place = (point - point.mean(axis=0)) / spread
+    return np.column_stack([0.4 * _field(place, width) for width in (1.0, 0.6)])
+
+
+def pauses(conditions: Conditions) -> Array:
+    """(n,) s since the reading before, 0 where none was."""
+    in_time = np.argsort(conditions.order)
+    time = conditions.time[in_time]
+    pause = np.empty(len(time))
+    pause[in_time] = np.maximum(np.diff(time, prepend=time[0]), 0.0)
+    return pause
+
 
 ALARM = 0.001  # chance that a data set without structure raises an alarm, over all places
 # The alarm where declared noise does not explain what is left: that alone is rarer than an alarm
@@ -37,13 +380,13 @@ _MOST_READINGS = 3000  # that the test looks at, of poses drawn at random
 _MOST_PLACES, _MOST_DIRECTIONS = 8, 3
 _SKEWNESS = 0.1, 8.0  # of a sum of squares: nearly normal, to carried by one
 # Draws that make sure how rare the largest of all places is; fewer where readings are many.
-_DRAWS, _MOST_NUMBERS = 999, 600_000
+_MOST_DRAWS, _MOST_NUMBERS = 999, 600_000
 _ABSORBED = 0.05  # share of what a place would show that must be left beside the model
 _FAINT = 1e-4  # mean square of a function that is hardly one
 _SAME = 1e-6  # of a function whose mean square is about 1
 _LEAST_SHARE = 0.0005  # of what is left, that a place must explain to be one
 _CHANCE_OF_SHARE = 3.0  # standard deviations by which the share of a set of functions varies by chance
-_FEWEST = 10.0  # readings over which the functions of a driver act at least
+_FEWEST_ACTING = 10.0  # readings over which the functions of a driver act at least
 
 
 @dataclass(frozen=True)
@@ -63,12 +406,12 @@ def left_over(space: Space, alarm: float = ALARM) -> list[Structure]:
     if space.freedom <= 0 or space.rss <= 0.0:
         return []
     some = _some(space)
-    rows = draws(space, clipped=True, most=max(min(_DRAWS, _MOST_NUMBERS // space.size), DRAWS))
+    rows = draws(space, clipped=True, most=max(min(_MOST_DRAWS, _MOST_NUMBERS // space.size), DRAWS))
     length = np.linalg.norm(rows, axis=0)
     if not np.all(length > 0.0):  # most readings fit exactly, so that clipping leaves nothing
         return []
     rows /= length
-    functions = {name: f[some] for name, f in drivers(space).items() if _spread(f[some]) > _FEWEST}
+    functions = {name: f[some] for name, f in drivers(space).items() if _spread(f[some]) > _FEWEST_ACTING}
     squared = np.array([np.sum(f**2, axis=1) for f in functions.values()])
     pulled, alike = space.pulled(rows), _alike(space, functions, some)
     # Single precision, which chance does not notice, for it is most of the time of a diagnosis that finds nothing
@@ -194,3 +537,125 @@ def _share(space: Space, functions: Array, axes: Array, some: NDArray[np.int64])
     rows = max(measured, u.shape[1] + 1)
     gain, total = float(np.sum((u.T @ left) ** 2)), float(left @ left)
     return float(np.clip(1.0 - (1.0 - gain / total) * rows / max(rows - u.shape[1], 1), 0.0, 1.0))
+
+
+ACTS_ON = "the readings left out"
+_FEWEST_LEFT_OUT = 4  # poses left out
+_DRAWS = 399
+_MOST_TOGETHER = 4
+
+
+def together(space: Space, out: NDArray[np.bool_]) -> list[Structure]:
+    """Drivers along which the readings of a mask `out` (n,) lie together, most certain first."""
+    pose = space.fitted.readings.conditions.pose
+    count = np.bincount(pose)
+    spoilt = np.bincount(pose, out) > 0.0
+    if spoilt.sum() < _FEWEST_LEFT_OUT or spoilt.all():
+        return []
+    rng = np.random.default_rng(2)
+    drawn = np.zeros((len(count), 1 + _DRAWS))
+    drawn[:, 0] = spoilt
+    for b in range(1, 1 + _DRAWS):
+        drawn[rng.permutation(len(count))[: int(spoilt.sum())], b] = 1.0
+    driven = drivers(space)
+    values = []
+    for functions in driven.values():
+        of_pose = np.array([np.bincount(pose, column) for column in functions.T]) / count
+        values.append(np.sum(((of_pose - of_pose.mean(axis=1, keepdims=True)) @ drawn) ** 2, axis=0))
+    log_p = log_p_of(np.array(values))
+    chance = Chance.of(log_p[:, 1:])
+    found = sorted((chance.p_value(float(log_p[i, 0])), name) for i, name in enumerate(driven))
+    return [
+        Structure(name, p_value, _share_of_choice(driven[name], out), ACTS_ON)
+        for p_value, name in found[:_MOST_TOGETHER]
+        if p_value < ALARM
+    ]
+
+
+def _share_of_choice(functions: Array, out: NDArray[np.bool_]) -> float:
+    """Share of the choice of left-out readings that the functions (n, m) explain, their number allowed for."""
+    values = out - np.mean(out)
+    columns = functions - functions.mean(axis=0)
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    u = u[:, s > 1e-3 * max(float(s[0]), 1e-300)]
+    rows = max(len(out), u.shape[1] + 2)
+    unexplained = 1.0 - float(np.sum((u.T @ values) ** 2) / (values @ values))
+    return float(np.clip(1.0 - unexplained * (rows - 1) / (rows - 1 - u.shape[1]), 0.0, 1.0))
+
+
+NOISY = 0.001  # chance that noise of the declared size fails the chi-square
+EACH_POSE = "each pose by itself, the same at every visit"
+_FEWEST_REPEATS = 30  # rows by which noise is known from repeats
+
+
+def p_lack_of_fit(space: Space) -> float:
+    """The p-value of the residuals for the declared noise."""
+    freedom = max(space.rows - float(np.sum(space.basis_of_readings**2)), 1.0)
+    apart = _apart(space, len(space.fitted.readings.rows))
+    return float(chdtrc(freedom * apart, float(np.sum(space.residual**2)) * apart))
+
+
+def p_beyond_repeats(space: Space) -> float | None:
+    """The p-value of the residuals for the noise that repeated readings show; None where too few are repeated.
+
+    Repeats are visits of one pose with one target, arrived at from the same sides: what differs among them is noise,
+    with the robot's repeatability.
+    """
+    conditions = space.fitted.readings.conditions
+    found = _between(space, np.column_stack([_place(conditions), conditions.side.astype(np.int64)]))
+    return None if found is None else found[0]
+
+
+def each_pose(space: Space) -> list[Structure]:
+    """The place of an error that every pose and target has of its own, whenever it is visited; empty where none is."""
+    found = _between(space, _place(space.fitted.readings.conditions))
+    if found is None or found[0] >= ALARM:
+        return []
+    return [Structure(EACH_POSE, *found)]
+
+
+def _place(conditions: Conditions) -> NDArray[np.int64]:
+    """(n, 4) what is measured: pose, tool target, base target, series."""
+    return np.column_stack([conditions.pose, conditions.target, conditions.anchor, conditions.series])
+
+
+def _between(space: Space, alike: NDArray[np.int64]) -> tuple[float, float] | None:
+    """Chance that visits of readings which are alike, where rows of `alike` (n, c) are, differ so much less than
+    groups of them do, and the share of what is left that the groups have beyond it.
+
+    None where too few are visited again, or the model has as many parameters as there are groups.
+    """
+    readings = space.fitted.readings
+    groups = np.unique(alike, axis=0, return_inverse=True)[1].reshape(-1)
+    _, first, one = np.unique(
+        np.column_stack([groups, readings.conditions.visit]),
+        axis=0,
+        return_index=True,
+        return_inverse=True,
+    )
+    visits = _means(space.residual, one.reshape(-1))
+    group, rows = groups[first], readings.observed.freedom[first]
+    middle = _means(visits, group)
+    of_groups = int(rows[np.unique(group, return_index=True)[1]].sum())
+    pure, left = int(rows.sum()) - of_groups, of_groups - space.basis.shape[1]
+    if pure < _FEWEST_REPEATS or left <= 0:
+        return None
+    within = float(np.sum((visits - middle[:, group]) ** 2))
+    between = float(np.sum(middle**2 * np.bincount(group)))
+    noise = max(within / pure, 1e-300)
+    apart = _apart(space, len(first))
+    p_value = float(fdtrc(max(left * apart, 1.0), max(pure * apart, 1.0), between / left / noise))
+    return p_value, max(between - left * noise, 0.0) / (between + within)
+
+
+def _apart(space: Space, readings: int) -> float:
+    """Share of so many readings that are tries of their own: all where what a visit shares is declared, and so is
+    whitened already; else one a visit."""
+    if space.fitted.readings.observed.shared is not None:
+        return 1.0
+    return len(np.unique(space.fitted.readings.conditions.visit)) / readings
+
+
+def _means(values: Array, group: NDArray[np.int64]) -> Array:
+    """(k, groups) mean of the columns of values (k, n) that belong to each group."""
+    return np.array([np.bincount(group, row) for row in values]) / np.bincount(group)

@@ -1,109 +1,60 @@
-"""The library of effects: one file for each kind, which holds all that is known of it and is named in `LIBRARY`.
+"""The library of effects: rows and entries, by what they act on; each holds all that is known of its kinds.
 
-The files are sorted by what they act on: `geometry`, `transmission`, `elasticity`, `thermal`, `slides`, `instrument`.
+`transmission`, `elasticity`, `geometry`, `thermal`, `slides`, `instrument`; other packages add theirs by entry points
+of the group `truepose.effects`, each a module with KINDS and offer.
 """
 
-import re
-from collections.abc import Sequence
-from typing import Protocol
+from __future__ import annotations
 
-from calib.effects.by_axis import by_axis, family_by_axis
-from calib.effects.elasticity import (
-    bearing_tilt,
-    cubic_stiffness,
-    joint_compliance,
-    link_torsion,
-    payload,
-    pedestal,
-)
-from calib.effects.geometry import (
-    joint_offset,
-    joint_step,
-    parallel_twist,
-    shift,
-    tool,
-)
-from calib.effects.installed import installed
-from calib.effects.instrument import (
-    base_target,
-    drift,
-    tracker_scale,
-)
+import re
+from dataclasses import replace
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from calib.arm.robot import Robot
+from calib.effects import elasticity, geometry, instrument, slides, thermal, transmission
 from calib.effects.kind import Kind
-from calib.effects.slides import (
-    slide_backlash,
-    slide_compliance,
-    slide_growth,
-    slide_guide,
-    slide_scale,
-)
+from calib.effects.row import Entry, Offers, Row
 from calib.effects.survey import Survey, compliance_of
-from calib.effects.thermal import (
-    arm_growth,
-    thermal_growth,
-    thermal_joint,
-    warm_up,
-)
-from calib.effects.transmission import (
-    backlash,
-    backlash_load,
-    coupling,
-    dead_zone,
-    encoder_scale,
-    gear_orders,
-    lost_motion,
-    periodic,
-    settling,
-)
+from calib.errors import DataError
 from calib.model.effect import Effect
-from calib.scan.fixed import Candidate
+from calib.scan.families import Candidate, Harmonics, Shapes, Steps
 from calib.scan.scores import Family
 
-
-class Entry(Protocol):
-    """The interface of a file of the library: its kinds, and its candidates for some readings."""
-
-    @property
-    def KINDS(self) -> tuple[Kind, ...]:
-        """The kinds of the file."""
-        ...
-
-    def offer(self, survey: Survey) -> Sequence[Family]:
-        """The candidates of the file."""
-        ...
-
-
-LIBRARY: tuple[Entry, ...] = (
-    periodic,
-    backlash,
-    backlash_load,
-    lost_motion,
-    settling,
-    encoder_scale,
-    coupling,
-    joint_offset,
-    joint_compliance,
-    dead_zone,
-    cubic_stiffness,
-    parallel_twist,
-    link_torsion,
-    bearing_tilt,
-    pedestal,
-    payload,
-    tool,
-    base_target,
-    shift,
-    joint_step,
-    drift,
-    tracker_scale,
-    thermal_growth,
-    thermal_joint,
-    warm_up,
-    slide_scale,
-    slide_backlash,
-    slide_guide,
-    slide_growth,
-    slide_compliance,
+LIBRARY: tuple[Entry | Row, ...] = (
+    transmission.PERIODIC,
+    transmission.backlash,
+    transmission.backlash_load,
+    transmission.lost_motion,
+    transmission.settling,
+    transmission.encoder_scale,
+    transmission.COUPLING,
+    geometry.joint_offset,
+    elasticity.joint_compliance,
+    transmission.dead_zone,
+    elasticity.cubic_stiffness,
+    geometry.parallel_twist,
+    elasticity.LINK_TORSION,
+    elasticity.BEARING_TILT,
+    elasticity.PEDESTAL,
+    elasticity.PAYLOAD,
+    geometry.TOOL,
+    instrument.BASE_TARGET,
+    geometry.SHIFT,
+    geometry.JOINT_STEP,
+    instrument.DRIFT,
+    instrument.TRACKER_SCALE,
+    thermal.THERMAL_GROWTH,
+    thermal.thermal_joint,
+    thermal.WARM_UP,
+    thermal.ARM_GROWTH,
+    transmission.GEAR_ORDERS,
+    slides.slide_scale,
+    slides.slide_backlash,
+    slides.SLIDE_GUIDE,
+    slides.slide_growth,
+    slides.slide_compliance,
 )
 
 
@@ -113,14 +64,34 @@ OF_GEARS = frozenset(
 """Kinds that blame a gear or its play and need no torque; those of stiffness are not offered without one."""
 
 _JOINT = re.compile(r"\bj(\d+)")
+_IN_LABEL = re.compile(r"(?<=[:-])j(\d+)")
+_IN_WORDS = re.compile(r"\b([Jj]oint|[Ll]ink|and) (\d+)")
 
-SETS_IN = (shift, joint_step, backlash, slide_backlash, payload, tracker_scale, drift, arm_growth)
-"""Files of effects that can set in between two campaigns."""
 
-
-def entries() -> tuple[Entry, ...]:
+def entries() -> tuple[Offers, ...]:
     """The library, and what other packages bring. Raises DataError where one of them cannot be used."""
-    return (*LIBRARY, *installed())
+    return (*LIBRARY, *_installed())
+
+
+@cache
+def _installed() -> tuple[Any, ...]:
+    points = entry_points(group="truepose.effects")
+    return tuple(_loaded(point) for point in sorted(points, key=lambda each: each.name))
+
+
+def _loaded(point: EntryPoint) -> Any:
+    package = point.dist.name if point.dist is not None else point.value
+    place = f"effect '{point.name}' of the package {package}"
+    try:
+        entry = point.load()
+    except (ImportError, AttributeError) as error:
+        raise DataError(
+            f"cannot be loaded: {error}.", do="Repair or remove the package.", file=place
+        ) from error
+    missing = [name for name in ("KINDS", "offer") if not hasattr(entry, name)]
+    if missing:
+        raise DataError(f"has no {missing[0]}.", do="See docs/extending.md.", file=place)
+    return entry
 
 
 def offers(survey: Survey) -> list[Family]:
@@ -128,7 +99,7 @@ def offers(survey: Survey) -> list[Family]:
     that blame the gear of a joint whose gravity is not modelled: its sag looks like them."""
     proposals = [proposal for entry in entries() for proposal in entry.offer(survey)]
     new = [p for p in proposals if not (isinstance(p, Candidate) and survey.frees(p.effect))]
-    return [family_by_axis(p, survey.robot) for p in new if not _looks_like_sag(p.label, survey)]
+    return [_family_by_axis(p, survey.robot) for p in new if not _looks_like_sag(p.label, survey)]
 
 
 def _looks_like_sag(label: str, survey: Survey) -> bool:
@@ -139,22 +110,69 @@ def _looks_like_sag(label: str, survey: Survey) -> bool:
 
 def changes(survey: Survey) -> list[Effect]:
     """The effects that may have begun since a calibration and that these readings could show."""
-    return [by_axis(found, survey.robot) for entry in SETS_IN for found in entry.changes(survey)]
+    begun = [entry.changes(survey) for entry in LIBRARY if entry.changes is not None]
+    return [by_axis(found, survey.robot) for several in begun for found in several]
 
 
 def unclaimed(survey: Survey) -> list[Effect]:
     """The effects that may be there unclaimed and that later readings would meet otherwise: those that can set in, what
     follows the air, and waves so long that few poses see one stretch of them, as a lost zero."""
-    growth = [candidate.effect for candidate in thermal_growth.offer(survey)]
-    waves = [by_axis(wave, survey.robot) for wave in periodic.long_waves(survey)]
+    offered = thermal.THERMAL_GROWTH.offer(survey)
+    growth = [candidate.effect for candidate in offered if isinstance(candidate, Candidate)]
+    waves = [by_axis(wave, survey.robot) for wave in transmission.long_waves(survey)]
     return [*changes(survey), *growth, *waves]
+
+
+def by_axis(effect: Effect, robot: Robot) -> Effect:
+    """The effect with the name of the axis for the number of its link in label, parameters and meaning.
+
+    The library counts joints as links, 1 to N; on a track, link 2 of the chain is joint 1 of the arm.
+    """
+    if _counts_alike(robot):
+        return effect
+    label, before = _label_by_axis(effect.label, robot), f"{effect.label}."
+
+    def renamed(name: str) -> str:
+        return f"{label}.{name.removeprefix(before)}" if name.startswith(before) else name
+
+    return replace(
+        effect,
+        label=label,
+        meaning=_IN_WORDS.sub(
+            lambda found: f"{found[1]} {robot.axes[int(found[2]) - 1].removeprefix('j')}", effect.meaning
+        ),
+        parameters=tuple(replace(p, name=renamed(p.name)) for p in effect.parameters),
+        terms=tuple(replace(t, parameter=renamed(t.parameter)) for t in effect.terms),
+    )
+
+
+def _counts_alike(robot: Robot) -> bool:
+    return robot.axes == tuple(f"j{k}" for k in range(1, robot.joints + 1))
+
+
+def _label_by_axis(label: str, robot: Robot) -> str:
+    return _IN_LABEL.sub(lambda found: robot.axes[int(found[1]) - 1], label)
+
+
+def _family_by_axis(family: Family, robot: Robot) -> Family:
+    if _counts_alike(robot):
+        return family
+    if isinstance(family, Candidate):
+        return Candidate(by_axis(family.effect, robot))
+    if isinstance(family, Harmonics | Steps | Shapes):
+        make = family.at
+        return replace(
+            family,
+            label=_label_by_axis(family.label, robot),
+            at=lambda shape: by_axis(make(shape), robot),
+        )
+    return family
 
 
 def kind_of(label: str) -> Kind:
     """The kind of effect that a label names. Raises KeyError for a label of no kind in the library."""
-    name = label.partition(":")[0]
-    kinds = {kind.name: kind for entry in (*entries(), gear_orders, arm_growth) for kind in entry.KINDS}
-    return kinds[name]
+    kinds = {kind.name: kind for entry in entries() for kind in entry.KINDS}
+    return kinds[label.partition(":")[0]]
 
 
 def check_of(label: str) -> str:
@@ -169,8 +187,11 @@ def words_of(label: str) -> str:
 
 __all__ = [
     "LIBRARY",
+    "Entry",
     "Kind",
+    "Row",
     "Survey",
+    "by_axis",
     "changes",
     "check_of",
     "compliance_of",

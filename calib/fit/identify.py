@@ -47,11 +47,15 @@ from calib.fit.soft_gears import softer_than_usual
 from calib.model.base_model import adapted, named_in
 from calib.model.effect import Parameter
 from calib.model.model import Design, RobotModel
-from calib.units import percent
+from calib.units import percent, to_display
 
 Progress = Callable[[str], None]
 
+_LOOSE = {"mm": 5.0, "deg": 0.5}  # standard error from which on a parameter is not known by itself
 _UNSETTLED = 2.0  # ratio of found noise to declared above which the first steps may not have arrived
+_CROWDED = (
+    4.0  # ratio of noise, before and after a crowd of readings is left out, from which they are gross errors
+)
 _FAR = 10.0  # ratio of found noise to declared, or its inverse, that is reported
 
 
@@ -168,26 +172,56 @@ def fit(
     ):
         scale = found
         plain = solve(plain.at, active, dropped, scale=scale)
-    if not robust.suspicious(plain.standardised(), observed.freedom):
+    alone, wrong = observed.alone, robust.FEW
+    at = _without_crowd(plain, dropped)
+    if at is not None:
+        wrong = robust.CROWD
+    elif not robust.suspicious(plain.standardised(), observed.freedom):
         return _result(dataset, model, readings, plain, active, dropped)
-    progress("fitting, robust to gross errors")
-    alone = observed.alone
-    at = Linearisation(at_start.design, alone, start)
-    for weigh in (robust.huber, robust.huber, robust.bisquare, robust.bisquare):
-        found, weights = (
-            robust.noise_scale(at.residual, observed.freedom),
-            weigh(at.residual, observed.freedom),
-        )
-        at = solve(at, active, dropped, weights=weights, scale=min(found, scale), max_iterations=2).at
+    else:
+        progress("fitting, robust to gross errors")
+        at = Linearisation(at_start.design, alone, start)
+        for weigh in (robust.huber, robust.huber, robust.bisquare, robust.bisquare):
+            found, weights = (
+                robust.noise_scale(at.residual, observed.freedom),
+                weigh(at.residual, observed.freedom),
+            )
+            at = solve(at, active, dropped, weights=weights, scale=min(found, scale), max_iterations=2).at
     estimate, residual = at.estimate, at.residual
-    readings, relabelled = _relabel(dataset, model, readings, estimate, residual)
+    readings, relabelled = _relabel(dataset, model, readings, estimate, residual, wrong)
     if relabelled:
         frames = Design(model, readings.conditions).frames(estimate, ())
         residual = alone.residual(frames)
-    faulty = robust.outliers(residual, observed.freedom)
+    faulty = robust.outliers(residual, observed.freedom, wrong)
     rejected = tuple(dataset.reading_id[i] for i in readings.rows[faulty])
     readings = readings.take(~faulty)
     return fit_plain(dataset, model, readings, estimate, active, dropped, rejected, relabelled)
+
+
+def _without_crowd(plain: Solution, dropped: tuple[Dropped, ...]) -> Linearisation | None:
+    """The fit that most readings agree on where up to a quarter of them are gross errors; None where they are not.
+
+    From the plain fit by weights 1 / distance (least absolute errors, which a quarter does not move far), then by the
+    bisquare. A crowd is believed where what the others leave is far smaller than what the plain fit leaves, and where
+    they are scattered: what lies together in time or along a joint is a structure, which has a cause to be found.
+    """
+    observed = plain.at.observed
+    freedom, before = observed.freedom, robust.noise_scale(plain.residual, observed.freedom)
+    if before < _CROWDED:
+        return None
+    at = Linearisation(plain.at.design, observed.alone, plain.estimate)
+    for weigh, wrong in ((robust.huber, 0.5),) * 10 + ((robust.bisquare, robust.CROWD),) * 4:
+        found = robust.noise_scale(at.residual, freedom, wrong)
+        weights = weigh(at.residual, freedom, wrong)
+        at = solve(at, plain.active, dropped, weights=weights, scale=found, max_iterations=1).at
+    after = robust.noise_scale(at.residual, freedom, robust.CROWD)
+    out = robust.outliers(at.residual, freedom, robust.CROWD)
+    if _CROWDED * after >= before or np.mean(out) >= robust.CROWD:
+        return None
+    conditions = plain.at.design.conditions
+    _, first, visit = np.unique(conditions.visit, return_index=True, return_inverse=True)
+    along = np.column_stack([conditions.order, conditions.joints])[first]
+    return None if robust.lie_together(np.bincount(visit, out) > 0.0, along) else at
 
 
 def fit_plain(
@@ -290,7 +324,29 @@ def _warnings(
         hardly = spread[position] > 0.5 * usual[position]
         if active[position] and hardly and not model.measured[position]:
             out.append(f"{parameter.name} is hardly seen by these readings; its usual size holds it.")
-    return out
+    return [*out, *_only_together(model, active & ~(spread > 0.5 * usual), spread)]
+
+
+def _only_together(model: RobotModel, active: NDArray[np.bool_], spread: Array) -> list[str]:
+    """A remark on parameters that trade against each other along a direction in which the sum is nearly flat."""
+    units = [parameter.unit for parameter in model.parameters]
+    loose = [
+        k
+        for k, unit in enumerate(units)
+        if active[k] and unit in _LOOSE and to_display(float(spread[k]), unit) > _LOOSE[unit]
+    ]
+    if len(loose) < 2:
+        return []
+    most = {unit: max(spread[k] for k in loose if units[k] == unit) for unit in {units[k] for k in loose}}
+    sizes = " and ".join(
+        f"{float(f'{to_display(float(most[unit]), unit):.2g}'):g} {unit}"
+        for unit in sorted(most, reverse=True)
+    )
+    names = ", ".join(model.parameters[k].name for k in loose)
+    return [
+        f"{names} are seen together only, none of them by itself: their standard errors go up to {sizes}. Points that "
+        "do not lie in a line, and poses that turn the tool about other axes, tell them apart."
+    ]
 
 
 def _of_faulty(readings: Readings, faulty: tuple[str, ...]) -> list[str]:
@@ -324,12 +380,12 @@ def _unused(dataset: Dataset) -> list[str]:
 
 
 def _relabel(
-    dataset: Dataset, model: RobotModel, readings: Readings, estimate: Array, residual: Array
+    dataset: Dataset, model: RobotModel, readings: Readings, estimate: Array, residual: Array, wrong: float
 ) -> tuple[Readings, tuple[tuple[str, str, str], ...]]:
     """Readings that do not fit, each for itself, but do with another tool target: relabel them."""
     conditions = readings.conditions
-    suspects = np.flatnonzero(robust.outliers(residual, readings.observed.freedom))
-    limit = robust.threshold(residual, readings.observed.freedom)
+    suspects = np.flatnonzero(robust.outliers(residual, readings.observed.freedom, wrong))
+    limit = robust.threshold(residual, readings.observed.freedom, wrong)
     target = conditions.target.copy()
     relabelled = []
     for t, name in enumerate(conditions.target_names):

@@ -410,6 +410,8 @@ _TRTRS, _GEQRF = get_lapack_funcs(("trtrs", "geqrf"), dtype=np.float64)
 
 def _back(triangle: Array, right: Array, trans: int = 0) -> Array:
     """R x = right, or R' x = right. Raises LinAlgError where R is singular."""
+    if not triangle.size:  # nothing is free, as where base and tool are known and nothing else is asked for
+        return right
     found, singular = _TRTRS(triangle, right, trans=trans)
     if singular:
         raise np.linalg.LinAlgError("a triangular factor is singular")

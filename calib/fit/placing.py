@@ -43,6 +43,13 @@ def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> Robo
     Raises DataError when the header holds or weighs a parameter that the model does not have or of which nothing is
     known, and where the readings are mirrored or in another unit.
     """
+    if not dataset.fit_rows.any():
+        raise DataError(
+            "has no calibration rows that were measured: nothing can be fitted to it.",
+            do="Mark some rows set = calibration, or judge a model with these: truepose validate DATA --model M.json.",
+            file=dataset.path,
+            key="set",
+        )
     _refuse_unknown(dataset)
     header, conditions = dataset.header, dataset.conditions
     groups = header.groups if groups is None else groups
@@ -94,6 +101,8 @@ def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> Robo
             for anchor, place in here.items():
                 x, y, z = pose[:3, :3] @ place + pose[:3, 3]
                 located.setdefault(anchor, (float(x), float(y), float(z)))
+    if header.one_tool and "tool" in groups and len(placements) > 1:
+        _share_tool(dataset, flange, targets, placements, turns)
     effects = base_model.build(
         groups,
         header.robot,
@@ -101,6 +110,7 @@ def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> Robo
         measured_in,
         _uncertain(header, conditions.anchor_names),
         header.tool_targets_u_mm,
+        one_tool=header.one_tool,
     )
     return RobotModel(
         header.robot,
@@ -115,6 +125,35 @@ def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> Robo
         },
         spans=_between(dataset, targets, measured_in),
     )
+
+
+def _share_tool(
+    dataset: Dataset,
+    flange: Array,
+    targets: dict[str, dict[str, Vector]],
+    placements: dict[str, Array],
+    turns: dict[str, Array],
+) -> None:
+    """Start all series with the tool of those that measured each target most often, and their bases with that tool."""
+    conditions, rows = dataset.conditions, dataset.fit_rows & dataset.pointed
+    names = conditions.target_names
+    counts = {
+        name: np.bincount(conditions.target[rows & (conditions.series == s)], minlength=len(names))
+        for s, name in enumerate(conditions.series_names)
+    }
+    best = {t: max(counts, key=lambda name: counts[name][k]) for k, t in enumerate(names)}
+    shared = {t: targets[of][t] for t, of in best.items() if t in targets[of]}
+    if turns:
+        whole = max(turns, key=lambda name: counts[name].sum())
+        turns.update(dict.fromkeys(turns, turns[whole]))
+    for s, name in enumerate(conditions.series_names):
+        targets[name] = {**targets[name], **shared}
+        of = rows & (conditions.series == s)
+        if name in placements and of.any():
+            nominal = np.array([targets[name].get(t, (0.0, 0.0, 0.0)) for t in names])
+            placements[name], _ = base_and_tool(
+                flange[of], nominal, conditions.target[of], dataset.points[of], tool_unknown=False
+            )
 
 
 def _nearer(

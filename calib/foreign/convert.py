@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from calib.arm.robot import load_robot
 from calib.convert.table import Table
 from calib.data.dataset import Dataset
 from calib.data.header import header_of
+from calib.data.plausible import read_apart_in_words, turned_apart
 from calib.data.read import dataset_of
 from calib.errors import DataError
 from calib.foreign.files.layout import Layout
@@ -21,6 +24,8 @@ from calib.foreign.readings.one_file import readings_of
 from calib.text.columns import Columns
 from calib.text.toml_text import parse_toml
 from calib.units import DEG
+
+_ANOTHER = 0.1  # share of the extent of the points by which no nominal arm misses what it was measured at
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,9 @@ def converted(made: Map, paths: Sequence[Path], map_path: Path | str, beside: Pa
     readings, left = readings_of(made, layouts, map_path)
     robot = load_robot(str(made.header.get("robot", "")), beside)
     readings = readings.of_robot(robot, layouts[0].sheet.shown)
+    if made.header.get("measured_at_origin") is False:
+        lost = (readings.points == 0.0).all(axis=1)
+        readings = replace(readings, points=np.where(lost[:, None], np.nan, readings.points))
     fit = fit_of(readings, robot)
     if fit is not None and fit.own_numbers and not made.header.get("simulated", False):
         raise DataError(
@@ -66,8 +74,26 @@ def converted(made: Map, paths: Sequence[Path], map_path: Path | str, beside: Pa
             "--answer rotation=CONVENTION ('leave' leaves them aside).",
             file=layouts[-1].sheet.shown,
         )
+    named = [f"read{axis.removeprefix('j')}" for axis in robot.axes]
+    read = np.column_stack([readings.numbers.get(name, np.full(len(readings), np.nan)) for name in named])
+    if rods := robot.followers(readings.coupling):
+        read[:, list(rods)] = np.nan
+        followers = ", ".join(robot.axes[k] for k in rods)
+        left = (
+            *left,
+            f'{followers} follow other joints by joint_coupling = "{readings.coupling}": only what they differ by is '
+            "written",
+        )
+    apart = read_apart_in_words(turned_apart(read - readings.joints, robot.units), robot)
+    left = (*left, *filter(None, [apart]))
+    empty = int(np.isnan(readings.points).all(axis=1).sum())
+    rejected = sum(map(bool, readings.rejected))
+    for count, why in ((empty, "have no point"), (rejected, "are rejected by their status")):
+        left = (
+            (*left, f"{count} of {len(readings)} readings {why}: they count for nothing") if count else left
+        )
     source = " and ".join(dict.fromkeys(path.name for path in paths))
-    table = table_of(readings, made, map_path, source)
+    table = table_of(readings, made, map_path, source).hold_out(**made.header.get("holdout", {}))
     said = [
         f"{layout.sheet.path.name}: {each}"
         for layout in layouts
@@ -82,14 +108,15 @@ def _layout(made: FileMap, path: Path, map_path: Path | str) -> Layout:
     return found
 
 
-def data_set_of(table: Table, csv: Path, files: Sequence[Path]) -> Dataset:
+def data_set_of(table: Table, fit: Fit | None, csv: Path, files: Sequence[Path]) -> Dataset:
     """The data set that a table would be as the file `csv`, checked against its nominal robot, not written.
 
-    files: those it was made of. Raises DataError for a table that is no data set, saying that the map can be changed.
+    fit: of the readings; files: those it was made of. Raises DataError for a table that is no data set, saying that the
+    map can be changed, and for readings that their robot misses by far and no other explanation fits.
     """
     header = csv.with_suffix(".toml")
     try:
-        return dataset_of(
+        found = dataset_of(
             Columns.of_text(table.text, csv),
             header_of(parse_toml(table.header, header), header, table.header),
         )
@@ -102,3 +129,12 @@ def data_set_of(table: Table, csv: Path, files: Sequence[Path]) -> Dataset:
             file=" and ".join(file.name for file in files),
             key=error.key,
         ) from error
+    if fit is not None and fit.share > _ANOTHER:
+        raise DataError(
+            f"misses the nominal {fit.robot} in its best place by {fit.miss:.3g} mm, where the points spread by "
+            f"{fit.extent:.3g} mm, and no built-in robot or other reading of the columns fits.",
+            do="Name the robot that was measured ('truepose robot import' makes its file), or see that the joints and "
+            "the point of every row are of one moment.",
+            file=" and ".join(file.name for file in files),
+        )
+    return found

@@ -38,18 +38,19 @@ def base(series: str, several: bool) -> Effect:
 
 
 def tool(
-    series: str, targets: Mapping[str, bool], several: bool, u_mm: Mapping[str, float] | None = None
+    series: Sequence[str], targets: Mapping[str, bool], several: bool, u_mm: Mapping[str, float] | None = None
 ) -> Effect:
-    """Position of every tool target of a series in the flange frame; with its orientation where `targets` says so.
+    """Position of every tool target in the flange frame; with its orientation where `targets` says so.
 
-    u_mm: standard uncertainty of the positions that are known to one, mm per axis.
+    series: of the readings that measured this tool; several: whether other series have a tool of their own; u_mm:
+    standard uncertainty of the positions that are known to one, mm per axis.
     """
-    suffix, sizes = f"[{series}]" if several else "", u_mm or {}
+    suffix, sizes = f"[{series[0]}]" if several else "", u_mm or {}
     acts = {
         f"{target}{suffix}.{axis}": (
             "deg" if axis[0] == "r" else "mm",
             None if axis[0] == "r" else sizes.get(target),
-            [(f"target.{axis}", OnTarget(series, target))],
+            [(f"target.{axis}", OnTarget(each, target)) for each in series],
         )
         for target, turned in targets.items()
         for axis in (("x", "y", "z", "rx", "ry", "rz") if turned else "xyz")
@@ -130,12 +131,15 @@ def build(
     targets: Sequence[Mapping[str, bool]],
     anchors: Mapping[str, float | None] | None = None,
     tool_u_mm: Mapping[str, float] | None = None,
+    *,
+    one_tool: bool = False,
 ) -> tuple[Effect, ...]:
     """The effects of a base model.
 
     series: names; targets: name of every target measured in each series, and whether with its orientation;
     anchors: base targets that are not known exactly, with their standard uncertainty in mm (None: unknown);
-    tool_u_mm: the same of tool targets, which are parameters then without the group "tool".
+    tool_u_mm: the same of tool targets, which are parameters then without the group "tool"; one_tool: whether all
+    series measured the same tool.
     Raises KeyError for an unknown group.
     """
     of_robot = {
@@ -146,22 +150,24 @@ def build(
         "encoder_scale": encoder_scale,
     }
     several = len(series) > 1
+    tools = [((name,), names) for name, names in zip(series, targets, strict=True)]
+    if one_tool and several:
+        seen = {target: any(of.get(target, False) for of in targets) for names in targets for target in names}
+        tools = [(tuple(series), seen)]
     effects: list[Effect] = []
     for group in groups:
         if group == "base":
             effects += [base(name, several) for name in series]
         elif group == "tool":
-            effects += [
-                tool(name, names, several, tool_u_mm) for name, names in zip(series, targets, strict=True)
-            ]
+            effects += [tool(of, names, len(tools) > 1, tool_u_mm) for of, names in tools]
         elif group == "length_zero":
             effects += [length_zero(name, several) for name in series]
         else:
             effects.append(of_robot[group](robot))
     if tool_u_mm and "tool" not in groups:
-        for name, names in zip(series, targets, strict=True):
+        for of, names in tools:
             known = dict.fromkeys((target for target in names if target in tool_u_mm), False)
-            effects.append(tool(name, known, several, tool_u_mm))
+            effects.append(tool(of, known, len(tools) > 1, tool_u_mm))
     if anchors:
         effects.append(base_targets(anchors))
     return tuple(e for e in effects if e.parameters)

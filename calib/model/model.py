@@ -6,6 +6,7 @@ it turns an estimate (m,) in internal units into slot values, frames, and Jacobi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -213,7 +214,7 @@ class Design:
             else:
                 jacobian[position] = column
                 begun.add(position)
-        return jacobian.reshape(len(jacobian), -1).T
+        return jacobian.reshape(len(jacobian), math.prod(slot_columns.shape[1:])).T
 
     def point_columns(self, frames: Frames) -> Array:
         """(3 n, m) derivative of the predicted points, mm for internal units; row j n + i: axis j of reading i."""

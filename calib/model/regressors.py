@@ -68,6 +68,8 @@ class OnTarget:
 
     def evaluate(self, conditions: Conditions) -> Array:
         """(n,) 0 or 1."""
+        if self.target not in conditions.target_names:
+            return np.zeros(len(conditions))
         of_target = conditions.target == conditions.target_names.index(self.target)
         return of_target * InSeries(self.series).evaluate(conditions)
 

@@ -26,7 +26,7 @@ def ties(model: RobotModel, estimate: Array) -> tuple[Array, Array]:
         for name, sign in ((span.one, 1.0), (span.other, -1.0)):
             between += sign * np.array(places[name])
             for k, axis in enumerate("xyz"):
-                position = model.index.get(f"{name}{suffix}.{axis}")
+                position = model.index.get(f"{name}{suffix}.{axis}", model.index.get(f"{name}.{axis}"))
                 if position is not None:
                     between[k] += sign * estimate[position]
                     moves[k, position] = sign

@@ -5,8 +5,8 @@ One row a standstill, the mean of its samples, or every slow sample. The uncerta
     u^2 = s^2 / n_e + (u_clock v)^2
 
 s the scatter of the samples' errors about the mean of their standstill, of all standstills together; n_e the number of
-samples, less where they hang together from one to the next; v the mean velocity left. An error that the instrument has
-in every sample is not in it: the fit scales the noise by what it finds.
+samples, less where they hang together from one to the next; v the mean velocity left. What the instrument errs by in
+all samples of a standstill is in neither, so no row has less than the instrument's own uncertainty.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from calib.arm.robot import Robot
 from calib.array import Array
 from calib.convert.table import Table
 from calib.data.groups import DEFAULT_GROUPS
+from calib.data.noise import Noise
 from calib.motion.alignment import Aligned
 from calib.motion.still import Standstills, means
 from calib.units import DEG
@@ -68,9 +69,16 @@ def scatter(aligned: Aligned, still: Standstills) -> tuple[Array, float]:
 
 
 def data_set(
-    robot: Robot, aligned: Aligned, still: Standstills, origin: Origin, *, every_sample: bool = False
+    robot: Robot,
+    aligned: Aligned,
+    still: Standstills,
+    origin: Origin,
+    noise: Noise,
+    *,
+    every_sample: bool = False,
 ) -> Table:
-    """The standstills, or all their samples, as columns of a data set and its header."""
+    """The standstills, or all their samples, as columns of a data set and its header. noise: of the instrument, in the
+    frame of its points: no row has a smaller uncertainty."""
     own, alike = scatter(aligned, still)
     joints = robot.controller_angles(aligned.joints[still.sample], origin.coupling) / DEG
     of_standstill = means(joints, still.number)
@@ -79,7 +87,10 @@ def data_set(
     samples = np.bincount(group)
     effective = np.maximum(samples * (1.0 - alike) / (1.0 + alike), 1.0)
     velocity = means(aligned.velocity[still.sample], group)
+    points = means(aligned.point[still.sample], group)
+    least = noise.of_points(points, np.full_like(points, np.nan))
     u = np.sqrt(own**2 / effective[:, None] + (aligned.u_offset * velocity) ** 2)
+    u = np.maximum(u, np.sqrt(np.diagonal(least, axis1=1, axis2=2)))
     time = aligned.time[still.sample]
     columns: dict[str, list[str]] = {
         "reading_id": [str(i + 1) for i in range(len(first))],
@@ -91,7 +102,7 @@ def data_set(
     for k in range(robot.joints):
         columns[f"j{k + 1}_deg"] = _text(shown[:, k], 6)
     columns["tool_target"] = ["T1"] * len(first)
-    for name, values in (("{}_mm", means(aligned.point[still.sample], group)), ("u_{}_mm", u)):
+    for name, values in (("{}_mm", points), ("u_{}_mm", u)):
         for k, axis in enumerate("xyz"):
             columns[name.format(axis)] = _text(values[:, k], 6)
     columns["waypoint"] = [str(i) for i in waypoint]

@@ -29,6 +29,7 @@ _MOST_RAD = 4.0 * np.pi + 1e-3  # joints of all robots turn less than twice abou
 _LARGE_DEG = 2.0 * np.pi + 1e-3
 _WRAPS = 1.5 * np.pi  # from one sample to the next: no joint turns so fast
 _LARGEST = 1e10  # s, mm or rad: some 300 years of seconds
+_OF_AXIS = re.compile(r"([je]\d{1,3})_(?:deg|mm)")
 _EXPORT = re.compile(r"\s*spatial-analyzer\s*\[\s*(\w+)\s*\]\s*")
 _NAME_THEM = "Name the columns of a foreign file by a map: time=Timestamp[ms], ..."
 
@@ -40,7 +41,12 @@ def read_joints(path: Path, robot: Robot, coupling: str = "none", columns: str |
     """
     refuse_slides(robot, "aligning streams knows")
     table = Columns.read(path)
-    names = list(robot.axes)
+    # what follows other joints stays at 0 in its own column, which may be left out
+    held = {robot.axes[k] for k in robot.followers(coupling)}
+    there = columns if columns is not None else " ".join(f"{name[:-4]}=" for name in table.names)
+    names = [name for name in robot.axes if name not in held or re.search(rf"\b{name}\s*=", there)]
+    if columns is None and "actual_q_0" in table:
+        names = list(robot.axes)
     if columns is not None:
         of = parse_map(columns, ["time", *names], "--robot-columns")
     elif "actual_q_0" in table:
@@ -49,22 +55,29 @@ def read_joints(path: Path, robot: Robot, coupling: str = "none", columns: str |
     else:
         of = {name: Column(f"{name}_deg", "deg", DEG) for name in names}
         of["time"] = Column("t_s", "s", 1.0)
-        if f"j{robot.joints + 1}_deg" in table:
+        for name in table.names:
+            axis = _OF_AXIS.fullmatch(name)
+            if axis is None or axis[1] in robot.axes:
+                continue
+            if axis[1].startswith("e") and np.ptp(np.nan_to_num(table.numbers(name))) == 0.0:
+                continue  # one that never moved is no part of the arm
             raise DataError(
-                f"column 'j{robot.joints + 1}_deg' is there, but the robot {robot.name} has {robot.joints} joints.",
+                f"column '{name}' is there, but the robot {robot.name} has {robot.joints} joints.",
                 do="Give the robot that was recorded, or remove the column.",
                 file=path,
                 line=1,
             )
     time = _times(table, of["time"])
-    joints = np.column_stack([_numbers(table, of[name]) for name in names])
-    _refuse_other_unit(joints, [of[name] for name in names], path)
+    joints = np.column_stack(
+        [_numbers(table, of[name]) if name in names else np.zeros(len(table)) for name in robot.axes]
+    )
+    _refuse_other_unit(joints[:, [name in names for name in robot.axes]], [of[name] for name in names], path)
     once, remarks = _in_order(table, time, joints, of["time"])
     time, given = time[once], joints[once]
     joints = np.unwrap(given, discont=_WRAPS, axis=0)
     remarks += [
         f"Column '{of[name].name}' wraps at half a turn; the joint was followed across."
-        for name, wraps in zip(names, (joints != given).any(axis=0), strict=True)
+        for name, wraps in zip(robot.axes, (joints != given).any(axis=0), strict=True)
         if wraps
     ]
     return JointStream(

@@ -1,6 +1,19 @@
 """Regression on positions, or on the residuals of a physical model: MLS-SVR, its features and their choice."""
 
 from calib.regression.features import SETS, evaluate, independent, products_of, usual
+from calib.regression.patch import Patch, error_with_patch, error_without_patch, patch_of
 from calib.regression.regression import Regression, Wanted
 
-__all__ = ["SETS", "Regression", "Wanted", "evaluate", "independent", "products_of", "usual"]
+__all__ = [
+    "SETS",
+    "Patch",
+    "Regression",
+    "Wanted",
+    "error_with_patch",
+    "error_without_patch",
+    "evaluate",
+    "independent",
+    "patch_of",
+    "products_of",
+    "usual",
+]

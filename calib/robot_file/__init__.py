@@ -6,6 +6,8 @@ from calib.robot_file.draft import CONVENTIONS, Convention, Draft, DraftLink, we
 from calib.robot_file.handful import Handful, read_handful
 from calib.robot_file.misread import Mistake, Verdict, held_against
 from calib.robot_file.schema import SCHEMA
+from calib.robot_file.serial_chain import chain_of
+from calib.robot_file.urdf import urdf_of
 from calib.robot_file.urdf_import import Imported, import_urdf, in_words
 
 __all__ = [
@@ -20,12 +22,14 @@ __all__ = [
     "Mistake",
     "Verdict",
     "axes_of",
+    "chain_of",
     "described",
     "held_against",
     "import_dh",
     "import_urdf",
     "in_words",
     "read_handful",
+    "urdf_of",
     "weighed",
     "written_robot",
 ]

@@ -1,4 +1,5 @@
-"""The words with which DH tables name their columns, and what their cells hold: `90`, `-pi/2`, `q2 + 90`, `12,5`."""
+"""The words with which DH tables name their columns, and what their cells hold: `90`, `-pi/2`, `q2 + 90`, `12,5`;
+ranges as `-165..165` or `±165`; and angles that a few digits of rad stand for."""
 
 from __future__ import annotations
 
@@ -17,6 +18,21 @@ _WORDS = {
     "d": ("d", "linkoffset", "s"),
     "min": ("min", "lower", "low", "qmin", "minimum", "from", "lowerlimit", "minlimit", "limitmin"),
     "max": ("max", "upper", "high", "qmax", "maximum", "to", "upperlimit", "maxlimit", "limitmax"),
+    "range": (
+        *("range", "ranges", "limits", "limit", "jointrange", "jointlimits", "jointlimit", "motionrange"),
+        *("workingrange", "rangeofmotion", "qlim", "qrange"),
+    ),
+    "beta": ("beta", "β"),
+    "sign": (
+        "sign",
+        "direction",
+        "dir",
+        "sense",
+        "sgn",
+        "rotationdirection",
+        "directionofrotation",
+        "jointdirection",
+    ),
     "kind": ("kind", "type", "jointtype", "sigma"),
     "link": ("link", "joint", "i", "n", "no", "nr", "axis", "frame", "k", "j", "name", "linkno", "jointno"),
 }
@@ -29,7 +45,10 @@ _UNITS = {
 _LONGEST = 60
 """No heading or number has more letters."""
 _UNIT = re.compile(r"[\s_(\[/,]+([a-zµ°]+)[\])]?\s*$")
-_INDEX = re.compile(r"_?(?:\{?(?:i|k|j|n)(?:\s*-\s*1)?\}?)$")
+_INDEX = re.compile(r"_?[{(\[]?(?:i|k|j|n)(\s*-\s*1)?[})\]]?$")
+_BETWEEN = (r"\.{2,}|…", r"\bto\b|\bbis\b", r"~", r";", r":", r"/", r"\s-\s", r",", r"\s+")
+_EIGHTH = math.pi / 4.0
+_MOST_DIGITS = 15
 _JOINT = re.compile(r"(?<![a-zθ])(?:q|θ|theta|th|d|s)_?\d+\*?(?!\d)|\bq\b|\bvar(?:iable)?\b|^\*$")
 _NUMBER = r"\d+(?:[.,]\d*)?(?:e[+-]?\d+)?|[.,]\d+(?:e[+-]?\d+)?"
 _TERM = re.compile(
@@ -39,19 +58,30 @@ _TERM = re.compile(
 
 @dataclass(frozen=True)
 class Heading:
-    """The quantity of a column (None: nothing that is read), and the unit in its name ("" where it names none)."""
+    """The quantity of a column (None: nothing that is read), the unit in its name ("" where it names none), and whether
+    it is that of the link before: `alpha_{i-1}`."""
 
     meaning: str | None
     unit: str
+    before: bool = False
 
 
 @dataclass(frozen=True)
 class Cell:
-    """The number of a cell; whether it is a multiple of pi, and whether it contains the joint's own variable."""
+    """The number of a cell; whether it is a multiple of pi, and whether it contains the joint's own variable; number:
+    its plain number without the sign, where it has just one."""
 
     value: float
     pi: bool = False
     variable: bool = False
+    number: str = ""
+
+    def meant(self, unit: str, rounded: dict[str, float]) -> float:
+        """The angle that is meant, in its unit, deg or rad. What was rounded is added, with its deg."""
+        if not self.number:
+            return self.value
+        read = exact_turn if unit == "rad" else _exact_deg
+        return math.copysign(read(self.number, float(self.number), rounded), self.value)
 
 
 def heading(text: str) -> Heading:
@@ -63,11 +93,12 @@ def heading(text: str) -> Heading:
         unit = next((unit for unit, words in _UNITS.items() if found[1] in words), "")
         word = word[: found.start()] if unit else word
     word = word.strip().strip("()[]")
+    index = _INDEX.search(word)
     for shape in (word, _INDEX.sub("", word)):
         plain = re.sub(r"[\s_\-{}.()]+", "", shape)
         for meaning, words in _WORDS.items():
             if plain in words:
-                return Heading(meaning, unit)
+                return Heading(meaning, unit, shape != word and index is not None and bool(index[1]))
     return Heading(None, unit)
 
 
@@ -79,6 +110,7 @@ def cell(text: str) -> Cell | None:
     if word in ("", "-"):
         return Cell(0.0)
     rest, variables = _JOINT.subn("", word)
+    numbers = re.fullmatch(rf"\s*[+-]?\s*({_NUMBER})\s*(?:deg|rad|°)?\s*", rest)
     if variables > 1 or re.search(r"-\s*$|-\s*[qθ]", word):
         return None  # a joint that counts the other way needs more than a number
     rest = rest.strip().removeprefix("+").strip()
@@ -89,7 +121,55 @@ def cell(text: str) -> Cell | None:
         return None
     found = [term for term in terms if term is not None]
     value = sum(value for value, _ in found)
-    return Cell(value, any(pi for _, pi in found), variables > 0) if math.isfinite(value) else None
+    plain = "" if numbers is None else numbers[1].replace(",", ".")
+    return Cell(value, any(pi for _, pi in found), variables > 0, plain) if math.isfinite(value) else None
+
+
+def ends(text: str) -> tuple[Cell, Cell] | None:
+    """Both ends of a range, the lower first: `-165..165`, `±165`, `+170/-170`, `[-2.88, 2.88]`; None for others."""
+    if len(text) > _LONGEST:
+        return None
+    word = text.strip().lower().replace("−", "-").replace("–", "-").strip("[]() ")
+    if found := re.match(r"(?:±|\+/-|\+-)\s*(.+)$", word):
+        end = cell(found[1])
+        return None if end is None else (Cell(-abs(end.value), end.pi), Cell(abs(end.value), end.pi))
+    for between in _BETWEEN:
+        parts = [part for part in re.split(between, word) if part.strip()]
+        cells = [end for part in parts if (end := cell(part)) is not None]
+        if len(parts) == len(cells) == 2 and not (between == "/" and re.search("pi|π", word)):
+            low, high = sorted(cells, key=lambda end: end.value)
+            return low, high
+    return None
+
+
+def exact_turn(word: str, angle: float, rounded: dict[str, float]) -> float:
+    """The multiple of 45 deg of which `word` has the first digits, rad; else the angle as it is. What was rounded is
+    added, with its deg."""
+    multiple = round(angle / _EIGHTH)
+    meant = multiple * _EIGHTH
+    digits = min(len(word.lower().partition("e")[0].partition(".")[2]), _MOST_DIGITS)
+    if multiple == 0 or digits < 2 or min(abs(angle - each) for each in _cut(meant, digits)) > 1e-14:
+        return angle
+    if abs(angle - meant) > 1e-9:
+        rounded[f"{word} rad"] = multiple * 45.0
+    return meant
+
+
+def _exact_deg(word: str, angle: float, rounded: dict[str, float]) -> float:
+    """The same for deg that somebody made of such rad: 90.0002 of 1.5708."""
+    multiple = round(angle / 45.0)
+    digits = len(word.partition(".")[2])
+    made = [math.degrees(each) for d in range(2, 7) for each in _cut(multiple * _EIGHTH, d)]
+    if multiple == 0 or digits < 3 or min(abs(angle - each) for each in made) > 0.51 * 10.0**-digits:
+        return angle
+    if abs(angle - multiple * 45.0) > 1e-9:
+        rounded[f"{word} deg"] = multiple * 45.0
+    return multiple * 45.0
+
+
+def _cut(meant: float, digits: int) -> tuple[float, float]:
+    """A number rounded to some digits, and the same without the further ones."""
+    return round(meant, digits), math.trunc(meant * 10.0**digits) / 10.0**digits
 
 
 def _terms(text: str) -> Iterator[tuple[float, bool] | None]:

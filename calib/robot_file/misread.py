@@ -39,9 +39,9 @@ class Mistake:
 class Verdict:
     """The verdict of a handful of readings on a robot file.
 
-    mistakes: the likeliest first, none where the file explains the readings or nothing does. miss_mm: median distance
-    of the nominal robot, in its best place, from the readings; left_mm: the same with the mistake mended; extent_mm: of
-    the readings.
+    mistakes: the likeliest first, none where the file explains the readings or nothing does. miss_mm: distance within
+    which the nominal robot, in its best place, comes to three quarters of the readings; left_mm: the same with the
+    mistake mended; extent_mm: of the readings.
     """
 
     readings: int

@@ -82,16 +82,16 @@ def chain_of(urdf: Urdf, base: str | None = None, tip: str | None = None) -> Ser
 
     Raises DataError naming what to choose where a tree has several ends, and joints that no chain can hold.
     """
-    links = {urdf.root, *urdf.joints}
     for option, link in (("--base", base), ("--tip", tip)):
-        if link is not None and link not in links:
+        if link is not None and link not in urdf.links:
             raise DataError(
                 f"there is no link '{link}'.",
-                do=f"Use one of {_some(sorted(links))}.",
+                do=f"Use one of {_some(sorted(urdf.links))}.",
                 file=urdf.path,
                 key=option,
             )
-    path = _path(urdf, base or urdf.root, tip or _end(urdf, base or urdf.root))
+    base = base or _root(urdf)
+    path = _path(urdf, base, tip or _end(urdf, base))
     moving = [joint for joint in path if joint.kind in MOVING]
     for joint in path:
         if joint.kind in ("floating", "planar"):
@@ -107,16 +107,17 @@ def chain_of(urdf: Urdf, base: str | None = None, tip: str | None = None) -> Ser
             do=f"Choose --base and --tip with 1 to {MOST_JOINTS} between them.",
             file=urdf.path,
         )
-    origins, masses, here, link = [], [], np.eye(4), 0
+    origins, masses, here, link, aside = [], [], np.eye(4), 0, {}
+    beside = _beside(urdf, path)
     for joint in path:
         here = here @ joint.origin
         if joint.kind in MOVING:
             origins.append(here)
             here, link = np.eye(4), link + 1
-        if link and joint.child in urdf.masses:
-            mass, centre = urdf.masses[joint.child]
-            masses.append((link, mass, here[:3, :3] @ centre + here[:3, 3]))
+        if link:
+            masses += [(link, *found) for found in _rigid(urdf, joint.child, here, beside, aside)]
     limits, remarks = zip(*(_limits(joint) for joint in moving), strict=True)
+    weightless = [] if not masses else sorted({*range(1, link + 1)} - {at for at, *_ in masses})
     chain = SerialChain(
         base=path[0].parent,
         end=path[-1].child,
@@ -128,27 +129,104 @@ def chain_of(urdf: Urdf, base: str | None = None, tip: str | None = None) -> Ser
         limits=np.array(limits),
         follows=_follows(urdf, moving),
         masses=tuple(masses),
-        remarks=(*urdf.remarks, *(remark for remark in remarks if remark)),
+        remarks=(
+            *urdf.remarks,
+            *(remark for remark in remarks if remark),
+            *(
+                f"What joint {name} carries ({kg:g} kg) is not in the masses, because it moves on its own: add it to "
+                "[[loads]] where it stands."
+                for name, kg in aside.items()
+            ),
+            *(
+                f"Nothing that joint {moving[at - 1].name} carries, as far as the next joint, has a mass: add it to "
+                "[[loads]], or gravity is too small."
+                for at in weightless
+            ),
+        ),
     )
     return _with_mimic(chain)
 
 
+def _root(urdf: Urdf) -> str:
+    if len(urdf.roots) == 1:
+        return urdf.roots[0]
+    raise DataError(
+        f"has {len(urdf.roots)} links that no joint carries ({', '.join(urdf.roots[:5])}).",
+        do="Choose --base and --tip; or let one link carry all others.",
+        file=urdf.path,
+    )
+
+
 def _path(urdf: Urdf, base: str, tip: str) -> list[UrdfJoint]:
-    path: list[UrdfJoint] = []
+    path: dict[str, UrdfJoint] = {}  # by the link that is carried
     link = tip
     while link != base:
-        if link not in urdf.joints or len(path) > len(urdf.joints):
+        if link not in urdf.joints:
             raise DataError(
                 f"'{tip}' is not carried by '{base}'.",
                 do="Choose --base and --tip along one branch, from the foot to the tool.",
                 file=urdf.path,
                 key="--tip",
             )
-        path.append(urdf.joints[link])
-        link = urdf.joints[link].parent
+        joint = urdf.joints[link]
+        if joint.refused is not None:
+            raise joint.refused
+        if link in path:
+            raise DataError(
+                f"carries the link '{link}', which carries it in turn.",
+                do="Let one link carry all others, directly or over others.",
+                file=urdf.path,
+                key=f"joint {joint.name}",
+            )
+        path[link] = joint
+        link = joint.parent
     if not path:
         raise DataError("is the base.", do="Choose another link.", file=urdf.path, key="--tip")
-    return path[::-1]
+    return [*path.values()][::-1]
+
+
+def _beside(urdf: Urdf, path: list[UrdfJoint]) -> dict[str, list[UrdfJoint]]:
+    """Link -> the joints on it that are not of the path; none leads back to its base."""
+    taken = {path[0].parent, *(joint.child for joint in path)}
+    return {
+        link: [joint for joint in joints if joint.child not in taken]
+        for link, joints in _carried(urdf).items()
+    }
+
+
+def _rigid(
+    urdf: Urdf, link: str, frame: Array, beside: dict[str, list[UrdfJoint]], aside: dict[str, float]
+) -> list[tuple[float, Array]]:
+    """kg and centre (3,), mm, of all that is fixed to a link, whose frame is (4, 4). What moves on its own is added to
+    `aside`, kg by joint. Raises DataError for a mass that cannot be read or placed."""
+    out: list[tuple[float, Array]] = []
+    ahead: list[tuple[str, Array, DataError | None]] = [(link, frame, None)]
+    while ahead:
+        link, frame, refused = ahead.pop()
+        if (found := urdf.masses.get(link)) is not None:
+            if isinstance(found, DataError):
+                raise found
+            if refused is not None:
+                raise refused
+            mass, centre = found
+            out.append((mass, frame[:3, :3] @ centre + frame[:3, 3]))
+        for joint in beside.get(link, ()):
+            if joint.kind == "fixed":
+                ahead.append((joint.child, frame @ joint.origin, refused or joint.refused))
+            elif kg := _kilograms(urdf, joint.child, beside):
+                aside[joint.name] = kg
+    return out
+
+
+def _kilograms(urdf: Urdf, link: str, beside: dict[str, list[UrdfJoint]]) -> float:
+    """What a branch weighs, as far as its masses can be read."""
+    total, ahead = 0.0, [link]
+    while ahead:
+        link = ahead.pop()
+        found = urdf.masses.get(link)
+        total += found[0] if isinstance(found, tuple) else 0.0
+        ahead += [joint.child for joint in beside.get(link, ())]
+    return total
 
 
 def _end(urdf: Urdf, base: str) -> str:
@@ -162,9 +240,13 @@ def _end(urdf: Urdf, base: str) -> str:
     while ahead:
         link = ahead.pop()
         for joint in carried.get(link, ()):
+            if joint.child in moved:
+                continue  # a ring, which a path through it refuses
             moved[joint.child] = moved[link] or joint.kind in MOVING
             ahead.append(joint.child)
     ends = [link for link in urdf.joints if link not in parents and link != base and moved.get(link)]
+    if len(ends) < 2 and (refused := [joint.refused for joint in urdf.joints.values() if joint.refused]):
+        raise refused[0]  # it may hide the end that was meant
     if len(ends) == 1:
         return ends[0]
     if not ends:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from calib.array import Array
 from calib.errors import DataError
+from calib.robot_file.dh_words import exact_turn
 from calib.text import read_xml
 
 METRE = 1000.0
@@ -25,11 +26,11 @@ MOVING = ("revolute", "continuous", "prismatic")
 _KINDS = (*MOVING, "fixed", "floating", "planar")
 _FARTHEST_M = 100.0
 _MOST_TURN = 25.0  # rad: four turns; a limit beyond is one in degrees
-_EIGHTH = math.pi / 4.0
-_MOST_DIGITS = 15
 _LONGEST = 200  # characters of a name
 _LONGEST_AXIS = 1e6
 _LEAST_KG = 1e-6  # what is lighter is left out
+_MOST_KG = 5_000.0  # the heaviest arms weigh less as a whole
+_FARTHEST_CENTRE_MM = 10_000.0
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,8 @@ class Mimic:
 class UrdfJoint:
     """A joint: `origin` (4, 4) from the parent's frame to the joint's, mm; `axis` (3,) in it, of length 1.
 
-    limits: rad or m, None where there are none. kind: one of `MOVING`, fixed, floating, planar.
+    limits: rad or m, None where there are none. kind: one of `MOVING`, fixed, floating, planar. refused: why no chain
+    may go through it; its origin, axis and limits then mean nothing.
     """
 
     name: str
@@ -56,23 +58,31 @@ class UrdfJoint:
     axis: Array
     limits: tuple[float, float] | None
     mimic: Mimic | None
+    refused: DataError | None = None
 
 
 @dataclass(frozen=True)
 class Urdf:
-    """A robot: joints by the link that they carry, mass (kg) and centre (3,), mm, of links, and remarks on reading."""
+    """A robot: links, those of them that no joint carries, joints by the link that they carry, mass (kg) and centre
+    (3,), mm, of links, or why it cannot be read, and remarks on reading."""
 
     name: str
     path: Path
-    root: str
+    links: frozenset[str]
+    roots: tuple[str, ...]
     joints: dict[str, UrdfJoint]
-    masses: dict[str, tuple[float, Array]]
+    masses: dict[str, tuple[float, Array] | DataError]
     remarks: tuple[str, ...]
 
 
 def read_urdf(path: Path) -> Urdf:
-    """The robot of a URDF file. Raises DataError naming the joint for what is no tree of joints."""
-    root = read_xml(path)
+    """The robot of a URDF file. What no chain can go through is refused only by a chain that does: a wheel or a gripper
+    does not concern an arm. Raises DataError for what is no URDF."""
+    return urdf_of(read_xml(path), path)
+
+
+def urdf_of(root: Element, path: Path) -> Urdf:
+    """The robot of a URDF's outermost element. Raises DataError like `read_urdf`."""
     _refuse_macros(root, path)
     if root.tag != "robot":
         raise DataError(
@@ -90,50 +100,22 @@ def read_urdf(path: Path) -> Urdf:
         joint = _joint(element, path, rounded)
         for end in (joint.parent, joint.child):
             if end not in declared:
-                raise _refused(
-                    path, f"joint {joint.name}", f"names the link '{end[:_LONGEST]}'.", "Declare that link."
+                what = f"names the link '{end[:_LONGEST]}'."
+                joint = replace(
+                    joint, refused=_refused(path, f"joint {joint.name}", what, "Declare that link.")
                 )
         if joint.child in joints:
-            other = joints[joint.child].name
-            raise _refused(
-                path,
-                f"joint {joint.name}",
-                f"carries the link '{joint.child}', which {other} carries too: no tree.",
-                "A URDF cannot hold closed chains; leave one of the joints out.",
-            )
+            what = f"carries the link '{joint.child}', which {joints[joint.child].name} carries too: no tree."
+            do = "A URDF cannot hold closed chains; leave one of the joints out."
+            joint = replace(joint, refused=_refused(path, f"joint {joint.name}", what, do))
         joints[joint.child] = joint
-    tops = [name for name in links if name not in joints]
-    if len(tops) != 1:
-        raise DataError(
-            f"has {len(tops)} links that no joint carries ({', '.join(tops[:5])}).",
-            do="One link carries all others: connect the rest, or leave it out.",
-            file=path,
-        )
-    _refuse_rings(joints, path)
     masses = {}
     for element in root.findall("link"):
         if (found := _mass(element, path, rounded)) is not None:
             masses[_name(element, path)] = found
-    said = tuple(f"{text} rad was taken as {value:g} deg exactly." for text, value in rounded.items())
-    return Urdf(root.get("name") or path.stem, path, tops[0], joints, masses, said)
-
-
-def _refuse_rings(joints: dict[str, UrdfJoint], path: Path) -> None:
-    """Raise DataError where links carry one another: each has one joint, and none of them leads to the root."""
-    grounded: set[str] = set()
-    for link in joints:
-        way: dict[str, None] = {}
-        while link in joints and link not in grounded:
-            if link in way:
-                raise _refused(
-                    path,
-                    f"joint {joints[link].name}",
-                    f"carries the link '{link}', which carries it in turn.",
-                    "Let one link carry all others, directly or over others.",
-                )
-            way[link] = None
-            link = joints[link].parent
-        grounded.update(way)
+    said = tuple(f"{text} was taken as {value:g} deg exactly." for text, value in rounded.items())
+    roots = tuple(name for name in links if name not in joints)
+    return Urdf(root.get("name") or path.stem, path, declared, roots, joints, masses, said)
 
 
 def _refuse_macros(root: Element, path: Path) -> None:
@@ -165,14 +147,26 @@ def _joint(element: Element, path: Path, rounded: dict[str, float]) -> UrdfJoint
     name = _name(element, path)
     key = f"joint {name}"
     kind = element.get("type", "")
-    if kind not in _KINDS:
-        raise _refused(path, key, f"has the type '{kind[:40]}'.", f"Use {', '.join(_KINDS)}.")
     ends = {}
     for end in ("parent", "child"):
         found = element.find(end)
         if found is None or not found.get("link"):
             raise _refused(path, key, f"has no {end}.", f'Give <{end} link="..."/>.')
         ends[end] = str(found.get("link"))
+    plain = UrdfJoint(
+        name, kind, ends["parent"], ends["child"], np.eye(4), np.array([1.0, 0.0, 0.0]), None, None
+    )
+    try:
+        return _moved(element, plain, path, rounded)
+    except DataError as error:
+        return replace(plain, refused=error)
+
+
+def _moved(element: Element, joint: UrdfJoint, path: Path, rounded: dict[str, float]) -> UrdfJoint:
+    """The joint with its origin, axis, limits and mimic. Raises DataError."""
+    kind, key = joint.kind, f"joint {joint.name}"
+    if kind not in _KINDS:
+        raise _refused(path, key, f"has the type '{kind[:40]}'.", f"Use {', '.join(_KINDS)}.")
     axis = np.array([1.0, 0.0, 0.0])
     if (found := element.find("axis")) is not None:
         axis = np.array(_numbers(found, "xyz", (1.0, 0.0, 0.0), path, key))
@@ -186,15 +180,12 @@ def _joint(element: Element, path: Path, rounded: dict[str, float]) -> UrdfJoint
             _number(found, "multiplier", 1.0, path, key),
             _number(found, "offset", 0.0, path, key),
         )
-    return UrdfJoint(
-        name,
-        kind,
-        ends["parent"],
-        ends["child"],
-        _origin(element, path, key, rounded),
-        axis / length if length else axis,
-        _limits(element, kind, path, key),
-        mimic,
+    return replace(
+        joint,
+        origin=_origin(element, path, key, rounded),
+        axis=axis / length if length else axis,
+        limits=_limits(element, kind, path, key),
+        mimic=mimic,
     )
 
 
@@ -242,7 +233,7 @@ def _origin(element: Element, path: Path, key: str, rounded: dict[str, float]) -
     if max(map(abs, angles)) > _MOST_TURN:
         raise _refused(path, key, f"is turned by {max(map(abs, angles)):g} rad.", "A URDF has radians.")
     rpy = [
-        _exact(word, angle, rounded)
+        exact_turn(word, angle, rounded)
         for word, angle in zip(
             found.get("rpy", "0 0 0").split(),
             angles,
@@ -256,30 +247,25 @@ def _origin(element: Element, path: Path, key: str, rounded: dict[str, float]) -
     return pose
 
 
-def _exact(word: str, angle: float, rounded: dict[str, float]) -> float:
-    """The multiple of 45 deg of which `word` has the first digits; else the angle as it is."""
-    multiple = round(angle / _EIGHTH)
-    meant = multiple * _EIGHTH
-    digits = len(word.lower().partition("e")[0].partition(".")[2])
-    digits = min(digits, _MOST_DIGITS)
-    cut = math.trunc(meant * 10.0**digits) / 10.0**digits
-    if multiple == 0 or digits < 2 or min(abs(angle - round(meant, digits)), abs(angle - cut)) > 1e-14:
-        return angle
-    if abs(angle - meant) > 1e-9:
-        rounded[word] = multiple * 45.0
-    return meant
-
-
-def _mass(element: Element, path: Path, rounded: dict[str, float]) -> tuple[float, Array] | None:
+def _mass(element: Element, path: Path, rounded: dict[str, float]) -> tuple[float, Array] | DataError | None:
     inertial = element.find("inertial")
     mass = None if inertial is None else inertial.find("mass")
     if inertial is None or mass is None:
         return None
     key = f"link {element.get('name')}"
-    value = _number(mass, "value", 0.0, path, key)
-    if value < 0.0:
-        raise _refused(path, key, f"has the mass {value:g} kg.", "Give it in kg, zero or above.")
-    return (value, _origin(inertial, path, key, rounded)[:3, 3]) if value >= _LEAST_KG else None
+    try:
+        value = _number(mass, "value", 0.0, path, key)
+        if value < 0.0:
+            return _refused(path, key, f"has the mass {value:g} kg.", "Give it in kg, zero or above.")
+        if value > _MOST_KG:
+            return _refused(path, key, f"has the mass {value:g} kg: written in g?", "A URDF has kg.")
+        centre = _origin(inertial, path, key, rounded)[:3, 3]
+        if np.abs(centre).max() > _FARTHEST_CENTRE_MM:
+            far = f"has its mass {np.abs(centre).max() / METRE:g} m away: written in mm?"
+            return _refused(path, key, far, "A URDF has metres.")
+        return (value, centre) if value >= _LEAST_KG else None
+    except DataError as error:
+        return error
 
 
 def _number(element: Element, attribute: str, default: float, path: Path, key: str) -> float:

@@ -104,8 +104,11 @@ def _held(std: float, unit: str) -> float | None:
 
 
 def scope_of(identification: Identification) -> dict[str, Any]:
-    """The approach and the temperature for which a model holds: those of its readings."""
+    """The approach, the temperature, the controller's own correction and the range of each joint, deg or mm as the
+    controller counts, for which a model holds: those of its readings."""
     conditions = identification.readings.conditions
+    robot, coupling = identification.model.robot, identification.header.coupling
+    counted = robot.controller_angles(conditions.joints, coupling) / robot.joint_units
     one_sided = [bool(np.all(side == side[0])) for side in conditions.side.T]
     temperature = conditions.temperature[np.isfinite(conditions.temperature)]
     return {
@@ -114,6 +117,11 @@ def scope_of(identification: Identification) -> dict[str, Any]:
             for one, side in zip(one_sided, conditions.side.T, strict=True)
         ],
         "temperature_c": float(np.mean(temperature)) if len(temperature) else None,
+        "absolute_accuracy": identification.header.absolute_accuracy,
+        "joints": [
+            [round(low, 3), round(high, 3)]
+            for low, high in zip(counted.min(axis=0).tolist(), counted.max(axis=0).tolist(), strict=True)
+        ],
     }
 
 

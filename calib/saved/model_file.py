@@ -16,6 +16,7 @@ import numpy as np
 
 from calib.arm.capsules import parse_capsules
 from calib.arm.joint_matrix import JointMatrix
+from calib.arm.kinematics import statics
 from calib.arm.robot import (
     Load,
     Robot,
@@ -27,6 +28,8 @@ from calib.arm.robot import (
 from calib.arm.robot_hash import robot_hash
 from calib.array import Array
 from calib.compensate import Bounds, Usable, refuse_unlikely, usable
+from calib.data.dataset import Dataset
+from calib.data.header import ABSOLUTE_ACCURACY, Header
 from calib.diagnose.diagnosis import Diagnosis
 from calib.errors import DataError
 from calib.fit.identification import Identification
@@ -40,6 +43,7 @@ from calib.regression.regression import Regression
 from calib.saved.document import FORMAT, WITH_CARRIED, model_document, scope_of
 from calib.saved.left_open import KEY, LeftOpen
 from calib.saved.model_checks import (
+    content_hash,
     covariance_of,
     dropped_of,
     estimate_of,
@@ -85,6 +89,7 @@ class SavedModel:
     held_std: Array | None = None
     dropped: tuple[Dropped, ...] = ()  # parameters that its readings did not determine
     left_open: LeftOpen | None = None  # effects that may be there unseen; None in files that do not say it
+    sha256: str = ""  # content_sha256 of the file it was read from; empty where there is none
 
     @property
     def usual(self) -> StatedConditions:
@@ -93,6 +98,63 @@ class SavedModel:
         return StatedConditions(
             temperature_c=np.nan if air is None else air, loads=self.loads, gravity=self.gravity
         )
+
+    def refuse_other_accuracy(
+        self, there: str, file: Path | None = None, key: str = "absolute_accuracy"
+    ) -> bool:
+        """Raise DataError where the controller corrects by its own calibration `there` and did not when this model was
+        identified, or the other way round; otherwise whether both are known."""
+        own = str(self.holds_for.get("absolute_accuracy", "unknown"))
+        if {own, there} == {"on", "off"}:
+            raise DataError(
+                f"is {there}, and the model was identified with the controller's absolute accuracy {own}.",
+                do=f"Switch it {own} on the controller, or identify the model anew.",
+                file=file,
+                key=key,
+            )
+        return "unknown" not in (own, there)
+
+    def loads_in(self, header: Header, file: Path | None = None) -> tuple[Load, ...]:
+        """The loads under which this model predicts readings of a header: its own where the header declares none.
+
+        What the header declares on the last link replaces the tool; the arm keeps the masses that the model was fitted
+        with. Without the estimates of the robot file if the model is from before these. Raises DataError where header
+        and model declare different masses of the arm, or one was measured with the controller's absolute accuracy.
+        """
+        self.refuse_other_accuracy(header.absolute_accuracy, file)
+        estimates = header.robot.loads if header.robot.loads_estimated else ()
+        there = header.loads if any(load in estimates for load in self.loads) else header.declared_loads
+        last = self.model.robot.joints
+        arm, arm_there = ([load for load in loads if load.link != last] for loads in (self.loads, there))
+        if not there:
+            return self.loads
+        if not arm_there and arm:
+            tools = [load for load in self.loads if load.link == last]
+            return (*arm, *tools[: max(0, len(tools) - len(there))], *there)
+        if self.loads and arm_there != arm:
+            links = sorted({load.link for load in (*arm, *arm_there) if (load in arm) != (load in arm_there)})
+            raise DataError(
+                f"declares other masses of link {', '.join(map(str, links))} than the model was fitted with.",
+                do="Use the robot file of the calibration, or identify the model anew with these loads.",
+                file=file,
+                key="loads",
+            )
+        return there
+
+    def loaded(self, dataset: Dataset) -> Dataset:
+        """Readings of this model's robot under `loads_in` of their header, whose torques its compliances meet."""
+        loads = self.loads_in(dataset.header, dataset.path)
+        if loads == dataset.header.loads:
+            return dataset
+        there = statics(self.model.robot, dataset.conditions.joints, loads, dataset.header.gravity)
+        conditions = replace(
+            dataset.conditions,
+            torque=there.torque,
+            moment=there.moment,
+            overturning=there.overturning,
+            unit_load=there.unit_load,
+        )
+        return replace(dataset, conditions=conditions)
 
     def for_use(self, *, named_only: bool = False, bounds: Bounds | None = None) -> tuple[SavedModel, Usable]:
         """The model for corrections, without carried terms that cannot be used (named_only: without any), and what that
@@ -323,6 +385,7 @@ def _saved(document: Mapping[str, Any], path: Path) -> SavedModel:
         held_std=held_std_of(document["parameters"], model, path),
         dropped=dropped_of(document.get("dropped", []), path),
         left_open=LeftOpen.from_json(document[KEY], model, path) if KEY in document else None,
+        sha256=content_hash(document),
     )
 
 
@@ -356,6 +419,15 @@ def _holds_for(table: Any, robot: Robot, path: Path) -> dict[str, Any]:
         )
     if air is not None:
         numbers_of(air, (), "holds_for.temperature_c", path, _HOTTEST_C)
+    if table.get("absolute_accuracy", "unknown") not in ABSOLUTE_ACCURACY:
+        raise DataError(
+            f"is {table['absolute_accuracy']!r}.",
+            do=f"Give one of {', '.join(ABSOLUTE_ACCURACY)}.",
+            file=path,
+            key="holds_for.absolute_accuracy",
+        )
+    if table.get("joints") is not None:
+        numbers_of(table["joints"], (robot.joints, 2), "holds_for.joints", path)
     return table
 
 

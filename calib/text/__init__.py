@@ -2,7 +2,7 @@
 
 from calib.text.columns import Columns
 from calib.text.csv_text import LONGEST_LINE, MOST_COLUMNS, other_mark, rows_of
-from calib.text.files import replace_file
+from calib.text.files import note_files, replace_file
 from calib.text.formula import meant_by, no_formula
 from calib.text.json_text import parse_json, read_json
 from calib.text.marks import turns_writing
@@ -23,6 +23,7 @@ __all__ = [
     "did_you_mean",
     "meant_by",
     "no_formula",
+    "note_files",
     "other_mark",
     "parse_json",
     "parse_toml",

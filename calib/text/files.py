@@ -4,9 +4,18 @@ from __future__ import annotations
 
 import os
 import secrets
+from collections.abc import Callable
 from pathlib import Path
 
 MODE = 0o644  # less what the umask takes away
+
+_noting: Callable[[Path, bytes], object] | None = None
+
+
+def note_files(hook: Callable[[Path, bytes], object] | None) -> None:
+    """Call `hook` with every file that is written from now on, and what was written; None: call nothing."""
+    global _noting
+    _noting = hook
 
 
 def replace_file(path: Path, content: str | bytes) -> None:
@@ -21,6 +30,8 @@ def replace_file(path: Path, content: str | bytes) -> None:
             file.flush()
             os.fsync(file.fileno())
         os.replace(partial, target)
+        if _noting is not None:
+            _noting(target, data)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from calib.errors import DataError
-from calib.text.plain_values import refuse_unusual, too_deep
+from calib.text.plain_values import LONGEST_TEXT, refuse_unusual, too_deep
 from calib.text.text_file import read_text
 
 MOST_BYTES = 8 * 1024 * 1024
@@ -45,5 +45,5 @@ def parse_toml(text: str, file: Path | str) -> dict[str, Any]:
         raise DataError(
             "holds an integer of thousands of digits.", do="Give a number of 64 bits.", file=file
         ) from error
-    refuse_unusual(table, file)
+    refuse_unusual(table, file, longest=LONGEST_TEXT)
     return table

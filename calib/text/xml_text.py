@@ -11,12 +11,17 @@ from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 from calib.errors import DataError
-from calib.text.plain_values import DEEPEST, too_deep
+from calib.text.plain_values import DEEPEST, LONGEST_TEXT, too_deep, too_long
 from calib.text.text_file import read_text
 
 MOST_BYTES = 32 * 1024 * 1024
 """The largest descriptions of robots have two megabytes."""
 MOST_ELEMENTS = 200_000
+
+
+def longest_of(tag: str, attributes: dict[str, str]) -> int:
+    """Characters of the longest name or value of an element."""
+    return max(map(len, (tag, *attributes, *attributes.values())))
 
 
 def read_xml(path: Path) -> Element:
@@ -28,11 +33,13 @@ def parse_xml(text: str, file: Path | str) -> Element:
     """The root element of XML text. Raises DataError for what is no XML, has a document type, or is too deep."""
     builder = TreeBuilder()
     parser = expat.ParserCreate(encoding="utf-8")  # what the file's first line claims does not count
-    depth = count = 0
+    depth = count = length = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal depth, count
-        depth, count = depth + 1, count + 1
+        nonlocal depth, count, length
+        depth, count, length = depth + 1, count + 1, 0
+        if longest_of(tag, attributes) > LONGEST_TEXT:
+            raise too_long(file, parser.CurrentLineNumber)
         if depth > DEEPEST:
             raise too_deep(file)
         if count > MOST_ELEMENTS:
@@ -40,9 +47,16 @@ def parse_xml(text: str, file: Path | str) -> Element:
         builder.start(tag, attributes)
 
     def end(tag: str) -> None:
-        nonlocal depth
-        depth -= 1
+        nonlocal depth, length
+        depth, length = depth - 1, 0
         builder.end(tag)
+
+    def data(text: str) -> None:
+        nonlocal length
+        length += len(text)
+        if length > LONGEST_TEXT:
+            raise too_long(file, parser.CurrentLineNumber)
+        builder.data(text)
 
     def refuse_document_type(*_: object) -> None:
         raise DataError(
@@ -53,7 +67,7 @@ def parse_xml(text: str, file: Path | str) -> Element:
         )
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler = builder.data
+    parser.CharacterDataHandler = data
     parser.StartDoctypeDeclHandler = refuse_document_type
     try:
         parser.Parse(text.encode(), True)

@@ -59,7 +59,7 @@ def hold_outs(
     if poses < folds:
         raise DataError(
             f"has {poses} poses with a measured point or distance to hold out, in {folds} parts.",
-            do="Measure more poses with set = calibration.",
+            do="Measure more poses with set = calibration, or give the model to judge with --model M.json.",
             file=dataset.path,
             key="set",
         )

@@ -7,11 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arm.kinematics import statics
-from calib.arm.robot import Load
 from calib.array import Array
 from calib.data.dataset import Dataset
-from calib.data.header import Header
 from calib.model.carried_regressors import OfTime
 from calib.model.effect import Term
 from calib.model.model import RobotModel
@@ -23,15 +20,10 @@ from calib.saved import SavedModel
 def in_series(saved: SavedModel, dataset: Dataset) -> Dataset:
     """The readings in the one series of a model, whatever both call it, after all that the model says happened during
     the calibration, and where no law of the model needs the air, in that of the calibration unless they say theirs."""
-    model, conditions = saved.model, dataset.conditions
+    model, conditions = saved.model, saved.loaded(dataset).conditions
     air = conditions.temperature
     if not any(isinstance(term.regressor, Temperature) for effect in model.effects for term in effect.terms):
         air = np.where(np.isfinite(air), air, saved.usual.temperature_c)
-    if (loads := loads_as_in(saved, dataset.header)) != dataset.header.loads:
-        there = statics(model.robot, conditions.joints, loads, dataset.header.gravity)
-        conditions = replace(
-            conditions, torque=there.torque, moment=there.moment, overturning=there.overturning
-        )
     conditions = replace(
         conditions,
         series_names=(next(iter(model.targets)),),
@@ -39,12 +31,6 @@ def in_series(saved: SavedModel, dataset: Dataset) -> Dataset:
         temperature=air,
     )
     return replace(dataset, conditions=conditions)
-
-
-def loads_as_in(saved: SavedModel, header: Header) -> tuple[Load, ...]:
-    """The loads of a header, without the estimates of the robot file if the baseline is from before these."""
-    estimates = header.robot.loads if header.robot.loads_estimated else ()
-    return header.loads if any(load in estimates for load in saved.loads) else header.declared_loads
 
 
 _ANGLES = 2.5  # of joints in all poses, for each parameter

@@ -12,7 +12,7 @@ from calib.errors import DataError
 from calib.model.regressors import Temperature
 from calib.saved import SavedModel
 from calib.validation import refuse_other_robot
-from calib.watch.baseline import loads_as_in, too_few_poses
+from calib.watch.baseline import too_few_poses
 
 WARMER_K = 3.0
 """Difference of the air, K, up to which a baseline without a law of temperature is compared: 0.03 mm on 1 m."""
@@ -145,7 +145,7 @@ def _same_tool(saved: SavedModel, dataset: Dataset) -> None:
             )
     was, now = (
         sum(load.mass_kg for load in loads if load.link == saved.model.robot.joints)
-        for loads in (saved.loads, loads_as_in(saved, header))
+        for loads in (saved.loads, saved.loads_in(header, dataset.path))
     )
     if abs(was - now) > _SAME_KG:
         raise DataError(

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from calib.effects import LIBRARY
-from calib.effects.transmission import gear_orders
 from service.commands import app, load
 from service.http.access.roles import Tokens
 from service.http.access.settings import Settings
@@ -59,11 +57,10 @@ def effects() -> Iterator[str]:
     yield ""
     yield "| effect | law | what to check | distinguished from others by |"
     yield "|---|---|---|---|"
-    for module in (*LIBRARY, gear_orders):
-        law = re.sub(r"(?s)(\.)\s.*", r"\1", module.__doc__ or "")
-        for kind in module.KINDS:
+    for entry in LIBRARY:
+        for kind in entry.KINDS:
             check = kind.check.format(joint="K", name="NAME")
-            yield _row(f"`{kind.name}`", law, check, " ".join(kind.apart))
+            yield _row(f"`{kind.name}`", entry.law, check, " ".join(kind.apart))
 
 
 def http() -> Iterator[str]:

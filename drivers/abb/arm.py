@@ -45,6 +45,7 @@ _STOCK_DECIMALS = 2
 _WIDEST_DEG = 1000.0  # no joint of any ABB arm turns further; beyond it the answer is damaged
 _IDENTITY = re.compile(rb"98 (?:0 |1 ([^*#]+)\*([^*#]+)\*([^*#]+))")
 _MOST_LOOKS = 3  # beyond the first
+_REDUCED_MM_S = 250.0  # what a controller allows the tool in manual mode at reduced speed (ISO 10218)
 # Whether RAPID's NumToStr writes zeros at the end is told nowhere: without them the last joint has no recognisable end.
 _STOCK_JOINT = rb"-?\d{1,3}(?:\.\d{0,2})?"
 _STOCK_JOINTS = re.compile(rb"4 (?:0 |1 (" + rb" ".join([_STOCK_JOINT] * _JOINTS) + rb"))")
@@ -82,6 +83,7 @@ class AbbArm:
         self.name = name
         self._deadlines = deadlines or AbbDeadlines()
         self._caps = caps
+        self._speeds: Sequence[float] = caps.speeds  # of moves since the arming
         self._hold_deg = hold_deg
         self._watchdog_ms = round(watchdog_s * 1000)
         behind = beside(address, "background", address.port + 1, name)
@@ -205,8 +207,12 @@ class AbbArm:
         """
         with self._main.lock:
             if self._superset:
-                self._calsrv.raise_if_unfit(self.status(), "arm")
-                self._calsrv.set_conditions(self._watchdog_ms, self._caps.speeds)
+                status = self.status()
+                self._calsrv.raise_if_unfit(status, "arm")
+                fastest = _REDUCED_MM_S if status.mode == "reduced" else math.inf
+                slower = min(1.0, fastest / self._caps.speeds[0])
+                self._speeds = tuple(slower * speed for speed in self._caps.speeds)
+                self._calsrv.set_conditions(self._watchdog_ms, self._speeds)
             else:
                 self._main.ask(8, self._caps.speeds)
                 self._main.ask(9, (1, 0, 0, 0))  # every move ends in a stop point
@@ -323,7 +329,7 @@ class AbbArm:
     def _move_seconds(self, target: tuple[float, ...]) -> float:
         where = self._where or (0.0,) * _JOINTS
         far = max(abs(a - b) for a, b in zip(target, where, strict=True))
-        return self.deadlines.move_factor * far / self._caps.speeds[1] + self.deadlines.move_margin_s
+        return self.deadlines.move_factor * far / self._speeds[1] + self.deadlines.move_margin_s
 
     def _look(self) -> None:
         """Feed the watchdog during a move, and detect states that T_ROB1 can no longer report."""

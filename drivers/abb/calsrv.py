@@ -35,14 +35,18 @@ JOINTS = 6
 SET, JOINTS_NOW, STATE, STOP, CONDITIONS, GO = 201, 202, 205, 207, 208, 209
 _ECHO_DEG = 2e-5  # a RAPID num has single precision: 1.5e-5 at 180 deg
 _JOINT = re.compile(rb"-?\d{1,3}(?:\.\d{1,%d})?" % DECIMALS)  # RAPID may leave zeros at the end out
-_MODES = {1: "auto", 2: "manual", 3: "manual"}
+_MODES = {1: "auto", 2: "reduced", 3: "manual"}
 _REFUSALS: Mapping[int, tuple[type[AcquisitionError], str]] = {
     1: (CommandRefused, "bad parameters"),
     2: (JointLimit, "out of range"),
     3: (ProtectiveStop, "motion stopped by the controller"),
-    4: (WrongMode, "not in automatic mode, or motors off"),
+    4: (WrongMode, "in manual mode at full speed, or motors off"),
     5: (MotionStopped, "motion interrupted"),
     6: (ProtocolError, "the target that arrived there is not the one that was sent"),
+    7: (
+        CommandRefused,
+        "the controller's configuration does not tell the joint limits (Motion, Arm, rob1_1)",
+    ),
     9: (CommandRefused, "unknown code"),
 }
 
@@ -116,13 +120,18 @@ class CalSrv:
         """Check what a status says. Raises EmergencyStop, WrongMode, and in a move EnableLost."""
         if status.emergency_stop:
             raise EmergencyStop("emergency stop pressed", device=self._name, command=command, raw=status.raw)
-        if status.mode != "auto":
+        if status.mode not in ("auto", "reduced"):
             raise WrongMode(
                 f"controller in mode {status.mode}", device=self._name, command=command, raw=status.raw
             )
         if not status.motors_on:
             kind = EnableLost if command == "move_to" else WrongMode
-            raise kind("motors off", device=self._name, command=command, raw=status.raw)
+            error = kind("motors off", device=self._name, command=command, raw=status.raw)
+            if status.mode == "reduced":
+                error.what_to_do = (
+                    "Hold the enabling device, so that the motors are on, and start the program there again."
+                )
+            raise error
 
     # -- answers ------------------------------------------------------------------------------------------
 

@@ -139,7 +139,12 @@ def raise_if_unfit(status: RobotStatus, device: str, command: str) -> None:
     if status.emergency_stop:
         raise EmergencyStop("emergency stop pressed", **where, raw=status.raw)
     if status.mode == "manual":
-        raise WrongMode("teach pendant is enabled", **where, raw=status.raw)
+        raise WrongMode(
+            "teach pendant is enabled",
+            **where,
+            raw=status.raw,
+            what_to_do="Switch the pendant off and the controller to automatic mode, then confirm.",
+        )
     if status.motors_on is False:
         kind = EnableLost if command == "move_to" else WrongMode
         raise kind("servo power off, or pendant enabled", **where, raw=status.raw)

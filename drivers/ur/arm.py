@@ -33,7 +33,7 @@ from drivers.errors import (
 from drivers.interfaces import Identity, JointReading, RobotStatus, Sample
 from drivers.link import Address, TcpLink, WireSink, beside, parse_url
 from drivers.ur.dashboard import order, read_serial
-from drivers.ur.deadlines import UrDeadlines
+from drivers.ur.deadlines import SERVICES, UrDeadlines
 from drivers.ur.motion import STOP_SCRIPT, Limits, Motion, not_ready
 from drivers.ur.other_ways import halt_elsewhere
 from drivers.ur.realtime import Realtime
@@ -112,7 +112,7 @@ class UrArm:
         self._serials: dict[str, str] = {}  # of arms that were met, by the name of their calibration
 
     def _link(self, address: Address) -> TcpLink:
-        return TcpLink(address, self.name, wire=self._wire, clock=self._clock)
+        return TcpLink(address, self.name, wire=self._wire, clock=self._clock, enabled_at=SERVICES)
 
     @property
     def deadlines(self) -> UrDeadlines:
@@ -139,7 +139,12 @@ class UrArm:
     def weakness(self) -> str:
         """The errors that cannot be detected on this controller; empty where a program is confirmed before it moves.
         Once connected."""
-        return "" if self._feed.confirms else _WEAKNESS
+        if self._feed.confirms:
+            return ""
+        closed = self._feed is self._realtime and not self._only_realtime
+        return (
+            f"the port of RTDE is closed ({SERVICES.removesuffix('.')}); {_WEAKNESS}" if closed else _WEAKNESS
+        )
 
     def connect(self) -> None:
         """Open RTDE, or see the real-time packet; read the joints. Nothing moves. Raises LinkError."""

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+# From PolyScope 5.10 on every interface is closed until somebody enables it.
+SERVICES = "On a UR from PolyScope 5.10: enable the interface in Settings > Security > Services."
+
 
 @dataclass(frozen=True, slots=True)
 class UrDeadlines:

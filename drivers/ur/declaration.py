@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 
 from drivers.declaration import RobotDriver
 from drivers.details import Details
-from drivers.errors import Busy, WrongMode
+from drivers.errors import Busy, LinkError, WrongMode
 from drivers.interfaces import RobotStatus
 from drivers.ur.arm import UrArm
 from drivers.ur.realtime import parse_packet
@@ -29,11 +30,14 @@ def _details(device: UrArm, status: RobotStatus) -> Details:
             "the controller is in local control: it ignores every program that is sent, a stop too",
             what_to_do="Switch the controller to remote control on the pendant.",
         )
+    nominal = None
+    with suppress(LinkError):  # whoever asked for the identity has been told
+        nominal = device.factory().nominal
     return Details(
         trouble=trouble,
         temperatures_c=struct.unpack_from(">6d", status.raw, _TEMPERATURES),
         speed_share=struct.unpack_from(">d", status.raw, _SPEED)[0],
-        nominal=device.factory().nominal,
+        nominal=nominal,
     )
 
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from drivers.dh_numbers import DhNumbers, Row
 from drivers.errors import LinkTimeout, ProtocolError, naming
 from drivers.link import Address, TcpLink, WireSink
-from drivers.ur.deadlines import UrDeadlines
+from drivers.ur.deadlines import SERVICES, UrDeadlines
 
 _STATE, _MESSAGE = 16, 20
 _KINEMATICS, _CONFIGURATION = 5, 6
@@ -114,7 +114,7 @@ def _numbers(alpha: Row, a: Row, theta: Row, d: Row) -> DhNumbers:
 
 def read_factory(address: Address, device: str, deadlines: UrDeadlines, wire: WireSink | None) -> Factory:
     """The factory data of a controller, read over a connection of its own. Raises LinkError."""
-    link = TcpLink(address, device, wire=wire)
+    link = TcpLink(address, device, wire=wire, enabled_at=SERVICES)
     link.open(connect_s=deadlines.connect_s)
     try:
         with naming(device, _COMMAND):

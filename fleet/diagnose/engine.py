@@ -45,6 +45,9 @@ def processors() -> int:
 @contextmanager
 def local(workers: int) -> Iterator[Client]:
     """An engine of so many processes of this computer, one thread each, for the time of the block."""
+    os.environ["PYTHONSAFEPATH"] = (
+        "1"  # what lies in the current folder, as a `json.py`, is no part of a worker
+    )
     with config.set(_PLAIN):
         cluster = LocalCluster(
             n_workers=workers,

@@ -1,7 +1,8 @@
 """The link to a fleet's server: one upload, and what its answer means for the document.
 
     kept      the server acknowledges the same hash
-    refused   it will not take this document, whatever is tried (409, 413, 415, 422)
+    refused   it will not take this document, whatever is tried (409, 413, 415, 422; 403 of a robot that the token does
+              not name)
     damaged   what arrived was not what was sent (400)
     failed    this try came to nothing: no answer, or a fault of the server
     away      nobody answers there, or the server says that it cannot take anything now (429, 503, 507)
@@ -28,6 +29,7 @@ from fleet.store import Document
 TIMEOUT_S = 60.0  # of one step of a request: to connect, to send a piece, to wait for the answer
 LONGEST_ANSWER = 256 * 1024  # bytes
 _REFUSED = (409, 413, 415, 422)
+_OTHER_ROBOT = 8612  # code of a 403 that is of this document alone
 _AWAY = (429, 503, 507)
 _BARRED = (401, 403, 404, 405, 406, 411, 421, 426, 451)
 
@@ -147,7 +149,7 @@ class Link:
             return Answer("barred", f"{self.place} answers, but not as a fleet's server: is a proxy between?")
         said = f"{document.get('operator_text', '')} {document.get('what_to_do', '')}".strip()
         said = said or f"{self.place} answers {status} {answer.reason}"
-        if status in _REFUSED:
+        if status in _REFUSED or (status == 403 and document.get("code") == _OTHER_ROBOT):
             return Answer("refused", said)
         if status == 400:
             return Answer("damaged", said)

@@ -22,7 +22,7 @@ from mocks.world.robots import Robot
 
 MODES = {"auto": 1, "manual": 2, "manual_full": 3}
 LOG_EVERY_S = 0.1
-BAD, RANGE, STOPPED, MODE, INTERRUPTED, OTHER_TARGET, UNKNOWN = 1, 2, 3, 4, 5, 6, 9
+BAD, RANGE, STOPPED, MODE, INTERRUPTED, OTHER_TARGET, LIMITS_UNTOLD, UNKNOWN = 1, 2, 3, 4, 5, 6, 7, 9
 
 
 def fletcher(text: str) -> int:
@@ -44,6 +44,9 @@ class AbbController:
         self.stock = stock
         self.serial = "120-500000"
         self.lose_first_reply = False
+        self.limits_told = (
+            True  # False: their names in the configuration are not those that the program reads
+        )
         self.speed = [100.0, 50.0]  # mm/s, deg/s: what open_abb starts with
         self._one_main = asyncio.Lock()
         self._one_background = asyncio.Lock()
@@ -192,6 +195,8 @@ class AbbController:
         data = ""
         if code == 201:
             self._kept = None
+            if not self.limits_told:
+                return f"{code} 0 {LIMITS_UNTOLD} {number} #\n"
             if not self.arm.within_limits(values[1:]):
                 return f"{code} 0 {RANGE} {number} #\n"
             self._kept = values[1:], fletcher(text)
@@ -241,7 +246,8 @@ class AbbController:
         kept, self._kept = self._kept, None  # one go, one move
         if kept is None or kept[1] != proof:
             return OTHER_TARGET
-        if not self.arm.can_move:
+        arm = self.arm  # at reduced speed a hand holds the enabling device as long as the motors are on
+        if arm.mode == "manual_full" or not arm.motors_on or arm.emergency_stop or arm.hung:
             return MODE
         outcome = await self._move(kept[0])
         if outcome is Outcome.DEAD:
@@ -251,7 +257,7 @@ class AbbController:
         return 0
 
     async def _move(self, target: list[float]) -> Outcome:
-        arm = self.arm
+        arm, mode = self.arm, self.arm.mode
         self._stop_asked = self._watchdog_acted = False
         arm.start(
             self.robot.counting.to_model(target),
@@ -266,7 +272,8 @@ class AbbController:
                     return Outcome.DEAD
                 if self._stop_asked or self._watchdog_acted:
                     return Outcome.STOPPED
-                if not arm.motors_on or arm.mode != "auto":
+                if not arm.motors_on or arm.mode != mode:
+                    arm.motors_on = False
                     arm.supervise()
                     return Outcome.DEAD
                 if not arm.moving:

@@ -10,6 +10,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
+from service import written
+
 # name -> where it is, and the first sentence of its help (held against it by a test)
 COMMANDS = {
     "demo": ("demo.demo", "See the loop on a simulated robot with an undeclared effect."),
@@ -93,12 +95,18 @@ _app = typer.Typer(
 
 @_app.callback()
 def truepose(
+    context: typer.Context,
     version: Annotated[
         bool,
         typer.Option("--version", is_eager=True, callback=_say_version, help="Print the version and end."),
     ] = False,
+    overwrite: Annotated[
+        bool,
+        typer.Option("--overwrite", help="Replace also files that truepose did not write; stands anywhere."),
+    ] = False,
 ) -> None:
     """Calibrate an industrial robot, name what its model lacks, correct it and prove the gain."""
+    written.overwriting, written.command = overwrite, f"truepose {context.invoked_subcommand}"
 
 
 app: Any = get_command(_app)

@@ -26,7 +26,8 @@ from calib.data import read_dataset
 from calib.diagnose import Diagnosis, diagnose
 from calib.errors import DataError
 from calib.text import replace_file
-from service import exit_codes, wording
+from service import exit_codes, wording, written
+from service.child import python
 from service.commands import options
 from service.commands.models.diagnose import show, write_results
 from service.files import STANDARD_OUTPUT, write_json
@@ -58,6 +59,7 @@ FILES = (
     "wire_abb.log",
     "wire_faro.log",
 )
+_MARKS = {"truth.json", "wire_abb.log"}  # of a folder in which a demo has run
 SIMULATION_TIMEOUT_S, BACK_DOOR_TIMEOUT_S = 120.0, 10.0
 
 
@@ -93,6 +95,16 @@ def demo(
     if out.exists() and not out.is_dir():
         raise DataError("is not a folder.", do="Name a folder.", file=f"--out {out}")
     options.check_outputs({"--json": json}, inputs=[out / name for name in FILES])
+    theirs = [name for name in FILES if (out / name).exists()]
+    changed = [name for name in theirs if written.changed_since(out / name)]
+    if not _MARKS.intersection(theirs):
+        changed = theirs
+    if changed and not written.overwriting:
+        raise DataError(
+            f"holds {changed[0]}, which no demo has written, or which has been changed since.",
+            do="Name another folder, or add --overwrite to replace it.",
+            file=f"--out {out}",
+        )
     if not out.absolute().parent.is_dir():
         raise DataError(
             "cannot be made: the folder above it does not exist.", do="Make it first.", file=f"--out {out}"
@@ -214,7 +226,7 @@ def _in_memory(
 
 def _simulate(seed: int, out: Path, effect: str | None) -> None:
     """Run the simulated campaign. Raises DataError when it cannot write, typer.Exit when it fails."""
-    command = [sys.executable, "-m", "mocks.campaign", "--seed", str(seed), "--approach", "varied"]
+    command = python("mocks.campaign", "--seed", str(seed), "--approach", "varied")
     command += ["--out", str(out)]
     if effect is not None:
         command += ["--effect", effect]

@@ -24,11 +24,18 @@ def mock(
     cell: Annotated[
         Path | None, typer.Argument(metavar="[CELL.toml]", help="All devices of this cell, for 'cell'.")
     ] = None,
+    dialect: Annotated[
+        str | None,
+        typer.Option(
+            help="Of a device: 'open_abb', 'mappdk' (as fanucpy speaks), 'mbp1-plain'; another lists them."
+        ),
+    ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Of the first device; 0: a free one.")] = 0,
 ) -> None:
     """Simulate devices until SIGTERM or SIGINT. Prints one JSON line per endpoint."""
     _refuse(name, cell)
     arguments = [name, *([] if cell is None else [str(cell)]), "--port", str(port)]
+    arguments += [] if dialect is None else ["--dialect", dialect]
     # In a session of its own, so that Ctrl-C reaches it once, through us.
     code = child.run(command_of(*arguments), subprocess.Popen[bytes].send_signal, own_session=True)
     raise typer.Exit(code)

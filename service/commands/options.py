@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping
+import stat
+import sys
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +16,8 @@ from calib.compensate import Bounds, Usable
 from calib.errors import DataError
 from calib.prior import TypePrior, load_prior
 from calib.saved import SavedModel, load_model
-from service import exit_codes
+from calib.text import note_files
+from service import exit_codes, written
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed.terminal import Terminal
 from service.results.judgement.acceptance import NAMES, Acceptance, Limits
@@ -101,6 +104,7 @@ NamedOnly = Annotated[
     bool,
     typer.Option("--named-only", help="Leave out the carried terms of the model: correct named causes only."),
 ]
+_WRITING = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 LARGEST = (Bounds().turn_deg, Bounds().shift_mm)
 
 
@@ -135,13 +139,22 @@ def note_without_regression(saved: SavedModel, terminal: Terminal) -> None:
         terminal.note("truepose: the regression in the model is left out: only compensate uses it")
 
 
-def check_outputs(outputs: Mapping[str, Path | str | None], *, inputs: Iterable[Path | None] = ()) -> None:
+def check_outputs(
+    outputs: Mapping[str, Path | str | None],
+    *,
+    inputs: Iterable[Path | None] = (),
+    added_to: Collection[str] = (),
+) -> None:
     """Raise DataError, naming the option, for an output that cannot be written or would write over something.
 
-    It is refused before the work, not after it. `outputs`: option or argument -> file; `inputs`: files that are read.
+    It is refused before the work, not after it, and so is a file that no command has written (`service.written`) unless
+    --overwrite is given. `outputs`: option or argument -> file; `inputs`: files that are read; `added_to`: options of
+    files that keep all that they hold.
     """
+    note_files(written.remember)
     read = [path for path in inputs if path is not None]
     taken: dict[str, str] = {}
+    places: dict[str, tuple[Path, str]] = {}
     for option, path in outputs.items():
         if path is None or (option == "--json" and path == STANDARD_OUTPUT):
             continue
@@ -157,6 +170,14 @@ def check_outputs(outputs: Mapping[str, Path | str | None], *, inputs: Iterable[
             )
         if place.exists() and not place.is_file():
             raise DataError("is not an ordinary file.", do="Name another file.", file=shown)
+        if place.exists() and option not in added_to and not place.stat().st_mode & _WRITING:
+            raise DataError(
+                "is write-protected.", do="Name another file, or make it writable first.", file=shown
+            )
+        if not os.access(place.parent, os.W_OK):  # rather now than after the work
+            raise DataError(
+                "cannot be written: you may not write into its folder.", do="Name another folder.", file=shown
+            )
         for each in read:
             if _same(place, _place(each, str(each))):
                 raise DataError(
@@ -166,6 +187,23 @@ def check_outputs(outputs: Mapping[str, Path | str | None], *, inputs: Iterable[
         if key in taken:
             raise DataError(f"is the same file as {taken[key]}.", do="Name another file.", file=shown)
         taken[key] = option
+        places[option] = (place, shown)
+    for option, (
+        place,
+        shown,
+    ) in places.items():  # after all others: no option writes over a file that is read
+        writer = f"{written.command} {option}"
+        written.intend(place, writer)
+        if not place.exists() or option in added_to or (found := written.writer_of(place)) in ("", writer):
+            continue
+        if not written.overwriting:
+            by = "was not written by truepose, or has been changed since"
+            raise DataError(
+                f"is there already, and {by if found is None else f'was written by {found}'}.",
+                do="Name another file, or add --overwrite to replace it.",
+                file=shown,
+            )
+        sys.stderr.write(f"truepose: {shown} is replaced; it was not written by this command as it is now\n")
 
 
 def check_data_set(out: Path, json: str | None, inputs: Iterable[Path | None]) -> None:

@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import ipaddress
 import os
 import re
+import socket
 import sys
 import threading
-from contextlib import ExitStack
-from functools import partial
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from filelock import FileLock, Timeout
 
 from calib.errors import DataError
 from service import exit_codes
 from service.commands import serving, stores
 from service.json_log import json_log
-from service.private import note_if_others_read, owner_only
+from service.private import note_if_others_read, owner_only, refuse_foreign
 from service.token_file import NAME, VARIABLE, chosen_token, lasting_tokens, tokens_until_the_end
 
 if TYPE_CHECKING:
     from service.http.access.settings import Settings
 
 _APP = "service.http.app"
+_ADDRESS = r"https?://\S+, process \d+\n"
 _HOST = re.compile(r"(?:[A-Za-z0-9_-]{1,63}\.){0,10}[A-Za-z][A-Za-z0-9-]{0,62}")  # its last part is no number
 
 
@@ -82,12 +86,14 @@ def serve(
     if simulate and cell is None:
         raise DataError("needs a cell to simulate.", do="Give --cell CELL.toml.", key="--simulate")
     record = record.absolute()
+    lasting = None if token_file is None else lasting_tokens(token_file)
     with ExitStack() as stack:
         gc.disable()  # until `run_server`: what is imported stays, and looking through it took a quarter of the start
         stack.callback(gc.enable)  # where it is not reached
         from acquisition import read_cell
 
         the_cell = None if cell is None else read_cell(cell)
+        announce = stack.enter_context(_sole_service(record))
         stack.enter_context(json_log(log))
         simulated = None
         if simulate and the_cell is not None:
@@ -99,10 +105,7 @@ def serve(
         from service.http.app import create_app
         from service.http.server import run_server
 
-        if token_file is None:
-            tokens = stack.enter_context(tokens_until_the_end(record, token))
-        else:
-            tokens = lasting_tokens(token_file)
+        tokens = lasting or stack.enter_context(tokens_until_the_end(record, token))
         note_if_others_read(record)
         if the_cell is not None and not simulate:
             from acquisition.examination import note_low_priority
@@ -118,10 +121,59 @@ def serve(
             store=store or (None if simulate else os.environ.get(stores.VARIABLE)),
             permitted_mm=permitted,
         )
-        hello = _for_programs if json else _for_people
-        code = run_server(create_app(settings), host, port, partial(hello, settings))
+        text = _for_programs if json else _for_people
+
+        def hello(url: str) -> str:
+            announce(url)
+            return text(settings, url)
+
+        code = run_server(create_app(settings), host, port, tokens, hello)
     if code != exit_codes.DONE:
         raise typer.Exit(code)
+
+
+@contextmanager
+def _sole_service(record: Path) -> Iterator[Callable[[str], object]]:
+    """The record folder belongs to this service as long as the block lasts; what to call with its address.
+
+    Raises DataError where another service has it, with that one's address and process.
+    """
+    where = record / "service.txt"
+    with ExitStack() as held:
+        try:
+            record.mkdir(parents=True, exist_ok=True)
+            lock = FileLock(record / "service.lock", thread_local=False)
+            lock.acquire(timeout=0)
+            held.callback(lock.release)
+            free = sys.platform != "linux" or _lock_in_kernel(held, record)
+        except Timeout:
+            free = False
+        except OSError as error:
+            raise DataError(
+                f"cannot be written ({error.strerror}).", do="Give another folder with --record.", file=record
+            ) from error
+        if not free:
+            told = where.read_text("utf-8").strip() if where.is_file() else ""
+            raise DataError(
+                f"is served already{f' at {told}' if told else ''}.",
+                do="Use that service, end it, or give another folder with --record.",
+                file=record,
+            )
+        refuse_foreign(where, _ADDRESS)
+        held.callback(where.unlink, missing_ok=True)
+        yield lambda url: where.write_text(f"{url}, process {os.getpid()}\n", "utf-8")
+
+
+def _lock_in_kernel(held: ExitStack, folder: Path) -> bool:
+    """Lock a folder beside its file, which somebody may delete, as `acquisition.run.orders.mover` locks a robot; False
+    where another service has it."""
+    found = folder.stat()
+    try:
+        lock = held.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+        lock.bind(f"\0truepose-service-{found.st_dev}-{found.st_ino}")
+    except OSError as error:  # where such sockets are not allowed there is the file
+        return error.errno != errno.EADDRINUSE
+    return True
 
 
 def _for_programs(settings: Settings, url: str) -> str:

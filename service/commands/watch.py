@@ -185,7 +185,7 @@ def run_command(
 ) -> None:
     """Measure the check poses and judge them. The readings are exported to DIR/watch.csv."""
     outputs = {"--json": json, "--history": history, "--update": update}
-    options.check_outputs(outputs, inputs=(model, cell, campaign))
+    options.check_outputs(outputs, inputs=(model, cell, campaign), added_to=["--history"])
     saved = options.read_model(model, robot, options.LARGEST)  # before anything moves
     the_cell, the_campaign = read_cell(cell), read_campaign(campaign)
     if saved.model.robot.name != the_cell.robot.model.name:
@@ -233,7 +233,7 @@ def judge_command(
 ) -> None:
     """Compare readings of check poses with the model of the calibration."""
     outputs = {"--json": json, "--history": history, "--update": update}
-    options.check_outputs(outputs, inputs=(model, *options.files_of(data)))
+    options.check_outputs(outputs, inputs=(model, *options.files_of(data)), added_to=["--history"])
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         saved = options.read_model(model, robot, options.LARGEST)
         options.note_without_regression(saved, terminal)

@@ -7,22 +7,28 @@
     mastering  joint offsets alone
 
 Angles roll, pitch, yaw turn about the fixed x, y, z axes: R = Rz(yaw) Ry(pitch) Rx(roll). Sources: the URDF
-specification (joint, origin); the UR driver's kinematics files.
+specification (joint, origin); the UR driver's kinematics files. Every file is read back from its text, so that the
+error that is stated is that of the numbers in it, as they are rounded there.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from calib.arm import Robot
 from calib.array import Array
-from calib.compensate import Carried, constant_slots, joint_origins
+from calib.compensate import Carried, constant_slots, joint_origins, poses_with
 from calib.errors import DataError
+from calib.robot_file import chain_of, urdf_of
+from calib.text import parse_xml
 from calib.units import DEG
 from service.programs.frames import wpr
 
@@ -51,10 +57,12 @@ class Export:
 
 @dataclass(frozen=True)
 class Format:
-    """holds: slots that it can carry; writes: the file's text; says: what it carries, for people."""
+    """holds: slots that it can carry; writes: the file's text; reads: the poses (n, 4, 4) of the flange that a text
+    gives at `carried.joints`, mm; says: what it carries, for people."""
 
     holds: Callable[[Robot], tuple[str, ...]]
     writes: Callable[[Export], str]
+    reads: Callable[[str, Export], Array]
     says: str
 
 
@@ -98,6 +106,20 @@ def _ur_yaml(export: Export) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _ur_yaml_read(text: str, export: Export) -> Array:
+    numbers = np.array(re.findall(r"^    \w+: (\S+)$", text, re.MULTILINE), dtype=float).reshape(6, 6)
+    reached = np.eye(4)
+    for (*place, roll, pitch, yaw), angles in zip(numbers, export.carried.joints.T, strict=True):
+        origin = np.eye(4)
+        origin[:3, :3] = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
+        origin[:3, 3] = _METRE * np.array(place)
+        turn = np.tile(np.eye(4), (len(angles), 1, 1))
+        turn[:, :3, :3] = Rotation.from_euler("z", angles[:, None]).as_matrix()
+        reached = reached @ origin @ turn
+    # Behind the last joint this format has nothing: its reader puts the nominal flange there
+    return reached @ joint_origins(export.robot, {})[1]
+
+
 def _urdf(export: Export) -> str:
     robot = export.robot
     origins, tip = joint_origins(robot, export.carried.values)
@@ -128,6 +150,10 @@ def _urdf(export: Export) -> str:
         "</robot>",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _urdf_read(text: str, export: Export) -> Array:
+    return chain_of(urdf_of(parse_xml(text, "URDF"), Path("URDF"))).forward(export.carried.joints)
 
 
 def _origin(pose: Array) -> str:
@@ -186,6 +212,35 @@ def _dh_csv(export: Export) -> str:
     return _table(lines, export)
 
 
+def _dh_csv_read(text: str, export: Export) -> Array:
+    base, *links = [row.split(",") for row in text.splitlines()[1:]]
+    return _dh_poses([row[1:6] for row in links], base[6:12], export)
+
+
+def _dh_markdown_read(text: str, export: Export) -> Array:
+    rows = [line.split("|")[1:-1] for line in text.splitlines() if re.match(r"\| -?\d", line)]
+    return _dh_poses([row[1:] for row in rows[:-1]], rows[-1], export)
+
+
+def _dh_poses(links: Sequence[Sequence[str]], base: Sequence[str], export: Export) -> Array:
+    """(n, 4, 4) of the flange with the numbers of `_dh_rows`."""
+    robot = export.robot
+    changes = {
+        f"base.{axis}": float(v) * (DEG if axis[0] == "r" else 1.0)
+        for axis, v in zip(_SIX, base, strict=True)
+    }
+    for k, row in enumerate(links):
+        alpha, beta, a, theta, d = map(float, row)
+        changes |= {
+            f"alpha{k + 1}": alpha * DEG - robot.alpha[k],
+            f"beta{k + 1}": beta * DEG,
+            f"a{k + 1}": a - robot.a[k],
+            f"theta{k + 1}": theta * DEG - robot.theta[k],
+            f"d{k + 1}": d - robot.d[k],
+        }
+    return poses_with(robot, export.carried.joints, changes)
+
+
 def _dh_markdown(export: Export) -> str:
     links, base = _dh_rows(export)
     lines = [f"# {export.robot.name}: DH parameters", "", *(f"{line}  " for line in export.about), ""]
@@ -207,10 +262,19 @@ def _mastering(export: Export) -> str:
     counted = robot.controller_angles(offsets, export.coupling) - zero
     lines = ["joint,offset_deg,meaning"]
     lines += [
-        f'{k},{value / DEG + 0.0:.6f},"true angle less the angle that the controller counts"'
+        f'{k},{value / DEG + 0.0:.6f},"to be added to the angle that the controller counts"'
         for k, value in enumerate(counted, start=1)
     ]
     return _table(lines, export)
+
+
+def _mastering_read(text: str, export: Export) -> Array:
+    counted = np.array([[float(row.split(",")[1]) for row in text.splitlines()[1:]]]) * DEG
+    robot, coupling = export.robot, export.coupling
+    offsets = robot.model_angles(counted, coupling) - robot.model_angles(np.zeros_like(counted), coupling)
+    return poses_with(
+        robot, export.carried.joints, dict(zip(_theta_slots(robot), map(float, offsets[0]), strict=True))
+    )
 
 
 def _table(lines: Sequence[str], export: Export) -> str:
@@ -221,9 +285,9 @@ def _table(lines: Sequence[str], export: Export) -> str:
 
 
 FORMATS: Mapping[str, Format] = {
-    "ur-yaml": Format(_ur_slots, _ur_yaml, "the joint origins up to the last joint"),
-    "urdf": Format(constant_slots, _urdf, "all frames between base and flange"),
-    "dh-csv": Format(_dh_slots, _dh_csv, "DH numbers, beta and the pose of the base"),
-    "dh-md": Format(_dh_slots, _dh_markdown, "DH numbers, beta and the pose of the base"),
-    "mastering": Format(_theta_slots, _mastering, "constant joint offsets"),
+    "ur-yaml": Format(_ur_slots, _ur_yaml, _ur_yaml_read, "the joint origins up to the last joint"),
+    "urdf": Format(constant_slots, _urdf, _urdf_read, "all frames between base and flange"),
+    "dh-csv": Format(_dh_slots, _dh_csv, _dh_csv_read, "DH numbers, beta and the pose of the base"),
+    "dh-md": Format(_dh_slots, _dh_markdown, _dh_markdown_read, "DH numbers, beta and the pose of the base"),
+    "mastering": Format(_theta_slots, _mastering, _mastering_read, "constant joint offsets"),
 }

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from calib.arm import refuse_slides
-from calib.compensate import Carried, Usable, carried
+from calib.array import Array
+from calib.compensate import Carried, Usable, carried, poses_with
+from calib.data import Dataset
 from calib.errors import DataError
+from calib.fit import ErrorStatistics
 from calib.saved import SIMULATED, SavedModel
 from service.exports.formats import FORMATS, Export
 from service.programs.conditions import stated_conditions
 from service.programs.summary import of_carried
 
 FORMAT = "truepose-model-export/1"
+_DRAWN = 1000
+_LEAST_POSTURES = 12  # six numbers of each; a chain of six joints shows some 36
 _NAMED = 6  # parameters named in one line; the document names all
 
 
@@ -42,24 +49,57 @@ def written(
     kind: str,
     conditions: str | None,
     robot_hash: str | None,
+    data: Dataset | None = None,
 ) -> Written:
     """Write the model that people know by `name`. Raises DataError.
 
     saved, usable: the model for corrections and what it leaves out (`SavedModel.for_use`); kind: one of FORMATS;
-    conditions: as `stated_conditions` takes them; robot_hash: that of a UR's own calibration.
+    conditions: as `stated_conditions` takes them; robot_hash: that of a UR's own calibration; data: readings in whose
+    postures the file shall be close, None for random ones within the limits.
     """
     refuse_unknown(kind)
     stated = stated_conditions(conditions, saved)
     form, robot = FORMATS[kind], saved.model.robot
     refuse_slides(robot, "tables of constants hold")
-    found = carried(saved.model, saved.estimate, stated.stated, form.holds(robot), coupling=saved.coupling)
+    found = carried(
+        saved.model,
+        saved.estimate,
+        stated.stated,
+        form.holds(robot),
+        coupling=saved.coupling,
+        joints=_measured(saved) if data is None else _postures(data, saved),
+    )
     held_out = saved.held_out_rms_mm
-    parts = [held_out, found.loss.rms, 0.0 if usable.loss is None else usable.loss.rms]
+    # Read back, a file states the error of its own numbers; the lines about it are in no reader's way
+    export = Export(robot, saved.coupling, found, (), robot_hash, saved.simulated)
+    loss, nominal = (
+        found.off(form.reads(form.writes(export), export)),
+        found.off(poses_with(robot, found.joints, {})),
+    )
+    parts = [held_out, loss.rms, 0.0 if usable.loss is None else usable.loss.rms]
     predicted = None if held_out is None else math.hypot(*(part for part in parts if part is not None))
-    about = _about(found, form.says, stated.in_words, held_out, predicted)
+    about = _about(
+        found,
+        (loss, nominal),
+        f"postures of {data.name}"
+        if data is not None
+        else f"random poses within the {'joint limits' if _measured(saved) is None else 'measured joint ranges'}",
+        form.says,
+        stated.in_words,
+        held_out,
+        predicted,
+    )
+    if data is not None:
+        anywhere = carried(saved.model, saved.estimate, stated.stated, (), coupling=saved.coupling)
+        off = anywhere.off(form.reads(form.writes(export), replace(export, carried=anywhere)))
+        about += (f"Elsewhere, at random poses within the joint limits: {off.rms:.3f} mm RMS.",)
+    elif found.left_out:
+        about += (
+            "truepose export --data DATA.csv fits it where the robot works, which is far closer there.",
+        )
     heading = f"{robot.name}, from {Path(name).name}."
     told = (heading, *((SIMULATED,) if saved.simulated else ()), *about)
-    text = form.writes(Export(robot, saved.coupling, found, told, robot_hash, saved.simulated))
+    text = form.writes(replace(export, about=told))
     document = {
         "format": FORMAT,
         "model": name,
@@ -69,8 +109,8 @@ def written(
         "carries": form.says,
         "left_out": list(found.left_out),
         "conditions": stated.document,
-        "loss_mm": asdict(found.loss),
-        "nominal_mm": asdict(found.nominal),
+        "loss_mm": asdict(loss),
+        "nominal_mm": asdict(nominal),
         "held_out_rms_mm": held_out,
         "predicted_rms_mm": predicted,
         **of_carried(usable),
@@ -79,18 +119,55 @@ def written(
     return Written(text, document, about, stated.notes)
 
 
+def _measured(saved: SavedModel) -> Array | None:
+    """(n, N) joints drawn within the ranges in which the model was identified; None where it does not say them."""
+    ranges, robot = saved.holds_for.get("joints"), saved.model.robot
+    if ranges is None:
+        return None
+    low, high = np.transpose(ranges) * robot.joint_units
+    counted = np.random.default_rng(1).uniform(low, high, (_DRAWN, robot.joints))
+    return robot.model_angles(counted, saved.coupling)
+
+
+def _postures(data: Dataset, saved: SavedModel) -> Array:
+    """(n, N) joints of the readings that may enter a fit. Raises DataError for another robot, or too few."""
+    if data.header.robot.name != saved.model.robot.name:
+        raise DataError(
+            f"is of the robot {data.header.robot.name}, the model of {saved.model.robot.name}.",
+            do="Give readings of this robot.",
+            file=data.path,
+        )
+    postures = np.unique(data.conditions.joints[data.fit_rows], axis=0)
+    if len(postures) < _LEAST_POSTURES:
+        raise DataError(
+            f"holds {len(postures)} postures outside its validation set.",
+            do=f"Give {_LEAST_POSTURES} or more, or leave --data out.",
+            file=data.path,
+        )
+    return postures
+
+
 def _about(
-    found: Carried, says: str, holds_for: str, held_out: float | None, predicted: float | None
+    found: Carried,
+    off: tuple[ErrorStatistics, ErrorStatistics],
+    where: str,
+    says: str,
+    holds_for: str,
+    held_out: float | None,
+    predicted: float | None,
 ) -> tuple[str, ...]:
-    """The cautions that people must know beside the file."""
+    """The cautions that people must know beside the file. off: the file and the nominal robot, in poses `where`."""
+    loss, nominal = off
     lines = [f"Carries {says}. Holds for: {holds_for}."]
     if found.left_out:
         more = len(found.left_out) - _NAMED
         names = ", ".join(found.left_out[:_NAMED]) + (f" and {more} more" if more > 0 else "")
-        lines.append(f"Leaves out {names}.")
+        lines.append(
+            f"Leaves out {names}: its numbers are fitted to the whole model and take over what they can."
+        )
     lines.append(
-        f"Against the whole model: {found.loss.rms:.3f} mm RMS, {found.loss.max:.3f} mm at most, at "
-        f"{found.loss.n} random poses within the joint limits; the nominal robot: {found.nominal.rms:.3f} mm RMS."
+        f"Against the whole model: {loss.rms:.3f} mm RMS, {loss.max:.3f} mm at most, at "
+        f"{loss.n} {where}; the nominal robot: {nominal.rms:.3f} mm RMS."
     )
     if held_out is not None and predicted is not None:
         lines.append(

@@ -57,8 +57,7 @@ def create_app(settings: Settings) -> FastAPI:
         version=version("truepose"),
         description="Measure a robot, name what its model lacks. Not a safety function: the emergency stop is "
         "hardware.",
-        docs_url=None,  # the usual page loads from elsewhere, and a cell has no internet: `docs_page`
-        redoc_url=None,
+        openapi_url=None,  # `describe` serves it; the usual page of it loads from elsewhere: `docs_page`
         lifespan=lifespan,
     )
     for routes in (

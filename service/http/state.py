@@ -38,8 +38,9 @@ STOPPERS = 16
 ORDERS = 16
 RESTING = 4
 READERS = 2
-ORDINARY = 24  # more than WORKERS + CALLS: those threads only wait
+ORDINARY = 24  # more than all calls of WORKERS and FILE_READERS together: those threads only wait
 WORKERS, CALLS = 2, 12  # processes, and calls that may wait for one
+FILE_READERS, FILES, FILE_S = 2, 6, 30.0  # the same for files that users send, and the time for one of them
 
 
 class Service:
@@ -52,6 +53,8 @@ class Service:
         self.keys = Keys(record)
         self.deletions = Deletions(record)
         self.workers = Workers(WORKERS, waiting=CALLS)
+        # Files of users have processes of their own: none of them keeps a run from being planned
+        self.file_readers = Workers(FILE_READERS, waiting=FILES, most_s=FILE_S)
         self.book = Book(
             record / "runs", self.devices, self.workers, simulated=settings.simulated is not None
         )
@@ -85,6 +88,7 @@ class Service:
         self.glances = Glances(self.book, self.reading)
         self.listing = Readings(1)  # everything that was kept, which may be much
         self._watches: dict[str, asyncio.Task[int]] = {}
+        self.stream_turns = asyncio.Lock()
         anyio.to_thread.current_default_thread_limiter().total_tokens = ORDINARY
 
     def devices(self, cell: Cell) -> Devices:
@@ -161,6 +165,7 @@ class Service:
         self.closing = True
         self.book.refuse_new()
         self.workers.close()
+        self.file_readers.close()
         self.jobs.end()
         self.history.close()
         self.loops.close()

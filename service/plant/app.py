@@ -8,27 +8,29 @@ lies on a cell PC; the viewer's reads everything and writes nothing.
 from __future__ import annotations
 
 import re
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import datetime
 from importlib.metadata import version
 
-import anyio
 from fastapi import FastAPI, Request
 from starlette.responses import Response
 
 from fleet.errors import StoreError, StoreFull
 from fleet.outbox import LARGEST
-from fleet.store import Store
+from fleet.store import Store, utc_now
 from service import refusals
 from service.http.access.account import Account, Counted
 from service.http.access.gate import Gate, Rules
 from service.http.access.roles import Role
+from service.http.routes.pages.openapi import serve_openapi
 from service.http.wire import problems
 from service.http.wire.paths import PREFIX, path_of
 from service.http.wire.problems import Problem
 from service.plant import routes
 from service.plant.own_tokens import Senders
 
-UPLOADS = 16  # in hand; each may be a body in memory
 AGAIN_S, ROOM_S = 15, 120  # when to ask again: a store that is away, one without room
 _PUT = re.compile(rf"{PREFIX}/documents/[^/]+")
 _OPEN = (path_of("health"), "/openapi.json")
@@ -37,12 +39,13 @@ _OPEN = (path_of("health"), "/openapi.json")
 @dataclass(frozen=True)
 class Settings:
     """The settings that the server was started with. names: by which cells call it, besides its address; upload_bytes:
-    of the largest document."""
+    of the largest document; now: the time by which documents may be dated."""
 
     tokens: Senders
     host: str = "127.0.0.1"
     names: tuple[str, ...] = ()
     upload_bytes: int = LARGEST
+    now: Callable[[], datetime] = utc_now
 
 
 def create_plant(store: Store, settings: Settings) -> FastAPI:
@@ -51,13 +54,14 @@ def create_plant(store: Store, settings: Settings) -> FastAPI:
         title="TruePose fleet",
         version=version("truepose"),
         description="What the cells of a plant know of their robots. Moves nothing.",
-        docs_url=None,  # they load from elsewhere
-        redoc_url=None,
+        openapi_url=None,  # docs, too, would load from elsewhere: `serve_openapi`
     )
     app.state.store = store
     app.state.senders = settings.tokens
-    app.state.uploads = anyio.CapacityLimiter(UPLOADS)
+    app.state.uploads = Counter()
+    app.state.now = settings.now
     app.include_router(routes.router, prefix=PREFIX)
+    serve_openapi(app)
     problems.install(app)
     app.add_exception_handler(StoreError, _of_store)
     app.add_middleware(

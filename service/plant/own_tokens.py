@@ -13,13 +13,13 @@ import secrets
 import sys
 import threading
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
 from calib.errors import DataError
 from calib.text import parse_json, replace_file
-from fleet.store import LONGEST
+from fleet.store import LONGEST, RobotKey
 from service.http.access.roles import Role, Tokens
 from service.private import read_secret
 
@@ -31,12 +31,14 @@ _ROLES = {"cell": Role.OPERATOR, "viewer": Role.VIEWER}
 @dataclass(frozen=True)
 class Own:
     """One token. name: of the cell, or of who reads; role: "cell" puts documents in under its name, "viewer" reads;
-    sha256: of the token, 64 hexadecimal digits; made: day, "2026-03-02"."""
+    sha256: of the token, 64 hexadecimal digits; made: day, "2026-03-02"; robots: of which it may send documents, of all
+    where it names none."""
 
     name: str
     role: May
     sha256: str
     made: str
+    robots: tuple[RobotKey, ...] = ()
 
     def __post_init__(self) -> None:
         """Raises DataError for what is no entry."""
@@ -45,6 +47,21 @@ class Own:
         name = self.name
         if not name.strip() or name != name.strip() or len(name) > LONGEST or not name.isprintable():
             raise DataError(f"{name!r} is no name.", do=f"Give {LONGEST} letters at most.", key="name")
+        if self.robots and self.role != "cell":
+            raise DataError(
+                "goes with the role cell: a viewer reads of all.", do="Leave it out.", key="--robot"
+            )
+
+
+def robots_of(names: Sequence[str]) -> tuple[RobotKey, ...]:
+    """The robots that are meant by "TYPE:SERIAL". Raises DataError."""
+    parts = [name.partition(":") for name in names]
+    for name, (model, _, serial) in zip(names, parts, strict=True):
+        if not model or not serial:
+            raise DataError(
+                f"is {name!r}.", do="Give TYPE:SERIAL, such as abb-irb120:120-4711.", key="--robot"
+            )
+    return tuple(RobotKey(serial, model) for model, _, serial in parts)
 
 
 def read_tokens(file: Path) -> list[Own]:
@@ -57,7 +74,16 @@ def read_tokens(file: Path) -> list[Own]:
             f"is no {FORMAT}.", do="Make one: truepose fleet token add NAME --file FILE", file=file
         )
     try:
-        return [Own(*(each[key] for key in ("name", "role", "sha256", "made"))) for each in table["tokens"]]
+        return [
+            Own(
+                each["name"],
+                each["role"],
+                each["sha256"],
+                each["made"],
+                tuple(RobotKey(**robot) for robot in each.get("robots", ())),
+            )
+            for each in table["tokens"]
+        ]
     except (KeyError, TypeError, AttributeError) as error:
         raise DataError(f"is damaged ({error}).", do="Make it anew; cells wait.", file=file) from error
 
@@ -68,7 +94,7 @@ def write_tokens(file: Path, tokens: Sequence[Own]) -> None:
     replace_file(file, json.dumps(table, indent=1) + "\n")
 
 
-def issue(file: Path, name: str, role: May, made: str) -> str:
+def issue(file: Path, name: str, role: May, made: str, robots: tuple[RobotKey, ...] = ()) -> str:
     """A new token for a name; it is returned once and cannot be read later. Raises DataError where the name has one."""
     known = read_tokens(file)
     if any(each.name == name for each in known):
@@ -76,18 +102,29 @@ def issue(file: Path, name: str, role: May, made: str) -> str:
             f"'{name}' has a token.", do="Take that away first: truepose fleet token revoke", file=file
         )
     token = secrets.token_urlsafe(32)
-    write_tokens(file, [*known, Own(name, role, _digest(token), made)])
+    write_tokens(file, [*known, Own(name, role, _digest(token), made, robots)])
     return token
+
+
+def allow(file: Path, name: str, robots: tuple[RobotKey, ...]) -> None:
+    """Let the token of a name name these robots too. Raises DataError where it has none."""
+    found, others = _named(file, name)
+    write_tokens(file, [*others, replace(found, robots=tuple(dict.fromkeys((*found.robots, *robots))))])
 
 
 def revoke(file: Path, name: str) -> None:
     """Take the token of a name away. Raises DataError where it has none."""
+    write_tokens(file, _named(file, name)[1])
+
+
+def _named(file: Path, name: str) -> tuple[Own, list[Own]]:
+    """The token of a name, and the others. Raises DataError where it has none."""
     known = read_tokens(file)
-    left = [each for each in known if each.name != name]
-    if len(left) == len(known):
-        names = ", ".join(each.name for each in known) or "nobody"
-        raise DataError(f"'{name}' has no token.", do=f"Those who have one: {names}.", file=file)
-    write_tokens(file, left)
+    for i, each in enumerate(known):
+        if each.name == name:
+            return each, known[:i] + known[i + 1 :]
+    names = ", ".join(each.name for each in known) or "nobody"
+    raise DataError(f"'{name}' has no token.", do=f"Those who have one: {names}.", file=file)
 
 
 class Senders:
@@ -111,15 +148,16 @@ class Senders:
         role = self._shared.role_of(token)
         if self._file is None or role is Role.VIEWER:
             return role
-        own = self._own(token)
+        own = self.own(token)
         return None if own is None else _ROLES[own.role]
 
-    def cell_of(self, token: str) -> str | None:
-        """The cell whose own token this is; None for one that all share."""
-        own = None if self._file is None else self._own(token)
-        return None if own is None else own.name
+    def of_any_robot(self) -> list[str]:
+        """The cells whose own tokens name no robots."""
+        with self._lock:
+            return [each.name for each in self._known.values() if each.role == "cell" and not each.robots]
 
-    def _own(self, token: str) -> Own | None:
+    def own(self, token: str) -> Own | None:
+        """The entry of a token of somebody's own; None for one that all share."""
         with self._lock:
             stamp = self._stamped()
             if stamp != self._stamp:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from datetime import datetime
+from collections import Counter
+from datetime import datetime, timedelta
 from importlib.metadata import version
 from typing import Annotated
 
@@ -29,11 +30,16 @@ from service.plant.bodies import (
 from service.plant.own_tokens import Senders
 
 router = APIRouter()
+UPLOADS = 16  # in hand; each may be a body in memory
+SHARE = 2  # of these for one sender: a cell sends one after another, and may begin anew before the last has ended here
 PIECE_S = 60.0  # a client that sends nothing for so long has gone
+UPLOAD_S = 600.0  # for a whole document: 32 MB at half a megabit a second
+AHEAD = timedelta(days=1)  # by which a cell's clock may go before the server's
 BUSY_S = 2
 MOST = 10_000  # documents of one list
 _CONFLICT = 8610
 _DAMAGED = 8611
+_OTHER_ROBOT = 8612
 
 
 async def _store(request: Request) -> Store:
@@ -74,21 +80,40 @@ async def put_document(
     409 where the store has another content for the same identity: both are kept, and every upload of either is
     answered so, for an answer may be lost.
     """
-    limiter: anyio.CapacityLimiter = request.app.state.uploads
-    if limiter.borrowed_tokens >= limiter.total_tokens:
+    senders: Senders = request.app.state.senders
+    own = senders.own(bearer(request.headers.get("authorization", "")))
+    robot = RobotKey(serial, model)
+    if own is not None:
+        cell = own.name
+        if own.robots and robot not in own.robots:
+            raise Problem(
+                403,
+                f"The token of '{cell}' does not name the robot {model}:{serial}.",
+                "Let it name that robot: truepose fleet token allow; then: truepose fleet outbox retry",
+                code=_OTHER_ROBOT,
+            )
+    _refuse_ahead(measured_at, request.app.state.now())
+    # Whoever has the token that all share may give any name: it is then told from others by its address too.
+    sender = cell if own else f"{cell} at {request.client.host if request.client else ''}"
+    uploads: Counter[str] = request.app.state.uploads
+    if uploads.total() >= UPLOADS or uploads[sender] >= SHARE:
         raise Problem(
             503,
             "Too many documents are being sent.",
             "Nothing: it is sent again by itself.",
             headers={"Retry-After": str(BUSY_S)},
         )
-    async with limiter:
+    uploads[sender] += 1
+    try:
         content = await _whole(request)
         if content is None:
             return Response(status_code=400)  # nobody hears it
-        cell = _sender(request) or cell
-        document = Document(kind, RobotKey(serial, model), cell, identity, measured_at, content)
+        document = Document(kind, robot, cell, identity, measured_at, content)
         added = await anyio.to_thread.run_sync(_added, store, document, hash)
+    finally:
+        uploads[sender] -= 1
+        if not uploads[sender]:
+            del uploads[sender]  # names would pile up
     if added.other_hashes:
         raise Problem(
             409,
@@ -165,10 +190,17 @@ def _added(store: Store, document: Document, hash: str) -> Added:
     return store.add(document)
 
 
-def _sender(request: Request) -> str | None:
-    """The cell whose own token the request came with; None for the one that all share."""
-    senders: Senders = request.app.state.senders
-    return senders.cell_of(bearer(request.headers.get("authorization", "")))
+def _refuse_ahead(measured_at: datetime, now: datetime) -> None:
+    """Raise Problem 422 for a time that has not come: such a document would be a robot's newest until then.
+
+    A document may be as old as it likes: outboxes wait for weeks, and what was measured years ago is sent once.
+    """
+    if measured_at.tzinfo is not None and measured_at - now > AHEAD:
+        raise Problem(
+            422,
+            f"measured_at: {measured_at:%Y-%m-%d %H:%M} has not come; by the server it is {now:%Y-%m-%d %H:%M} UTC.",
+            "Set the clock that is wrong, the cell's or the server's; then: truepose fleet outbox retry",
+        )
 
 
 def _robot(store: Store, serial: str, model: str) -> RobotKey:
@@ -183,16 +215,19 @@ def _robot(store: Store, serial: str, model: str) -> RobotKey:
 
 
 async def _whole(request: Request) -> bytes | None:
-    """The body; None where the client has gone. Raises Problem 408 where it falls silent; the gate counts the bytes."""
+    """The body; None where the client has gone. Raises Problem 408 where it falls silent or takes too long; the gate
+    counts the bytes.
+    """
     parts: list[bytes] = []
     pieces = aiter(request.stream())
     try:
-        while True:
-            async with asyncio.timeout(PIECE_S):
-                part = await anext(pieces, None)
-            if part is None:
-                return b"".join(parts)
-            parts.append(part)
+        async with asyncio.timeout(UPLOAD_S):
+            while True:
+                async with asyncio.timeout(PIECE_S):
+                    part = await anext(pieces, None)
+                if part is None:
+                    return b"".join(parts)
+                parts.append(part)
     except ClientDisconnect:
         return None
     except TimeoutError as error:

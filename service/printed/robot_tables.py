@@ -50,8 +50,8 @@ def verdict_lines(verdict: Verdict) -> Iterator[str]:
     """The verdict of a handful of readings on a robot file, line by line."""
     tool = " (the tool comes out of them)" if verdict.tool_unknown else ""
     yield (
-        f"{verdict.readings} readings{tool}: the nominal robot misses them by {verdict.miss_mm:.3g} mm (median) over "
-        f"{verdict.extent_mm:.0f} mm."
+        f"{verdict.readings} readings{tool}: the nominal robot misses a quarter of them by more than "
+        f"{verdict.miss_mm:.3g} mm over {verdict.extent_mm:.0f} mm."
     )
     if verdict.explained:
         yield "The file explains the readings: no usual mistake is in it."

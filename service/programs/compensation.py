@@ -27,6 +27,7 @@ from service.programs.read import as_written, parse
 CORRECTED, EMPTY, REFUSED = "corrected", "empty", "refused"
 
 _TOOL = "the tool of the program"
+_SLACK = 0.01  # share of its range by which a joint may leave it
 
 
 @dataclass(frozen=True)
@@ -73,10 +74,12 @@ def compensate(
     known: KnownFrames,
     *,
     inverse: bool = False,
+    most_mm: float = np.inf,
 ) -> Compensation:
     """Correct every target of a program that can be; the others stay as they are, with the reason.
 
-    inverse: from actual to nominal instead. Raises DataError when the model lacks a stated condition, the program
+    inverse: from actual to nominal instead; most_mm: of the radius that contains 95 % of the positions that the model
+    allows, above which a target is not corrected. Raises DataError when the model lacks a stated condition, the program
     holds no target, or it has poses and the robot no inverse kinematics here.
     """
     robot, coupling = saved.model.robot, saved.coupling
@@ -93,6 +96,13 @@ def compensate(
         model, saved.estimate, nominal, stated, target=point, coupling=coupling, regression=saved.regression
     )
     counted = robot.controller_angles(done.joints, coupling)
+    outside = _outside(robot, saved.holds_for.get("joints"), angles, counted)
+    done = replace(
+        done,
+        beyond=tuple(
+            tuple(dict.fromkeys([*named, *more])) for named, more in zip(done.beyond, outside, strict=True)
+        ),
+    )
     flange = _flanges(robot, done.joints)
     driven: dict[int, Driven] = {}
     for i, target in enumerate(targets):
@@ -100,10 +110,19 @@ def compensate(
             continue
         why[i] = done.reasons[i]
         kept = target.kept if target.turns_written else frozenset(target.windows)
-        if not why[i] and (outside := leaves_window(target, counted[i], kept)):
-            why[i] = f"its configuration would change: {outside}"
+        if not why[i] and (change := leaves_window(target, counted[i], kept)):
+            why[i] = f"its configuration would change: {change}"
         if not why[i]:
             driven[i] = Driven(counted[i], flange[i])
+    radius = np.full(len(targets), np.nan)
+    if driven:
+        at = done.joints[[*driven]] if not inverse else nominal[[*driven]]
+        calibrated = Calibrated(model, saved.estimate, stated, tool)
+        radius[[*driven]] = radius_95(calibrated.covariance_of_points(at, saved.covariance))
+    for i in [i for i in driven if radius[i] > most_mm]:
+        del driven[i]
+        far = f", outside the measured range ({', '.join(done.beyond[i])})" if done.beyond[i] else ""
+        why[i] = f"the model knows it to {radius[i]:.2g} mm only (95 %){far}: more than {most_mm:g} mm"
     # What needs no correction keeps its digits.
     changed = {i: d for i, d in driven.items() if not np.array_equal(done.joints[i], nominal[i])}
     text = as_written(rewritten(program, changed), path)
@@ -113,11 +132,7 @@ def compensate(
     change = np.abs(done.joints - nominal)
     turned = np.max(change[:, ~slides], axis=1, initial=0.0)
     slid = np.max(change[:, slides], axis=1) if slides.any() else np.full(len(targets), np.nan)
-    notes, radius = done.notes, np.full(len(targets), np.nan)
-    if driven:
-        at = done.joints[[*driven]] if not inverse else nominal[[*driven]]
-        calibrated = Calibrated(model, saved.estimate, stated, tool)
-        radius[[*driven]] = radius_95(calibrated.covariance_of_points(at, saved.covariance))
+    notes = done.notes
     outcomes = []
     for i, target in enumerate(targets):
         if i not in driven:
@@ -130,6 +145,19 @@ def compensate(
         more = (notes[i], done.beyond[i], float(radius[i]))
         outcomes.append(TargetOutcome(target, CORRECTED, "", moved, quantised, *joints, *more))
     return Compensation(text, tuple(outcomes))
+
+
+def _outside(robot: Robot, measured: Sequence[Sequence[float]] | None, *joints: Array) -> list[list[str]]:
+    """Per target, the joints that are outside the range in which the model was `measured`, deg or mm, at any of some
+    controller angles (n, N), rad or mm; none where the model does not say its range."""
+    if measured is None:
+        return [[] for _ in joints[0]]
+    low, high = np.transpose(measured)
+    reached = np.stack(joints) / robot.joint_units
+    slack = _SLACK * (high - low)
+    off = np.any((reached < low - slack) | (reached > high + slack), axis=0)
+    names = [f"joint {axis.removeprefix('j')}" for axis in robot.axes]
+    return [[name for name, there in zip(names, row, strict=True) if there] for row in off]
 
 
 def _with_tool(model: RobotModel, targets: Sequence[Target]) -> tuple[RobotModel, str]:

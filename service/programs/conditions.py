@@ -5,6 +5,7 @@
     temperature=23.5   air, degC;   time=3600   s since the start of the campaign
     mass=2.7   cog=50:25:100   the tool on the last link, kg and mm, instead of the load of the data set
     series=NAME        which set-up of base and tool
+    absolute-accuracy=on | off   whether the controller that runs the program corrects by its maker's calibration
 
 What is not stated is taken from the model: the side of approach and the mean temperature it was identified at.
 """
@@ -20,13 +21,15 @@ import numpy as np
 from calib.arm import Load
 from calib.array import Array
 from calib.compensate import model_sides, sides_that_move
+from calib.data import ABSOLUTE_ACCURACY
 from calib.errors import DataError
 from calib.model import StatedConditions
 from calib.saved import SavedModel
 from calib.units import DEG
 
 _OPTION = "--conditions"
-_KEYS = ("side", "approach", "temperature", "time", "mass", "cog", "series")
+_ACCURACY = "absolute-accuracy"
+_KEYS = ("side", "approach", "temperature", "time", "mass", "cog", "series", _ACCURACY)
 _SIDES = {"below": 1.0, "+1": 1.0, "1": 1.0, "+": 1.0, "above": -1.0, "-1": -1.0, "-": -1.0}
 _IDENTIFIED = {"from below": 1.0, "from above": -1.0}
 
@@ -74,6 +77,18 @@ def stated_conditions(text: str | None, saved: SavedModel) -> ProgramConditions:
             notes.append(
                 f"The model was identified with joints {', '.join(map(str, others))} arriving from the other side."
             )
+    accuracy = given.get(_ACCURACY, "unknown")
+    if accuracy not in ABSOLUTE_ACCURACY:
+        raise DataError(
+            f"'{accuracy}' is neither on nor off.", do="Write on or off.", key=f"{_OPTION} {_ACCURACY}"
+        )
+    if not saved.refuse_other_accuracy(accuracy, key=f"{_OPTION} {_ACCURACY}"):
+        own = saved.holds_for.get("absolute_accuracy", "unknown")
+        notes.append(
+            "Where the controller's own absolute accuracy is on and was off when the model was identified, the robot "
+            f"is corrected twice. Of the model it is {own}, of the controller {accuracy}: state it in [robot] of the "
+            f"cell file and with --conditions {_ACCURACY}=on or off."
+        )
     air = _number(given, "temperature") if "temperature" in given else saved.holds_for.get("temperature_c")
     time = _number(given, "time") if "time" in given else None
     loads, mass = saved.loads, None
@@ -105,6 +120,7 @@ def stated_conditions(text: str | None, saved: SavedModel) -> ProgramConditions:
         "time_s": time,
         "mass_kg": mass,
         "series": series,
+        "absolute_accuracy": accuracy,
     }
     return ProgramConditions(stated, document, tuple(notes))
 

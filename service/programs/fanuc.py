@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -27,7 +28,7 @@ from calib.errors import DataError
 from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import KnownFrames
-from service.programs.program import Driven, Target, Window
+from service.programs.program import TWICE, Driven, Target, Window, beside, rules
 from service.programs.text import Edit, Lines
 
 PLACES = 3
@@ -43,7 +44,29 @@ _VALUE = re.compile(
     r"\b(?P<name>[XYZWPR]|[JE]\d)\s*+="
     r"(?P<field>\s*+(?:(?P<number>[-+]?(?:\d++\.?\d*+|\.\d++))|(?P<none>\*++)))"
 )
-_USE = re.compile(r"(?<![A-Z])P\[\s*+(\d{1,9}+)[^\[\]]*+\]")
+_USE = re.compile(r"(?<![A-Z])P\[\s*+(\d{1,9}+)[^\[\]]*+\]", re.IGNORECASE)
+_STATEMENT = re.compile(r"(?:\s*+\d++\s*+:)?+(?P<code>[^;]*+);?+")
+_ANY = r"(?:(?<![A-Z])P\[[^][]*+\]|(?<![A-Z])P\[\s*+A?R\[[^][]*+\][^][]*+\])"
+_MOTION = re.compile(rf"\s*+[JLACS]\s++(?={_ANY}|PR\[)", re.IGNORECASE)
+_DISTANCE = re.compile(r"\bINC\b", re.IGNORECASE)
+# What a motion may have beside its positions without changing where they are, and what it may do on its way.
+_PLAIN = re.compile(
+    rf"{_ANY}|:\s|(?<![A-Z])A?R\[[^][]*+\]|\b(?:FINE|PTH|WJNT|W/JNT|MROT|MPTH|BREAK|HOT_START|max_speed|WELD_SPEED)\b"
+    r"|\b(?:CNT|CD|CR|ACC|EV|Ind\.EV|RT_LD|AP_LD|PSPD|SLOWDOWN)\s*+\d*+%?+|\bSkip\s*+,\s*+LBL\[[^][]*+\]"
+    r"|\b(?:Arc|Weave)\s++(?:Start|End|Sine)\b\s*+(?:\[[^][]*+\])?+"
+    r"|\b(?:T[AB]|DB)\s++[-\d.]++\s*+(?:sec|mm)\s*+,\s*+(?:CALL\s++\w++\s*+(?:\([^()]*+\))?+|\w++\[[^][]*+\]\s*+=\s*+\w++)"
+    r"|\d(?:mm/sec|cm/min|inch/min|deg/sec|msec|sec|mm)|[\d.%\s,]",
+    re.IGNORECASE | re.DOTALL,
+)
+_ON_ITS_WAY = re.compile(r"\b(?:T[AB]|DB)\s", re.IGNORECASE)
+_RULES = rules(
+    drives=rf"^\s*+(?:GP\d++\s++)?[JLACS]\s++(?:{_ANY}[\s:]++)?(?:PR|PAL_\d++)\[[^\]]*+\]",
+    displaces=r"(?<![A-Z_])(?:UFRAME|UTOOL|\$MNUFRAME|\$MNUTOOL)\[[^=]{0,80}+="
+    r"|^\s*+(?:(?:LINE\s++)?Track|Touch\s++Offset|MP\s++Offset|RPM|Soft\s?+float|Follow\s++up|Force\s?+Ctrl)\b"
+    r"|^\s*+LINE_TRACK_SCHEDULE_NUMBER\s*+:\s*+0*+[1-9]",
+    loads=r"(?<![A-Z_])PAYLOAD\[.{0,80}\]",
+)
+_INDIRECT = re.compile(r"(?<![A-Z])P\[\s*+A?R\[", re.IGNORECASE)
 _MOST_TURNS = 100
 _POSE = ("X", "Y", "Z", "W", "P", "R")
 _JOINTS = ("J1", "J2", "J3", "J4", "J5", "J6")
@@ -83,9 +106,18 @@ class FanucProgram:
             )
         end = re.search(r"^/END\b", text[begin.end() :], re.MULTILINE)
         stop = len(text) if end is None else begin.end() + end.start()
-        self._incremental = self._used_incrementally(text[: begin.start()])
-        found = [self._position(m) for m in _POSITION.finditer(text, begin.end(), stop)]
+        # What stands before the first instruction says what the program is, statement by statement as well.
+        first = re.search(r"^/MN\b[^\r\n]*+", text[: begin.start()], re.MULTILINE)
+        head = 0 if first is None else first.end()
+        statements = [*_statements(text, 0, head), *_statements(text, head, begin.start())]
+        self._any_odd = ""
+        self._odd = self._used_oddly(statements)
+        positions = list(_POSITION.finditer(text, begin.end(), stop))
+        for number, count in Counter(int(m["number"]) for m in positions).items():
+            self._odd |= {number: TWICE} if count > 1 else {}
+        found = [self._position(m) for m in positions]
         self._refuse_leftovers(begin.end(), stop, len(found))
+        found = beside(found, statements, _RULES, self._lines, _Place())
         self.targets: Sequence[Target] = tuple(target for target, _ in found)
         self._places = tuple(place for _, place in found)
 
@@ -135,20 +167,25 @@ class FanucProgram:
             )
         if any(fields[key].value is None for key in wanted):
             return replace(target, empty=True, notes=("was never taught",)), place
-        if int(number) in self._incremental:
-            line = self._incremental[int(number)]
-            return replace(target, refused=f"is a distance, not a place: used with INC (line {line})"), place
+        if odd := self._odd.get(int(number), self._any_odd):
+            return replace(target, refused=odd), place
         values = [fields[key].value or 0.0 for key in wanted]
         try:
             if wanted is _JOINTS:
                 return replace(target, joints=frames.joint_angles(np.array(values) * DEG)), place
-            return self._pose(target, body, place, values)
+            others = len(_GROUP.findall(match["body"])) > 1
+            return self._pose(target, body, place, values, others=others)
         except ValueError as error:
             return replace(target, refused=str(error)), place
 
-    def _pose(self, target: Target, body: str, place: _Place, values: list[float]) -> tuple[Target, _Place]:
-        """A Cartesian position. Raises ValueError, saying why, where its joints cannot be found."""
-        used = any(name[0] == "E" and slot.value is not None for name, slot in place.fields.items())
+    def _pose(
+        self, target: Target, body: str, place: _Place, values: list[float], *, others: bool
+    ) -> tuple[Target, _Place]:
+        """A Cartesian position; others: whether it positions another motion group as well.
+
+        Raises ValueError, saying why, where its joints cannot be found.
+        """
+        used = others or any(name[0] == "E" and slot.value is not None for name, slot in place.fields.items())
         beside = self._known.note_external(used=used)
         of = _FRAMES.search(body)
         config = _CONFIG.search(body)
@@ -181,15 +218,27 @@ class FanucProgram:
                 return group.end(), after
         return end, end
 
-    def _used_incrementally(self, instructions: str) -> dict[int, int]:
-        """Number of a position used with INC -> line of that instruction."""
-        out: dict[int, int] = {}
-        at = 0
-        for statement in instructions.split(";"):
-            if re.search(r"\bINC\b", statement):
-                for use in _USE.finditer(statement):
-                    out.setdefault(int(use[1]), self._lines.at(at + use.start()))
-            at += len(statement) + 1
+    def _used_oddly(self, statements: Sequence[tuple[int, str]]) -> dict[int, str]:
+        """Number of a position that a motion does not drive to as it is written -> why, as a sentence part."""
+        out: dict[int, str] = {}
+        for at, statement in statements:
+            motion = _MOTION.match(statement)
+            left = "" if motion is None else _PLAIN.sub(" ", statement[motion.end() :])
+            word = re.search(r"[A-Za-z_]\w*+", left)
+            why = f"is also used in line {self._lines.at(at)}, which is not read here"
+            if motion is not None and word is None:
+                begin = way.start() if (way := _ON_ITS_WAY.search(statement)) else len(statement)
+                for use in _USE.finditer(statement, begin):
+                    out.setdefault(int(use[1]), why)
+                continue
+            if word is not None:
+                why = f"has a motion with '{word[0]}' (line {self._lines.at(at)}), with which it is not read here"
+            if _DISTANCE.search(left):
+                why = f"is a distance, not a place: used with INC (line {self._lines.at(at)})"
+            for use in _USE.finditer(statement):
+                out.setdefault(int(use[1]), why)
+            if _INDIRECT.search(statement):  # a register says which: it may be any
+                self._any_odd = f"a register may name it in line {self._lines.at(at)}: what it names {why}"
         return out
 
     def _refuse_leftovers(self, begin: int, end: int, found: int) -> None:
@@ -203,6 +252,12 @@ class FanucProgram:
                 file=self._file,
                 line=self._lines.at(odd),
             )
+
+
+def _statements(text: str, begin: int, end: int) -> list[tuple[int, str]]:
+    """Position and code of every instruction of a part; remarks, and instructions that are remarked out, left out."""
+    found = ((m.start("code"), m["code"]) for m in _STATEMENT.finditer(text, begin, end))
+    return [(at, code) for at, code in found if not code.lstrip().startswith(("!", "//", "--"))]
 
 
 def _configuration(text: str) -> tuple[str, dict[int, Window]]:

@@ -27,7 +27,7 @@ from calib.compensate import inverse_poses
 from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames
-from service.programs.program import Driven, Target, Window
+from service.programs.program import Driven, Target, Window, beside, rules
 from service.programs.text import Edit, Lines, Number, decimal
 
 PLACES = 5  # mm and deg; the controller keeps some seven digits
@@ -43,13 +43,36 @@ _DECLARED = re.compile(
 _MOTION = re.compile(r"\s*+(?P<verb>S?(?:PTP|LIN|CIRC)(?P<rel>_REL)?+|SPL)\s++(?P<rest>.*+)", re.IGNORECASE)
 _SET = re.compile(r"\s*+\$(?P<which>TOOL|BASE)\s*+=\s*+(?P<value>.*+)", re.IGNORECASE)
 _BAS = re.compile(r"\s*+BAS\s*+\(\s*+#(?P<which>TOOL|BASE)\s*+,\s*+(?P<value>\d{1,3}+)\s*+\)", re.IGNORECASE)
+_FDAT = re.compile(r"\s*+FDAT_ACT\s*+=\s*+(?P<name>[A-Z_]\w*+)\s*+", re.IGNORECASE)
+_BRANCH = re.compile(
+    r"\s*+(?:(?:GLOBAL\s++)?(?:DEF|DEFFCT)|END|IF|ELSE|ENDIF|FOR|ENDFOR|WHILE|ENDWHILE|REPEAT|UNTIL|LOOP|ENDLOOP"
+    r"|SWITCH|CASE|DEFAULT|ENDSWITCH|GOTO)\b|\s*+\w++\s*+:\s*+$",
+    re.IGNORECASE,
+)
+_ROUTINE = re.compile(r"\s*+(?:GLOBAL\s++)?DEF(?:FCT\s++\w++)?\s++(?P<name>[A-Z_]\w*+)", re.IGNORECASE)
 _DATA = re.compile(r"(?:TOOL|BASE)_DATA\s*+\[\s*+(\d{1,3}+)\s*+\]\s*+", re.IGNORECASE)
 _FIELD = re.compile(
     r"\s*+(?P<name>[A-Z]\w*+(?:\[\])?)\s++(?P<value>[-+]?(?:\d++\.?\d*+|\.\d++)(?:E[-+]?\d{1,3}+)?)?",
     re.IGNORECASE,
 )
 _POSE, _AXES = ("X", "Y", "Z", "A", "B", "C"), ("A1", "A2", "A3", "A4", "A5", "A6")
+_POINT = r"(?:[A-Z_]\w*+(?:\[\s*+\d++\s*+\])?+|\{\})"
+# What a motion may have beside its points without changing where they are.
+_PLAIN = re.compile(
+    rf"(?P<points>{_POINT}(?:\s*+,\s*+{_POINT})?+)(?:\s*+,\s*+CA\s++[-+.\w]++)?+(?:\s++C_[A-Z]++)*+"
+    r"(?:\s++WITH\b(?:(?!\$(?:TOOL|BASE|IPO_MODE)\s*+=\s*+(?!S\w++\s*+\(\s*+F)).)*+)?+\s*+",
+    re.IGNORECASE,
+)
+_HERE = re.compile(r"\$(?:POS|AXIS)_ACT\s*+", re.IGNORECASE)
+_NAME = re.compile(r"(?<![\w.#$])[A-Z_]\w*+(?:\[\s*+\d++\s*+\])?+", re.IGNORECASE)
+_RULES = rules(
+    displaces=r"^\s*+\$IPO_MODE\s*+=\s*+#TCP\b|\b(?:RSI_(?:ON|MOVECORR)|TM_[A-Z]\w*+)\b|^\s*+BAS\s*+\(\s*+#EX_BASE\b"
+    r"|\bCORR_ON\b|^\s*+(?:TOOL|BASE)_DATA\s*+\[[^\]]*+\]\s*+(?:\.\s*+\w++\s*+)?+=|^\s*+\$(?:TOOL|BASE)\s*+\."
+    r"|^\s*+(?:PTP_)?SPLINE\b.*\$(?:TOOL|BASE|IPO_MODE)\s*+=|^\s*+\$(?:ROBROOT|WORLD)\s*+(?:\.\s*+\w++\s*+)?+=",
+    loads=r"^\s*+(?:\$(?:ADD)?LOAD(?:_A\d)?\b|LOAD_DATA\b|SET_LOAD\b)[^=]*+=?+",
+)
 _OPTION = {"TOOL": "--tool", "BASE": "--frame"}
+_UNSURE = "?"  # a tool or base that depends on which way the program took
 
 
 _Frames = Callable[[], tuple[Array, Array]]
@@ -67,8 +90,8 @@ class _Place:
 
 @dataclass(frozen=True)
 class _Valid:
-    """The tool and base in force at a motion, or at a point by its FDAT: a pose, the number of one, None where
-    nobody knows."""
+    """The tool and base in force at a motion, or at a point by its FDAT: a pose, the number or name of one, None where
+    the file does not say."""
 
     tool: Array | str | None = None
     base: Array | str | None = None
@@ -83,10 +106,14 @@ class KukaProgram:
         self._lines = Lines(text, file)
         self._world, self._known = world, known
         self._statements = [(m.start(), _code(m.group())) for m in _LINE.finditer(text)]
-        self._fdat = dict(self._read_fdat())
+        self._fdat: dict[str, _Valid] = {}
+        for name, valid in self._read_fdat():
+            twice = self._fdat.setdefault(name, valid) != valid
+            self._fdat[name] = _Valid(_UNSURE, _UNSURE) if twice else valid
+        self._odd = dict[str, str]()
         self._used = self._read_uses()
         self._met: dict[str, tuple[Array, Array] | str] = {}
-        found = list(self._read())
+        found = beside(list(self._read()), self._statements, _RULES, self._lines, _Place(0))
         self.targets: Sequence[Target] = tuple(target for target, _ in found)
         self._places = tuple(place for _, place in found)
 
@@ -119,31 +146,55 @@ class KukaProgram:
             numbers = _numbers(body[1], at + body.start(1))
             outside = re.search(r"IPO_FRAME\s++#TCP\b", body[1], re.IGNORECASE) is not None
             of = [str(int(numbers[key].value)) if key in numbers else None for key in ("TOOL_NO", "BASE_NO")]
-            yield match["name"].upper(), _Valid(of[0], of[1], outside)
+            yield _name(match["name"]), _Valid(of[0], of[1], outside)
+
+    def _settings(self) -> Iterator[tuple[int, dict[str, Array | str | None]]]:
+        """What sets the tool or the base, by its place in the text."""
+        for at, code in self._statements:
+            if (match := _SET.match(code) or _BAS.match(code)) is not None:
+                yield at, {match["which"].lower(): self._named(match["value"].strip(), at)}
+            elif (match := _FDAT.fullmatch(code)) is not None:
+                of = self._fdat.get(_name(match["name"]), _Valid())
+                yield at, {"tool": of.tool, "base": of.base}
 
     def _in_order(self) -> Iterator[tuple[int, str, _Valid]]:
-        """Every statement with the tool and the base in force."""
-        valid = _Valid(self._unnamed("TOOL"), self._unnamed("BASE"))
+        """Every statement with the tool and the base in force. Of several that the file sets, one is known as far as
+        the statements behind it follow one another: which way a program takes is not read."""
+        settings = dict(self._settings())
+        kinds = {"tool": set[object](), "base": set[object]()}
+        for each in settings.values():
+            for which, value in each.items():
+                kinds[which].add(value.tobytes() if isinstance(value, np.ndarray) else value)
+        several = {which: _UNSURE for which, values in kinds.items() if len(values) > 1}
+        own = {_name(m["name"]) for _, code in self._statements if (m := _ROUTINE.match(code))}
+        valid = _Valid()
         for at, code in self._statements:
-            match = _SET.match(code) or _BAS.match(code)
-            if match is not None:
-                which = match["which"].lower()
-                valid = replace(valid, **{which: self._named(match["value"].strip(), at)})
+            if at in settings:
+                valid = replace(valid, **settings[at])
+            elif _BRANCH.match(code) or (own and own & set(map(_name, _NAME.findall(code)))):
+                valid = replace(valid, **several)
             yield at, code, valid
 
     def _read_uses(self) -> dict[str, list[_Valid]]:
-        """Name of a point -> tool and base at each motion to it."""
+        """Name of a point -> tool and base at each motion to it. What else is done with it goes into `_odd`."""
         out: dict[str, list[_Valid]] = {}
-        for _, code, valid in self._in_order():
-            match = _MOTION.match(code)
-            if match is not None:
-                for name in re.findall(
-                    r"[A-Z_]\w*+(?:\[\d++\])?", _AGGREGATE.sub("", match["rest"]), re.IGNORECASE
-                ):
-                    out.setdefault(name.upper(), []).append(valid)
+        for at, code, valid in self._in_order():
+            declared, plain = _DECLARED.match(code), _plain(code)
+            if plain is not None:
+                for name in map(_name, _NAME.findall(plain["points"])):
+                    out.setdefault(name, []).append(valid)
+                continue
+            of_declared = "" if declared is None else _name(declared["name"])
+            for name in map(_name, _NAME.findall(_AGGREGATE.sub("{}", code))):
+                if name != of_declared:
+                    line = self._lines.at(at)
+                    self._odd.setdefault(name, f"is also used in line {line}, which is not read here")
         return out
 
     def _read(self) -> Iterator[tuple[Target, _Place]]:
+        missing = set(self._used) - {
+            _name(m["name"]) for _, code in self._statements if (m := _DECLARED.match(code))
+        }
         for at, code, valid in self._in_order():
             declared, motion = _DECLARED.match(code), _MOTION.match(code)
             line = self._lines.at(at)
@@ -151,22 +202,36 @@ class KukaProgram:
                 body = _AGGREGATE.match(code, declared.end())
                 name = declared["name"]
                 if body is not None and _is_target(body[1]):
-                    of = partial(self._declared, name.upper())
-                    yield self._target(Target(name, line), body[1], at + body.start(1), of)
+                    of = partial(self._declared, _name(name))
+                    odd = self._odd.get(_name(name)) or self._odd.get(_name(name).partition("[")[0], "")
+                    yield self._target(Target(name, line, refused=odd), body[1], at + body.start(1), of)
             elif motion is not None:
-                for body in _AGGREGATE.finditer(code, motion.start("rest")):
-                    target = Target(f"line {line}", line)
-                    if motion["rel"]:
-                        target = replace(target, refused="is a distance, not a place")
+                plain, why = _plain(code), ""
+                if plain is None:
+                    why = f"'{code.strip()[:40]}' is not read here: where it drives to stays as it is"
+                    why = "is a distance, not a place" if motion["rel"] else why
+                for name in map(_name, _NAME.findall("" if plain is None else plain["points"])):
+                    if name in missing:
+                        missing.remove(name)
+                        yield Target(name, line, refused="is not in this file"), _Place(at)
+                bodies = list(_AGGREGATE.finditer(code, motion.start("rest")))
+                for body in bodies:
                     of = partial(self._tool_and_base, [valid])
+                    target = Target(f"line {line}", line, refused=why)
                     yield self._target(target, body[1], at + body.start(1), of)
+                if why and not bodies and not _HERE.fullmatch(motion["rest"]):
+                    yield Target(f"line {line}", line, refused=why), _Place(at)
 
     def _of(self, name: str) -> list[_Valid]:
         """Tool and base of a declared point: its FDAT's, else those of the motions to it, else of the command line."""
-        fdat = self._fdat.get(f"F{name[1:].upper()}") if name[:1].upper() == "X" else None
-        if fdat is not None:
-            return [fdat]
-        return self._used.get(name.upper()) or [_Valid(self._unnamed("TOOL"), self._unnamed("BASE"))]
+        fdat = self._fdat.get(f"F{name[1:]}") if name[:1] == "X" else None
+        used = self._used.get(name, [])
+        if fdat is None:
+            return used or [_Valid()]
+        return [
+            fdat,
+            *(replace(fdat, tool=_or(each.tool, fdat.tool), base=_or(each.base, fdat.base)) for each in used),
+        ]
 
     def _declared(self, name: str) -> tuple[Array, Array]:
         """Tool and base of a declared point, found once however often it is declared. Raises ValueError."""
@@ -237,11 +302,18 @@ class KukaProgram:
         if isinstance(value, np.ndarray):
             return value
         option = _OPTION[which]
+        table = self._known.tools if which == "TOOL" else self._known.frames
+        if value is None and UNNAMED in table:
+            return table[UNNAMED]
         if value is None:
             raise ValueError(
                 f"its {which.lower()} is not in this file: give {option} x,y,z,w,p,r (w is C, p B, r A)"
             )
-        table = self._known.tools if which == "TOOL" else self._known.frames
+        if value == _UNSURE:
+            raise ValueError(
+                f"which {which.lower()} it is driven with is computed, or depends on the way that the program takes: "
+                f"set ${which} by number in the lines before its motion"
+            )
         if value.lower() in table:
             return table[value.lower()]
         if value == "0":
@@ -250,12 +322,9 @@ class KukaProgram:
             f"its {which.lower()} {value} is not in this file: give {option} {value}=x,y,z,w,p,r"
         )
 
-    def _unnamed(self, which: str) -> Array | None:
-        return (self._known.tools if which == "TOOL" else self._known.frames).get(UNNAMED)
-
-    def _named(self, value: str, at: int) -> Array | str | None:
+    def _named(self, value: str, at: int) -> Array | str:
         """The value that $TOOL or $BASE is set to."""
-        if value.isdecimal():
+        if value.isdecimal() or re.fullmatch(r"[A-Za-z_]\w*+", value):
             return value
         if value.upper() == "$NULLFRAME":
             return np.eye(4)
@@ -264,18 +333,34 @@ class KukaProgram:
         body = _AGGREGATE.fullmatch(value)
         numbers = {} if body is None else _numbers(body[1], at)
         if any(key not in numbers for key in _POSE):
-            return None
+            return _UNSURE
         x, y, z, a, b, c = (numbers[key].value for key in _POSE)
         try:
             return frames.of_wpr((x, y, z), (c, b, a))
         except ValueError:
-            return None
+            return _UNSURE
 
 
 def _code(line: str) -> str:
     """A line without its comment."""
     match = _CODE.match(line)
     return "" if match is None else match.group()
+
+
+def _or(value: Array | str | None, of_point: Array | str | None) -> Array | str | None:
+    """What a motion is known to be driven with, else what its point says."""
+    return of_point if value is None or (isinstance(value, str) and value == _UNSURE) else value
+
+
+def _name(written: str) -> str:
+    """A name as it is compared: in capitals, without blanks."""
+    return re.sub(r"\s", "", written).upper()
+
+
+def _plain(code: str) -> re.Match[str] | None:
+    """A motion of which everything is understood, its aggregates left out; None for any other statement."""
+    motion = _MOTION.match(code)
+    return None if motion is None or motion["rel"] else _PLAIN.fullmatch(_AGGREGATE.sub("{}", motion["rest"]))
 
 
 def _is_target(body: str) -> bool:

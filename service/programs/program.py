@@ -7,16 +7,24 @@ dialect; no dialect knows a model.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Protocol
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple, Protocol, TypeVar, get_args
 
 import numpy as np
 
 from calib.array import Array
-from service.programs.text import Edit, edited
+from service.programs.text import Edit, Lines, edited
 
 Window = tuple[float, float]
+Does = Literal["drives", "displaces", "shifts", "loads", "turns"]
+_P = TypeVar("_P")
+TWICE = "is there more than once, and which of them counts is not known"
+_NOTES = {
+    "loads": "changes the payload: the correction holds for the one that is stated",
+    "turns": "lets the arm take another posture than is written: the correction holds for the one that is written",
+}
 
 
 @dataclass(frozen=True)
@@ -79,6 +87,65 @@ class Program(Protocol):
     def edits(self, index: int, driven: Driven) -> list[Edit]:
         """Edits that make target `index` what is to be driven."""
         ...
+
+
+class Rule(NamedTuple):
+    """What statements that match `pattern` do beside the targets of a program.
+
+    drives: to a target that is not read, and stays as it is; displaces: poses of the program, so that a correction
+    would be made at a place that is not driven to; shifts: joint targets as well; loads: they change the payload, for
+    which the correction counts; turns: the controller may take a posture that is not the one written.
+    """
+
+    pattern: re.Pattern[str]
+    does: Does
+
+
+def rules(**words: str) -> tuple[Rule, ...]:
+    """Rules from regular expressions, by what the statements do."""
+    return tuple(
+        Rule(re.compile(words[does], re.IGNORECASE), does) for does in get_args(Does) if does in words
+    )
+
+
+def beside(
+    found: Sequence[tuple[Target, _P]],
+    statements: Iterable[tuple[int, str]],
+    known: Sequence[Rule],
+    lines: Lines,
+    nowhere: _P,
+) -> list[tuple[Target, _P]]:
+    """Targets with their places, as the statements (position, code without comments) that the reader does not follow
+    leave them: one more, refused, for each that drives; every pose refused where one displaces, and every target where
+    one shifts; a note where one changes the payload or the posture."""
+    more: list[tuple[Target, _P]] = []
+    displaced, shifted, notes = "", False, dict[str, Does]()
+    for at, code in statements:
+        for rule in known:
+            match = rule.pattern.search(code)
+            if match is None:
+                continue
+            line, word = lines.at(at), " ".join(match.group().split())
+            if rule.does == "drives":
+                why = f"'{word}' is not read here: where it drives to stays as it is"
+                more.append((Target(f"line {line}", line, refused=why), nowhere))
+            elif rule.does in _NOTES:
+                notes[f"'{word}' in line {line} {_NOTES[rule.does]}"] = rule.does
+            else:
+                shifted = shifted or rule.does == "shifts"
+                displaced = displaced or (
+                    f"'{word}' in line {line} displaces poses while the program runs: they are not driven to where "
+                    "they are written"
+                )
+            break
+
+    def left(target: Target) -> Target:
+        about = [note for note, does in notes.items() if does == "loads" or target.flange is not None]
+        target = replace(target, notes=(*target.notes, *about)) if about else target
+        refuse = displaced and (shifted or target.flange is not None) and not target.refused
+        return replace(target, refused=displaced) if refuse else target
+
+    return [*((left(target), place) for target, place in found), *more]
 
 
 def rewritten(program: Program, driven: Mapping[int, Driven]) -> str:

@@ -21,16 +21,27 @@ from calib.compensate import inverse_poses
 from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames
-from service.programs.program import Driven, Target, Window
+from service.programs.program import Driven, Target, Window, beside, rules
 from service.programs.rapid_module import Declaration, Module, Use
 from service.programs.syntax import Node, Unknown, literal
-from service.programs.text import Edit, decimal
+from service.programs.text import Edit, Lines, decimal
 
 MM_PLACES, QUATERNION_PLACES, DEG_PLACES = 5, 9, 6
 UNUSED = 1e8  # external axes from here on are not used; written 9E9
 QUARTER_EDGE = 0.5 * DEG  # an angle this close to a quarter turn may have been counted on either side of it
 ROUNDING = 1e-6 * DEG
 _MOST_QUARTERS = 1000
+# Process packages name their motions after the process and the path: SpotL, PaintC, DispJ. What else takes a speed, a
+# zone or a target in place is a motion as well.
+_RULES = rules(
+    drives=r"^(?!MoveExtJ\b)\w++(?:(?=.* , (?:v\d++|vmax|z\d++|fine)(?: [,\\]|$))"
+    r"|(?=.* \[ \[[^][]*+\] , \[[^][]*+\] , \[[^][]*+\] , \[))"
+    r"|^(?:Move|Trigg|Search|Arc|Spot|SpotM|Paint|Disp|Cap|Las|Glue|Nut|Stud|Contact|FCPress)\w*+(?<=[LJC])(?= |$)"
+    r"|^(?:EGM(?:MoveL|MoveC|RunJoint|RunPose)|IndAMove|IndRMove|IndDMove|IndCMove|MovePnP)\b",
+    displaces=r"^(?:PDispOn|PDispSet|EOffsOn|EOffsSet|CorrCon|CorrWrite)\b|^\\Corr$",
+    loads=r"^(?:GripLoad|SetSysData|MechUnitLoad)\b|^\\TLoad$",
+    turns=r"^Conf[JL] \\ Off\b",
+)
 _QUARTERED = (0, 3, 5)  # joints 1, 4, 6
 
 
@@ -41,8 +52,15 @@ class RapidProgram:
         self.text = text
         self._module = Module(text, file)
         self._world, self._known = world, known
+        self._handed = {  # what an instruction gets that may change it
+            word: at
+            for at, code in reversed(self._module.instructions)
+            if not any(rule.pattern.search(code) for rule in _RULES)
+            for word in code.lower().split()
+        }
         found = [*self._declared(), *self._in_place()]
         found.sort(key=lambda pair: pair[1].at)
+        found = beside(found, self._module.instructions, _RULES, Lines(text, file), _Place(0))
         self.targets: Sequence[Target] = tuple(target for target, _ in found)
         self._places = tuple(place for _, place in found)
 
@@ -102,6 +120,9 @@ class RapidProgram:
             return whole("has no value in this module") if uses else []
         if twice:
             return whole("is declared more than once")
+        foreign = self._module.foreign.get(declaration.name.lower())
+        if foreign is not None:
+            return whole(f"is used by {foreign[1]} (line {foreign[0]}) as well, which is not read here")
         assigned = self._module.assigned.get(declaration.name.lower())
         if assigned is not None:
             return whole(f"gets another value while the program runs (line {assigned})")
@@ -209,6 +230,9 @@ class RapidProgram:
             raise ValueError(f"its '{name}' is not declared in this module: give {option} {name}=x,y,z,w,p,r")
         if name in self._module.assigned:
             raise ValueError(f"its '{name}' gets another value while the program runs")
+        if name in self._handed:
+            line = self._module.line(self._handed[name])
+            raise ValueError(f"its '{name}' may get another value in line {line}, which is not read here")
         return self._module.items(literal(found[0].value), count)
 
     def _pose(self, node: Node) -> Array:

@@ -17,6 +17,32 @@ from service.programs.text import Lines
 tokens_of = lexer("!", '"')
 
 _DATA = ("const", "pers", "var")
+_BEGINS = (
+    "then",
+    "else",
+    "do",
+    "endif",
+    "endwhile",
+    "endfor",
+    "endtest",
+    "endproc",
+    "endfunc",
+    "endtrap",
+    "error",
+    "undo",
+    "backward",
+)
+_STRUCTURE = (
+    *("if", "elseif", "while", "for", "test", "case", "return"),
+    *("local", "task", "endmodule", "raise", "retry", "exit", "goto"),
+)
+_HEADERS = (
+    "proc",
+    "func",
+    "trap",
+    "module",
+)  # what names a routine ends with its parameters, not with a semicolon
+_OPERATORS = ("and", "or", "xor", "not", "div", "mod")
 _MOVED = ("offs", "reltool")  # functions that move a target along
 _DEEPEST = 8  # constants named by constants
 # Words of a constant that a target, tool or work object is made of; a wobjdata has some 50
@@ -37,8 +63,11 @@ MOTIONS: dict[str, MoveInstruction] = {
     **dict.fromkeys(("movec", "movecdo", "movecao", "movecgo", "movecsync"), MoveInstruction((0, 1), 4)),
     **dict.fromkeys(("triggl", "triggj"), MoveInstruction((0,), 4)),
     "triggc": MoveInstruction((0, 1), 5),
+    **dict.fromkeys(("trigglios", "triggjios"), MoveInstruction((0,), 3)),
     "searchl": MoveInstruction((2,), 4),
+    "searchc": MoveInstruction((2, 3), 5),
     **dict.fromkeys(("arcl", "arclstart", "arclend"), MoveInstruction((0,), 5)),
+    **dict.fromkeys(("arcc", "arccstart", "arccend"), MoveInstruction((0, 1), 6)),
 }
 
 
@@ -88,6 +117,7 @@ class Module:
         uses: list[Use] = []
         self._each(lambda i: self._motion(i, uses))
         self.uses = tuple(uses)
+        self.instructions, self.foreign = self._others()
         self.assigned = self._assignments()
 
     def line(self, at: int) -> int:
@@ -185,12 +215,72 @@ class Module:
             plain = not (node.kind == "call" and node.text.lower() in _MOVED and node.items)
             node = node if plain else node.items[0]
             if node.kind in ("name", "element"):
-                return Use(at, joints, node.text, None, tool, work_object, plain)
+                return Use(node.start, joints, node.text, None, tool, work_object, plain)
             if node.kind == "list" and plain:
                 return Use(at, joints, "", node, tool, work_object)
             raise Unknown(at, f"'{self._text[node.start : node.end]}' is computed while the program runs")
         except Unknown as unknown:
             return Use(at, joints, "", None, tool, work_object, unknown=str(unknown))
+
+    def _others(self) -> tuple[list[tuple[int, str]], dict[str, tuple[int, str]]]:
+        """Instructions that are no motions read here, by position and words; and the targets that something else than
+        such a motion takes, in small letters, with line and what takes them."""
+        targets = {
+            name
+            for name, found in self.declarations.items()
+            if any(each.type in ("robtarget", "jointtarget") for each in found)
+        }
+        plain = self._names_at | {use.at for use in self.uses}
+        instructions: list[tuple[int, str]] = []
+        foreign: dict[str, tuple[int, str]] = {}
+        head, begins, asks, header, taken, words = None, True, "", 0, "", list[str]()
+        for i, token in enumerate(self._tokens):
+            word = token.text.lower()
+            follows = self._tokens[i + 1].text if i + 1 < len(self._tokens) else ""
+            if word in _HEADERS:
+                named = next((k for k in range(i + 1, len(self._tokens)) if self._tokens[k].text == "("), i)
+                header = self._closing(named) if word not in ("trap", "module") and named > i else i + 1
+            elif word == "error" and follows == "(":  # the numbers of errors that are handled
+                header = self._closing(i + 1)
+            if i <= header or token.text in (";", ":") or word in _BEGINS:
+                if head is not None:
+                    instructions.append((head.start, " ".join(words)))
+                head, begins, asks, taken, words = None, True, "", "", []
+                continue
+            operand = token.kind == "name" and word not in _OPERATORS
+            if asks == "if" and self._ends_value(i - 1) and (operand or word == "%"):
+                begins, asks, words = True, "", []  # `IF asked WeldAt p1;`, in which nothing stands between
+            words.append("" if token.kind == "string" else token.text)
+            part = asks and (
+                follows == "." or self._tokens[i - 1].text not in ("(", ",")
+            )  # compared, not handed over
+            if word in targets and token.start not in plain and taken and not part:
+                foreign.setdefault(word, (self.line(token.start), taken))
+            if token.text == ":=" and self._sets(i):
+                taken = "an assignment"
+            if token.text == "\\" and follows.lower() in (
+                "tload",
+                "corr",
+            ):  # of motions that are read as well
+                instructions.append((token.start, f"\\{follows}"))
+            if begins:
+                begins = False
+                calls = token.kind == "name" and follows not in (":=", "{", ".", ":", "(")
+                asks = word if word in ("if", "elseif", "while", "test", "for", "case") else ""
+                instructs = calls and word not in (*_DATA, *_STRUCTURE)
+                head = token if instructs and word not in MOTIONS else None
+                taken = f"'{token.text}'" if instructs or asks or word in ("return", "%") else ""
+        return instructions, foreign
+
+    def _ends_value(self, i: int) -> bool:
+        """Whether a value may end with token `i`, so that a name behind it begins something else."""
+        token = self._tokens[i]
+        named = token.kind == "name" and token.text.lower() not in ("if", *_OPERATORS)
+        return named or token.kind in ("number", "string") or token.text in (")", "]", "}")
+
+    def _sets(self, i: int) -> bool:
+        """Whether the := at token `i` sets data, and hands no optional argument to an instruction."""
+        return i < 2 or self._tokens[i - 2].text != "\\"
 
     def _assignments(self) -> dict[str, int]:
         """Names of data that get a value outside their declaration -> line."""

@@ -75,7 +75,7 @@ def shown(done: Compensation) -> Iterator[RenderableType]:
     listed = [o for o in done.outcomes if o.status != REFUSED]
     slides = any(math.isfinite(o.slid) for o in listed)
     joints = ("joints deg", "slides mm") if slides else ("joints deg",)
-    heads = ("target", "line", "moved mm", "moved deg", *joints, "rounded mm", "rounded deg", "")
+    heads = ("target", "line", "moved mm", "moved deg", *joints, "rounded mm", "95 % within mm", "")
     for name in heads:
         table.add_column(name, justify="left" if name in ("target", "") else "right", overflow="fold")
     for o in listed[:_SHOWN]:
@@ -88,7 +88,7 @@ def shown(done: Compensation) -> Iterator[RenderableType]:
                 f"{o.turned / DEG:.3f}",
                 *([f"{o.slid:.3f}"] if slides else []),
                 f"{o.quantised[0]:.5f}",
-                f"{o.quantised[1] / DEG:.5f}",
+                f"{o.radius_95:.3f}",
             ]
         table.add_row(o.target.name, str(o.target.line), *figures, "; ".join(_notes(o)))
     if listed:

@@ -147,6 +147,10 @@ class TargetTable:
         target = replace(target, notes=notes)
         first = self._joints[0]
         if first in row and row[first].text:
+            if "x_mm" in row and row["x_mm"].text:
+                return replace(
+                    target, refused="has joints and a pose: leave the cells of one of them empty"
+                ), row
             joints = np.array(self._numbers(row, self._joints, line)) * self._robot.joint_units
             try:
                 joints = frames.joint_positions(joints, self._robot.kinds)

@@ -11,8 +11,10 @@ manual, module motion.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,7 +23,7 @@ from calib.compensate import inverse_poses
 from calib.errors import DataError
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames
-from service.programs.program import Driven, Target
+from service.programs.program import Driven, Target, beside, rules
 from service.programs.syntax import Node, Unknown, brackets, lexer, literal, split
 from service.programs.text import Edit, Lines, decimal
 
@@ -31,7 +33,15 @@ METRE = 1000.0
 tokens_of = lexer("#", "\"'")
 
 _MOTIONS = {"movej": 1, "movel": 1, "movep": 1, "movec": 2}  # how many waypoints
+_RULES = rules(
+    drives=r"^(?:move|servo|speed|optimove|direct_torque|mc_run)[a-z_]*$",
+    displaces=r"^(?:path_offset_\w+|track_conveyor_\w+|force_mode|position_deviation_\w+)$",
+    loads=r"^set_(?:target_)?payload\w*$",
+)
 _TOOL = "set_tcp"
+_BRANCHES = ("def", "thread", "if", "elif", "else", "while", "for", "end", "run")
+# What moves the arm to a posture that is not read: a pose behind it would be reached from there.
+_ELSEWHERE = re.compile(r"servoj|speedj|optimovej|(?:freedrive|teach|direct_torque|mc_run)\w*+")
 _LONGEST_VALUE = 1_000  # words of a value that can be a waypoint
 
 
@@ -46,16 +56,48 @@ class UrScript:
         self._values = self._assigned()
         self._tool: Array | None = known.tools.get(UNNAMED)
         self._seen: dict[str, Target] = {}
+        self._two_tools: set[str] = set()
+        self._plain: set[int] = set()  # where a named waypoint stands in a motion that is read
+        self._no_tool = "no set_tcp comes before it, so its tool is not known: give --tool"
+        self._elsewhere = ""
         found: list[tuple[Target, Node | None]] = []
+        own = {after.text for token, after in pairwise(self._tokens) if token.text in ("def", "thread")}
+        several = self._tools_set() > 1
         done = 0  # what is in the brackets of a motion is not looked at again
         for i, token in enumerate(self._tokens[:-1]):
-            if i < done or token.kind != "name" or self._tokens[i + 1].text != "(":
+            calls = self._tokens[i + 1].text == "("
+            if i < done or token.kind != "name":
                 continue
-            if token.text == _TOOL:
+            if several and (token.text in _BRANCHES or token.text in own):
+                self._tool = None
+                self._no_tool = (
+                    "which tool it is driven with depends on the way that the program takes: write set_tcp in the "
+                    "lines before its motion"
+                )
+            if found and (
+                token.text in ("def", "thread", *own) or (calls and _ELSEWHERE.fullmatch(token.text))
+            ):
+                self._elsewhere = f"'{token.text}' (line {self._lines.at(token.start)})"
+            if calls and token.text == _TOOL:
                 self._tool, done = self._set_tcp(i), self._closing(i + 1)
-            elif token.text in _MOTIONS:
+            elif calls and token.text in _MOTIONS:
                 found += self._motion(i, _MOTIONS[token.text])
                 done = self._closing(i + 1)
+        calls = [
+            (token.start, token.text)
+            for token, after in pairwise(self._tokens)
+            if token.kind == "name" and after.text == "(" and token.text not in {*_MOTIONS, *own}
+        ]
+        shared = self._read_elsewhere({target.name for target, _ in found}) | dict.fromkeys(
+            self._two_tools, "it is used with two tools: one correction cannot serve both"
+        )
+        found = [
+            (replace(target, refused=shared[target.name]), node)
+            if target.flange is not None and target.name in shared
+            else (target, node)
+            for target, node in found
+        ]
+        found = beside(found, calls, _RULES, self._lines, None)
         self.targets: Sequence[Target] = tuple(target for target, _ in found)
         self._nodes = tuple(node for _, node in found)
 
@@ -78,11 +120,33 @@ class UrScript:
             line = self._lines.at(at)
             try:
                 node = literal(part)
+                self._plain.add(node.start)
                 name = node.text if node.kind == "name" else f"line {line}"
                 out += self._waypoint(name, line, node)
             except Unknown as unknown:
                 why = f"is computed while the program runs: {unknown}"
                 out.append((Target(f"line {line}", line, refused=why), None))
+            if self._tokens[i].text == "movej" and out and out[-1][0].refused:
+                self._elsewhere = f"'movej' (line {line})"
+        return out
+
+    def _tools_set(self) -> int:
+        """How many different tools the program is run with."""
+        words = {
+            tuple(token.text for token in self._tokens[i + 2 : self._closing(i + 1)])
+            for i, (token, after) in enumerate(pairwise(self._tokens))
+            if token.text == _TOOL and after.text == "("
+        }
+        return len(words) + (self._tool is not None)
+
+    def _read_elsewhere(self, names: set[str]) -> dict[str, str]:
+        """Why named waypoints are not corrected: what else reads them may drive there with another tool."""
+        out: dict[str, str] = {}
+        for i, token in enumerate(self._tokens):
+            after = self._tokens[i + 1].text if i + 1 < len(self._tokens) else ""
+            if token.text in names and after != "=" and token.start not in self._plain:
+                why = f"it is also used in line {self._lines.at(token.start)}, which is not read here"
+                out.setdefault(token.text, why)
         return out
 
     def _waypoint(self, name: str, line: int, node: Node) -> list[tuple[Target, Node | None]]:
@@ -97,8 +161,9 @@ class UrScript:
         if name in self._seen:  # a named waypoint used again: the same text, already a target
             before = self._seen[name]
             same = before.flange is None or np.allclose(before.tool, target.tool)
-            why = f"{name} is used with two tools: one correction cannot serve both"
-            return [] if same else [(Target(name, line, refused=why), None)]
+            if not same:
+                self._two_tools.add(name)
+            return []
         if not name.startswith("line "):
             self._seen[name] = target
         return [(target, node if not target.refused else None)]
@@ -109,9 +174,14 @@ class UrScript:
                 raise ValueError("is neither six joint angles nor a pose")
             values = [_number(item) for item in node.items]
             if node.text == "":
+                self._elsewhere = ""
                 return replace(target, joints=frames.joint_angles(values))
             if self._tool is None:
-                raise ValueError("no set_tcp comes before it, so its tool is not known: give --tool")
+                raise ValueError(self._no_tool)
+            if self._elsewhere:
+                raise ValueError(
+                    f"the posture before it is not known: {self._elsewhere} is not followed here"
+                )
             pose = frames.of_vector([METRE * v for v in values[:3]], values[3:])
         except Unknown as unknown:
             return replace(target, refused=f"is computed while the program runs: {unknown}")

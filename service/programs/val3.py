@@ -13,6 +13,7 @@ tried on a controller.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -21,7 +22,7 @@ import numpy as np
 from calib.errors import DataError
 from calib.units import DEG
 from service.programs import frames
-from service.programs.program import Driven, Target
+from service.programs.program import TWICE, Driven, Target
 from service.programs.text import Edit, Lines, decimal
 
 PLACES = 6
@@ -54,6 +55,13 @@ class Val3Data:
             )
         self._tags = self._without_comments(file)
         found = list(self._read())
+        names = Counter(target.name for target, _ in found)
+        found = [
+            (replace(target, joints=None, refused=target.refused or TWICE), {})
+            if names[target.name] > 1
+            else (target, numbers)
+            for target, numbers in found
+        ]
         self.targets: Sequence[Target] = tuple(target for target, _ in found)
         self._numbers = tuple(numbers for _, numbers in found)
 

@@ -15,6 +15,7 @@ a controller.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -24,12 +25,20 @@ from calib.errors import DataError
 from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import KnownFrames
-from service.programs.program import Driven, Target
+from service.programs.program import TWICE, Driven, Target, beside, rules
 from service.programs.text import Edit, Lines, Number
 
 _LINE = re.compile(r"[^\r\n]++")
 _POSITION = re.compile(r"(?P<name>C\d{3,6}+)\s*+=(?P<values>.*+)")
 _TYPE = re.compile(r"///POSTYPE\s++(\w++)")
+# A parallel shift moves taught positions as well, whatever they are stored in.
+_RULES = rules(
+    drives=r"^\s*+\+?(?:SY?|I)?+MOV[A-Z]?+\s++L?+(?:P|BP|EX|D)\w*+",
+    shifts=r"^\s*+(?:SFTON|SYSTART|COMARCON)\b",
+    loads=r"^\s*+(?:SETTOOL|TOOLLD)\b",
+)
+_MOTION = re.compile(r"\s*+\+?+S?+MOV[JLCS]\b")
+_USE = re.compile(r"(?<![A-Z0-9])C\d{3,6}+")
 _PULSES = re.compile(r"[-+]?\d{1,9}+")
 
 
@@ -47,7 +56,17 @@ class YaskawaJob:
                 line=1,
             )
         self._per_deg = np.array(known.pulses_per_deg)
-        found = list(self._read())
+        statements = [(m.start(), m.group()) for m in _LINE.finditer(text)]
+        begin = text.find("//INST")
+        self._odd = {
+            name: f"is also used in line {self._lines.at(at)}, which is not read here"
+            for at, line in reversed(statements)
+            if at > begin >= 0 and not _MOTION.match(line) and not line.lstrip().startswith("'")
+            for name in _USE.findall(line)
+        }
+        names = Counter(m["name"] for _, line in statements if (m := _POSITION.match(line)) is not None)
+        self._odd |= {name: TWICE for name, count in names.items() if count > 1}
+        found = beside(list(self._read()), statements, _RULES, self._lines, [])
         self.targets: Sequence[Target] = tuple(target for target, _ in found)
         self._pulses = tuple(pulses for _, pulses in found)
 
@@ -78,6 +97,8 @@ class YaskawaJob:
                 )
 
     def _position(self, target: Target, kind: str, values: str, at: int) -> tuple[Target, list[Number]]:
+        if target.name in self._odd:
+            return replace(target, refused=self._odd[target.name]), []
         if kind != "PULSE":
             why = f"it is in the frame {kind or 'of nobody knows what'}, and only pulses are read"
             return replace(target, refused=why), []

@@ -37,6 +37,7 @@ from service.report.sections import (
 )
 from service.report.sections.findings import DRAWN, effects_of, power_of, structure_of
 from service.results.judgement.acceptance import NAMES, RULE, Acceptance
+from service.results.judgement.validated import Validated
 from service.results.models import positions
 from service.results.models.parameters import Row, rows_of
 from service.results.models.patched import Patched
@@ -47,8 +48,9 @@ _ABSENT: Mapping[str, Any] = {
     **dict.fromkeys(("unconfirmed", "carried", "next_measurements"), ()),
     "causes_known": True,
     **dict.fromkeys(("figures", "error_after", "follow_up", "middle", "patch", "p_lack_of_fit", "misfit")),
-    **dict.fromkeys(("verification", "regression", "acceptance", "repeats", "judged")),
-    "ballbar": None,
+    **dict.fromkeys(("verification", "regression", "acceptance", "repeats", "judged", "ballbar")),
+    **dict.fromkeys(("trust", "joints", "fit_count")),
+    **dict.fromkeys(("left_out", "relabelled", "positions", "warnings"), ()),
 }
 """What the template shows only where a report gives it; a name that it does not know is refused."""
 
@@ -184,6 +186,45 @@ def identification_report(
     )
 
 
+def validation_report(validated: Validated, document: Mapping[str, Any], model_sha256: str | None) -> str:
+    """The report of a saved model judged on the validation rows of a data set, as HTML; model_sha256: of its file."""
+    dataset, rows = validated.dataset, validated.dataset.validation_rows
+    measured, section = judged_in(validated)
+    return _render(
+        dataset,
+        None,
+        document,
+        model_sha256,
+        kind="Validation",
+        verdict="Judged",
+        verdict_key="identified",
+        sentence=f"Model {measured[1].name}; nothing was fitted to these readings. "
+        + wording.gain_in_words(*(statistics_of(each.distances) for each in measured[:2])),
+        scope=scope.scope_of(dataset, rows),
+        ladder=ladder.ladder_of({each.name: statistics_of(each.distances) for each in measured}),
+        acceptance=validated.acceptance,
+        repeats=repeats.section_of(*validated.models[measured[1].name]),
+        figures=_error_figures(measured),
+        judged=section,
+        warnings=validated.warnings,
+        ballbar=ballbar.section_of(
+            dataset, {each.name: (*validated.models[each.name][1:], each.colour) for each in measured}
+        ),
+    )
+
+
+def judged_in(validated: Validated) -> tuple[list[errors.Errors], dict[str, Any]]:
+    """The errors of every model on the validation rows, and their pictures and table; arrows of the first two."""
+    colours = (drawing.NOMINAL, drawing.AFTER, drawing.FITTED, drawing.BEFORE)
+    dataset = validated.dataset
+    measured = [
+        errors.Errors(name, errors_on(under, dataset.validation_rows, model, estimate), colour)
+        for colour, (name, (under, model, estimate)) in zip(colours, validated.models.items(), strict=False)
+    ]
+    drawn = {each.name: (*validated.models[each.name][1:], each.colour) for each in measured[:2]}
+    return measured, judged.section_of(dataset, drawn, measured)
+
+
 def _colour_of(diagnosis: Diagnosis) -> str:
     """The class of the verdict's box: a warning where held-out readings are worse with what was found than without."""
     before, after = diagnosis.error_before, diagnosis.error_after
@@ -251,41 +292,49 @@ def _template() -> Template:
 
 def _render(
     dataset: Dataset,
-    found: Identification,
+    found: Identification | None,
     document: Mapping[str, Any],
     model_sha256: str | None,
     **parts: Any,
 ) -> str:
+    """A report as HTML; found: the fit, of which a report that only judges has none."""
+    fitted = {} if found is None else _of_fit(dataset, found)
     return _template().render(
         dataset=dataset,
-        robot=found.model.robot,
+        robot=dataset.header.robot,
         simulated=dataset.header.simulated,
         simulated_words=wording.SIMULATED,
         now=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        fit_count=len(found.readings.rows),
         held_count=int(dataset.validation_rows.sum()),
         holdout=wording.holdout_in_words(dataset.header.holdout),
         error_kind=wording.error_kind(dataset),
-        scope=scope.scope_of(dataset),
         paper=paper.paper_of(dataset, document, model_sha256),
-        trust=trust.trust_of(dataset, found),
-        parameters=[_parameter(row) for row in rows_of(found, base_model_only=True)],
-        positions=positions.rows_of(found),
-        position_headings=positions.HEADINGS,
-        noise_scale=found.noise_scale,
-        freedom=found.degrees_of_freedom,
-        left_out=sorted(left_out(dataset, found), key=lambda row: -row.error_mm),
-        left_out_shown=_LEFT_OUT_SHOWN,
-        relabelled=found.relabelled_rows,
-        warnings=wording.grouped(found.warnings),
         closing=wording.CLOSING,
         drawn=DRAWN,
         most_dots=scatter.MOST_DOTS,
         acceptance_names=NAMES,
         acceptance_rule=RULE,
         document=_embedded(document),
-        **{**_ABSENT, **parts},
+        **{**_ABSENT, **fitted, **parts},
     )
+
+
+def _of_fit(dataset: Dataset, found: Identification) -> dict[str, Any]:
+    """What a report says of a fit: its readings, parameters and trust."""
+    return {
+        "fit_count": len(found.readings.rows),
+        "scope": scope.scope_of(dataset),
+        "trust": trust.trust_of(dataset, found),
+        "parameters": [_parameter(row) for row in rows_of(found, base_model_only=True)],
+        "positions": positions.rows_of(found),
+        "position_headings": positions.HEADINGS,
+        "noise_scale": found.noise_scale,
+        "freedom": found.degrees_of_freedom,
+        "left_out": sorted(left_out(dataset, found), key=lambda row: -row.error_mm),
+        "left_out_shown": _LEFT_OUT_SHOWN,
+        "relabelled": found.relabelled_rows,
+        "warnings": wording.grouped(found.warnings),
+    }
 
 
 def _held_out(dataset: Dataset, models: Mapping[str, tuple[RobotModel, Array, str]]) -> list[errors.Errors]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.record import individual_of
 from calib.arm import Robot
@@ -12,10 +14,13 @@ from calib.array import Array
 from calib.data import Dataset
 from calib.units import DEG
 
+_APART_MM = 1.0  # a campaign asks about it (`acquisition.run.checks.companions`)
+_LISTED = 12
 
-def scope_of(dataset: Dataset) -> list[tuple[str, str]]:
-    """(what, how it was) for the readings of the fit."""
-    rows = dataset.fit_rows
+
+def scope_of(dataset: Dataset, rows: NDArray[np.bool_] | None = None) -> list[tuple[str, str]]:
+    """(what, how it was) for some rows (mask), default those of the fit."""
+    rows = dataset.fit_rows if rows is None else rows
     conditions = dataset.conditions.take(rows)
     points = dataset.points[rows]
     lines = [
@@ -26,13 +31,40 @@ def scope_of(dataset: Dataset) -> list[tuple[str, str]]:
         ("Time", _span(conditions.time, 1.0 / 3600.0, "h") or "not recorded"),
         ("Air temperature", _span(conditions.temperature, 1.0, "°C") or "not recorded"),
         ("Load on the flange", _loads(dataset)),
+        ("Absolute accuracy of the controller", dataset.header.absolute_accuracy),
         ("Declared noise (1 sigma)", noise_in_words(dataset)),
     ]
     if dataset.header.unprotected:
         lines.append(("Not protected against damage on the wire", dataset.header.unprotected))
+    if off := _apart(dataset):
+        more = f" and {len(off) - _LISTED} more" if len(off) > _LISTED else ""
+        lines.append(("Targets not as far apart as at first", "; ".join(off[:_LISTED]) + more))
     if len(conditions.series_names) > 1:
         lines.append(("Series", ", ".join(conditions.series_names)))
     return lines
+
+
+def _apart(dataset: Dataset) -> list[str]:
+    """Pairs of targets that are not as far apart as when both were measured first, each with the later reading."""
+    conditions, usable = dataset.conditions, dataset.usable & dataset.pointed
+    out = []
+    for series in np.unique(conditions.series[usable]):
+        rows = np.flatnonzero(usable & (conditions.series == series))
+        visits, visit = np.unique(conditions.visit[rows], return_inverse=True)
+        last = np.full((len(visits), len(conditions.target_names)), -1)
+        last[visit, conditions.target[rows]] = rows  # of several readings of one target the last
+        for a, b in combinations(range(len(conditions.target_names)), 2):
+            both = last[(last[:, a] >= 0) & (last[:, b] >= 0)]
+            if not len(both):
+                continue
+            distance = np.linalg.norm(dataset.points[both[:, a]] - dataset.points[both[:, b]], axis=1)
+            off = distance - distance[both.max(axis=1).argmin()]  # as the campaign has asked about it
+            pair = f"{conditions.target_names[a]} and {conditions.target_names[b]}"
+            out += [
+                f"{pair} by {off[k]:+.2f} mm in reading {dataset.reading_id[both[k, [a, b]].max()]}"
+                for k in np.flatnonzero(np.abs(off) > _APART_MM)
+            ]
+    return out
 
 
 def devices_of(dataset: Dataset) -> list[tuple[str, str]]:

@@ -1,7 +1,6 @@
 // Acceptance: the limits that an identification or a diagnosis is judged by, and the verdict with its guard bands.
 
 import { h, numeric, table } from "./dom.js";
-import { said } from "./sentences.js";
 import { number } from "./units.js";
 import { t } from "./words.js";
 
@@ -24,5 +23,5 @@ export function acceptance(found) {
   const says = (verdict) => `${SIGNS[verdict] || "•"} ${t(`accept_${verdict}`)}`;
   return h("div", { id: "acceptance" }, h("p", { className: "big" }, says(found.verdict)),
     table(t("acceptance"), ["", t("verdict"), t("error"), t("limit"), "U"], found.criteria.map((each) => [`${each.zone ? `${each.zone}: ` : ""}${t(`quantity_${each.quantity}`)}`, says(each.verdict), numeric(`${number(each.figure_mm)} mm`),
-      numeric(`${number(each.limit_mm)} mm`), numeric(each.expanded_uncertainty_mm === null ? "–" : `${number(each.expanded_uncertainty_mm)} mm`)])), h("p", { className: "dim" }, said(found.rule)));
+      numeric(`${number(each.limit_mm)} mm`), numeric(each.expanded_uncertainty_mm === null ? "–" : `${number(each.expanded_uncertainty_mm)} mm`)])), h("p", { className: "dim" }, found.rule));
 }

@@ -12,7 +12,7 @@ import * as robots from "./robots.js";
 import * as run from "./run.js";
 import { sign, state } from "./units.js";
 import * as watch from "./watch.js";
-import { LANGUAGES, chooseLanguage, language, t } from "./words.js";
+import { t } from "./words.js";
 
 const VIEWS = { cell: cellView, campaigns, run, result, report, robots, robot, watch }, BEAT_MS = 2000;
 let view = null, at = "", awake = () => {};
@@ -61,16 +61,14 @@ function head() {
   $("simulated").hidden = !cell.simulated;
   $("viewer").hidden = !looksOn();
   const here = busy && at === `run/${busy.id}`, asks = busy && busy.prompt;
-  fill($("busy"), [busy && [busy.id, busy.state, busy.done, busy.total], loop && loop.step, Boolean(asks), here, silent, language()], () => silent || here || !(busy || loop) ? []
+  fill($("busy"), [busy && [busy.id, busy.state, busy.done, busy.total], loop && loop.step, Boolean(asks), here, silent], () => silent || here || !(busy || loop) ? []
     : h("a", { href: busy ? `#/run/${busy.id}` : `#/result/${loop.id}`, className: asks ? "asks" : "" },
       busy ? `${sign(busy.state)} ${asks ? t("asksYou") : state(busy.state)} · ${busy.done}/${busy.total}` : `${t("loop")}: ${loop.step}`));
 }
 
 function words() {
-  document.documentElement.lang = language();
   for (const each of document.querySelectorAll("[data-word]")) each.textContent = t(each.dataset.word);
   for (const each of document.querySelectorAll("[data-label]")) each.setAttribute("aria-label", t(each.dataset.label));
-  $("language").replaceChildren(...LANGUAGES.map(([code, name]) => h("button", { type: "button", lang: code, ariaPressed: String(code === language()), on: { click: () => { chooseLanguage(code); words(); silence(); go(true); } } }, name)));
 }
 
 function silence() {

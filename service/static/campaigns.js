@@ -63,7 +63,7 @@ function maker() {
   } } }, h("label", {}, t("name"), name), h("label", {}, t("posesToFit"), fitted), h("label", {}, t("posesToJudge"), judged), h("label", {}, t("warmUpMinutes"), warm), h("button", {}, t("make")));
 }
 
-let dried = { campaign: null, run: null };  // the last dry run, which another language draws anew
+let dried = { campaign: null, run: null };  // the last dry run
 
 function one(root, id) {
   const head = h("h2", {}), what = h("p", {}), picture = planPicture(), verdict = h("p", { id: "verdict", role: "status" }), file = h("details", {});

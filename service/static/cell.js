@@ -1,13 +1,12 @@
 // The view Cell: what stands there, who may move it, and what it does now.
 
 import { ask, reckoned } from "./connection.js";
-import { desk, order, resting } from "./desk.js";
+import { desk, order, reasonOf, resting } from "./desk.js";
 import { trail } from "./deleting.js";
 import { fill, h, table } from "./dom.js";
 import { examination } from "./examination.js";
 import { leasePanel } from "./lease.js";
 import { scenePicture } from "./scene.js";
-import { reasonOf } from "./sentences.js";
 import { number, sign, state } from "./units.js";
 import { t } from "./words.js";
 

@@ -2,7 +2,6 @@
 
 import { Silence, ask, connection, key, stopBy, theCell } from "./connection.js";
 import { $, h } from "./dom.js";
-import { said, saidWords } from "./sentences.js";
 import { t } from "./words.js";
 
 const LEASE = "truepose-lease";
@@ -21,10 +20,10 @@ export function keep(granted) {
   if (desk.lease) sessionStorage.setItem(LEASE, JSON.stringify(desk.lease)); else sessionStorage.removeItem(LEASE);
 }
 
-// What went wrong, and what to do. The service says both in English; what the page has words for it says itself.
+// What went wrong, and what to do.
 export function trouble(error) {
   const parts = !error ? [] : error.whatToDo
-    ? [h("strong", {}, said(error.message)), " ", h("span", {}, `${t("whatToDo")} `, said(error.whatToDo))]
+    ? [h("strong", {}, error.message), " ", h("span", {}, `${t("whatToDo")} `, error.whatToDo)]
     : [error.message];
   $("trouble").replaceChildren(...parts);
 }
@@ -53,7 +52,7 @@ export function stop(shown) {
   if (!target) { trouble(new Error(cell ? t("nothingToStop") : t("nothingKnown"))); return; }
   order(async () => {
     const told = await stopBy(`${target}/stop`);
-    if (told.problems && told.problems.length) throw new Error(told.problems.map((p) => saidWords(`${p.what_to_do} ${p.message}.`)).join(" "));
+    if (told.problems && told.problems.length) throw new Error(told.problems.map((p) => `${p.what_to_do} ${p.message}.`).join(" "));
   });
 }
 
@@ -66,4 +65,13 @@ export async function prolong() {
     if (error.status === 409) { keep(null); await desk.look().catch(() => {}); }  // it has ended, or somebody took it over
     trouble(error);
   }
+}
+
+// Why a run does not go on: what is to be done at once stands out, and what a device met names the device.
+export function reasonOf(run, cell) {
+  const [urgent] = /^Press the emergency stop[^.]*\./.exec(run.reason) || [""], rest = run.reason.slice(urgent.length).trim();
+  const { device = "", message = "" } = run.error || {}, { robot_driver: robot, instrument_driver: instrument } = cell || {};
+  const which = device && device === robot ? t("robot") : device && device === instrument ? t("instrument") : "";
+  const told = which && rest.startsWith(`${device}: `) ? rest.slice(device.length + 2) : rest;
+  return [urgent && h("strong", { className: "urgent" }, urgent), which && message && told.startsWith(message) ? `${which} (${device}): ` : "", told].filter(Boolean);
 }

@@ -3,23 +3,21 @@
 import { h } from "./dom.js";
 import { clock } from "./connection.js";
 import { promptWords } from "./pictures.js";
-import { said, saidWords } from "./sentences.js";
 import { number, state } from "./units.js";
 import { t } from "./words.js";
 
 const MOST = 300;
-const english = (text) => h("span", { lang: "en" }, text || "");
 
 function summary({ kind, data }) {
   switch (kind) {
-    case "state": return [state(data.state), data.reason ? [": ", said(data.reason)] : ""];
-    case "reading": return `${saidWords(data.name)}, ${data.target}` + (data.world_mm ? `: ${data.world_mm.map((x) => number(x)).join(", ")} mm` : "")
+    case "state": return [state(data.state), data.reason ? [": ", data.reason] : ""];
+    case "reading": return `${data.name}, ${data.target}` + (data.world_mm ? `: ${data.world_mm.map((x) => number(x)).join(", ")} mm` : "")
       + (typeof data.length_mm === "number" ? ` – ${data.base_target}: ${number(data.length_mm, 4)} mm` : "");
     case "command": return `${data.verb}: ${data.by || "?"}`;
-    case "prompt": return promptWords(data) || english(data.text);
+    case "prompt": return promptWords(data) || data.text || "";
     case "answer": return `${t(`answer_${data.answer}`)}: ${data.by}${data.reason ? `: ${data.reason}` : ""}`;
-    case "attempt_failed": case "reconnect": return data.error ? said(`${data.error.message}.`) : "";
-    default: return said(data.reason || data.message || data.text || (data.off_mm !== undefined ? `${number(data.off_mm)} mm` : ""));
+    case "attempt_failed": case "reconnect": return data.error ? `${data.error.message}.` : "";
+    default: return data.reason || data.message || data.text || (data.off_mm !== undefined ? `${number(data.off_mm)} mm` : "");
   }
 }
 

@@ -3,7 +3,6 @@
 import { bearer, reach } from "./connection.js";
 import { desk, looksOn, order } from "./desk.js";
 import { button, h, table } from "./dom.js";
-import { said } from "./sentences.js";
 import { number } from "./units.js";
 import { KEYS, t } from "./words.js";
 
@@ -23,7 +22,7 @@ export function examination() {
 
 const named = (check) => (KEYS.includes(`check_${check}`) ? t(`check_${check}`) : check);
 const rows = (findings) => table(t("examination"), [t("check"), t("found")],
-  findings.map((each) => [`${SIGNS[each.level]} ${t(`level_${each.level}`)} · ${t(`device_${each.device}`)}: ${named(each.check)}`, [h("div", {}, said(each.found)), each.do ? h("div", {}, h("strong", {}, `${t("whatToDo")} `), said(each.do)) : null]]));
+  findings.map((each) => [`${SIGNS[each.level]} ${t(`level_${each.level}`)} · ${t(`device_${each.device}`)}: ${named(each.check)}`, [h("div", {}, each.found), each.do ? h("div", {}, h("strong", {}, `${t("whatToDo")} `), each.do) : null]]));
 
 function words(found) {
   const some = found.findings.filter((each) => each.level !== "ok"), good = found.findings.filter((each) => each.level === "ok");

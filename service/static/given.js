@@ -5,7 +5,6 @@ import { API, ask, key, save } from "./connection.js";
 import { deleting } from "./deleting.js";
 import { looksOn, order } from "./desk.js";
 import { button, fill, h } from "./dom.js";
-import { said } from "./sentences.js";
 import { moment, sign, state } from "./units.js";
 import { t } from "./words.js";
 
@@ -29,7 +28,7 @@ export function rowOfJob(job) {
   const words = `${sign(job.state)} ${t(`kind_${job.kind}`)} ${moment(new Date(job.created_utc))}: ${state(job.state)}`;
   if (!["identification", "diagnosis"].includes(job.kind)) return [words];
   const at = h("a", { href: `#/result/${job.id}`, className: "do" }, words);
-  if (job.problem) return [at, h("span", {}, said(job.problem.operator_text), " ", said(job.problem.what_to_do))];
+  if (job.problem) return [at, h("span", {}, job.problem.operator_text, " ", job.problem.what_to_do)];
   if (job.state !== "succeeded") return [at];
   const [report, model] = results(job.id);
   return job.result.converged ? [at, h("a", { href: `#/report/${job.id}`, className: "do" }, t("openReport")), report, model] : [at, t("notConverged"), report];

@@ -1,13 +1,13 @@
 // What the views of the history share: the state of a robot in words and sign, dates with their year, values with U.
 
 import { h } from "./dom.js";
-import { KEYS, language, t } from "./words.js";
+import { KEYS, t } from "./words.js";
 
 // Not by colour alone: every state has a sign of its own.
 const SIGNS = { unchanged: "✔", recalibrated: "⟳", changed: "✖", ambiguous: "?", unexplained: "‼", not_watched: "○", retired: "□" };
 export const stateOf = (name) => h("span", { className: `robot-state ${name}` }, `${SIGNS[name] || "•"} ${t(`robot_${name}`)}`);
 
-export const day = (text) => new Date(text).toLocaleDateString(language(), { year: "numeric", month: "short", day: "numeric" });
+export const day = (text) => new Date(text).toLocaleDateString("en", { year: "numeric", month: "short", day: "numeric" });
 
 const MOST = 6;
 const minus = (text) => text.replace("-", "−");

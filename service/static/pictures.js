@@ -7,7 +7,7 @@ import { t } from "./words.js";
 
 const W = 360, H = 230;
 
-// The prompt in the language of the page; null where the service has put it in words of its own.
+// The prompt in few words; null where only the service has words for it.
 export function promptWords(prompt) {
   const [asked, again] = (prompt.picture || "").split("/again/"), [what, one, other] = asked.split("/");
   if (!what) return null;

@@ -2,7 +2,6 @@
 
 import { h } from "./dom.js";
 import { scenePicture } from "./scene.js";
-import { saidWords } from "./sentences.js";
 import { duration } from "./units.js";
 import { t } from "./words.js";
 
@@ -15,7 +14,7 @@ export const status = (visit) => {
 export function marks(plan, now = null) {
   return plan.visits.filter((visit) => visit.kind === "pose" && visit.readings[0].expected_mm).map((visit) => {
     const here = visit.number === now;
-    return { at: visit.readings[0].expected_mm, square: visit.set === "validation", shape: here ? "now" : status(visit) === "begun" ? "measured" : status(visit), label: here ? saidWords(visit.name) : "" };
+    return { at: visit.readings[0].expected_mm, square: visit.set === "validation", shape: here ? "now" : status(visit) === "begun" ? "measured" : status(visit), label: here ? visit.name : "" };
   });
 }
 

@@ -4,7 +4,6 @@ import { ask, reckoned } from "./connection.js";
 import { desk, looksOn, moving, order } from "./desk.js";
 import { button, fill, h } from "./dom.js";
 import { status } from "./plan.js";
-import { saidWords } from "./sentences.js";
 import { duration, number } from "./units.js";
 import { t } from "./words.js";
 
@@ -34,7 +33,7 @@ export function poseList(run, changed) {
     if (whole.hidden) return;
     const visits = plan.visits.filter((visit) => visit.seconds !== null).slice(0, MOST);
     const at = choice.value;
-    fill(choice, visits.map((visit) => [visit.number, status(visit)]), () => visits.map((visit) => h("option", { value: visit.number }, `${SIGNS[status(visit)]} ${visit.number}: ${saidWords(visit.name)} (${t(status(visit))})`)));
+    fill(choice, visits.map((visit) => [visit.number, status(visit)]), () => visits.map((visit) => h("option", { value: visit.number }, `${SIGNS[status(visit)]} ${visit.number}: ${visit.name} (${t(status(visit))})`)));
     if (at) choice.value = at;
     const here = visits.find((visit) => String(visit.number) === choice.value), over = ["succeeded", "failed"].includes(shown.state) || looksOn();
     const has = (...names) => Boolean(here) && here.readings.some((each) => names.includes(each.status));

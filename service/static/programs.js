@@ -28,7 +28,7 @@ export function programs(id) {
       keepFile(new Blob([bytesOf(done.program_base64)]), `corrected-${program.name}`);
       const left = done.targets.filter((each) => each.status === "refused").map((each) => ({ ...each, reason: each.reason || "" }));
       told.replaceChildren(h("p", {}, t("corrected", { n: done.corrected, refused: done.refused, mm: number(done.largest_move_mm) })), ...(left.length ? [refusals(left)] : []),
-        ...(done.warnings.length ? [h("ul", { lang: "en" }, done.warnings.map((each) => h("li", {}, each)))] : []));
+        ...(done.warnings.length ? [h("ul", {}, done.warnings.map((each) => h("li", {}, each)))] : []));
     });
   };
   return h("section", { className: "wide" }, h("h2", {}, t("programs")), h("p", { className: "dim" }, t("programsHint")),
@@ -37,12 +37,12 @@ export function programs(id) {
 }
 
 function refusals(targets) {
-  return table(t("refusedTargets"), [t("target"), t("line"), t("reason")], targets.slice(0, MOST).map((each) => [each.target, numeric(each.line === null ? "" : String(each.line)), h("span", { lang: "en" }, each.reason)]));
+  return table(t("refusedTargets"), [t("target"), t("line"), t("reason")], targets.slice(0, MOST).map((each) => [each.target, numeric(each.line === null ? "" : String(each.line)), each.reason]));
 }
 
 // The model for other programs; `certified`: whether there is a digital certificate of this kind of result.
 export function exportsOf(id, certified) {
-  const kind = h("select", { id: "export-as" }, Object.keys(KINDS).map((each) => h("option", { value: each }, t(`export_${each.replace("-", "_")}`)))), told = h("div", { role: "status", lang: "en" });
+  const kind = h("select", { id: "export-as" }, Object.keys(KINDS).map((each) => h("option", { value: each }, t(`export_${each.replace("-", "_")}`)))), told = h("div", { role: "status" });
   const write = button(t("writeFile"), () => order(async () => {
     const done = await reckoned(`/models/${id}/exports/${kind.value}`);
     keepFile(new Blob([done.text], { type: "text/plain" }), `${id}.${KINDS[kind.value]}`);

@@ -4,20 +4,20 @@ import { ask, connection } from "./connection.js";
 import { desk, looksOn, moving, order } from "./desk.js";
 import { h } from "./dom.js";
 import { promptPicture, promptWords } from "./pictures.js";
-import { language, t } from "./words.js";
+import { t } from "./words.js";
 
-const ARMED_MS = 1500, NOT_ASKED = 3020, VERBS = ["confirm", "redo", "skip", "abort"];
+const ARMED_MS = 1500, NOT_ASKED = 3020, VERBS = ["confirm", "redo", "skip", "pause", "abort"];
 
 // A card with `show(run, scene)`. The buttons take no answer before the question can have been read: a click may have
 // been meant for the one before.
 export function promptCard() {
   let asked = "", armed = "", run = null, drawn = null;
-  const question = h("p", { id: "question" }), original = h("p", { id: "original", className: "dim", lang: "en" }), arming = h("p", { id: "arming", className: "dim" });
+  const question = h("p", { id: "question" }), original = h("p", { id: "original", className: "dim" }), arming = h("p", { id: "arming", className: "dim" });
   const picture = h("div", { className: "prompt-side" }), reason = h("input", { id: "reason", maxLength: 500, size: 30 });
   const shown = h("p", { id: "shown" }), typed = h("textarea", { id: "typed", rows: 2, maxLength: 2000, spellcheck: false, autocomplete: "off" });
   const entryName = h("span", {}), stopless = h("p", { id: "stopless", className: "warn" });
   const entry = h("div", { id: "entry", hidden: true }, shown, stopless, h("label", {}, entryName, typed));
-  const buttons = VERBS.map((verb) => h("button", { type: "button", id: verb, "data-answer": verb, on: { click: () => order(() => answer(verb)) } }, t(`answer_${verb}`)));
+  const buttons = VERBS.map((verb) => h("button", { type: "button", id: verb === "pause" ? "answer_pause" : verb, "data-answer": verb, on: { click: () => order(() => answer(verb)) } }, t(`answer_${verb}`)));
   const card = h("section", { id: "asking", className: "wide", tabIndex: -1, ariaLive: "assertive", ariaLabel: t("asks"), hidden: true },
     h("div", { className: "prompt-words" }, h("h2", {}, t("asks")), question, original, entry, arming,
       h("div", { className: "row" }, buttons), h("label", { className: "row" }, t("reason"), " ", reason)), picture);
@@ -55,13 +55,13 @@ export function promptCard() {
     arming.textContent = looksOn() ? t("operatorAnswers") : armed ? "" : t("arming");
     for (const each of buttons) {
       if (each.id === "redo") each.textContent = t((prompt.picture || "").startsWith("moved/") ? "answer_redo_since" : "answer_redo");
-      each.hidden = !prompt.expects.includes(each.id); each.disabled = connection.silent || looksOn();
+      each.hidden = !prompt.expects.includes(each.dataset.answer); each.disabled = connection.silent || looksOn();
       const empty = Boolean(each.id === "confirm" && prompt.entry && prompt.entry.needed && !typed.value.trim());
       each.setAttribute("aria-disabled", String(!armed || empty));
     }
   }
 
-  // Another language or view makes the card anew: what has been typed for a prompt outlives it, and no other prompt gets it.
+  // Another view makes the card anew: what has been typed for a prompt outlives it, and no other prompt gets it.
   function keepDraft() { desk.draft = { run: run.id, prompt: asked, typed: typed.value, reason: reason.value }; }
   const draftOf = (prompt) => (desk.draft && desk.draft.run === run.id && desk.draft.prompt === prompt.id ? desk.draft : { typed: "", reason: "" });
 
@@ -75,9 +75,9 @@ export function promptCard() {
     if (!prompt) { asked = armed = ""; drawn = null; return; }
     const fresh = asked !== prompt.id;
     if (fresh) {
-      const mine = promptWords(prompt);  // short, in the language of the page; the service says it with all figures
+      const mine = promptWords(prompt);  // short; the service says it with all figures
       asked = prompt.id; armed = ""; reason.value = draftOf(prompt).reason;
-      question.textContent = mine || prompt.text; question.lang = mine ? language() : "en";
+      question.textContent = mine || prompt.text;
       original.textContent = mine && mine !== prompt.text ? prompt.text : "";
       askNumbers(prompt.entry, draftOf(prompt).typed, /^(drive|pendant)/.test(prompt.picture || ""));
       setTimeout(() => { if (asked === prompt.id) { armed = asked; dress(); } }, ARMED_MS);

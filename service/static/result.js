@@ -10,7 +10,6 @@ import { withU } from "./history.js";
 import { ladder } from "./ladder.js";
 import { exportsOf, programs } from "./programs.js";
 import { scenePicture } from "./scene.js";
-import { said } from "./sentences.js";
 import { duration, length, moment, number, sign, state } from "./units.js";
 import { t } from "./words.js";
 
@@ -49,7 +48,7 @@ function mapped() {
       const made = await upload("/datasets/mapped", { files: [...files.files], map: map.files[0], name: files.files[0].name.replace(/\.\w+$/, "") });
       const fit = made.fit_of_robot;
       told.replaceChildren(h("p", {}, t("mappedTo", { name: made.name, n: made.readings }), fit ? ` ${t("mappedFit", { robot: fit.robot, mm: number(fit.miss_mm) })}` : ""),
-        h("ul", {}, made.said.map((each) => h("li", {}, said(each)))));
+        h("ul", {}, made.said.map((each) => h("li", {}, each))));
       send.reset();
     });
   } } }, h("label", {}, t("foreignFiles"), files), h("label", {}, "MAP.toml", map), h("button", {}, t("upload")));
@@ -57,7 +56,7 @@ function mapped() {
 }
 
 function one(root, id) {
-  const head = h("h2", {}), says = h("p", { className: "big", id: "job", role: "status" }), step = h("p", { id: "step" }), bar = h("progress", { ariaLabel: t("working"), hidden: true }), steps = h("ol", { lang: "en" });
+  const head = h("h2", {}), says = h("p", { className: "big", id: "job", role: "status" }), step = h("p", { id: "step" }), bar = h("progress", { ariaLabel: t("working"), hidden: true }), steps = h("ol", {});
   const files = h("div", { className: "row" }), body = h("div", { className: "views wide" }), picture = scenePicture(t("arrowPicture"));
   root.append(h("section", { className: "wide" }, head, says, step, bar, steps, files), body);
   let job = null, drawn = false;
@@ -76,20 +75,21 @@ function one(root, id) {
       ...(job.run_id ? [job.run_id] : job.runs || []).map((each) => h("a", { href: `#/run/${each}`, className: "do" }, `${t("toRun")} ${each.split("-").slice(3).join(" ")}`)),
       ...(job.kind === "loop" && busy && !looksOn() ? [orders("pause"), job.state === "paused" && orders("resume")] : []),
       ...(job.report ? [h("a", { href: `#/report/${id}`, className: "do" }, t("openReport")), ...results(id)] : [])]);
-    fill(body, [job.state, looksOn()], () => (job.problem ? [h("section", { className: "wide bad" }, h("p", {}, h("strong", {}, "✖ ", said(job.problem.operator_text))), h("p", {}, `${t("whatToDo")} `, said(job.problem.what_to_do)))] : job.result && ["identification", "diagnosis", "loop"].includes(job.kind) ? findings() : [])
+    fill(body, [job.state, looksOn()], () => (job.problem ? [h("section", { className: "wide bad" }, h("p", {}, h("strong", {}, "✖ ", job.problem.operator_text)), h("p", {}, `${t("whatToDo")} `, job.problem.what_to_do))] : job.result && ["identification", "diagnosis", "loop"].includes(job.kind) ? findings() : [])
       .concat(job.kind !== "loop" && !busy && !looksOn() ? [h("section", { className: "wide" }, deleting(`/results/${id}`, head.textContent, "#/result"))] : []));
   }
 
   function findings() {
     const r = job.result, wide = { className: "wide" };
     const whole = [h("section", wide, h("h2", {}, t("ladder")), r.verdict && h("p", { className: "big" }, `${t("verdict")}: ${t(`verdict_${r.verdict}`)}`), r.finding && h("p", {}, r.finding), acceptance(r.acceptance), ladder(job), h("p", { className: "dim" }, t("ladderHint")))];
-    if (r.effects) whole.push(h("section", wide, h("h2", {}, t("effects")), r.effects.length ? r.effects.map(effect) : h("p", {}, t("noEffects"))));
+    if (r.effects) whole.push(h("section", wide, h("h2", {}, t("effects")), r.effects.some((each) => each.imitates) ? h("p", {}, t("imitatedBy")) : null, r.effects.length ? r.effects.map(effect) : h("p", {}, t("noEffects"))));
+    if ((r.carried || []).length) whole.push(h("section", wide, h("h2", {}, t("carriedTerms")), h("ul", {}, r.carried.filter((each) => each.confirmed).map((each) => h("li", {}, each.finding)))));
     if ((r.next_measurements || []).length) whole.push(h("section", wide, h("h2", {}, t("whatToDo")), h("ol", {}, r.next_measurements.map((each) => h("li", {}, each)))));
     whole.push(h("section", wide, h("h2", {}, t("arrowPicture")), picture));
     if ((r.power || []).length) whole.push(h("section", wide, h("details", {}, h("summary", {}, t("power")), h("p", { className: "dim" }, t("powerHint")),
       powerTable(r.power))));
     const remarks = [...(r.warnings || []), ...(r.notes || [])];
-    if (remarks.length) whole.push(h("section", wide, h("h2", {}, t("notes")), h("ul", {}, remarks.map((each) => h("li", {}, said(each))))));
+    if (remarks.length) whole.push(h("section", wide, h("h2", {}, t("notes")), h("ul", {}, remarks.map((each) => h("li", {}, each)))));
     if (!looksOn() && r.converged !== false) whole.push(programs(id), ...exportsOf(id, job.kind !== "loop"));
     const next = (r.follow_up || []).filter((each) => each.campaign);
     if (next.length && !looksOn()) whole.push(h("section", wide, h("h2", {}, t("followUp")), h("p", {}, t("followUpHint")), next.map((each) => button(t("keepCampaign"), () => order(async () => {
@@ -139,8 +139,8 @@ function powerTable(power) {
 function effect(each) {
   const { value, std, unit } = each.amplitude || {};
   const rivals = Object.entries(each.candidates || {}).filter(([label]) => label !== each.label);
-  return h("article", { className: "effect" }, h("h3", {}, each.label), h("p", {}, said(each.meaning)),
+  return h("article", { className: "effect" }, h("h3", {}, each.label), h("p", {}, each.meaning),
     h("p", {}, `${t("size")}: ${withU(value, 2 * std, unit || "")} (U, k = 2); ${t("explains", { percent: number(100 * (each.evidence.explained_variance || 0), 0) })}`),
     rivals.length && !each.imitates ? h("p", {}, `${t("orElse")}: ${rivals.map(([label, weight]) => `${label} (${number(100 * weight, 0)} %)`).join(", ")}`) : null,
-    each.check && h("p", {}, `${t("checkIt")}: `, said(typeof each.check === "string" ? each.check : each.check.text || "")));
+    each.check && h("p", {}, `${t("checkIt")}: `, typeof each.check === "string" ? each.check : each.check.text || ""));
 }

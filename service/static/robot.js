@@ -7,7 +7,6 @@ import { link } from "./given.js";
 import { causeOf, day, dueOf, stateOf, withU } from "./history.js";
 import { judgeForm, planForm } from "./judging.js";
 import { AGAIN_MS, doubt, errorOf, refusal } from "./robots.js";
-import { said as saidOf } from "./sentences.js";
 import { legend, trendCard } from "./trend.js";
 import { number, sign, state } from "./units.js";
 import { t } from "./words.js";
@@ -36,12 +35,12 @@ export function open(root, id) {
     const said = robot.watched;
     fill(head, [robot.state, said, robot.error_mm, robot.beyond_permitted, robot.last_measured, robot.left_out], () => [
       h("p", { className: "big" }, `${robot.serial} (${robot.model}) `, stateOf(robot.state)),
-      h("p", { className: "big" }, `${t("whatToDo")} `, robot.state === "retired" ? t("doRetired") : robot.state === "not_watched" || robot.state === "recalibrated" ? t("doPlan") : saidOf(said.advice)),
-      said ? h("p", {}, `${t("watchedOn", { date: day(said.measured) })} `, saidOf(said.in_words)) : null,
+      h("p", { className: "big" }, `${t("whatToDo")} `, robot.state === "retired" ? t("doRetired") : robot.state === "not_watched" || robot.state === "recalibrated" ? t("doPlan") : said.advice),
+      said ? h("p", {}, `${t("watchedOn", { date: day(said.measured) })} `, said.in_words) : null,
       said && said.causes.length ? h("p", {}, `${t(said.causes.length > 1 ? "classOfCauses" : "lastCause")}: `, h("strong", {}, causeOf(said.causes[0]))) : null,
-      said && said.causes.length > 1 ? h("ul", {}, said.causes.map((each) => h("li", {}, `${causeOf(each)}: `, saidOf(each.in_words)))) : null,
+      said && said.causes.length > 1 ? h("ul", {}, said.causes.map((each) => h("li", {}, `${causeOf(each)}: `, each.in_words))) : null,
       h("dl", { className: "facts" }, fact("positionError", errorOf(robot)), fact("lastMeasured", day(robot.last_measured)), fact("cells", robot.cells.join(", ")), fact("baseline", robot.baseline ? day(robot.baseline.measured) : "–")), doubt(robot)]);
-    fill(date, [robot.due, robot.permitted_mm], () => [h("p", { className: "big" }, dueOf(robot.due)), h("p", {}, saidOf(robot.due.because)),
+    fill(date, [robot.due, robot.permitted_mm], () => [h("p", { className: "big" }, dueOf(robot.due)), h("p", {}, robot.due.because),
       h("p", { className: "dim" }, `${t("byIlac", { method: t(`method_${reckoning.method}`) })} ${robot.permitted_mm ? t("permittedIs", { mm: number(robot.permitted_mm) }) : t("permittedUnknown")}`)]);
     fill(papers, [robot.history, robot.left_out], () => [documents(robot.history), robot.left_out ? h("p", { className: "dim" }, t("olderLeftOut", { n: robot.left_out })) : null]);
     permitted.placeholder = robot.permitted_mm || "";

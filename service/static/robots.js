@@ -5,7 +5,6 @@ import { looksOn, order } from "./desk.js";
 import { fill, h } from "./dom.js";
 import { causeOf, day, dueOf, stateOf, withU } from "./history.js";
 import { posture } from "./posture.js";
-import { said as saidOf } from "./sentences.js";
 import { sparkline } from "./trend.js";
 import { number } from "./units.js";
 import { t } from "./words.js";
@@ -14,7 +13,7 @@ export const AGAIN_MS = 15000;
 const FEW = 12;  // robots that a person takes in at a glance
 
 // What a store that cannot be asked says, with what to do; what was shown stays.
-export const refusal = (error) => [h("strong", {}, "✖ ", saidOf(error.message)), " ", h("span", {}, `${t("whatToDo")} `, saidOf(error.whatToDo))];
+export const refusal = (error) => [h("strong", {}, "✖ ", error.message), " ", h("span", {}, `${t("whatToDo")} `, error.whatToDo)];
 
 export function open(root) {
   const list = h("ul", { className: "robots", ariaLabel: t("view_of_robots") }), says = h("p", { role: "status", id: "store-says" }), about = h("p", { className: "dim" });
@@ -51,7 +50,7 @@ export function open(root) {
     if (!known || sought) others.open = Boolean(sought) || !ill.length || all <= FEW;
     known = found;
     fill(refused, found.not_kept, () => found.not_kept.length ? h("details", {}, h("summary", {}, `⚠ ${t("notKept", { n: found.not_kept.length })}`),
-      h("ul", { lang: "en" }, found.not_kept.map((each) => h("li", {}, each.path ? `${each.path}: ${each.because}` : each.because)))) : null);
+      h("ul", {}, found.not_kept.map((each) => h("li", {}, each.path ? `${each.path}: ${each.because}` : each.because)))) : null);
   };
   const look = async () => {
     adding.hidden = looksOn();
@@ -76,5 +75,5 @@ function line(robot, permitted) {
     h("dl", {}, fact("lastCause", cause ? causeOf(cause) + (said.causes.length > 1 ? ` ${t("orOthers", { n: said.causes.length - 1 })}` : "") : t("noCause")),
       fact("positionError", errorOf(robot)), fact("nextCheck", dueOf(robot.due)), fact("lastMeasured", day(robot.last_measured))),
     h("div", { className: "spark-of" }, robot.errors.length ? sparkline(robot.errors, permitted) : h("span", { className: "dim" }, t("noErrors"))),
-    ["changed", "ambiguous", "unexplained"].includes(robot.state) ? h("p", { className: "advice" }, `${t("whatToDo")} `, saidOf(said.advice)) : null, doubt(robot)].filter(Boolean);
+    ["changed", "ambiguous", "unexplained"].includes(robot.state) ? h("p", { className: "advice" }, `${t("whatToDo")} `, said.advice) : null, doubt(robot)].filter(Boolean);
 }

@@ -3,7 +3,7 @@
 import { ask, connection, reckoned } from "./connection.js";
 import { strip } from "./charts.js";
 import { asPlanned, counted, driftsOf } from "./counted.js";
-import { desk, looksOn, moving, order } from "./desk.js";
+import { desk, looksOn, moving, order, reasonOf } from "./desk.js";
 import { button, fill, h, svg } from "./dom.js";
 import { eventList } from "./eventlist.js";
 import { follow } from "./events.js";
@@ -13,7 +13,6 @@ import { legend, marks } from "./plan.js";
 import { poseList } from "./poses.js";
 import { promptCard } from "./prompt.js";
 import { scenePicture } from "./scene.js";
-import { reasonOf, saidWords } from "./sentences.js";
 import { duration, length, minus, moment, number, sign, state, timeLeft } from "./units.js";
 import { t } from "./words.js";
 
@@ -117,7 +116,7 @@ export function open(root, id) {
 
   function showReading(data) {
     const where = data && (expected.get(data.pose) || expected.get(`${data.name} ${data.target}`)), by = where && data.world_mm ? minus(asPlanned(data), where) : null;
-    const rows = !data ? [] : [[t("pose"), saidWords(data.name)], [t("set"), t(`set_${data.set}`)], [t("target"), data.target],
+    const rows = !data ? [] : [[t("pose"), data.name], [t("set"), t(`set_${data.set}`)], [t("target"), data.target],
       ...(data.world_mm || []).map((x, i) => [t("worldMm", { axis: "xyz"[i] }), number(x) + (by ? `  (${by[i] < 0 ? "−" : "+"}${number(Math.abs(by[i]))})` : "")]),
       ...(typeof data.length_mm === "number" ? [[t("lengthTo", { base: data.base_target }), `${number(data.length_mm, 4)} mm`]] : []),
       ...(typeof data.t_air_c === "number" ? [[t("air"), `${number(data.t_air_c, 2)} °C`]] : [])];

@@ -2,7 +2,6 @@
 
 import { h, svg } from "./dom.js";
 import { day, withU } from "./history.js";
-import { said } from "./sentences.js";
 import { t } from "./words.js";
 
 const time = (text) => new Date(text).getTime();
@@ -66,7 +65,7 @@ export function trendPicture(trend, W, permitted) {
 export const nameOf = (parameter) => (parameter === "error_rms" ? t("positionError") : parameter);
 
 const SHOWN = 3;  // signals, the newest
-const signalsOf = (signals) => (signals.length ? h("ul", { className: "signals" }, signals.map((each) => h("li", {}, "! ", said(each)))) : null);
+const signalsOf = (signals) => (signals.length ? h("ul", { className: "signals" }, signals.map((each) => h("li", {}, "! ", each))) : null);
 
 // A parameter with its picture and what is said of it.
 export function trendCard(trend, { wide = false, permitted = null } = {}) {
@@ -74,7 +73,7 @@ export function trendCard(trend, { wide = false, permitted = null } = {}) {
   return h("article", { className: wide ? "trend-card wide" : "trend-card" }, h("h3", {}, `${nameOf(trend.parameter)}${trend.unit ? `, ${trend.unit}` : ""}`),
     h("p", {}, `${t("lastValue")}: ${withU(last.value, last.u, trend.unit)} (${day(last.measured)})`), trendPicture(trend, W, permitted),
     signalsOf(trend.signals.slice(-SHOWN)), trend.signals.length > SHOWN ? h("details", {}, h("summary", {}, t("earlierSignals", { n: trend.signals.length - SHOWN })), signalsOf(trend.signals.slice(0, -SHOWN))) : null,
-    trend.no_chart_because ? h("p", { className: "dim" }, said(trend.no_chart_because)) : null, trend.left_out ? h("p", { className: "dim" }, t("olderLeftOut", { n: trend.left_out })) : null);
+    trend.no_chart_because ? h("p", { className: "dim" }, trend.no_chart_because) : null, trend.left_out ? h("p", { className: "dim" }, t("olderLeftOut", { n: trend.left_out })) : null);
 }
 
 // What the marks mean, once for all pictures.

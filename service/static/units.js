@@ -1,7 +1,7 @@
 // Numbers, times and words as people read them.
 
 import { clock } from "./connection.js";
-import { language, t } from "./words.js";
+import { t } from "./words.js";
 
 export const number = (x, digits = 3) => (typeof x === "number" ? x.toFixed(digits).replace("-", "−") : "–");
 export const mm = (x) => (typeof x === "number" ? `${number(x)} mm` : "–");
@@ -15,7 +15,7 @@ export function duration(s) {
 
 // A moment: the time of day, with the day where it is another one than today.
 export function moment(date, now = new Date()) {
-  const day = date.toDateString() === now.toDateString() ? "" : `${date.toLocaleDateString(language(), { weekday: "short", day: "numeric", month: "short" })} `;
+  const day = date.toDateString() === now.toDateString() ? "" : `${date.toLocaleDateString("en", { weekday: "short", day: "numeric", month: "short" })} `;
   return day + clock(date, 5);
 }
 

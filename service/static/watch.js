@@ -7,7 +7,6 @@ import { button, fill, h, numeric, table } from "./dom.js";
 import { link } from "./given.js";
 import { causeName, stateOf, withU } from "./history.js";
 import { baselineOf, judgeForm } from "./judging.js";
-import { said } from "./sentences.js";
 import { duration, moment, number, sign, state } from "./units.js";
 import { t } from "./words.js";
 
@@ -26,7 +25,7 @@ export function open(root, id) {
     step.textContent = busy ? [job.step || t("waitsForTurn"), t("sinceThen", { time: duration((Date.now() - new Date(job.created_utc)) / 1000) })].join(" · ") : "";
     bar.hidden = !busy;
     fill(body, [job.state, looksOn()], () => {
-      const parts = job.problem ? [h("section", { className: "wide bad" }, h("p", {}, h("strong", {}, "✖ ", said(job.problem.operator_text))), h("p", {}, `${t("whatToDo")} `, said(job.problem.what_to_do)))] : [];
+      const parts = job.problem ? [h("section", { className: "wide bad" }, h("p", {}, h("strong", {}, "✖ ", job.problem.operator_text)), h("p", {}, `${t("whatToDo")} `, job.problem.what_to_do))] : [];
       if (job.result) parts.push(...(job.kind === "watch_plan" ? planned(job) : job.kind === "watch" ? judged(job) : keptUp(job)));
       if (!looksOn() && job.kind === "watch_plan" && job.result) {
         judge = judgeForm(() => baselineOf(job.baseline.id));
@@ -45,7 +44,7 @@ export function open(root, id) {
   return { look, show };
 }
 
-const words = (text) => h("span", { className: "words" }, said(text));
+const words = (text) => h("span", { className: "words" }, text);
 const size = (value, unit, none = t("notSeen")) => (typeof value === "number" ? `${Number(value.toPrecision(2))} ${unit}`.replace("-", "−") : none);
 
 function planned(job) {
@@ -56,14 +55,14 @@ function planned(job) {
   }), { id: "keep-campaign", className: "go" });
   return [h("section", wide, h("h2", {}, t("watchShows")), h("p", {}, t("watchShowsHint", { poses: r.poses_deg.length / r.rounds, visits: r.rounds, readings: r.readings, targets: r.targets.join(", "), percent: number(100 * r.false_alarms, 1) })),
     table(t("watchShows"), [t("lastCause"), t("seenFrom"), t("aloneFrom"), t("neverApart")], r.causes.map((each) => [causeName(each.label), numeric(size(each.seen_from, each.unit)), numeric(size(each.alone_from, each.unit, t("neverAlone"))), each.never_apart_from.map(causeName).join(", ") || "–"])),
-    r.in_words ? h("p", {}, said(r.in_words)) : null,
+    r.in_words ? h("p", {}, r.in_words) : null,
     r.not_seen.length ? h("p", {}, `${t("notSeenCauses")}: ${r.not_seen.map(causeName).join(", ")}`) : null, r.nests ? h("p", {}, t("nestsSeen", { mm: number(r.nests.seen_from_mm), limit: number(r.nests.limit_mm) })) : null,
     r.proposals.length ? h("details", {}, h("summary", {}, t("toSeeMore")), table(t("toSeeMore"), [t("targets"), t("visitsEach"), t("readings"), t("seesAll"), t("seenWorst")], r.proposals.map((each) => [each.targets.join(", "), each.rounds, each.readings, each.reached ? "✔" : "–", `${causeName(each.worst.label)} ${size(each.worst.seen_from, r.causes.find((cause) => cause.label === each.worst.label).unit)}`]))) : null),
   h("section", wide, h("h2", {}, t("nextSteps")), h("p", {}, t("watchNext")), looksOn() ? null : h("div", { className: "row" }, keep))];
 }
 
 const updated = (job) => (job.result.updated_model ? h("div", { className: "row" }, link(t("updatedModel"), `/models/${job.id}`, `${job.id}-model.json`), h("span", { className: "dim" }, t("updatedHint"))) : null);
-const notes = (r) => (r.notes.length ? h("section", { className: "wide" }, h("h2", {}, t("notes")), h("ul", {}, r.notes.map((each) => h("li", {}, said(each))))) : null);
+const notes = (r) => (r.notes.length ? h("section", { className: "wide" }, h("h2", {}, t("notes")), h("ul", {}, r.notes.map((each) => h("li", {}, each)))) : null);
 // A robot is asked for by its serial number too, where an address can hold it.
 function whose(r) {
   const serial = (r.device.find((each) => each.role === "robot") || {}).serial || "", addressed = /^[0-9A-Za-z][0-9A-Za-z-]{0,63}$/.test(serial);
@@ -72,7 +71,7 @@ function whose(r) {
 
 function judged(job) {
   const r = job.result, wide = { className: "wide" };
-  return [h("section", wide, h("h2", {}, t("verdict")), h("p", { className: "big" }, stateOf(r.verdict)), h("p", { className: "big" }, `${t("whatToDo")} `, said(r.advice)), h("p", {}, said(r.in_words)), whose(r), updated(job)),
+  return [h("section", wide, h("h2", {}, t("verdict")), h("p", { className: "big" }, stateOf(r.verdict)), h("p", { className: "big" }, `${t("whatToDo")} `, r.advice), h("p", {}, r.in_words), whose(r), updated(job)),
     r.causes.length ? h("section", wide, h("h2", {}, t("lastCause")), table(t("lastCause"), [t("lastCause"), t("size"), t("shareOfClass"), t("inWords")], r.causes.map((each) => [causeName(each.label), numeric(withU(each.size.value, each.size.u, each.size.unit)), numeric(`${number(100 * (each.weight || 0), 0)} %`), words(each.in_words)]))) : null,
     h("section", wide, h("h2", {}, t("howSure")), h("p", {}, t("errorAtPoses", { rms: withU(r.error_mm.rms, r.error_mm.u, "mm"), max: number(r.error_mm.max) })),
       table(t("howSure"), [t("watchesCounted"), t("alarm"), "T²", t("itsLimit"), "p", t("itsLimit")], r.questions.map((each) => [each.watches, each.alarm ? `✖ ${t("yes")}` : `✔ ${t("no")}`, numeric(number(each.t_squared, 1)), numeric(number(each.t_squared_limit, 1)), numeric(probability(each.p_value)), numeric(probability(each.p_limit))]))), notes(r)].filter(Boolean);
@@ -82,6 +81,6 @@ const probability = (p) => (typeof p !== "number" ? "–" : p < 1e-12 ? "< 1e−
 
 function keptUp(job) {
   const r = job.result, wide = { className: "wide" };
-  return [h("section", wide, h("h2", {}, t("kind_upkeep")), h("p", { className: "big" }, r.thermal ? `✔ ${t("said_thermal")}` : `✖ ${t("said_not thermal")}`), h("p", { className: "big" }, `${t("whatToDo")} `, said(r.advice)), h("p", {}, said(r.in_words)), whose(r), updated(job),
+  return [h("section", wide, h("h2", {}, t("kind_upkeep")), h("p", { className: "big" }, r.thermal ? `✔ ${t("said_thermal")}` : `✖ ${t("said_not thermal")}`), h("p", { className: "big" }, `${t("whatToDo")} `, r.advice), h("p", {}, r.in_words), whose(r), updated(job),
     table(t("thermalParameters"), [t("parameter"), t("before"), t("value"), t("unit")], r.parameters.map((each) => [each.name, numeric(number(each.before)), numeric(withU(each.value, each.u)), each.unit])), r.instead.length ? h("p", {}, `${t("lastCause")}: ${r.instead.map(causeName).join(", ")}`) : null), notes(r)].filter(Boolean);
 }

@@ -17,6 +17,8 @@ from acquisition.campaign.check import check_plan
 from acquisition.cell import targets_at
 from acquisition.errors import NotResumed, RecordError
 from acquisition.record import export_together
+from acquisition.record.planned import Planned
+from acquisition.run.prompts.hands import Hands
 from calib import identify, read_dataset
 from drivers import Answer, ConfigError, LinkLost, NotReady, OutOfRange
 from tests.acquisition.bars import OFF_DEG, TWO_STAGES, Bar, made
@@ -73,6 +75,30 @@ def test_hands_and_robot_take_turns(bars: Any) -> None:
     reading = bar.events_of("reading")[0]
     assert (reading["target"], reading["base_target"]) == first.readings[0]
     assert reading["length_mm"] == pytest.approx(300.0, abs=0.003)
+
+
+@pytest.mark.parametrize("between", ["taken off", "a pause"])
+def test_a_leg_is_attached_anew_after_it_was_taken_off_or_somebody_was_at_it(between: str) -> None:
+    cell, asked = a_cell(**BALLBAR), list[str]()
+
+    def ask(text: str, picture: object) -> Answer:
+        asked.append(text.partition(" ")[0])
+        return Answer.CONFIRM
+
+    hands = Hands(cell, ask, lambda planned: False)
+    visit = make_plan(cell, a_campaign(block=HEXAPOD))[0]
+    target, base = visit.readings[0]
+    leg = Planned(1, visit, target, "planned", base)
+    for _ in range(2):
+        assert hands.span(leg) is Answer.CONFIRM
+    assert asked == ["Attach"], "what hangs there is not asked for again"
+    if between == "taken off":
+        hands.free(leg)
+    else:
+        hands.doubt()
+    hands.span(leg)
+    assert asked[-1] == "Attach"
+    assert asked.count("Attach") == 2
 
 
 def test_a_reading_that_is_skipped_leaves_the_robot_where_it_is(bars: Any) -> None:

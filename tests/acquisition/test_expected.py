@@ -13,10 +13,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from acquisition.errors import Misplaced, NothingNew, TurnedOtherwise, WronglySeated
+from acquisition.record import export
 from acquisition.record.event import Event
 from calib.arm import forward
+from calib.data import read_dataset
 from drivers.errors import AcquisitionError, Busy, EnableLost, LinkLost, WrongMode
 from drivers.interfaces import Answer, Identity, JointReading, PointReading, PoseReading, Prompt
+from service.report.scope import scope_of
 from tests.acquisition.fakes import FakeArm, FakeMeter, SeatingOperator
 from tests.acquisition.stage import Stage
 
@@ -96,7 +99,7 @@ def test_a_point_that_is_sent_again_is_not_the_next_one(
     assert all(one != other for one, other in pairwise(points))
 
 
-def test_a_target_that_is_not_where_its_neighbours_say_is_asked_about_once(
+def test_a_target_that_is_not_where_its_neighbours_say_is_asked_about_every_time(
     stages: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An SMR of another size in one of two targets: within what the nominal robot may miss, and good to the tracker."""
@@ -111,12 +114,21 @@ def test_a_target_that_is_not_where_its_neighbours_say_is_asked_about_once(
         return replace(reading, xyz_mm=(x, y, z + 6.35)) if other else reading
 
     monkeypatch.setattr(FakeMeter, "measure", exchanged)
+    stage.operator.answers = [Answer.PAUSE]
+    outcome = stage.execute()
+    assert (outcome.state.value, outcome.reason) == ("paused", "Paused on request.")
+    assert len(stage.operator.asked) == 1
+    stage.run.resume(by="anna")  # nothing of it is believed because somebody has paused
     assert stage.execute().state.value == "succeeded"
-    (asked,) = stage.operator.asked
-    assert re.match(
-        r"T[12] and T[12] were \d+\.\d\d mm apart and are \d+\.\d\d mm now: one of the two", asked
-    )
+    assert len(stage.operator.asked) == 2  # in one pose the two lie across
+    for asked in stage.operator.asked:
+        assert re.match(
+            r"T[12] and T[12] were \d+\.\d\d mm apart and are \d+\.\d\d mm now: one of them", asked
+        )
     assert seen.count("T2") == 5  # nobody wanted one again
+    dataset = read_dataset(export(stage.run.folder, stage.run.folder.parent / "data.csv"))
+    (told,) = [text for what, text in scope_of(dataset) if what == "Targets not as far apart as at first"]
+    assert told.count("T1 and T2 by -") == 2
 
 
 @pytest.mark.parametrize("wrong", ["scalar last", "conjugate", "of the pose before", ""])

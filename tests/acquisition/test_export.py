@@ -21,9 +21,9 @@ from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_camp
 BLOCKS = [{"set": "calibration", "count": 12, "targets": ["T1", "T2"]}]
 
 
-def measured(folder: Path, *, redo: bool = False, move: bool = False) -> Path:
+def measured(folder: Path, *, redo: bool = False, move: bool = False, accuracy: str = "unknown") -> Path:
     """A finished record; with `redo` the reading before T2 was measured again, with `move` the tracker moved."""
-    bench, clock = Bench(a_cell(instrument__one_smr=redo)), JumpingClock()
+    bench, clock = Bench(a_cell(instrument__one_smr=redo, robot__absolute_accuracy=accuracy)), JumpingClock()
     answers = [Answer.CONFIRM] * 4 + [Answer.REDO] if redo else []
     with closing(Run.create(folder, bench.cell, a_campaign(block=BLOCKS), simulated=True)) as run:
         if move:
@@ -51,6 +51,15 @@ def test_a_reading_that_was_done_again_stays_but_does_not_count(tmp_path: Path) 
     assert "station" not in rows(out)[0]
     assert read_dataset(out).header.simulated  # as the record was
     assert int(read_dataset(out).usable.sum()) == 2 * 12
+
+
+def test_whether_the_controller_corrects_goes_with_the_readings(tmp_path: Path) -> None:
+    assert (
+        read_dataset(export(measured(tmp_path / "r"), tmp_path / "a.csv")).header.absolute_accuracy
+        == "unknown"
+    )
+    record = measured(tmp_path / "off", accuracy="off")
+    assert read_dataset(export(record, tmp_path / "b.csv")).header.absolute_accuracy == "off"
 
 
 def test_the_data_set_in_memory_is_the_one_in_the_files(tmp_path: Path) -> None:

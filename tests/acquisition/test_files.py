@@ -103,6 +103,8 @@ BLOCK: dict[str, Any] = {"set": "calibration", "count": 2}
         ({"samples": 0}, "samples"),
         ({"samples": True}, "samples"),
         ({"retries": 1.5}, "retries"),
+        ({"name": 5}, "name"),
+        ({"name": ["a"]}, "name"),
         ({"order": "any"}, "order"),
         ({"block": []}, "block"),
         ({"block": [BLOCK | {"kind": "dance"}]}, "block[0].kind"),

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import threading
 from contextlib import closing
 from pathlib import Path
 
 from acquisition import Lease, Run
+from acquisition.run.clock import ScaledClock
 from drivers import RemoteOperator
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import until
@@ -29,12 +31,32 @@ def test_a_lease_lapses_once_and_not_while_it_beats() -> None:
 
 
 def test_a_lease_that_is_given_up_in_time_says_nothing() -> None:
-    lapses: list[int] = []
-    with Lease("page", 3600.0).watched(lambda: lapses.append(1)):
+    lapses: list[threading.Thread] = []
+    with Lease("page", 3600.0).watched(lambda: lapses.append(threading.current_thread())):
         pass
-    with Lease("page", -1.0).watched(lambda: lapses.append(2)):
-        assert lapses == [2]  # at once, before anything moves
-    assert lapses == [2]
+    assert lapses == []
+    with Lease("page", -1.0).watched(lambda: lapses.append(threading.current_thread())):
+        assert lapses == [
+            threading.current_thread()
+        ]  # before anything moves, and no thread has to come first
+    assert len(lapses) == 1
+
+
+def test_a_lease_that_is_shortened_ends_early() -> None:
+    class Waiting(ScaledClock):
+        entered = threading.Event()
+
+        def wait(self, seconds: float, wake: threading.Event) -> bool:
+            self.entered.set()
+            return super().wait(seconds, wake)
+
+    lapses: list[int] = []
+    clock = Waiting()
+    lease = Lease("page", 3600.0, clock)
+    with lease.watched(lambda: lapses.append(1)):
+        until(clock.entered.is_set)
+        lease.beat(0.0)
+        until(lambda: lapses)
 
 
 def test_a_run_whose_owner_falls_silent_is_paused_with_the_reading_in_hand(tmp_path: Path) -> None:

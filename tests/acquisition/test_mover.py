@@ -6,6 +6,7 @@ that is kept after the campaign.
 
 from __future__ import annotations
 
+import os
 import socket
 import subprocess
 import sys
@@ -18,6 +19,7 @@ import pytest
 
 from acquisition import Run
 from acquisition.errors import RobotInUse
+from acquisition.run.orders import mover as movers
 from acquisition.run.orders.mover import Mover
 from drivers import ConfigError, Identity
 from drivers.endpoint import endpoints
@@ -36,18 +38,62 @@ with Mover(sys.argv[1]):
 def test_a_robot_is_moved_by_one_program(tmp_path: Path) -> None:
     """The other program is killed: then the robot is free again, without anybody's help."""
     url = f"tcp://{tmp_path.name}:5000"
-    other = subprocess.Popen(
-        [sys.executable, "-c", HOLD, url], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT
-    )
-    with other:
-        assert other.stdout is not None
-        assert other.stdout.readline() == b"held\n"
+    with another(url) as other:
         with pytest.raises(RobotInUse, match="another campaign moves the robot"), Mover(url):
             pass
         with Mover(url + "1"):
             pass
         other.kill()
     with Mover(url):
+        pass
+
+
+def another(url: str, **options: Any) -> subprocess.Popen[Any]:
+    """A program that holds the lock of a robot until its input closes."""
+    other = subprocess.Popen(
+        [sys.executable, "-c", HOLD, url], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT, **options
+    )
+    assert other.stdout is not None
+    assert other.stdout.readline() == b"held\n"
+    return other
+
+
+def test_who_holds_the_robot_is_told(tmp_path: Path) -> None:
+    url = f"tcp://{tmp_path.name}:5002"
+    with another(url) as other:
+        with (
+            pytest.raises(RobotInUse, match=rf"python.*, process {other.pid} of user {os.getuid()}\)"),
+            Mover(url),
+        ):
+            pass
+        other.communicate()
+
+
+def test_a_service_that_sees_other_folders_locks_the_same_robot(tmp_path: Path) -> None:
+    """Its temporary folder is its own (`PrivateTmp`), its files are its own (`UMask`), and so is its home."""
+    url = f"tcp://{tmp_path.name}:5001"
+    own = {"TMPDIR": str(tmp_path), "HOME": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+    with another(url, env=os.environ | own, umask=0o077) as other:
+        with pytest.raises(RobotInUse), Mover(url):
+            pass
+        other.communicate()
+
+
+def test_the_lock_by_files_of_other_systems(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(movers, "_FOLDER", tmp_path / "locks")
+    arm = Identity("ABB", "IRB 120", "", "1", "none")
+    with Mover("tcp://10.1.1.1:5000") as lock:
+        lock.met(arm)
+        with pytest.raises(RobotInUse, match="another campaign"), Mover("tcp://10.1.1.1:5000"):
+            pass
+        for path in (tmp_path / "locks").iterdir():
+            path.unlink()
+        with pytest.raises(RobotInUse, match="taken away"):
+            lock.met(arm)
+    monkeypatch.setattr(movers, "_FOLDER", tmp_path / "a-file" / "locks")
+    (tmp_path / "a-file").touch()
+    with pytest.raises(RobotInUse, match="cannot be locked"), Mover("tcp://10.1.1.1:5000"):
         pass
 
 
@@ -132,7 +178,7 @@ def test_a_run_does_not_arm_a_robot_that_another_moves(tmp_path: Path) -> None:
         outcome = run.execute(devices_of(bench), JumpingClock())
         assert outcome.state.value == "paused"
         assert not [call for call in bench.log if call.startswith(("arm", "move"))]
-        assert outcome.reason.startswith("another campaign moves the robot with the serial number 1.")
+        assert outcome.reason.startswith("another campaign moves the robot with the serial number 1 (")
     with Run.open(tmp_path / "r") as run:
         run.resume(by="anna")
         assert run.execute(devices_of(bench, SeatingOperator(bench)), JumpingClock()).exit_code == 0

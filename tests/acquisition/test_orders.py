@@ -10,8 +10,9 @@ import pytest
 from acquisition import Event
 from acquisition.errors import NotResumed
 from acquisition.record import FILE
+from acquisition.run.orders.control import Control, Pausing, Stopping
 from drivers import AcquisitionError, Answer, RemoteOperator, UnknownPrompt
-from tests.acquisition.fakes import FakeArm, devices_of
+from tests.acquisition.fakes import FakeArm, JumpingClock, devices_of
 from tests.acquisition.stage import ALL, CONNECT, NESTS, Stage
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
@@ -166,3 +167,30 @@ def test_skip_with_a_reason(tmp_path: Path) -> None:
     answers = [event.data for event in stage.run.events() if event.kind == "answer"]
     assert (answers[-1]["by"], answers[-1]["answer"], answers[-1]["reason"]) == ("anna", "skip", "worn nest")
     stage.run.close()
+
+
+@pytest.mark.parametrize(("order", "raised"), [("stop", Stopping), ("rest", Pausing)])
+def test_an_order_ends_the_settling_it_comes_in(order: str, raised: type[Exception]) -> None:
+    """The clock says whether what it waits with was woken: nobody may wait for the robot to settle after a stop."""
+    woken: list[bool] = []
+
+    class During(JumpingClock):
+        def wait(self, seconds: float, wake: threading.Event) -> bool:
+            control.stop() if order == "stop" else control.rest("Nobody is there.")
+            woken.append(wake.is_set())
+            return wake.is_set()
+
+    control = Control(During())
+    with pytest.raises(raised):
+        control.settle(600.0)
+    assert woken == [True]
+
+
+def test_a_pause_waits_for_the_settling_and_its_reading() -> None:
+    clock = JumpingClock()
+    control = Control(clock)
+    control.pause()
+    control.settle(600.0)
+    assert clock.now() > 600.0
+    with pytest.raises(Pausing):
+        control.wait(600.0)

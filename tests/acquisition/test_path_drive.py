@@ -19,6 +19,7 @@ from acquisition import Devices, Event, Outcome, Run, campaign_from, read_cell
 from acquisition.errors import NotResumed
 from acquisition.record import export_streams
 from acquisition.record.streams import read_stream
+from calib.data import read_noise
 from drivers import Identity, JointReading, LinkLost, Sample
 from tests.acquisition.fakes import Bench, Crash, FakeArm, FakeMeter, JumpingClock
 
@@ -170,6 +171,7 @@ def goes_on(scene: Scene, *before: tuple[str, str]) -> None:
     _, (path,) = export_streams(scene.folder, scene.folder / "out.csv")
     assert path.complete
     assert path.samples == dict.fromkeys(ROLES, 1 + LEGS * PER_MOVE)
+    assert read_noise(path.tracker.with_suffix(".toml")).range_mm > 0.0
 
 
 def test_the_whole_path(scene: Scene) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import sqlite3
 import subprocess
 import sys
@@ -13,47 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from acquisition import State, read_status
-from acquisition.campaign import make_plan
+from acquisition import read_status
 from acquisition.errors import RecordError, RecordInUse, StorageError
 from acquisition.record import FILE, Store, sha256_of
-from acquisition.record.attempts import Attempts
-from acquisition.record.event import Moment
-from acquisition.record.schema import SCRIPTS
-from tests.acquisition.fakes import a_campaign, a_cell, new_store
-
-
-def test_a_record_of_version_1_is_carried_over(tmp_path: Path) -> None:
-    """Made by the first script alone, in mid-campaign; its readings, plan and open attempt stay what they were."""
-    cell, campaign = a_cell(), a_campaign()
-    with closing(sqlite3.connect(tmp_path / FILE, isolation_level=None)) as db:
-        db.executescript(f"PRAGMA journal_mode = WAL; BEGIN; {SCRIPTS[0]} PRAGMA user_version = 1; COMMIT;")
-        db.execute(
-            "INSERT INTO campaign (id, name, created_utc, started_utc, simulated, cell, campaign, state) "
-            "VALUES ('x', 'old', 1e9, 1e9, 1, ?, ?, 'running')",
-            (cell.source, campaign.source),
-        )
-        for visit in make_plan(cell, campaign):
-            shared = (visit.number, visit.name, visit.kind, visit.set, visit.block)
-            lists = [json.dumps(x) for x in (visit.joints_deg, visit.sides, visit.approach_deg)]
-            for target in visit.targets:
-                db.execute(
-                    "INSERT INTO pose (visit, name, kind, set_name, block, joints_deg, sides, approach_deg, "
-                    f"target) VALUES ({', '.join('?' * 9)})",
-                    (*shared, *lists, target),
-                )
-        db.execute("INSERT INTO attempt (kind, visit, began_utc, began_t_s) VALUES ('arrive', 3, 1e9, 5.0)")
-        db.execute("INSERT INTO event (utc, t_s, kind, data) VALUES (1e9, 5.0, 'state', '{}')")
-    assert read_status(tmp_path).total == 5  # a reader finds it carried over as well
-    with closing(Store.open(tmp_path)) as store:
-        store.moment = lambda: Moment(2e9, 6.0)
-        assert store.database.query("PRAGMA user_version")[0][0] == len(SCRIPTS)
-        assert store.counts() == {"planned": 5}
-        store.recover()
-        assert store.state is State.PAUSED
-        assert [e.kind for e in store.events()] == ["state", "attempt_died", "state"]
-        store.start()
-        Attempts(store).begin_arrival(store.left("planned")[0].visit)
+from acquisition.record.schema import SCRIPT
+from tests.acquisition.fakes import new_store
 
 
 def test_one_owner_and_readers_beside_it(tmp_path: Path) -> None:
@@ -140,7 +103,7 @@ def test_refuses_no_record_two_records_and_a_newer_one(tmp_path: Path) -> None:
             Store.open(tmp_path, writer=writer)
     (tmp_path / "half").mkdir()  # the program ended while it made the record
     with closing(sqlite3.connect(tmp_path / "half" / FILE)) as half:
-        half.executescript(f"{SCRIPTS[0]} PRAGMA user_version = 1;")
+        half.executescript(SCRIPT)
     with pytest.raises(RecordError, match="start it anew in this folder"):
         Store.open(tmp_path / "half")
     new_store(tmp_path / "half").close()

@@ -17,13 +17,10 @@ import pytest
 
 from acquisition import Run, export, read_status
 from acquisition.errors import DamagedRecord
-from acquisition.record import FILE, Store, export_together
-from acquisition.record.schema import SCRIPTS
+from acquisition.record import FILE, export_together
 from acquisition.record.seal import checksum
 from acquisition.record.verification import expected_temperature, first_reading_s, read_landings
-from service.cli import main
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
-from tests.service.campaigns import read_rows
 
 BLOCKS = [{"set": "calibration", "count": 6, "targets": ["T1", "T2"]}]
 READING = "SELECT max(id) FROM attempt WHERE kind = 'measure' AND status = 'good'"
@@ -178,50 +175,6 @@ def test_a_planned_pose_that_was_changed_is_not_driven_to(record: Path) -> None:
     change(record, "UPDATE pose SET joints_deg = '[1.0,2.0,3.0,4.0,5.0,6.0]' WHERE status = 'planned'")
     with pytest.raises(DamagedRecord, match="planned reading"):
         Run.open(record)
-
-
-def test_a_record_from_before_there_were_sums(
-    record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Its rows are taken as they are, its devices from its events; what is added from now on is protected."""
-    old = tmp_path / "old"
-    old.mkdir()
-    with (
-        closing(sqlite3.connect(record / FILE)) as new,
-        closing(sqlite3.connect(old / FILE, isolation_level=None)) as db,
-    ):
-        new.row_factory = sqlite3.Row
-        for number, script in enumerate(SCRIPTS[:3], start=1):
-            db.executescript(f"BEGIN; {script} PRAGMA user_version = {number}; COMMIT;")
-        for trigger in ("running", "prompt_answered", "last_arrival"):
-            db.execute(f"DROP TRIGGER {trigger}")
-        for table in ("campaign", "pose", "attempt", "event"):
-            kept = [row[1] for row in db.execute(f"PRAGMA table_info({table})")]
-            for row in new.execute(f"SELECT {', '.join(kept)} FROM {table} ORDER BY id"):
-                db.execute(
-                    f"INSERT INTO {table} ({', '.join(kept)}) VALUES ({', '.join('?' * len(kept))})",
-                    tuple(row),
-                )
-    status = read_status(old)
-    assert status.unprotected == status.done > 0
-    assert read_status(record).unprotected == 0
-    assert main(["campaign", "export", str(old), str(tmp_path / "out.csv")]) == 0
-    assert "from before rows had checksums" in capsys.readouterr().err
-    out = tmp_path / "out.csv"
-    assert read_rows(out) == read_rows(export(record, tmp_path / "new.csv"))
-    with Run.open(old) as run:
-        assert [each.serial for each in run.individuals()] == ["1", "1"]
-        bench = Bench(run.cell)
-        run.resume()
-        assert run.execute(devices_of(bench, SeatingOperator(bench)), JumpingClock()).exit_code == 0
-    change(old, "UPDATE attempt SET world_x_mm = world_x_mm + 1 WHERE id = 6")
-    assert export(old, tmp_path / "out.csv")  # nobody can know
-    with Store.reading(old) as store:
-        (last,) = store.database.query(READING)[0]
-    with closing(sqlite3.connect(old / FILE, isolation_level=None)) as db:
-        db.execute(f"UPDATE attempt SET world_x_mm = world_x_mm + 1 WHERE id = {last}")
-    with pytest.raises(DamagedRecord, match=f"reading {last} no longer agrees"):
-        export(old, tmp_path / "out.csv")
 
 
 def test_a_row_of_another_record(record: Path, tmp_path: Path) -> None:

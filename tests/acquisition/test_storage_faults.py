@@ -208,7 +208,7 @@ def test_two_campaigns_and_one_robot(tmp_path: Path) -> None:
 
     first.bench.faults[9] = come
     assert first.execute().state.value == "succeeded"
-    assert refused == [f"another campaign moves the robot at {url}"]
+    assert [each.partition(" (")[0] for each in refused] == [f"another campaign moves the robot at {url}"]
     assert second.bench.log == []
     assert second.run.status().state == "ready"
     assert second.execute().state.value == "succeeded"  # now that the robot is free
@@ -266,3 +266,45 @@ def jump(clock: JumpingClock, step_s: float) -> Callable[[], None]:
 
 def void(_: object) -> None:
     """A fault answers nothing."""
+
+
+def _removed(folder: Path) -> None:
+    (folder / FILE).unlink()
+
+
+def _replaced(folder: Path) -> None:
+    (folder / "copy").write_bytes((folder / FILE).read_bytes())
+    (folder / "copy").replace(folder / FILE)
+
+
+def _moved(folder: Path) -> None:
+    folder.rename(folder.with_name("elsewhere"))
+
+
+def _journal_removed(folder: Path) -> None:
+    (folder / f"{FILE}-wal").unlink()
+
+
+@pytest.mark.parametrize("harm", [_removed, _replaced, _moved, _journal_removed])
+@pytest.mark.parametrize("after", [1, 3])
+def test_a_record_that_is_taken_away_under_a_run_pauses_it(
+    tmp_path: Path, harm: Callable[[Path], None], after: int
+) -> None:
+    """No reading is acknowledged into a file that is no longer there; the run can still be asked and stopped."""
+    stage = Stage(tmp_path / "record")
+    read = 0
+
+    def heard(event: Event) -> None:
+        nonlocal read
+        read += event.kind == "reading"
+        if event.kind == "reading" and read == after:
+            harm(stage.folder)
+
+    outcome = stage.run.execute(devices_of(stage.bench, SeatingOperator(stage.bench)), stage.clock, heard)
+    assert outcome.state.value == "paused"
+    assert isinstance(outcome.error, StorageError)
+    assert FILE in outcome.reason
+    assert read == after, "a reading was acknowledged into a file that is not there"
+    stage.run.pause(by="anna")
+    assert stage.run.status().state == "paused"
+    stage.run.close()

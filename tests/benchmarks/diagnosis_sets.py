@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from calib import Dataset, read_dataset
-from calib.effects.transmission.coupling import pairs
+from calib.effects.transmission import pairs
 from mocks.campaign import DEFAULT_FIT, Campaign, make_campaign, plan, write_campaign
 from mocks.world import DEPARTURES, OUTSIDE, ArmState, Session, World, stream
 from mocks.world.dataset import header_of, row_of

@@ -25,8 +25,7 @@ from calib.array import Array
 from calib.effects import Survey, offers
 from calib.model import Design
 from calib.scan import Family, Scores, Space
-from calib.scan.harmonics import HarmonicScores
-from calib.scan.steps import StepScores
+from calib.scan.families import HarmonicScores, StepScores
 from mocks.campaign import Campaign
 from mocks.world import Effect, World, displacement
 

@@ -26,8 +26,7 @@ import numpy as np
 from calib.convert.ipa_ur10 import read
 from calib.convert.table import Table
 from calib.data.read import read_dataset
-from calib.diagnose.carry import carry_over
-from calib.diagnose.diagnosis import diagnose
+from calib.diagnose.diagnosis import carry_over, diagnose
 from calib.errors import DataError
 from calib.fit.statistics import ErrorStatistics
 

@@ -1,4 +1,7 @@
-"""`python -m tests.benchmarks.stop_load BASE_URL AUTHORIZATION RUN DATA.csv`: 200 clients who keep a service busy.
+"""`python -m tests.benchmarks.stop_load BASE_URL AUTHORIZATION RUN DATA.csv [LOAD]`: clients who keep a service busy.
+
+LOAD `silent`, `half`: so many connections that send nothing, or half a header, each opened again within half a second
+when it is closed; `streams`: streams of events that nobody reads. Without one, 200 clients who ask:
 
 Dry runs of 400 poses, dry runs whose body lists 5,000, uploads, diagnoses, long polls and listings; every client asks
 again as soon as it is answered, a refused one half a second later. Until the input closes; then it prints how they were
@@ -10,17 +13,23 @@ from __future__ import annotations
 import asyncio
 import json
 import random
+import select
+import socket
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import httpx2
 
 CLIENTS, POSES, PAUSE_S = 200, 400, 0.5
+HELD = {"silent": 1_100, "half": 1_100, "streams": 200}  # connections of each load that holds them
 BLOCK: dict[str, Any] = {"set": "calibration", "count": POSES, "select": "random"}
 CAMPAIGN: dict[str, Any] = {"format": "truepose-campaign/1", "block": [BLOCK]}
 LISTED = 5_000  # poses of one body, as many as are taken
@@ -74,6 +83,39 @@ async def main(base: str, authorization: str, run: str, data: Path) -> None:
         sys.stdout.write(json.dumps({"answered": answered, "core": core}) + "\n")
 
 
+def hold(base: str, authorization: str, run: str, load: str) -> None:
+    """Hold connections, and open those again that are closed, until the input closes."""
+    url = urlsplit(base)
+    head = f"GET {url.path}/runs/{run}/events HTTP/1.1\r\nHost: {url.netloc}\r\n"
+    sent = {"silent": "", "half": head, "streams": f"{head}Authorization: {authorization}\r\n\r\n"}[load]
+    held: list[socket.socket] = []
+    opened, told, closed = 0, False, threading.Event()
+    threading.Thread(target=lambda: (sys.stdin.read(), closed.set()), daemon=True).start()
+    while not closed.wait(PAUSE_S if told else 0.0):
+        while len(held) < HELD[load]:
+            opened += 1
+            held.append(socket.create_connection((str(url.hostname), int(url.port or 80)), timeout=30.0))
+            with suppress(OSError):
+                held[-1].sendall(sent.encode())
+        if not told:
+            sys.stdout.write("ready\n")
+            sys.stdout.flush()
+            told = True
+        for each in _gone(held) if load != "streams" else ():
+            each.close()
+            held.remove(each)
+    sys.stdout.write(json.dumps({"answered": {f"{load} opened": opened}, "core": 0.0}) + "\n")
+
+
+def _gone(held: list[socket.socket]) -> list[socket.socket]:
+    """Those that the service has closed, or answered; `poll`, since descriptors exceed what `select` takes."""
+    asked = select.poll()
+    for each in held:
+        asked.register(each, select.POLLIN)
+    ready = {number for number, _ in asked.poll(0)}
+    return [each for each in held if each.fileno() in ready]
+
+
 def _listed() -> bytes:
     """A body of some 300 kB."""
     rng = random.Random(1)
@@ -83,5 +125,8 @@ def _listed() -> bytes:
 
 
 if __name__ == "__main__":
-    _, url, token, run_id, csv = sys.argv
-    asyncio.run(main(url, token, run_id, Path(csv)))
+    _, url, token, run_id, csv, *which = sys.argv
+    if which:
+        hold(url, token, run_id, which[0])
+    else:
+        asyncio.run(main(url, token, run_id, Path(csv)))

@@ -14,11 +14,10 @@ from calib import Robot, StatedConditions, load_robot
 from calib.arm import gravity_torques
 from calib.array import Array
 from calib.data import DEFAULT_GROUPS
-from calib.effects.geometry.shift import base_shift, tool_shift
-from calib.effects.instrument.drift import drift_rotation, drift_translation
-from calib.effects.thermal.thermal_growth import thermal_growth
-from calib.effects.transmission.backlash import backlash
-from calib.effects.transmission.periodic import periodic
+from calib.effects.geometry import base_shift, tool_shift
+from calib.effects.instrument import drift_rotation, drift_translation
+from calib.effects.thermal import thermal_growth
+from calib.effects.transmission import backlash, periodic
 from calib.model import RobotModel, base_model
 from calib.units import to_internal
 from tests.calib.chain import chain

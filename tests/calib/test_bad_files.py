@@ -63,3 +63,17 @@ def test_a_number_has_no_underscore(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="'j2_deg' is '1_5', not a number") as caught:
         read_dataset(path)
     named(caught.value, path, 5)
+
+
+def test_one_point_in_many_postures_is_none(tmp_path: Path) -> None:
+    """Whatever numbers an instrument shows when it sees nothing, or the last ones that it saw."""
+    for shown in ((-999.0, -999.0, -999.0), tuple(CAMPAIGN.rows[3][f"{axis}_mm"] for axis in "xyz")):
+        rows = [dict(row) for row in CAMPAIGN.rows]
+        for row in rows[4:7]:
+            row |= dict(zip(("x_mm", "y_mm", "z_mm"), shown, strict=True))
+        path = write_files(tmp_path, rows, CAMPAIGN.header)
+        with pytest.raises(DataError, match=r"in [34] readings \(.*different postures"):
+            read_dataset(path)
+        for row in rows[4:7]:
+            row["status"] = "rejected:nothing seen"
+        read_dataset(write_files(tmp_path, rows, CAMPAIGN.header))

@@ -80,6 +80,11 @@ def radians(rows: list[Row], header: dict[str, Any]) -> None:
             row[f"j{k}_deg"] *= 0.0174532925
 
 
+def kelvin(rows: list[Row], header: dict[str, Any]) -> None:
+    for row in rows:
+        row["t_air_c"] += 273.15
+
+
 def same(rows: list[Row], header: dict[str, Any]) -> None:
     for row in rows:
         row |= {k: v for k, v in rows[0].items() if k[0] in "jxyz" or k.startswith(("app", "prev", "tool"))}
@@ -108,6 +113,9 @@ CSV, TOML = "data.csv", "data.toml"
 CASES: dict[str, tuple[Change, str, int | str | None, str]] = {
     "joint without unit": (rename("j2_deg", "j2"), CSV, 1, "'j2'.*deg"),
     "point without unit": (rename("x_mm", "x"), CSV, 1, "'x'.*mm"),
+    "joint read back, without unit": (rename("reading_id", "j2_read"), CSV, 1, "'j2_read'.*j2_read_deg"),
+    "joint read back, misspelt": (rename("reading_id", "j2_read_degs"), CSV, 1, "mean 'j2_read_deg'"),
+    "temperature in kelvin": (kelvin, CSV, 2, "t_air_c.*is 29.*degC"),
     "time without unit": (rename("t_s", "t"), CSV, 1, "'t'.*t_s"),
     "point in metres": (rename("z_mm", "z_m"), CSV, 1, "z_mm"),
     "joints in radians by name": (rename("j1_deg", "j1_rad"), CSV, 1, "j1_deg"),
@@ -128,8 +136,7 @@ CASES: dict[str, tuple[Change, str, int | str | None, str]] = {
     "unknown robot": (head("robot", "kuka-kr6"), TOML, "robot", "kuka-kr6.*kuka-kr6-r900"),
     "no robot": (no_head("robot"), TOML, "robot", "missing"),
     "wrong joint count": (head("robot", "ur5-extra"), TOML, "robot", "ur5-extra"),
-    "no calibration rows": (every("set", "validation"), CSV, "set", "calibration"),
-    "all rejected": (every("status", "rejected:fog"), CSV, "set", "calibration"),
+    "all rejected": (every("status", "rejected:fog"), CSV, "set", "measured"),
     "unknown set": (cell("set", "calib"), CSV, 9, "calib.*calibration"),
     "all the same": (same, CSV, None, "same"),
     "unknown target": (cell("tool_target", "T9"), CSV, 9, "T9.*T1"),

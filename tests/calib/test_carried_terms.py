@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from calib.data import Dataset
 from calib.diagnose import Diagnosis, diagnose
 from calib.diagnose.dictionary import Dictionary, OfClock, bound
-from calib.diagnose.pursuit import Groups, Pursuit, shrunk
+from calib.diagnose.pursuit import Groups, Pursuit, Screening, shrunk
 from calib.model import Design
 from calib.model.carried_regressors import Held, HeldPair, OfTime
 from calib.model.effect import Effect, Parameter, Term
@@ -172,6 +173,24 @@ def test_a_function_of_time_is_linear_between_the_readings_that_know_it() -> Non
 def matrices(rows: int, widths: Sequence[int], count: int) -> tuple[np.ndarray, np.ndarray]:
     columns = RNG.normal(size=(rows, count + sum(widths)))
     return columns, columns @ np.r_[np.ones(count), np.zeros(sum(widths))] + 0.1 * RNG.normal(size=rows)
+
+
+def test_the_unit_of_a_term_decides_nothing() -> None:
+    """The cube of a torque has squares beyond single precision: its name was lost where columns were not scaled."""
+    rows, of_model = 200, np.linalg.qr(RNG.normal(size=(200, 3)))[0]
+    columns = RNG.normal(size=(5, rows)).astype(np.float32)
+    data = columns[3] + 0.3 * columns[1] + 0.1 * RNG.normal(size=rows)
+    left = data - of_model @ (of_model.T @ data)
+    found = []
+    for size in (1.0, 1e21):
+        groups = Groups(np.ones(5, dtype=np.int64), np.zeros(5), np.ones(5, dtype=bool), 0)
+        scaled: Any = (columns * np.array([1.0, 1.0, 1.0, size, 1.0])[:, None]).astype(np.float32)
+        state = Screening(scaled, of_model, left.copy(), groups, rows)
+        state.round()
+        found.append((state.chosen, state.rss))
+    assert found[0][0][0] == 3
+    assert found[1][0] == found[0][0]
+    assert found[1][1] == pytest.approx(found[0][1], rel=1e-4)
 
 
 def test_a_pursuit_leaves_what_least_squares_leaves() -> None:

@@ -17,6 +17,7 @@ import pytest
 from scipy.stats import chi2
 
 from calib import identify, read_dataset
+from calib.fit import uncertainty_map
 from calib.units import to_display
 from tests.certified.digits import PROBLEMS, count, table
 from tests.reference.adjustment import adjust
@@ -106,6 +107,13 @@ class TestReference:
         for kind in ("csv", "toml", "json"):
             again = (tmp_path / f"irb120_exact.{kind}").read_text("utf-8")
             assert again == (FOLDER / f"irb120_exact.{kind}").read_text("utf-8")
+
+    @pytest.mark.parametrize("name", PROBLEMS)
+    def test_every_problem_has_a_map_of_its_uncertainty(self, name: str) -> None:
+        """Also where series have tool targets of their own."""
+        found = uncertainty_map(identify(read_dataset(FOLDER / f"{name}.csv")))
+        assert np.all(found.u > 0.0)
+        assert np.all(np.isfinite(found.radius_95))
 
     def test_points_poses_and_lengths_end_where_they_are_certified_to(self) -> None:
         """One step from the certified numbers moves none of them by a digit that is printed."""

@@ -123,6 +123,52 @@ def test_samples_of_one_waypoint_are_held_out_together() -> None:
     assert sorted(map(sorted, held)) == [["calibration"]] * 4 + [["validation"]] * 2
 
 
+def poses_of(joints: np.ndarray, **more: list[str]) -> Table:
+    """A table of joints (n, 2), deg."""
+    columns = {"reading_id": [str(i) for i in range(len(joints))]}
+    columns |= {f"j{k + 1}_deg": [f"{value:.6f}" for value in joints[:, k]] for k in range(2)}
+    return Table({**columns, **more}, "")
+
+
+def test_what_is_held_out_unless_told() -> None:
+    """These would catch: a pose that is split because its joints were read back, readings that do not count counted,
+    and a path drawn point by point."""
+    rng = np.random.default_rng(2)
+    poses = rng.uniform(-90.0, 90.0, (50, 2))
+    read_back = np.repeat(poses, 3, axis=0) + rng.uniform(-0.02, 0.02, (150, 2))
+    lost = ["lost" if i < 60 else "ok" for i in range(150)]
+    found = poses_of(read_back, status=lost).hold_out()
+    held = (np.array(found.columns["set"]) == "validation").reshape(50, 3)
+    assert (held.all(axis=1) == held.any(axis=1)).all(), "poses stay together"
+    assert held.any(axis=1).sum() == 6, "20 % of the 30 poses that were measured"
+    assert not held[:20].any()
+    assert found.holdout == "random"
+    assert "6 of 30 poses" in found.note
+    path = np.column_stack([np.linspace(-90.0, 90.0, 300), np.linspace(0.0, 40.0, 300)])
+    along = poses_of(path).hold_out()
+    runs = np.diff((np.array(along.columns["set"]) == "validation").astype(int))
+    assert (along.holdout, along.columns["set"].count("validation")) == ("block", 60)
+    assert np.count_nonzero(runs) <= 8
+
+
+def test_what_is_not_held_out() -> None:
+    few = poses_of(np.random.default_rng(3).uniform(-90.0, 90.0, (21, 2)))
+    assert "set" not in few.hold_out().columns
+    many = np.random.default_rng(1).uniform(-90.0, 90.0, (40, 2))
+    assert "set" not in poses_of(many).hold_out("none").columns
+    told = poses_of(many, set=["validation"] * 3 + ["calibration"] * 37)
+    assert told.hold_out().columns == told.columns
+    with pytest.raises(DataError, match="column 'set'"):
+        told.hold_out("random")
+    # a target that is seen four times: one of them is spared
+    rare = poses_of(many, tool_target=["T2"] * 4 + ["T1"] * 36).hold_out("random", 0.9)
+    left = [
+        t for t, s in zip(rare.columns["tool_target"], rare.columns["set"], strict=True) if s == "calibration"
+    ]
+    assert left.count("T2") >= 3
+    assert left.count("T1") >= 3
+
+
 @pytest.mark.parametrize("share", [0.0, 1.0, -0.2, 1.5, math.nan])
 def test_a_share_that_cannot_be(share: float) -> None:
     with pytest.raises(DataError, match="share"):

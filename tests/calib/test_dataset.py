@@ -16,7 +16,7 @@ import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calib import DataError, Dataset, read_dataset
+from calib import DataError, Dataset, identify, read_dataset
 from calib.units import DEG
 from mocks.campaign import make_campaign
 from mocks.world.dataset import csv_text
@@ -88,6 +88,37 @@ def test_unknown_columns_blank_lines_and_a_byte_order_mark_do_no_harm(tmp_path: 
     other = read_dataset(path)
     np.testing.assert_array_equal(plain.points, other.points)
     np.testing.assert_array_equal(plain.conditions.joints, other.conditions.joints)
+
+
+@pytest.mark.parametrize(
+    ("off", "said"),
+    [(0.27, "joint 2 by up to 0.270 deg"), (-0.27, "joint 2 by up to"), (360.004, ""), (0.004, "")],
+)
+def test_joints_read_back_are_compared_with_those_commanded(off: float, said: str, tmp_path: Path) -> None:
+    rows = fresh()
+    for i, row in enumerate(rows):
+        row["j1_read_deg"] = row["j1_deg"]
+        row["j2_read_deg"] = float(row["j2_deg"]) + (off if i % 3 else 0.0) if i else ""
+    path = write_files(tmp_path, rows, CAMPAIGN.header)
+    words = [line for line in identify(read_dataset(path)).warnings if "read joints back" in line]
+    assert len(words) == bool(said)
+    assert not said or said in words[0]
+    assert not any("joint 1 by" in line for line in words)
+
+
+def test_a_point_at_the_origin_counts_where_the_header_says_so(tmp_path: Path) -> None:
+    """Of a frame that begins at the first point; trackers send the same when they see nothing."""
+    rows = fresh()
+    first = [float(rows[0][f"{axis}_mm"]) for axis in "xyz"]
+    for row in rows:
+        row |= {
+            f"{axis}_mm": float(row[f"{axis}_mm"]) - shift for axis, shift in zip("xyz", first, strict=True)
+        }
+    header = {**CAMPAIGN.header, "world": "free"}
+    with pytest.raises(DataError, match="measured_at_origin = true"):
+        read_dataset(write_files(tmp_path, rows, header))
+    data = read_dataset(write_files(tmp_path, rows, {**header, "measured_at_origin": True}))
+    assert data.usable[0]
 
 
 def test_sides_and_previous_poses_follow_the_order_in_time(tmp_path: Path) -> None:

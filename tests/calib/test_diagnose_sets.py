@@ -13,9 +13,9 @@ import pytest
 
 from calib.diagnose import select
 from calib.effects import Survey, offers
-from calib.effects.transmission.periodic import periodic
+from calib.effects.transmission import periodic
 from calib.fit.identify import identify
-from calib.scan.fixed import Candidate
+from calib.scan.families import Candidate
 from tests.benchmarks.diagnosis_follow_up import before_and_after
 from tests.benchmarks.diagnosis_judge import examine, mechanism, without
 from tests.benchmarks.diagnosis_sets import Draw, complete, departing, load, outside

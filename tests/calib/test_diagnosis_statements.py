@@ -18,19 +18,14 @@ from calib.array import Array
 from calib.data import plausible
 from calib.data.hypotheses import Explanation
 from calib.diagnose import Found, diagnose, next_measurements
-from calib.diagnose.classes import Evidence
-from calib.diagnose.outlying import ACTS_ON
-from calib.diagnose.places import drivers
-from calib.diagnose.power import visible
-from calib.diagnose.remarks import remarks_of
-from calib.diagnose.repeats import EACH_POSE
-from calib.diagnose.select import refit
-from calib.diagnose.shape_uncertainty import with_shapes
-from calib.diagnose.structure import left_over, log_p_of
+from calib.diagnose.follow_up import remarks_of
+from calib.diagnose.found import visible, with_shapes
+from calib.diagnose.select import Evidence, refit
+from calib.diagnose.structure import ACTS_ON, EACH_POSE, drivers, left_over, log_p_of
 from calib.effects import Survey, offers
-from calib.effects.elasticity.joint_compliance import joint_compliance
-from calib.effects.thermal.warm_up import TIME_CONSTANT, warm_up
-from calib.effects.transmission.periodic import periodic
+from calib.effects.elasticity import joint_compliance
+from calib.effects.thermal import TIME_CONSTANT, warm_up
+from calib.effects.transmission import periodic
 from calib.model import Effect
 from calib.scan import Scores, Space
 from calib.units import to_internal

@@ -15,8 +15,8 @@ import pytest
 from calib import identify, read_dataset
 from calib.diagnose import diagnose
 from calib.effects import Survey, offers
-from calib.effects.elasticity.joint_compliance import joint_compliance
-from calib.effects.instrument.base_target import base_target_shift
+from calib.effects.elasticity import joint_compliance
+from calib.effects.instrument import base_target_shift
 from calib.model import Design
 from tests.calib.campaigns import simulate, write_files
 from tests.calib.cells import NOISE, Cell

@@ -18,7 +18,7 @@ from calib import Robot, identify
 from calib.arm import Load
 from calib.data import Conditions
 from calib.effects import Survey, offers
-from calib.effects.elasticity.joint_compliance import joint_compliance
+from calib.effects.elasticity import joint_compliance
 from calib.model import Design, Effect
 from calib.scan import Candidate
 from calib.units import to_internal
@@ -68,7 +68,8 @@ def test_an_offer_needs_what_it_is_driven_by() -> None:
 
     complete = names()
     of_time = {"drift_translation", "drift_rotation", "warm_up"}
-    assert complete - names(time=np.full(n, np.nan)) == of_time
+    of_moments = {"base_shift", "tool_shift", *(f"joint_step:j{k}" for k in range(1, 7))}
+    assert complete - names(time=np.full(n, np.nan)) == of_time | of_moments
     assert complete - names(time=np.full(n, 60.0)) == of_time
     assert complete - names(time=conditions.time / 10.0) == {"warm_up"}, "a session of 80 s warms nothing up"
     of_temperature = {"thermal_growth", *(f"thermal_joint:j{k}" for k in range(1, 7))}

@@ -13,30 +13,37 @@ import pytest
 
 from calib import Dataset
 from calib.array import Array
-from calib.effects.elasticity.bearing_tilt import bearing_tilt
-from calib.effects.elasticity.cubic_stiffness import cubic_stiffness
-from calib.effects.elasticity.joint_compliance import joint_compliance
-from calib.effects.elasticity.link_torsion import link_torsion
-from calib.effects.elasticity.payload import payload_cog, payload_mass
-from calib.effects.elasticity.pedestal import pedestal
-from calib.effects.geometry.joint_offset import joint_offset
-from calib.effects.geometry.joint_step import joint_step
-from calib.effects.geometry.parallel_twist import parallel_twist
-from calib.effects.geometry.shift import base_shift, tool_shift
-from calib.effects.geometry.tool import target_offset, tool_offset, tool_tilt
-from calib.effects.instrument.drift import drift_rotation, drift_translation
-from calib.effects.instrument.tracker_scale import tracker_scale
-from calib.effects.thermal.thermal_growth import thermal_growth
-from calib.effects.thermal.thermal_joint import thermal_joint
-from calib.effects.thermal.warm_up import warm_up
-from calib.effects.transmission.backlash import backlash
-from calib.effects.transmission.backlash_load import backlash_load
-from calib.effects.transmission.coupling import coupling
-from calib.effects.transmission.dead_zone import dead_zone
-from calib.effects.transmission.encoder_scale import encoder_scale
-from calib.effects.transmission.lost_motion import lost_motion
-from calib.effects.transmission.periodic import periodic
-from calib.effects.transmission.settling import settling
+from calib.effects.elasticity import (
+    bearing_tilt,
+    cubic_stiffness,
+    joint_compliance,
+    link_torsion,
+    payload_cog,
+    payload_mass,
+    pedestal,
+)
+from calib.effects.geometry import (
+    base_shift,
+    joint_offset,
+    joint_step,
+    parallel_twist,
+    target_offset,
+    tool_offset,
+    tool_shift,
+    tool_tilt,
+)
+from calib.effects.instrument import drift_rotation, drift_translation, tracker_scale
+from calib.effects.thermal import thermal_growth, thermal_joint, warm_up
+from calib.effects.transmission import (
+    backlash,
+    backlash_load,
+    coupling,
+    dead_zone,
+    encoder_scale,
+    lost_motion,
+    periodic,
+    settling,
+)
 from calib.fit import base_model_of
 from calib.model import Design, Effect, Regressor, RobotModel, effect
 from calib.model.gravity_regressors import Torque

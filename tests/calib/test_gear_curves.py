@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from calib import Dataset, Diagnosis, identify, load_model, save_model
 from calib.array import Array
 from calib.diagnose import diagnose
-from calib.diagnose.carriers import gears_to_carry
-from calib.diagnose.normal import BLOCKS, Normal, blocks_of
+from calib.diagnose.curves import BLOCKS, Normal, blocks_of, gears_to_carry
 from calib.effects import Survey, offers
-from calib.effects.transmission.gear_orders import mostly
+from calib.effects.transmission import mostly
 from calib.model import Design
 from calib.scan import Scores, Space
 from calib.units import DEG

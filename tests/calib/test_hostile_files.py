@@ -7,6 +7,7 @@ parser whose time grows with the square of a line (each text here would take it 
 from __future__ import annotations
 
 import json
+import random
 import zipfile
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from calib.foreign.files.workbook import workbook_sheets
 from calib.foreign.meanings.words import meaning_of
 from calib.foreign.readings.matching import with_target
 from calib.robot_file import import_urdf
+from calib.text import parse_toml
 from calib.watch import read_history
 from tests.calib.test_urdf_import import six, urdf
 
@@ -53,6 +55,7 @@ def workbook(
 
 
 LAUGHS = "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
+LONG = 1_100_000
 LONG_FORMULA = "A1+" * 20_000 + "1"
 BOMBS = {
     "a cell at the far end": (
@@ -87,12 +90,47 @@ BOMBS = {
         '<!DOCTYPE a [<!ENTITY a SYSTEM "file:///etc/passwd">]><worksheet',
         "document type",
     ),
+    "a long attribute": ("<worksheet", f'<worksheet a="{"x" * LONG}"', "single text or attribute"),
+    "a long name": ("</sheetData>", f"</sheetData><{'x' * LONG}/>", "single text or attribute"),
+    "a long text": ("<v>1.5</v>", f"<v>{'1' * LONG}</v>", "single text or attribute"),
+    "a long text of many lines": ("<v>1.5</v>", "<v>" + "1\n" * LONG + "</v>", "single text or attribute"),
+    "a long comment": ("</sheetData>", f"</sheetData><!--{'x' * LONG}-->", "single text or attribute"),
+    "a tag that never ends": (
+        "</sheetData>",
+        f'</sheetData><x a="{"x" * 2 * LONG}',
+        "single text or attribute",
+    ),
+    "a part that packs too well": (
+        "</sheetData>",
+        "</sheetData>" + "<x/>" * 5_000_000,
+        "packed more than 300",
+    ),
     "many styles": ("</sheetData>", "</sheetData>" + "<x/>" * 500_001, "500000 other parts"),
     "elements within elements": ("</sheetData>", "</sheetData>" + "<x>" * 101, "other parts"),
     "a text as long as a book": (
         "<v>1.5</v>",
         f'<v>1.5</v></c><c r="K3" t="inlineStr"><is><t>{"x" * 40_000}</t></is>',
         "more than 32767 characters",
+    ),
+    "an attribute without end": (
+        "<sheetData",
+        f'<sheetData a="{"x" * 60 * N}"',
+        "single text or attribute|is packed more than",
+    ),
+    "attributes without end": (
+        "<sheetData",
+        "<sheetData " + " ".join(f"a{i}='1'" for i in range(5 * N)),
+        "single text or attribute|is packed more than",
+    ),
+    "a comment without end": (
+        "</sheetData>",
+        f"<!--{'x' * 60 * N}--></sheetData>",
+        "single text or attribute|is packed more than",
+    ),
+    "characters without end": (
+        "</sheetData>",
+        f"{'x' * 60 * N}</sheetData>",
+        "single text or attribute|is packed more than",
     ),
     "a style that is not there": ('<c r="A3"', '<c r="A3" s="99999"', "cannot be read as a workbook"),
     "a cell beyond all columns": ('r="A3"', 'r="ZZZZZZ3"', "cannot be read as a workbook"),
@@ -108,6 +146,31 @@ def test_a_workbook_that_is_none_is_refused(case: str, tmp_path: Path) -> None:
         workbook_sheets(path)
     assert refused.value.file == path
     assert refused.value.do
+
+
+def test_an_attribute_of_100_mb_costs_no_time(tmp_path: Path) -> None:
+    """It held a worker for minutes. Packed less well than it could be: its ratio does not give it away."""
+    value = random.Random(1).randbytes(50_000_000).hex()
+    path = workbook(tmp_path, old="<worksheet", new=f'<worksheet a="{value}"')
+    with pytest.raises(DataError, match="single text or attribute"):
+        workbook_sheets(path)
+
+
+def test_an_archive_of_many_parts_is_refused(tmp_path: Path) -> None:
+    path = workbook(tmp_path)
+    with zipfile.ZipFile(path, "a") as packed:
+        for i in range(10_000):
+            packed.writestr(f"{i}.xml", "")
+    with pytest.raises(DataError, match="files"):
+        workbook_sheets(path)
+
+
+@pytest.mark.parametrize(
+    "text", ['a = "{}"', "{} = 1", 'a = ["""{}"""]', "[{}]"], ids=["text", "key", "in a list", "table"]
+)
+def test_a_long_text_of_toml_is_refused(text: str) -> None:
+    with pytest.raises(DataError, match="single text or attribute"):
+        parse_toml(text.format("x" * LONG), "data.toml")
 
 
 def test_more_unpacked_than_is_taken_is_refused_before_it_is_unpacked(
@@ -232,10 +295,6 @@ def fixed(count: int, parent: str = "") -> str:
 SIX = urdf(*six())
 URDFS = {
     "very many links": (f"<robot>{fixed(12_000)}</robot>", "no joint that moves"),
-    "links that carry one another": (
-        SIX.replace("</robot>", fixed(3, parent="a2") + "</robot>").replace('<link name="a0"/>', ""),
-        "which carries it in turn",
-    ),
     "an axis beyond all numbers": (
         SIX.replace('<axis xyz="', '<axis xyz="1e308 1e308 1e308" old="', 1),
         "without a direction",
@@ -243,6 +302,8 @@ URDFS = {
     "a turn beyond all numbers": (SIX.replace('rpy="', 'rpy="1e300 0 0" old="', 1), "turned by 1e[+]300 rad"),
     "a name of many characters": (SIX.replace("link_1", "l" * N), f"name of {N} characters"),
     "a type of many characters": (SIX.replace('"revolute"', f'"{"x" * N}"', 1), "has the type"),
+    "a long attribute": (SIX.replace("<robot", f'<robot a="{"x" * LONG}"', 1), "single text or attribute"),
+    "a long text": (SIX.replace("</robot>", "x\n" * LONG + "</robot>"), "single text or attribute"),
     "nested elements": ("<robot>" * N, "nested more than"),
     "entities within entities": (
         f'<!DOCTYPE a [<!ENTITY a0 "ha">{LAUGHS}]>' + SIX.partition("?>")[2],
@@ -264,6 +325,14 @@ def test_a_urdf_that_is_no_arm_is_refused(case: str, tmp_path: Path) -> None:
         import_urdf(file)
     assert len(str(refused.value)) < 700
     assert refused.value.file == file
+
+
+def test_a_chain_through_links_that_carry_one_another_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    ring = fixed(3, parent="a2") + "</robot>"
+    file.write_text(SIX.replace("</robot>", ring).replace('<link name="a0"/>', ""), "utf-8")
+    with pytest.raises(DataError, match="which carries it in turn"):
+        import_urdf(file, tip="a3")
 
 
 def test_a_mass_of_nothing_is_none(tmp_path: Path) -> None:

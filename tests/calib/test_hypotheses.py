@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import copy
+import csv
 import re
+import shutil
+import tomllib
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -14,11 +17,12 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from calib import DataError, forward, identify, load_robot, read_dataset
-from calib.arm import Chain, Placement, nominal_values, propagate
+from calib.arm import Chain, Placement, inverse_kinematics, nominal_values, propagate
 from calib.arm.start import base_and_tool
 from calib.units import DEG
 from tests.benchmarks.coverage import BASE_TARGETS, RANGE
 from tests.benchmarks.misread import files_of, mistakes, odd_sets, refusal
+from tests.benchmarks.real_data import SHARED
 from tests.calib.campaigns import Row, write_files
 from tests.calib.cells import NOISE, POSE, Cell
 
@@ -172,3 +176,99 @@ def test_base_and_unknown_tool_end_where_least_squares_does() -> None:
     pose, found = base_and_tool(flange, np.zeros((1, 3)), np.zeros(60, np.int64), measured, tool_unknown=True)
     ours = left(np.r_[Rotation.from_matrix(pose[:3, :3]).as_rotvec(), pose[:3, 3], found[0]])
     assert np.sqrt(np.mean(ours**2)) < 1.02 * np.sqrt(np.mean(best.fun**2))
+
+
+UNKNOWN_TOOL = {"model": {"fit": ["base", "geometry", "tool"]}}
+
+
+@pytest.mark.parametrize("exchanged", [(1, 3), (4, 6)])
+def test_joints_that_are_not_neighbours_are_found_exchanged_beside_an_unknown_tool(
+    exchanged: tuple[int, int], tmp_path: Path
+) -> None:
+    rows, header = files_of_arm("abb-irb120", "none")
+    one, other = (f"j{k}_deg" for k in exchanged)
+    wrong = [row | {one: row[other], other: row[one]} for row in rows]
+    text = refusal(tmp_path, (wrong, header | UNKNOWN_TOOL, {}), own=False)
+    assert f"Swap the columns {one} and {other}." in text
+
+
+def test_rows_that_slipped_show_though_the_robot_stays_long_at_every_pose(tmp_path: Path) -> None:
+    rows, header = files_of_arm("abb-irb120", "none")
+    stays = [dict(row) for row in rows for _ in range(12)]
+    points = [[row[axis] for axis in ("x_mm", "y_mm", "z_mm")] for row in stays]
+    for i, row in enumerate(stays):
+        row |= dict(zip(("x_mm", "y_mm", "z_mm"), points[i - 1], strict=True))
+    assert "1 row too late" in refusal(tmp_path, (stays, header | UNKNOWN_TOOL, {}), own=False)
+
+
+def test_rows_that_slipped_by_less_than_the_nominal_robot_misses_are_named(tmp_path: Path) -> None:
+    """A path of steps of some millimetres: only the arm as it was made is nearer than the next row."""
+    header, steps = files_of_arm("ur10", "none")[1], 400
+    robot, rng = load_robot("ur10"), np.random.default_rng(2)
+    phase = np.linspace(0.0, 3.0, steps)[:, None] * np.array([1.0, 0.9, 1.1, 1.3, 1.2, 1.4])
+    joints = 1.2 * np.sin(phase + np.arange(6)) + 0.003 * rng.normal(size=(steps, 6))
+    values = nominal_values(robot, joints)
+    for k in range(1, 7):
+        for kind, size in (("alpha", 0.1 * DEG), ("theta", 0.1 * DEG), ("a", 1.0), ("d", 1.0)):
+            values[f"{kind}{k}"] = values[f"{kind}{k}"] + size * rng.normal()
+    frames = propagate(Chain.of(robot), values, Placement())
+    points = (frames.p + 60.0 * frames.x + 90.0 * frames.z).T
+    points += 0.02 * rng.normal(size=points.shape)
+
+    def written(late: int) -> list[Row]:
+        table = np.hstack([joints[late:] / robot.joint_units, points[: steps - late]])
+        columns = (*robot.joint_columns, "x_mm", "y_mm", "z_mm")
+        return [dict(zip(columns, map(float, row), strict=True)) | {"set": "calibration"} for row in table]
+
+    assert refusal(tmp_path, (written(0), header | UNKNOWN_TOOL, {}), own=False) == ""
+    assert "1 row too late" in refusal(tmp_path, (written(1), header | UNKNOWN_TOOL, {}), own=False)
+
+
+def test_a_mistake_is_named_where_the_tool_turns_in_a_few_points(tmp_path: Path) -> None:
+    """A ball in sockets 30 mm apart: of what readings and flange span, the nominal arm misses a twentieth."""
+    robot, rng = load_robot("abb-irb120"), np.random.default_rng(8)
+    tool, home = np.array([0.0, 0.0, 60.0]), np.radians([10.0, 20.0, -10.0, 30.0, 60.0, 0.0])
+    at = forward(robot, home[None])[0]
+    sockets = (at[:3, :3] @ tool + at[:3, 3]) + rng.uniform(-15.0, 15.0, (4, 3))
+    joints, points = [], []
+    while len(joints) < 40:
+        turn = at[:3, :3] @ Rotation.from_rotvec(rng.uniform(-0.6, 0.6, 3)).as_matrix()
+        flange = np.eye(4)
+        socket = sockets[len(joints) % 4]
+        flange[:3, :3], flange[:3, 3] = turn, socket - turn @ tool
+        reached = inverse_kinematics(robot, flange[None], seed=home[None])
+        near = reached.joints[0][np.all(np.isfinite(reached.joints[0]), axis=1)]
+        if len(near):
+            joints.append(near[np.argmin(np.abs(near - home).max(axis=1))])
+            points.append(socket + rng.normal(0.0, 1.0, 3))
+    table = np.hstack([np.degrees(joints), points])
+    columns = (*robot.joint_columns, "x_mm", "y_mm", "z_mm")
+    good = [dict(zip(columns, map(float, row), strict=True)) | {"set": "calibration"} for row in table]
+    header = files_of_arm("abb-irb120", "none")[1] | {"tool_targets": {"T1": tool.tolist()}} | UNKNOWN_TOOL
+    wrong = [row | {"j4_deg": -float(row["j4_deg"])} for row in good]
+    assert refusal(tmp_path, (good, header, {}), own=False) == ""
+    assert "joint 4 turns in the other direction" in refusal(tmp_path, (wrong, header, {}), own=False)
+
+
+MEASURED = {"ball in sockets": Path("mukca/k14"), "repeated stays": Path("fanuc_r2000_leica/fanuc_r2000")}
+
+
+@pytest.mark.parametrize("kind", MEASURED)
+@pytest.mark.parametrize(
+    "mistake", ["Swap the columns j4_deg and j6_deg", "Change the sign of the column j4_deg"]
+)
+def test_mistakes_beside_readings_of_real_arms_are_named(kind: str, mistake: str, tmp_path: Path) -> None:
+    source = SHARED / "data" / MEASURED[kind]
+    if not source.with_suffix(".csv").exists():
+        pytest.skip("the measured data are not here")
+    for file in source.parent.glob("*.toml"):
+        shutil.copy(file, tmp_path)
+    with source.with_suffix(".csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        if "Swap" in mistake:
+            row["j4_deg"], row["j6_deg"] = row["j6_deg"], row["j4_deg"]
+        else:
+            row["j4_deg"] = repr(-float(row["j4_deg"]))
+    header = tomllib.loads(source.with_suffix(".toml").read_text("utf-8"))
+    assert mistake in refusal(tmp_path, (rows, header, {}), own=False)

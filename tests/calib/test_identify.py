@@ -4,6 +4,8 @@ that share what they must not, groups that cannot be chosen, and a start that fi
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +13,24 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib import DataError, Dataset, Identification, forward, identify, load_robot, read_dataset
+from calib import (
+    DataError,
+    Dataset,
+    Identification,
+    forward,
+    identify,
+    load_model,
+    load_robot,
+    read_dataset,
+    save_model,
+)
 from calib.arm.start import base_and_tool
 from calib.array import Array
+from calib.data import DEFAULT_GROUPS, GROUPS
+from calib.diagnose import diagnose
 from calib.fit import base_model_of
+from calib.fit.held_out import errors_on
+from calib.fit.placing import place_nominal
 from mocks.campaign import make_campaign
 from mocks.world import ROBOTS
 from tests.calib.campaigns import Row, exact, move_rows, simulate, true_points, write_files
@@ -192,3 +208,83 @@ def test_the_start_finds_any_base(tmp_path: Path) -> None:
     back = np.einsum("nij,nj->ni", flange[:, :3, :3], tool[which]) + flange[:, :3, 3]
     miss = np.linalg.norm(back @ pose[:3, :3].T + pose[:3, 3] - measured, axis=1)
     assert miss.max() < 1.0
+
+
+@pytest.mark.parametrize("share", [0.05, 0.12, 0.2])
+@pytest.mark.parametrize("kind", ["any way", "one way", "exchanged"])
+def test_a_fifth_of_gross_errors_does_no_harm(kind: str, share: float, tmp_path: Path) -> None:
+    """Scattered over the campaign: in any direction, all in one, or points that belong to other rows."""
+    _, clean = simulate(tmp_path, seed=3, n=120, n_validation=40, effects=[])
+    rng = np.random.default_rng(7)
+    rows = np.flatnonzero(clean.fit_rows)
+    wrong = rng.choice(rows, int(share * len(rows)), replace=False)
+    points = clean.points.copy()
+    if kind == "any way":
+        points[wrong] += rng.normal(size=(len(wrong), 3)) * rng.uniform(1.0, 100.0, (len(wrong), 1))
+    elif kind == "one way":
+        points[wrong] += [0.0, 0.0, 25.0]
+    else:
+        points[wrong] = points[np.roll(wrong, 1)]
+    found = identify(replace(clean, points=points))
+    held = clean.validation_rows
+    miss = np.linalg.norm(found.predict(clean.conditions.take(held)) - clean.points[held], axis=1)
+    whole = identify(clean)
+    usual = np.linalg.norm(whole.predict(clean.conditions.take(held)) - clean.points[held], axis=1)
+    assert np.sqrt(np.mean(miss**2)) < 1.1 * np.sqrt(np.mean(usual**2))
+
+
+@pytest.mark.parametrize("share", [0.12, 0.2])
+def test_a_base_that_moved_late_is_no_crowd_of_gross_errors(share: float, tmp_path: Path) -> None:
+    _, clean = simulate(tmp_path, seed=3, n=120, n_validation=0, effects=[])
+    order = clean.conditions.order
+    points = clean.points + 2.0 * (order >= np.quantile(order, 1.0 - share))[:, None]
+    found = diagnose(replace(clean, points=points))
+    assert [each.effect.label for each in found.effects] == ["base_shift"]
+    assert found.final.faulty_rows == ()
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, len(GROUPS)])
+def test_any_groups_are_fitted(count: int, tmp_path: Path) -> None:
+    """Also none, and only those that are neither base nor tool, where both are known."""
+    _, data = simulate(tmp_path, seed=4, n=60, n_validation=10, effects=[])
+    for groups in combinations(GROUPS, count):
+        found = identify(data, groups=groups)
+        assert found.converged, groups
+        model, estimate = place_nominal(data, base_model_of(data, groups))
+        assert np.all(np.isfinite(errors_on(data, data.validation_rows, model, estimate))), groups
+
+
+def test_series_can_share_one_tool(tmp_path: Path) -> None:
+    """A second series from another station, whose wrist hardly turned: its tool follows from the other one."""
+    campaign = make_campaign(seed=8, n=120, n_validation=40, effects=[])
+    turn, rows = Rotation.from_rotvec([0.1, -0.4, 2.0]), []
+    for i, row in enumerate(campaign.rows):
+        point = np.array([row[f"{axis}_mm"] for axis in "xyz"])
+        other = {} if i % 4 else dict(zip(("x_mm", "y_mm", "z_mm"), turn.apply(point) + 800.0, strict=True))
+        rows.append({**row, "series": "A" if i % 4 else "B", **other})
+    noise = {"kind": "isotropic", "sigma_mm": 0.03}
+    header = {
+        **campaign.header,
+        "world": "free",
+        "noise": noise,
+        "model": {"fit": [*DEFAULT_GROUPS, "tool"], "one_tool": True},
+    }
+    data = read_dataset(write_files(tmp_path, rows, header))
+    found = identify(data)
+    names = {p.name for p in found.model.parameters}
+    assert {"T1.x", "base[A].x", "base[B].x"} <= names
+    assert not any(name.startswith(("T1[", "tool[")) for name in names)
+    error = errors_on(data, data.validation_rows, found.model, found.estimate)
+    of_b = (data.conditions.series == 1)[data.validation_rows]
+    for each in (error[of_b], error[~of_b]):
+        assert np.sqrt(np.mean(each**2)) < 0.2
+    save_model(tmp_path / "m.json", found)
+    again = load_model(tmp_path / "m.json")
+    np.testing.assert_allclose(
+        errors_on(data, data.validation_rows, again.model, again.estimate), error, atol=1e-6
+    )
+    apart = read_dataset(write_files(tmp_path, rows, {**header, "model": {"fit": header["model"]["fit"]}}))
+    assert "T1[A].x" in {p.name for p in identify(apart).model.parameters}
+    header["series"] = {"B": {"tool_targets": header["tool_targets"]}}
+    with pytest.raises(DataError, match="one tool, and the series 'B' has tool targets of its own"):
+        read_dataset(write_files(tmp_path, rows, header))

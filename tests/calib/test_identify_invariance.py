@@ -135,9 +135,9 @@ class TestMetamorphic:
     def test_validation_rows_do_not_matter(self, tmp_path: Path) -> None:
         data, plain, before = self.identified(tmp_path / "1", self.rows(), self.campaign.header)
         rows = self.rows()
-        for row in rows:
+        for number, row in enumerate(rows):
             if row["set"] == "validation":
-                row |= {"x_mm": 1e6, "y_mm": -3e5, "z_mm": 7.0}
+                row |= {"x_mm": 1e6 + 10.0 * number, "y_mm": -3e5, "z_mm": 7.0}
         other_data, other, after = self.identified(tmp_path / "2", rows, self.campaign.header)
         assert not np.array_equal(data.points, other_data.points)
         np.testing.assert_array_equal(plain.estimate, other.estimate)

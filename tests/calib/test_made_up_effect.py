@@ -13,14 +13,12 @@ import pytest
 
 from calib import Dataset, effects, identify, load_robot
 from calib.diagnose import diagnose, later_visits, separating
-from calib.diagnose.refine import refine
-from calib.diagnose.select import refit
+from calib.diagnose.select import refine, refit
 from calib.effects import LIBRARY, Kind, Survey, check_of, offers
-from calib.effects.thermal.warm_up import warm_up
+from calib.effects.thermal import warm_up
 from calib.model import Design, Effect, check_effect, effect
 from calib.model.regressors import Cosine, Side, Sine
 from calib.scan import Candidate, Harmonics, Scores, Space
-from calib.scan.fixed import FixedScores
 from calib.scan.scores import FamilyScores
 from calib.units import DEG
 from tests.calib.campaigns import simulate
@@ -95,7 +93,7 @@ class Tuned:
         self.robot = survey.robot
 
     def scores(self, space: Space) -> FamilyScores:
-        return FixedScores(Candidate(warm_up(self.robot, 300.0)), space)
+        return Candidate(warm_up(self.robot, 300.0)).scores(space)
 
     def made(self, effect: Effect) -> bool:
         return effect.label == self.label

@@ -77,6 +77,10 @@ BELIEVED: dict[str, tuple[Callable[[Document], object], str]] = {
     "a parameter left out": (lambda d: d["parameters"].pop(), "parameters.*missing"),
     "a parameter in another unit": (lambda d: parameter(d, "theta2").update(unit="mrad"), "theta2.*mrad"),
     "a parameter of text": (lambda d: parameter(d, "theta2").update(value="1"), "theta2"),
+    "theta6 + 2.001 deg": (
+        add("theta6", 2.001),
+        r"up to 2\.[0-9]+ deg, more than 2 deg; most of it by",
+    ),
     "theta2 + 10 deg": (add("theta2", 10.0), "theta2.*largest-correction"),
     "theta6 + 3 deg, which turns the flange and shifts nothing": (add("theta6", 3.0), "theta6"),
     "a2 + 20 mm": (add("a2", 20.0), "a2.*22"),
@@ -94,6 +98,14 @@ BELIEVED: dict[str, tuple[Callable[[Document], object], str]] = {
     "a longer link": (
         lambda d: (d["robot_table"]["a"].__setitem__(2, 280.0), d.pop("robot_sha256")),
         "robot_table.a",
+    ),
+    "a link longer by 0.05 mm": (
+        lambda d: (d["robot_table"]["a"].__setitem__(2, 270.05), d.pop("robot_sha256")),
+        "robot_table.a",
+    ),
+    "an effect with a parameter twice": (
+        lambda d: effect(d, "geometry")["parameters"].append(effect(d, "geometry")["parameters"][0]),
+        "given twice",
     ),
     "a joint that is not there": (term("regressor", {"kind": "JointAngle", "joint": 7}), "joint = 7"),
     "a joint of text": (term("regressor", {"kind": "JointAngle", "joint": "1"}), "joint = '1'"),

@@ -5,15 +5,19 @@ way, and foreign or broken files that are taken for models.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
-from calib import DataError, identify, load_model, read_dataset, save_model
-from calib.arm.robot import BUILT_IN
+from calib import DataError, Dataset, identify, load_model, read_dataset, save_model
+from calib.arm.kinematics import statics
+from calib.arm.robot import BUILT_IN, Load
 from calib.diagnose import diagnose
 from calib.model import Design
+from calib.saved import as_saved, save_update
 from mocks.campaign import make_campaign
 from tests.calib.campaigns import simulate, write_files
 
@@ -88,3 +92,45 @@ def test_it_holds_the_robot_it_was_fitted_with(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         Design(back.model, data.conditions).predict(back.estimate), result.predict(data.conditions), atol=1e-9
     )
+
+
+def _weighed(dataset: Dataset, *loads: Load) -> Dataset:
+    """The readings as their file would be read with these loads in its header and none in its robot file."""
+    header = replace(dataset.header, loads=loads, robot=replace(dataset.header.robot, loads=()))
+    there = statics(header.robot, dataset.conditions.joints, loads, header.gravity)
+    return replace(
+        dataset,
+        header=header,
+        conditions=replace(
+            dataset.conditions, torque=there.torque, moment=there.moment, overturning=there.overturning
+        ),
+    )
+
+
+def test_the_compliance_of_a_model_meets_the_loads_it_was_fitted_with(tmp_path: Path) -> None:
+    """A later day's header declares no loads, the same tool, another tool, or another arm."""
+    _, read = simulate(tmp_path, seed=4, n=80, n_validation=0, effects=[])
+    arm = (Load(2, 20.0, (100.0, 0.0, 0.0)), Load(3, 8.0, (60.0, 0.0, 20.0)))
+    tool, other = Load(6, 2.0, (0.0, 0.0, 60.0)), Load(6, 1.0, (0.0, 0.0, 40.0))
+    found = identify(_weighed(read, *arm, tool), groups=("base", "geometry", "compliance", "tool"))
+    saved = as_saved(found)
+    torque = _weighed(read, *arm, tool).conditions.torque
+    for later in ((), (*arm, tool), (tool,)):
+        assert_allclose(saved.loaded(_weighed(read, *later)).conditions.torque, torque)
+    with_other = _weighed(read, *arm, other).conditions.torque
+    for later in ((*arm, other), (other,)):
+        assert_allclose(saved.loaded(_weighed(read, *later)).conditions.torque, with_other)
+    with pytest.raises(DataError, match="other masses of link 2 "):
+        saved.loaded(_weighed(read, replace(arm[0], mass_kg=25.0), arm[1], tool))
+    of_tool = as_saved(identify(_weighed(read, tool), groups=("base", "geometry", "compliance", "tool")))
+    with pytest.raises(DataError, match="other masses of link 2, 3 "):
+        of_tool.loaded(_weighed(read, *arm, tool))
+
+
+def test_a_model_that_is_updated_again_keeps_what_was_updated_before(tmp_path: Path) -> None:
+    _, read = simulate(tmp_path, seed=4, n=60, n_validation=0, effects=[])
+    found, path = identify(read), tmp_path / "m.json"
+    save_model(path, found)
+    for number in (1, 2):
+        save_update(path, path, found.model, found.estimate, found.covariance, {"cause": f"cause {number}"})
+    assert [each["cause"] for each in load_model(path).updates] == ["cause 1", "cause 2"]

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from calib import DataError, identify, load_robot, read_dataset
+from calib.data import Noise
 from calib.fit import errors_on
 from calib.motion import Aligned, JointStream, Origin, PointStream, align, by_speed, data_set, standstills
 from calib.motion.poses import scatter
@@ -20,6 +21,7 @@ from tests.calib.bending import gears
 from tests.calib.moving import TOOL, Moving, simulate, tool_points
 
 ROBOT = load_robot("ur5")
+FINE = Noise("isotropic", 1e-4)
 ORIGIN = Origin("ur5", "none", "leica-at960", TOOL, tool_known=False, remark="simulated")
 
 
@@ -207,7 +209,7 @@ def test_a_robot_that_creeps_is_cut_into_poses() -> None:
 class TestDataSet:
     def test_identify_reads_it(self, paper: tuple[Moving, Aligned], tmp_path: Path) -> None:
         _, found = paper
-        table = data_set(ROBOT, found, standstills(found), ORIGIN).hold_out("random", 0.2, 1)
+        table = data_set(ROBOT, found, standstills(found), ORIGIN, FINE).hold_out("random", 0.2, 1)
         table.write(tmp_path / "out.csv")
         data = read_dataset(tmp_path / "out.csv")
         held = set(data.waypoint[data.validation_rows])
@@ -221,7 +223,7 @@ class TestDataSet:
     ) -> None:
         _, found = paper
         still = standstills(found)
-        table = data_set(ROBOT, found, still, ORIGIN, every_sample=True).hold_out("random", 0.3, 2)
+        table = data_set(ROBOT, found, still, ORIGIN, FINE, every_sample=True).hold_out("random", 0.3, 2)
         table.write(tmp_path / "out.csv")
         data = read_dataset(tmp_path / "out.csv")
         assert len(data) == len(still.sample)
@@ -235,13 +237,28 @@ class TestDataSet:
         moving = short(3, rest=2.0)
         found = aligned_of(moving)
         still = standstills(found)
-        table = data_set(ROBOT, found, still, ORIGIN)
+        table = data_set(ROBOT, found, still, ORIGIN, FINE)
         u = np.array([table.columns[f"u_{axis}_mm"] for axis in "xyz"], dtype=float).T
         points = np.array([table.columns[f"{axis}_mm"] for axis in "xyz"], dtype=float).T
         truth = np.array(
             [moving.true_points[still.sample[still.number == k]].mean(axis=0) for k in range(still.count)]
         )
         assert np.sqrt(np.mean(((points - truth) / u) ** 2)) == pytest.approx(1.0, abs=0.35)
+
+    def test_no_row_is_surer_than_the_instrument(self) -> None:
+        """An instrument may repeat to a micrometre what it is wrong by."""
+        found = aligned_of(short(3, rest=2.0, noise_mm=0.0))
+        still = standstills(found)
+        for noise, least in (
+            (Noise("isotropic", 0.07), 0.07),
+            (Noise("tracker", range_mm=0.03, transverse_mm=0.03), 0.03),
+        ):
+            columns = data_set(ROBOT, found, still, ORIGIN, noise).columns
+            u = np.array([columns[f"u_{axis}_mm"] for axis in "xyz"], dtype=float)
+            assert u.min() >= least - 1e-6
+        assert (
+            np.array(data_set(ROBOT, found, still, ORIGIN, FINE).columns["u_x_mm"], dtype=float).min() < 0.01
+        )
 
     def test_samples_that_hang_together_count_less(self) -> None:
         moving = short(3, rest=3.0, noise_mm=0.0)
@@ -258,7 +275,7 @@ class TestDataSet:
         _, found = paper
         still = standstills(found)
         origin = replace(ORIGIN, robot_name="fanuc-lrmate200ic", coupling="fanuc-j23")
-        columns = data_set(robot, found, still, origin).columns
+        columns = data_set(robot, found, still, origin, FINE).columns
         one = np.radians([float(columns[f"j{k}_deg"][3]) for k in range(1, 7)])
         mean = found.joints[still.sample[still.number == 3]].mean(axis=0)
         np.testing.assert_allclose(robot.model_angles(one[None], "fanuc-j23")[0], mean, atol=1e-7)

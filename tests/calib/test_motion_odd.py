@@ -15,6 +15,7 @@ from calib import DataError, load_robot
 from calib.motion import JointStream, PointStream, align, read_joints, read_points
 from calib.motion.arm import Arm
 from calib.motion.solve import Solve
+from tests.calib.machines import machine
 from tests.calib.moving import TOOL, Moving, simulate, write_robot, write_tracker
 
 ROBOT = load_robot("ur5")
@@ -140,3 +141,33 @@ def test_samples_written_twice_count_once(moving: Moving, tmp_path: Path) -> Non
         with pytest.raises(DataError, match="given twice, with other values") as refused:
             read(path)
         assert refused.value.line == 41
+
+
+def test_an_axis_that_the_robot_lacks_is_refused_where_it_moved(moving: Moving, tmp_path: Path) -> None:
+    path = write_robot(tmp_path / "robot.csv", moving)
+    head, *rows = path.read_text("utf-8").splitlines()
+    for name, step, refused in (("e1_mm", 0.1, True), ("e1_mm", 0.0, False), ("j7_deg", 0.0, True)):
+        more = [f"{row},{step * i:.1f}" for i, row in enumerate(rows)]
+        path.write_text("\n".join([f"{head},{name}", *more]) + "\n", "utf-8")
+        if refused:
+            with pytest.raises(DataError, match=f"'{name}' is there, but the robot"):
+                read_joints(path, ROBOT)
+        else:
+            read_joints(path, ROBOT)
+
+
+def test_a_joint_that_follows_others_needs_no_column(tmp_path: Path) -> None:
+    robot = machine("palletizer", tmp_path)
+    counted = np.column_stack([np.linspace(-60.0, 60.0 - 9.0 * k, 30) for k in range(5)])
+    counted[:, 3] = 0.0
+    path = tmp_path / "robot.csv"
+    rows = np.column_stack([0.1 * np.arange(30), counted[:, [0, 1, 2, 4]]])
+    np.savetxt(path, rows, delimiter=",", header="t_s,j1_deg,j2_deg,j3_deg,j5_deg", comments="")
+    read = read_joints(path, robot, "rods")
+    np.testing.assert_allclose(read.joints, robot.model_angles(np.radians(counted), "rods"), atol=1e-9)
+    named = read_joints(
+        path, robot, "rods", "time=t_s[s]," + ",".join(f"j{k}=j{k}_deg[deg]" for k in (1, 2, 3, 5))
+    )
+    np.testing.assert_array_equal(named.joints, read.joints)
+    with pytest.raises(DataError, match="j4"):
+        read_joints(path, robot)

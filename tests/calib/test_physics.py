@@ -13,18 +13,13 @@ import pytest
 
 from calib import Diagnosis, identify, load_robot
 from calib.diagnose import diagnose
-from calib.diagnose.classes import judge
-from calib.diagnose.select import refit
+from calib.diagnose.select import judge, refit
 from calib.effects import Survey, offers
-from calib.effects.elasticity.pedestal import pedestal
-from calib.effects.geometry.parallel_twist import parallel_twist
-from calib.effects.geometry.shift import base_shift
-from calib.effects.transmission.backlash import backlash
-from calib.effects.transmission.lost_motion import lost_motion
-from calib.effects.transmission.periodic import periodic
-from calib.effects.transmission.settling import settling
+from calib.effects.elasticity import pedestal
+from calib.effects.geometry import base_shift, parallel_twist
+from calib.effects.transmission import backlash, lost_motion, periodic, settling
 from calib.scan import Candidate, Scores, Space
-from calib.scan.physics import bounds_of, impossible
+from calib.scan.scores import bounds_of, impossible
 from mocks.world import ArmState, Session, World
 from mocks.world.poses import approach_point
 from tests.benchmarks.diagnosis_sets import load, measured

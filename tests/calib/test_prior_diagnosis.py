@@ -13,12 +13,12 @@ from calib import Dataset, Diagnosis, identify, load_robot
 from calib.arm.robot_hash import robot_hash
 from calib.diagnose import Found as Named
 from calib.diagnose import diagnose
-from calib.diagnose.type_sizes import in_type
+from calib.diagnose.diagnosis import in_type
 from calib.effects import Survey, offers
 from calib.fit.identify import fit_plain
 from calib.fit.of_type import Beside, Found, Share, TypePrior
 from calib.scan import Scores, Space
-from calib.scan.steps import StepScores
+from calib.scan.families import StepScores
 from tests.calib.campaigns import simulate
 
 GROUPS = ("geometry", "parallel_twist", "compliance")

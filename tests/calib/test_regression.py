@@ -331,7 +331,7 @@ def test_one_reflector_on_the_last_axis(small: Dataset) -> None:
         ("one waypoint", "one waypoint"),
         ("two waypoints", "2 waypoints"),
         ("few", "parameters"),
-        ("no points", "no points"),
+        ("no points", "with points, and the regression"),
     ],
 )
 def test_what_cannot_be_compared_is_refused(case: str, says: str, small: Dataset) -> None:

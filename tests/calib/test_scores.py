@@ -15,23 +15,17 @@ from hypothesis import strategies as st
 from calib import Dataset, Identification, identify, load_robot
 from calib.array import Array
 from calib.diagnose import select
-from calib.diagnose.refine import refine
-from calib.diagnose.select import leave_one_out, refit
+from calib.diagnose.select import leave_one_out, refine, refit
 from calib.effects import Survey, offers
-from calib.effects.geometry.shift import tool_shift
-from calib.effects.instrument.drift import drift_rotation
-from calib.effects.thermal.thermal_growth import thermal_growth
-from calib.effects.thermal.warm_up import warm_up
-from calib.effects.transmission.backlash import backlash
-from calib.effects.transmission.periodic import periodic
+from calib.effects.geometry import tool_shift
+from calib.effects.instrument import drift_rotation
+from calib.effects.thermal import thermal_growth, warm_up
+from calib.effects.transmission import backlash, periodic
 from calib.fit.least_squares import Linearisation, solve
 from calib.model import Design, Effect
 from calib.scan import Scores, Space
-from calib.scan.evidence import evidence_of, p_value
-from calib.scan.harmonics import HarmonicScores
-from calib.scan.shapes import ShapeScores
-from calib.scan.steps import StepScores
-from calib.scan.trigsums import TrigSums
+from calib.scan.families import ColumnScores, HarmonicScores, StepScores, TrigSums
+from calib.scan.scores import evidence_of, p_value
 from tests.calib.campaigns import simulate
 
 
@@ -168,7 +162,7 @@ def test_gains_are_what_fitting_with_the_candidate_would_save(
     brute = Brute(fitted)
     scores = library(fitted, brute.space)
     kinds = {type(family) for family in scores.families}
-    assert {HarmonicScores, StepScores, ShapeScores} < kinds
+    assert {HarmonicScores, StepScores, ColumnScores} == kinds
     assert compare(scores, brute) > 90
     assert scores.freedom == 3 * len(fitted.readings.rows) - len(brute.kept)
     best = max((scores.best_of(i) for i in range(len(scores.families))), key=lambda s: s.gain)

@@ -97,9 +97,9 @@ class TestExpectedPoints:
         rows = [dict(row) for row in self.campaign.rows]
         header = {**self.campaign.header, "world": "free"}
         plain = read_dataset(write_files(tmp_path / "1", rows, header))
-        for row in rows:
+        for number, row in enumerate(rows):
             if row["set"] == "validation":
-                row |= {"x_mm": 1e6, "y_mm": -1e6, "z_mm": 3e5}
+                row |= {"x_mm": 1e6 + 10.0 * number, "y_mm": -1e6, "z_mm": 3e5}
         wild = read_dataset(write_files(tmp_path / "2", rows, header))
         np.testing.assert_array_equal(wild.conditions.point, plain.conditions.point)
 

@@ -16,15 +16,23 @@ from calib import identify
 from calib.array import Array
 from calib.convert import Table
 from calib.diagnose import diagnose
-from calib.diagnose.claims import against_own_noise, chance_by_pose
-from calib.diagnose.null import Chance, draws
-from calib.diagnose.places import LENGTHS, SEEN, directions, likely, sight_at_tool
-from calib.diagnose.power import visible
-from calib.diagnose.repeats import p_beyond_repeats
-from calib.diagnose.structure import left_over, log_p_of
+from calib.diagnose.found import visible
+from calib.diagnose.select import against_own_noise, chance_by_pose
+from calib.diagnose.structure import (
+    LENGTHS,
+    SEEN,
+    Chance,
+    directions,
+    draws,
+    left_over,
+    likely,
+    log_p_of,
+    p_beyond_repeats,
+    sight_at_tool,
+)
 from calib.effects import Survey, offers
 from calib.scan import Scores, Space
-from calib.scan.evidence import CLAIM, p_value
+from calib.scan.scores import CLAIM, p_value
 from calib.units import to_internal
 from mocks.world import ArmState, Effect, Session, World
 from mocks.world.arm import Arm

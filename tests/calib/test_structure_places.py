@@ -15,12 +15,9 @@ from scipy import stats
 from calib.array import Array
 from calib.diagnose import diagnosis
 from calib.diagnose.held_blocks import Blocks
-from calib.diagnose.null import draws
-from calib.diagnose.outlying import ACTS_ON, together
-from calib.diagnose.repeats import EACH_POSE, each_pose, p_lack_of_fit
-from calib.diagnose.structure import left_over
+from calib.diagnose.structure import ACTS_ON, EACH_POSE, draws, each_pose, left_over, p_lack_of_fit, together
 from calib.fit.identify import identify
-from calib.scan.space import Space
+from calib.scan.scores import Space
 from mocks.campaign import DEFAULT_FIT, Campaign
 from mocks.world import Session, World, scaled, stream
 from mocks.world.dataset import header_of, row_of

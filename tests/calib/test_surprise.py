@@ -15,10 +15,9 @@ from calib import Dataset, identify, read_dataset
 from calib.array import Array
 from calib.data.visits import moves_before_the_last
 from calib.diagnose import diagnose
-from calib.diagnose.places import BASE, TIME
-from calib.diagnose.structure import left_over
-from calib.diagnose.surprise import surprise_of
-from calib.effects.geometry.shift import tool_shift
+from calib.diagnose.found import surprise_of
+from calib.diagnose.structure import BASE, TIME, left_over
+from calib.effects.geometry import tool_shift
 from calib.scan import Space
 from calib.units import DEG
 from service.results.models.documents import of_diagnosis

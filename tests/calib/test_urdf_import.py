@@ -166,6 +166,96 @@ def test_masses_pull_at_the_joints_as_in_the_urdf(tmp_path: Path) -> None:
     assert statics(found.robot, q).torque[0, 1] == pytest.approx(7.0 * 9.81 * lever, rel=1e-9)
 
 
+def test_masses_on_rigid_side_branches_pull_too(tmp_path: Path) -> None:
+    """The same bodies, once as links of their own beside the chain and once within the links that carry them."""
+
+    def body(link: str, at: str, kg: float) -> str:
+        return f'<link name="{link}"><inertial><origin xyz="{at}"/><mass value="{kg}"/></inertial></link>'
+
+    beside = [
+        joint("weight", "fixed", "link_2", "frame", xyz="-0.2 0 0", rpy=f"0 0 {QUARTER!r}"),
+        joint("disc", "fixed", "frame", "counter", xyz="0 0.1 0"),
+        joint("camera", "fixed", "tool0", "camera", xyz="0 0 0.1"),
+        joint("box", "fixed", "link_0", "box"),
+        joint("finger", "prismatic", "tool0", "finger", more=limit(0.0, 0.02)),
+        joint("nail", "fixed", "finger", "nail"),
+    ]
+    bodies = body("link_2", "0.1 0 0", 4.0) + body("counter", "0 0.05 0", 6.0) + body("camera", "0 0 0", 0.5)
+    bodies += body("box", "0 0 0", 30.0) + body("finger", "0 0 0", 0.2) + body("nail", "0 0 0", 0.1)
+    split = import_urdf(written(tmp_path, urdf(*six(), *beside, links=bodies)), tip="tool0")
+    whole = body("link_2", f"{(4.0 * 0.1 - 6.0 * 0.35) / 10.0!r} 0 0", 10.0) + body("tool0", "0 0 0.1", 0.5)
+    one = import_urdf(written(tmp_path, urdf(*six(), links=whole)))
+    q = np.random.default_rng(2).uniform(-1.5, 1.5, (30, 6))
+    wanted = statics(one.robot, q).torque
+    np.testing.assert_allclose(statics(split.robot, q).torque, wanted, atol=1e-3)  # N mm
+    assert sum(load.mass_kg for load in split.robot.loads) == pytest.approx(10.5)
+    assert any("joint finger carries (0.3 kg)" in remark for remark in split.remarks)
+
+
+ELSEWHERE = {
+    "wheel without limits": [joint("wheel", "revolute", "link_0", "wheel")],
+    "wheel of another type": [joint("wheel", "hinge", "link_0", "wheel")],
+    "gripper in degrees": [joint("finger", "revolute", "tool0", "finger", more=limit(0.0, 90.0))],
+    "gripper without an axis": [joint("f", "prismatic", "tool0", "f", more=limit(0.0, 0.1, "0 0 0"))],
+    "gripper as a ring of rods": [
+        joint("a", "continuous", "tool0", "rod"),
+        joint("b", "continuous", "tool0", "other"),
+        joint("c", "fixed", "other", "rod"),
+    ],
+    "links that carry one another": [joint("a", "fixed", "one", "two"), joint("b", "fixed", "two", "one")],
+    "a mimic of nothing": [joint("m", "revolute", "tool0", "m", more=limit(0.0, 1.0) + '<mimic joint="x"/>')],
+    "a camera in mm": [joint("camera", "fixed", "link_5", "camera", xyz="0 120 0")],
+}
+
+
+@pytest.mark.parametrize("what", ELSEWHERE)
+def test_what_is_beside_the_chosen_chain_does_not_refuse_it(what: str, tmp_path: Path) -> None:
+    found = import_urdf(written(tmp_path, urdf(*six(), *ELSEWHERE[what])), base="link_0", tip="tool0")
+    alone = import_urdf(written(tmp_path, urdf(*six())))
+    assert found.robot == alone.robot
+
+
+@pytest.mark.parametrize(
+    ("what", "tip", "words"),
+    [
+        ("gripper in degrees", "finger", "they are in deg"),
+        ("wheel without limits", "wheel", "has no limits"),
+        ("wheel of another type", "wheel", "has the type 'hinge'"),
+        ("gripper as a ring of rods", "rod", "which a carries too"),
+        ("a camera in mm", "camera", r"written in mm\?"),
+    ],
+)
+def test_the_chosen_chain_is_checked(what: str, tip: str, words: str, tmp_path: Path) -> None:
+    path = written(tmp_path, urdf(*six(), *ELSEWHERE[what]))
+    with pytest.raises(DataError, match=words):
+        import_urdf(path, base="link_0", tip=tip)
+
+
+def test_a_mass_that_cannot_be_placed_refuses_the_chain_that_carries_it(tmp_path: Path) -> None:
+    heavy = '<link name="camera"><inertial><mass value="2"/></inertial></link>'
+    path = written(tmp_path, urdf(*six(), *ELSEWHERE["a camera in mm"], links=heavy))
+    with pytest.raises(DataError, match=r"joint camera': .*written in mm"):
+        import_urdf(path, tip="tool0")
+    assert import_urdf(path, tip="link_4").robot.joints == 4
+
+
+def test_masses_that_are_missing_or_in_other_units_are_named(tmp_path: Path) -> None:
+    def arm(kg: str, at: str) -> str:
+        body = f'<inertial><origin xyz="{at}"/><mass value="{kg}"/></inertial>'
+        return urdf(*six(), links=f'<link name="link_1"/><link name="link_2">{body}</link>')
+
+    remarks = import_urdf(written(tmp_path, arm("7", "0 0 0.1"))).remarks
+    named = [remark.split()[3] for remark in remarks if "has a mass" in remark]
+    assert named == ["joint_1", "joint_3", "joint_4", "joint_5", "joint_6"]
+    assert not any("has a mass" in remark for remark in import_urdf(written(tmp_path, urdf(*six()))).remarks)
+    for kg, at, words in (
+        ("7000", "0 0 0.1", "7000 kg: written in g"),
+        ("7", "0 0 100", "100 m away: written in mm"),
+    ):
+        with pytest.raises(DataError, match=words):
+            import_urdf(written(tmp_path, arm(kg, at)))
+
+
 def test_a_joint_that_follows_another_is_in_a_joint_matrix(tmp_path: Path) -> None:
     joints = six()
     joints[2] = joints[2].replace("</joint>", '<mimic joint="joint_2" multiplier="-1" offset="0.2"/></joint>')

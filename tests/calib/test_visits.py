@@ -19,9 +19,9 @@ from calib import Dataset, Identification, identify, load_robot, read_dataset
 from calib.array import Array
 from calib.data import Conditions
 from calib.data.visits import visits_of, with_visits
-from calib.diagnose.places import along, directions, drivers
+from calib.diagnose.structure import along, directions, drivers
 from calib.effects import Survey, offers
-from calib.effects.geometry.shift import change_points
+from calib.effects.geometry import change_points
 from calib.fit import readings_of
 from calib.fit.identify import fit
 from calib.fit.least_squares import jacobian

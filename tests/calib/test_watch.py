@@ -11,9 +11,11 @@ import pytest
 
 from acquisition.cell.world_frame import from_nests
 from calib import DataError, Dataset, SavedModel, identify, read_dataset
+from calib.arm import Load
 from calib.array import Array
 from calib.data import Noise
 from calib.model import Design
+from calib.model.effect import Effect, Parameter
 from calib.saved import as_saved
 from calib.units import DEG
 from calib.watch import (
@@ -34,6 +36,7 @@ from calib.watch.cause import _fit, fitted
 from calib.watch.frame import frame_covariance
 from calib.watch.judge import odds_of
 from calib.watch.mean import WEIGHT, mean_of
+from calib.watch.odds import Columns
 from mocks.world import ArmState, World
 from mocks.world.poses import approach_point, random_pose
 from tests.benchmarks.coverage import KINDS, Kind, simulate
@@ -317,6 +320,11 @@ def _elsewhere(data: Dataset) -> Dataset:
 
 
 def _heavy(data: Dataset) -> Dataset:
+    loads = (*data.header.loads, Load(data.header.robot.joints, 0.5, (0.0, 0.0, 30.0)))
+    return replace(data, header=replace(data.header, loads=loads))
+
+
+def _other_arm(data: Dataset) -> Dataset:
     loads = tuple(replace(load, mass_kg=load.mass_kg + 0.5) for load in data.header.loads)
     return replace(data, header=replace(data.header, loads=loads))
 
@@ -342,6 +350,7 @@ def _other_serial(data: Dataset) -> Dataset:
         (_warm, "t_air_c", "no law of temperature"),
         (_elsewhere, "nests", "--new-frame"),
         (_heavy, "loads", "kg on the last link"),
+        (_other_arm, "loads", "other masses of link"),
         (_other_tool, "tool_targets", "'T2'"),
         (_given_up, "status", "beam broken"),
         (_other_serial, "device.serial", "robot 12"),
@@ -388,3 +397,17 @@ def test_poses_and_distances_are_judged_as_points_are(kind: Kind) -> None:
     assert verdict.cause is not None
     assert verdict.cause.label == "joint_step:j3"
     assert verdict.cause.size.value == pytest.approx(0.08, abs=1.5 * verdict.cause.size.u)
+
+
+def test_the_evidence_is_the_bayes_factor_of_a_gaussian() -> None:
+    """log N(r; 0, 1 + A S^2 A') - log N(r; 0, 1), its determinant (the term of Occam) included."""
+    rng = np.random.default_rng(7)
+    columns = rng.normal(size=(9, 3)) * [0.3, 1.0, 5.0]
+    parameters = tuple(Parameter(f"made_up.p{k}", "mm", 1.0) for k in range(3))
+    effect = Effect("made_up", "transmission", "robot", "", parameters, ())
+    cause = Columns.of(effect, columns)
+    residual = rng.normal(size=(4, 9))
+    spread = np.eye(9) + columns @ columns.T
+    explained = np.einsum("ij,ij->i", residual, residual - np.linalg.solve(spread, residual.T).T)
+    want = 0.5 * explained - 0.5 * np.linalg.slogdet(spread).logabsdet
+    np.testing.assert_allclose(cause.whole(residual), want, rtol=1e-9)

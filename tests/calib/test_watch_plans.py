@@ -10,7 +10,7 @@ import pytest
 
 from calib import DataError, SavedModel, identify
 from calib.data import Header, Noise
-from calib.effects.thermal.arm_growth import arm_growth
+from calib.effects.thermal import arm_growth
 from calib.model import Design, RobotModel
 from calib.saved import as_saved
 from calib.units import DEG

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from calib import DataError, Dataset, SavedModel, identify
-from calib.effects.instrument.drift import drift_translation
-from calib.effects.thermal.arm_growth import arm_growth
-from calib.effects.thermal.warm_up import warm_up
+from calib.effects.instrument import drift_translation
+from calib.effects.thermal import arm_growth, warm_up
 from calib.model import Design, Effect, RobotModel, effect
 from calib.model.regressors import Constant
 from calib.saved import as_saved

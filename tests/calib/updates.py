@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.effects.thermal.warm_up import warm_up
+from calib.effects.thermal import warm_up
 from calib.fit.identification import Identification
 from calib.saved import SavedModel, save_model, save_update
 from calib.watch import Seen, updated

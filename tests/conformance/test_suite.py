@@ -247,6 +247,11 @@ def test_a_driver_that_takes_its_process_with_it(
 ) -> None:
     installed(tmp_path, name, bench=DYING.format(does=does, name=name))
     monkeypatch.syspath_prepend(tmp_path)
+    own = tmp_path / "own"  # what a user has in the current folder is not executed
+    own.mkdir()
+    (own / "pickle.py").write_text("raise SystemExit('executed')\n", "utf-8")
+    monkeypatch.chdir(own)
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
     if name == "hanging":  # the others end by themselves, on a busy machine too
         monkeypatch.setattr(suite, "LIMIT_S", 3.0)
     findings = suite.tried(name)

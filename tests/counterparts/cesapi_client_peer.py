@@ -2,8 +2,7 @@
 
 Called as `.counterparts/cesapi/bin/python cesapi_client_peer.py PORT X Y Z ...`: sets the tracker up as an operator
 program does, goes to each place (mm), measures there, and prints one JSON line of what it was told for each command.
-Its connection and its packets are used. As published (1.0.0) its module of commands does not compile, and it reads the
-answer to GetSystemStatus from the wrong place, though it writes that packet well: `cesapi_server_peer.py` has that one.
+Its connection and its packets are used.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import time
 from typing import Any
 
 from CESAPI import packet as tpi  # pyright: ignore[reportMissingImports]
-from CESAPI.connection import LTConnection  # pyright: ignore[reportMissingImports]
+from CESAPI.connection import Connection  # pyright: ignore[reportMissingImports]
 
 ANSWER_S = 20.0
 
@@ -23,7 +22,7 @@ class Client:
     """One command at a time over CESAPI's stream of packets."""
 
     def __init__(self, port: int) -> None:
-        self.connection = LTConnection()
+        self.connection = Connection()
         self.stream = self.connection.connect("127.0.0.1", port)
 
     def next(self, kind: int) -> Any:
@@ -85,10 +84,13 @@ def main(port: int, places: list[list[float]]) -> None:
     tell("air", air.dPressure, air.dHumidity)
     tell("ready", client.ask("GetTrackerStatus").trackerStatus)
     found = client.ask("GetReflectors")
-    numbers = [found.iInternalReflectorId]
-    while len(numbers) < found.iTotalReflectors:
-        numbers.append(client.next(tpi.ES_DT_Command).iInternalReflectorId)
-    tell("reflectors", *numbers)
+    known = [found]
+    while len(known) < found.iTotalReflectors:
+        known.append(client.next(tpi.ES_DT_Command))
+    for each in known:
+        name = each.cReflectorName.decode("utf-16-le").split("\0")[0]
+        tell("reflector", each.packetInfo.packetHeader.lPacketSize, each.iInternalReflectorId, name)
+    tell("serial", client.ask("GetSystemStatus").lTrackerSerialNumber)
     for place in places:
         measure(client, place)
     client.connection.disconnect()

@@ -15,7 +15,8 @@ from typing import Any
 from CESAPI.packet import SingleMeasResultT  # pyright: ignore[reportMissingImports]
 from CESAPI.test import LTSimulator  # pyright: ignore[reportMissingImports]
 
-START_MEASUREMENT = 49
+START_MEASUREMENT, GET_REFLECTORS = 49, 42
+REFLECTORS = ((1, "CCR-1.5in"), (7, "TBR-0.5in"))
 TOLD = {
     "trackerStatus": 2,
     "weatherMonitorStatus": 2,
@@ -31,7 +32,7 @@ def plain(block: Any) -> dict[str, Any]:
     """Arguments of a packet, those of its blocks among them."""
     out: dict[str, Any] = {}
     for name, value in vars(block).items():
-        if name == "packetInfo" or "__" in name:
+        if name in ("packet", "packetInfo") or "__" in name:
             continue
         out.update({name: value} if isinstance(value, int | float) else plain(value))
     return out
@@ -66,6 +67,12 @@ def serve(connection: socket.socket) -> None:
         number = command.packetInfo.command
         sys.stdout.write(json.dumps([number, plain(command)]) + "\n")
         sys.stdout.flush()
+        if number == GET_REFLECTORS:  # a packet for each
+            for each, name in REFLECTORS:
+                answer.iTotalReflectors, answer.iInternalReflectorId = len(REFLECTORS), each
+                answer.cReflectorName = name.encode("utf-16-le")
+                connection.sendall(answer.pack())
+            continue
         connection.sendall(fill(answer, TOLD).pack())
         if number == START_MEASUREMENT:
             measured += 1

@@ -30,7 +30,7 @@ def test_its_client_measures_with_the_simulator() -> None:
         said = subprocess.run(peer, capture_output=True, text=True, check=True, timeout=PATIENCE_S).stdout
         reflector = cell.cell.emscon.reflector
     answers = [json.loads(line) for line in said.splitlines()]
-    assert answers[:10] == [
+    assert answers[:13] == [
         ["SetUnits", 0],
         ["Initialize", 0],
         ["SetCoordinateSystemType", 0],
@@ -40,11 +40,14 @@ def test_its_client_measures_with_the_simulator() -> None:
         ["SetReflector", 0],
         ["air", 1013.2, 45.0],
         ["ready", 2],
-        ["reflectors", 1, 2, 7],
+        ["reflector", 100, 1, "CCR-1.5in"],
+        ["reflector", 100, 2, "RRR-1.5in"],
+        ["reflector", 100, 7, "TBR-0.5in"],
+        ["serial", 390123],
     ]
     assert reflector == 7
-    assert [answer[1] for answer in answers[10:] if answer[0] in ("go", "start")] == [0] * 2 * len(NAMES)
-    readings = [answer[1:] for answer in answers[10:] if answer[0] == "measured"]
+    assert [answer[1] for answer in answers[13:] if answer[0] in ("go", "start")] == [0] * 2 * len(NAMES)
+    readings = [answer[1:] for answer in answers[13:] if answer[0] == "measured"]
     assert len(readings) == len(NAMES)
     for (status, mode, point, std, air), true in zip(readings, truth, strict=True):
         assert (status, mode) == (0, 0)
@@ -57,7 +60,8 @@ def test_our_driver_is_understood_by_its_packets() -> None:
     peer = [str(CESAPI.python), str(HERE / "cesapi_server_peer.py")]
     with subprocess.Popen(peer, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
-        tracker = EmsconTracker(f"tcp://127.0.0.1:{int(server.stdout.readline())}", search_radius_mm=25.0)
+        url = f"tcp://127.0.0.1:{int(server.stdout.readline())}"
+        tracker = EmsconTracker(url, search_radius_mm=25.0, reflector="TBR-0.5in")
         tracker.connect()
         identity = tracker.identify()
         tracker.arm()
@@ -82,6 +86,8 @@ def test_our_driver_is_understood_by_its_packets() -> None:
         [5, units],
         [24, {"measMode": 0}],
         [26, {"coordSysType": 0}],
+        [40, {"iInternalReflectorId": 7}],
+        [42, {}],
         [28, {"lMeasTime": 800, "bUseADM": 1}],
         [43, {"dSearchRadius": 25.0, "lTimeOut": 7500}],
         *([55, {"dVal1": float(k), "dVal2": 2.5, "dVal3": -3.25, "bUseADM": 1}] for k in range(3)),

@@ -171,7 +171,7 @@ def test_data_sets(asked: dict[str, Asked], monkeypatch: pytest.MonkeyPatch, tmp
 
 def test_maps(asked: dict[str, Asked], tmp_path: Path) -> None:
     columns = "".join(f'{axis} = "{axis}[mm]"\n' for axis in "xyz")
-    text = f"[[file]]\n[file.columns]\n{columns}[file.targets.T1]\n{columns}"
+    text = f"[[file]]\n[file.columns]\n{columns}[file.targets.T1]\n{columns}[header.holdout]\n"
     (tmp_path / "map.toml").write_text(f'format = "truepose-map/1"\n{text}[match]\nby = "name"\n', "utf-8")
     read_map(tmp_path / "map.toml")
     read = asked["truepose-map/1"]

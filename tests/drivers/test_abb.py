@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from drivers import AbbArm, AbbDeadlines, EmergencyStop, LinkTimeout, ProtectiveStop
+from drivers import (
+    AbbArm,
+    AbbDeadlines,
+    CommandRefused,
+    EmergencyStop,
+    LinkTimeout,
+    ProtectiveStop,
+    WrongMode,
+)
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from tests.drivers.waiting import PATIENCE_S, under_way, until
@@ -17,6 +27,15 @@ FAR = (90.0, 60.0, 30.0, 40.0, 50.0, 60.0)
 FAST = CellFile(time_scale=10_000.0, effects=("none",))
 ROBOT, DEVICES = "abb-irb120", ("abb", "faro")
 HASTY = AbbDeadlines(ping_s=0.4, move_margin_s=0.3, move_factor=0.01)
+
+
+RAPID = Path(__file__).parents[2] / "drivers" / "abb" / "robot_side"
+
+
+def module(name: str) -> str:
+    """A module for the controller without its comments."""
+    lines = (RAPID / name).read_text(encoding="ascii").splitlines()
+    return "\n".join(line.split("!")[0].rstrip() for line in lines)
 
 
 def connected(cell: CellThread, **options: Any) -> AbbArm:
@@ -123,3 +142,67 @@ def test_stock_reads_back_rounded_and_moves_exactly(stock: CellThread) -> None:
     assert reached.joints_deg[0] == 10.12
     assert stock.do("state")["joints_deg"][0] == 10.1234
     arm.disconnect()
+
+
+def test_a_first_trial_moves_at_reduced_speed(fast: CellThread) -> None:
+    """In manual mode at reduced speed the robot moves while the enabling device holds the motors on."""
+    fast.do("mode", mode="manual")
+    arm = connected(fast, speed_mm_s=500.0, speed_deg_s=20.0)
+    arm.arm()
+    assert fast.cell is not None
+    assert fast.cell.abb.speed == [250.0, 10.0]
+    assert arm.move_to((1.0, 2.0, 3.0, 4.0, 5.0, 6.0)).joints_deg == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    fast.do("mode", mode="auto")
+    arm.arm()
+    assert fast.cell.abb.speed == [500.0, 20.0]
+    fast.do("mode", mode="manual_full")
+    with pytest.raises(WrongMode):
+        arm.move_to(FAR)
+    with pytest.raises(WrongMode, match="manual"):
+        arm.arm()
+    fast.do("mode", mode="manual")
+    fast.do("motors", on=False)
+    with pytest.raises(WrongMode) as caught:
+        arm.arm()
+    assert "enabling device" in caught.value.what_to_do
+    arm.disconnect()
+
+
+def test_a_controller_that_does_not_tell_its_limits_moves_nothing(fast: CellThread) -> None:
+    arm = connected(fast)
+    arm.arm()
+    assert fast.cell is not None
+    moves = fast.cell.arm.moves
+    fast.cell.abb.limits_told = False
+    with pytest.raises(CommandRefused, match="joint limits"):
+        arm.move_to(FAR)
+    assert fast.cell.arm.moves == moves
+    arm.disconnect()
+
+
+def test_the_motion_task_stops_and_starts_itself() -> None:
+    """StartMove frees only what StopMove of the same task, with the same switches, stopped."""
+    server, back = module("CALSRV.mod"), module("CALBACK.mod")
+    assert "StopMove" not in back
+    assert "StartMove" not in back
+    trap = server.split("TRAP aborted")[1].split("ENDTRAP")[0]
+    steps = re.findall(r"(StopMove|ClearPath|StartMove)", trap)
+    assert steps == ["StopMove", "ClearPath", "StartMove"]
+    assert len(re.findall("StopMove|StartMove", server)) == 2
+    assert "AllMotionTasks" not in server
+    halt = back.split("PROC halt")[1].split("ENDPROC")[0]
+    assert re.findall(r"calAbort:=(\w+);", halt) == ["FALSE", "TRUE"]  # a change, whatever it was before
+    main = server.split("PROC main()")[1].split("ENDPROC")[0]
+    assert main.index("calAbort:=FALSE;") < main.index("IPers")
+
+
+def test_the_motion_task_reads_limits_and_moves_in_two_modes() -> None:
+    server = module("CALSRV.mod")
+    assert "CalcRobT" not in server
+    assert set(re.findall(r'"(\w+_joint_bound)"', server)) == {"upper_joint_bound", "lower_joint_bound"}
+    go = server.split("CASE 209:")[1].split("CASE 202:")[0]
+    assert set(re.findall(r"OP_\w+", go)) == {"OP_AUTO", "OP_MAN_PROG"}
+    assert go.index("OP_MAN_PROG") < go.index("move;")
+    kept = server.split("CASE 201:")[1].split("CASE 209:")[0]
+    assert kept.index("limitFault") < kept.index("kept:=")
+    assert "CALBACK`, type SEMISTATIC" in (RAPID / "README.md").read_text(encoding="utf-8")

@@ -110,7 +110,7 @@ def test_what_another_program_left_is_put_in_order(
     shared: CellThread, device: LeicaDevice, caplog: pytest.LogCaptureFixture
 ) -> None:
     """A transformation that scales and a weather that corrects nothing are no errors that a point shows."""
-    shared.do("meddle", settings=[1, 1, 0, 1, 0, 1, 0, 1, 1], scale=1.0005)
+    shared.do("meddle", settings=[1, 1, 1, 1, 0, 1, 0, 1, 1], scale=1.0005)
     tracker = EmsconTracker(shared.url("emscon"))
     tracker.connect()
     tracker.arm()
@@ -118,7 +118,7 @@ def test_what_another_program_left_is_put_in_order(
     assert math.dist(reading.xyz_mm, truth(device, "T1")) < 0.3
     assert shared.cell is not None
     assert shared.cell.emscon.settings == [2, 0, 0, 1, 1, 0, 0, 1, 1]
-    put = "weather correction, transformation, telling of changes, sending of positions"
+    put = "weather correction, transformation, station orientation, telling of changes, sending of positions"
     assert f"set for these readings: {put}" in caplog.text
     shared.do("meddle", settings=[2, 0, 0, 1, 1, 0, 32768, 0, 0], scale=1.0)
     with pytest.raises(ProtocolError, match="settings that do not exist"):
@@ -127,7 +127,19 @@ def test_what_another_program_left_is_put_in_order(
     tracker.disconnect()
 
 
-@pytest.mark.parametrize(("code", "what"), [(7, "reflector"), (16, "transformation"), (8, "system settings")])
+@pytest.mark.parametrize(
+    ("code", "what"),
+    [
+        (6, "units"),
+        (7, "reflector"),
+        (8, "system settings"),
+        (11, "compensation"),
+        (12, "coordinate system"),
+        (15, "station"),
+        (16, "transformation"),
+        (17, "measurement mode"),
+    ],
+)
 def test_settings_changed_between_two_readings(
     shared: CellThread, tracker: EmsconTracker, device: LeicaDevice, code: int, what: str
 ) -> None:

@@ -32,7 +32,15 @@ def test_endpoints(tmp_path: Path, whole_cell: bool, stock: bool) -> None:
     file = tmp_path / "cell.toml"
     file.write_text(CELL, encoding="utf-8")
     chosen = ["cell", str(file)] if whole_cell else ["fanuc", "--time-scale", "10000"]
-    command = [sys.executable, "-W", "error", "-m", "mocks", *chosen, *(["--stock"] if stock else [])]
+    command = [
+        sys.executable,
+        "-W",
+        "error",
+        "-m",
+        "mocks",
+        *chosen,
+        *(["--dialect", "mappdk"] if stock else []),
+    ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         ends: dict[str, dict[str, Any]] = {}

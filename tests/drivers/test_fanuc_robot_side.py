@@ -67,6 +67,44 @@ def test_karel_names_fit_and_blocks_close(path: Path) -> None:
     assert all(len(line) <= 120 for line in path.read_text(encoding="ascii").splitlines())
 
 
+def expanded(path: Path) -> list[str]:
+    """The words that begin a declaration or a routine, in the order in which ktrans reads them, includes resolved."""
+    found = []
+    for line in code(path):
+        if match := re.match(r"%INCLUDE (\w+)", line):
+            ours = path.with_name(f"{match[1]}.kl")
+            found += expanded(ours) if ours.exists() else ["CONST"]  # of the maker: constants and types
+        elif match := re.match(r"(CONST|TYPE|VAR|ROUTINE|BEGIN|END)\b", line):
+            found.append(match[1])
+    return found
+
+
+@pytest.mark.parametrize(
+    "path", [each for each in KAREL if each.stem != "caltext"], ids=lambda path: path.name
+)
+def test_karel_declares_before_its_routines(path: Path) -> None:
+    """Behind the first ROUTINE only routines, with variables of their own, may follow."""
+    words = expanded(path)
+    first = words.index("ROUTINE")
+    assert "VAR" in words[:first]
+    assert set(words[:first]) <= {"CONST", "TYPE", "VAR"}
+    body = words[first:]
+    assert re.fullmatch(r"(ROUTINE (VAR )?BEGIN END )+BEGIN END ", "".join(f"{word} " for word in body))
+
+
+def test_the_first_trial_is_one_that_the_programs_allow() -> None:
+    """`fit` wants the pendant off: what is tried in T1 must not ask it."""
+    readme = (FOLDER / "README.md").read_text(encoding="utf-8")
+    trial = readme.split("First trial")[1].split("| protocol |")[0]
+    in_t1 = trial.split("1. T1")[1].split("2. AUTO")[0]
+    assert re.findall(r"`(\w+)`", in_t1) == ["CALMOVE"]
+    assert "fit" not in (FOLDER / "CALMOVE.LS").read_text(encoding="ascii").lower()
+    assert "pendant_on" in (FOLDER / "caltext.kl").read_text(encoding="ascii").split("ROUTINE fit")[1]
+    rows = [line for line in readme.splitlines() if ".LS`" in line and line.startswith("|")]
+    assert len(rows) == 3
+    assert all("ASCII Upload" in row for row in rows)
+
+
 @pytest.mark.parametrize("path", TP, ids=lambda path: path.name)
 def test_tp_lines_are_counted(path: Path) -> None:
     text = path.read_text(encoding="ascii")

@@ -15,6 +15,7 @@ from drivers import (
     FaroTracker,
     InstrumentDeadlines,
     LinkError,
+    NotReady,
     OutOfRange,
     ProtocolError,
     TargetNotSeen,
@@ -26,6 +27,17 @@ from tests.drivers.expected import MBP_MEASURE, ExpectedDevice
 from tests.drivers.waiting import until
 
 FAST = CellFile(time_scale=10_000.0, effects=("none",))
+
+
+class Wire:
+    """What was sent."""
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+
+    def record(self, device: str, direction: str, data: bytes) -> None:
+        if direction == ">":
+            self.sent.append(data)
 
 
 @pytest.fixture
@@ -127,14 +139,42 @@ def test_unknown_target_and_bad_arguments(tracker: FaroTracker) -> None:
     tracker.measure("T1")
 
 
-def test_heartbeat_keeps_an_idle_connection(cell: CellThread) -> None:
-    tracker = FaroTracker(cell.url("faro"), heartbeat_s=0.01)
+def test_a_measurement_is_waited_for_as_long_as_its_samples_last(cell: CellThread) -> None:
+    wire = Wire()
+    tracker = FaroTracker(cell.url("faro"), heartbeat_s=None, wire=wire, rate_hz=50.0)
     tracker.connect()
     tracker.arm()
-    asked = tracker.session.client._numbers
-    until(lambda: next(asked) > 40)
+    tracker.measure("T1", samples=1000)
+    tracker.disconnect()
+    (asked,) = [each.decode() for each in wire.sent if b"MEASURE" in each]
+    fields = dict(part.split("=", 1) for part in asked.split("*")[0].split() if "=" in part)
+    assert float(fields["timeout"]) >= 1000 / 50.0
+    assert (fields["face"], float(fields["rate"])) == ("1", 50.0)
+    with pytest.raises(ConfigError, match="rate_hz"):
+        FaroTracker("tcp://127.0.0.1:1", rate_hz=0.0)
+
+
+def test_without_weather_it_is_not_armed(cell: CellThread) -> None:
+    assert cell.cell is not None
+    cell.cell.tracker.weather = False
+    tracker = FaroTracker(cell.url("faro"), heartbeat_s=None)
+    tracker.connect()
+    with pytest.raises(NotReady, match="weather"):
+        tracker.arm()
+    tracker.disconnect()
+
+
+def test_heartbeat_keeps_an_idle_connection(cell: CellThread) -> None:
+    """What goes over the wire while nobody asks: signs of life, answered, until it is disconnected."""
+    wire = Wire()
+    tracker = FaroTracker(cell.url("faro"), heartbeat_s=0.01, wire=wire)
+    tracker.connect()
+    tracker.arm()
+    begun = len(wire.sent)
+    until(lambda: sum(b"PING" in each for each in wire.sent[begun:]) > 5)
     tracker.measure("T1")
     tracker.disconnect()
+    assert all(b"PING" in each or b"MEASURE" in each for each in wire.sent[begun:] if b"BYE" not in each)
 
 
 @pytest.mark.parametrize("change", [("kind=TRACKER", "kind=BALLBAR"), ("proto=1", "proto=2")])

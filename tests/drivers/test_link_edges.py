@@ -131,6 +131,7 @@ def test_a_connection_that_is_not_taken_in_time(monkeypatch: pytest.MonkeyPatch)
     with pytest.raises(LinkTimeout, match=r"h:1 did not accept within connect = 0\.25 s") as caught:
         TcpLink(Address("h", 1), "dev").open(connect_s=0.25)
     assert (asked, caught.value.command) == ([(("h", 1), 0.25)], "connect")
+    assert "Check cable" in caught.value.what_to_do  # nothing there says a word
 
 
 def test_requests_that_are_not_taken() -> None:

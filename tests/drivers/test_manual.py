@@ -10,6 +10,7 @@ import pytest
 
 from drivers import CannotStop, Entry, JointLimit, LeftOut, ManualArm, ManualMeter, NoOperator, NotArmed
 from drivers.manual.prediction import ENOUGH
+from drivers.manual.slips import slip_of
 from drivers.manual.typed import Mistyped, rows_of
 
 AXES = ("x", "y", "z")
@@ -199,6 +200,9 @@ def test_several_readings_are_one_with_their_scatter() -> None:
     person = Person("1 2 3\n1 2 30", "1 2 3")
     assert a_meter(person).measure("T1").samples == 1
     assert person.pictures == ["read/T1", "read/T1/again/rows"]
+    person = Person("1 2 3\n1 2 3.03", "1 2 3")  # 15 mm from their mean, on a display in metres
+    assert a_meter(person, "m").measure("T1").samples == 1
+    assert person.pictures == ["read/T1", "read/T1/again/rows"]
 
 
 @pytest.mark.parametrize(("unit", "mm"), [("mm", 1.0), ("m", 1000.0), ("in", 25.4)])
@@ -239,6 +243,28 @@ def test_a_slip_at_the_instrument_is_named_once_enough_is_known(kind: str) -> No
             assert len(person.asked) == 2 or off < 5.0
             named += len(person.asked) == 2 and person.pictures[1].split("/")[3] == kind
     assert named >= 0.9 * (len(near) - ENOUGH)
+
+
+def test_what_no_slip_explains_is_only_said_to_be_far() -> None:
+    person = Person("5.37 2.11 3.29", "1 2 3")
+    a_meter(person, "m").measure("T1", near_mm=(1000.0, 2000.0, 3000.0))
+    assert person.pictures[1] == "read/T1/again/far"
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant", "reason"),
+    [
+        ("123.4 5 6", (128.4, 5.0, 6.0), "digit"),  # and not 127.4, which is within the tolerance as well
+        ("57.2958 28.6479 114.5916", (1.0, 0.5, 2.0), "unit"),
+        ("1 0.5 2", (57.2958, 28.6479, 114.5916), "unit"),
+    ],
+)
+def test_the_nearest_slip_is_named(typed: str, meant: tuple[float, ...], reason: str) -> None:
+    (row,) = rows_of(typed, AXES, "mm")
+    slip = slip_of(row, meant, 1.0)
+    assert slip is not None
+    assert slip.reason == reason
+    assert slip.meant == pytest.approx(meant, abs=1e-3)
 
 
 def test_a_point_elsewhere_is_taken_when_it_is_confirmed() -> None:

@@ -7,11 +7,16 @@ import signal
 import socket
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from drivers import AbbArm, FaroTracker
+from drivers import AbbArm, FanucArm, FaroTracker, Qc20w, UrArm
+from mocks.__main__ import DEVICES, DIALECTS, ROBOTS, speak
+from mocks.cell import CellThread
+from mocks.cell_file import CellFile
 from tests.drivers.waiting import PATIENCE_S
 
 CELL = """
@@ -111,7 +116,7 @@ def test_wrong_cell_file(tmp_path: Path, text: str) -> None:
 
 
 def test_stock_and_seed_and_taken_port() -> None:
-    with run("abb", "--stock", "--seed", "5", "--time-scale", "50") as process:
+    with run("abb", "--dialect", "open_abb", "--seed", "5", "--time-scale", "50") as process:
         assert process.stdout is not None
         end = json.loads(process.stdout.readline())
         assert end["protocol"] == "open_abb"
@@ -121,3 +126,36 @@ def test_stock_and_seed_and_taken_port() -> None:
         assert "truepose mock:" in err
         process.send_signal(signal.SIGTERM)
         process.communicate(timeout=PATIENCE_S)
+
+
+def test_every_simulator_has_dialects() -> None:
+    assert set(DIALECTS) == set(DEVICES)
+
+
+@pytest.mark.parametrize(
+    ("driver", "device", "dialect", "weak", "firmware"),
+    [
+        (AbbArm, "abb", "calsrv", False, ""),
+        (AbbArm, "abb", "open_abb", True, ""),
+        (FanucArm, "fanuc", "mappdk-cal", False, ""),
+        (FanucArm, "fanuc", "mappdk", True, ""),
+        (UrArm, "ur", "polyscope-3.8", True, "3.8"),
+        (UrArm, "ur", "polyscope-3.15", False, "3.15"),
+        (UrArm, "ur", "polyscope-5.11", False, "5.11"),
+        (FaroTracker, "faro", "mbp1", False, ""),
+        (FaroTracker, "faro", "mbp1-plain", True, ""),
+        (partial(Qc20w, nominal_mm=300.0), "qc20w", "mbp1-plain", True, ""),
+    ],
+)
+def test_the_driver_meets_the_dialect(
+    driver: Any, device: str, dialect: str, weak: bool, firmware: str
+) -> None:
+    file = CellFile(robot=ROBOTS.get(device, "abb-irb120"), time_scale=10_000.0, effects=("none",))
+    with CellThread(file, devices=(device,)) as cell:
+        assert cell.cell is not None
+        speak(cell.cell, dialect)
+        met = driver(cell.url(device))
+        met.connect()
+        assert bool(met.weakness) == weak
+        assert met.identify().firmware.startswith(firmware)
+        met.disconnect()

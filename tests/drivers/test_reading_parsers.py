@@ -124,10 +124,22 @@ def test_any_bytes_of_a_bridge(answer: bytes) -> None:
     assert length(answer) is None
 
 
-def test_the_unchanged_answers_are_readings() -> None:
-    def line(fields: Mapping[str, str]) -> bytes:
-        return " ".join(["1 OK", *(f"{k}={v}" for k, v in fields.items())]).encode("ascii")
+def line(fields: Mapping[str, str]) -> bytes:
+    return " ".join(["1 OK", *(f"{k}={v}" for k, v in fields.items())]).encode("ascii")
 
+
+@pytest.mark.parametrize(("age", "good"), [("-0.001", False), ("0.0", True), ("1.0", True), ("1.001", False)])
+def test_a_reading_is_neither_old_nor_from_the_future(age: str, good: bool) -> None:
+    for reading in (
+        point(line({**POINT, "age": age}), FaroTracker(URL, heartbeat_s=None)),
+        point(line({**POINT, "age": age}), LeicaTracker(URL, heartbeat_s=None)),
+        pose(line({**POSE, "age": age})),
+        length(line({**LENGTH, "age": age})),
+    ):
+        assert (reading is not None) == good
+
+
+def test_the_unchanged_answers_are_readings() -> None:
     for reading in (
         point(line(POINT), FaroTracker(URL, heartbeat_s=None)),
         point(line(POINT), LeicaTracker(URL, heartbeat_s=None)),

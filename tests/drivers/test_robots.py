@@ -179,7 +179,7 @@ ESTOP, SUPERVISED = {"what": "estop"}, {"what": "supervise"}
 @pytest.mark.parametrize(
     ("bench", "order", "error"),
     [
-        (BENCHES["abb"], MANUAL, WrongMode),
+        (BENCHES["abb"], MANUAL, EnableLost),
         (BENCHES["abb"], MOTORS_OFF, EnableLost),
         (BENCHES["abb-simple"], MANUAL, WrongMode),
         (BENCHES["abb-simple"], MOTORS_OFF, EnableLost),
@@ -227,7 +227,7 @@ def test_emergency_stop_during_a_move_is_seen_and_never_resumed(bench: Bench, sl
 @pytest.mark.parametrize(
     ("bench", "order", "error"),
     [
-        (BENCHES["abb"], MANUAL, WrongMode),
+        (BENCHES["abb"], {"what": "mode", "mode": "manual_full"}, WrongMode),
         (BENCHES["abb"], MOTORS_OFF, WrongMode),
         (BENCHES["abb-simple"], MANUAL, WrongMode),
         (BENCHES["abb-simple"], MOTORS_OFF, WrongMode),

@@ -119,7 +119,9 @@ class Case:
 
 CASES = [
     # controller in manual mode
-    Case("manual mode", "abb", first("mode", arm, mode="manual"), WrongMode, 3004, "manual", "automatic"),
+    Case(
+        "manual mode", "abb", first("mode", arm, mode="manual_full"), WrongMode, 3004, "manual", "automatic"
+    ),
     Case(
         "manual mode", "abb-simple", first("mode", arm, mode="manual"), WrongMode, 3004, "manual", "automatic"
     ),

@@ -64,7 +64,7 @@ def test_stock_dialect_records_what_was_commanded(tmp_path: Path) -> None:
         campaign_file(tmp_path, calibration=3, validation=1, warm_up_s=0.0, reference_every=0)
     )
     with (
-        simulated_cell(file, "--stock") as simulated,
+        simulated_cell(file, "--dialect", "open_abb") as simulated,
         Run.create(tmp_path / "r", cell, campaign, simulated=True) as run,
     ):
         outcome = run.execute(simulated.devices(cell))

@@ -34,7 +34,7 @@ from acquisition.record.verification import (
     world_of,
 )
 from calib import forward
-from calib.effects.instrument.drift import drift_translation
+from calib.effects.instrument import drift_translation
 from calib.model import RobotModel
 from drivers import JointReading, PointReading
 from tests.end_to_end.simulated import EXAMPLE

@@ -49,7 +49,9 @@ def test_nobody_at_the_address(bench: str) -> None:
     assert caught.value.code == 1002
     assert caught.value.device.startswith(device.name)  # a second connection has a name of its own behind it
     assert "127.0.0.1" in caught.value.message
-    assert "network address" in caught.value.what_to_do
+    assert "start the program that listens there" in caught.value.what_to_do, (
+        "the port is closed, the cable is in order"
+    )
 
 
 @pytest.mark.parametrize(
@@ -119,7 +121,9 @@ def test_every_other_device_on_the_port_is_refused(everything: CellThread, bench
         assert isinstance(error, LinkError | OtherDevice), (endpoint, error)
         assert error.code in (1001, 1002, 1003, 6102)
         assert sentence(error)
-        assert re.search("address|program runs|programs run|model, driver or url", error.what_to_do), endpoint
+        assert re.search(
+            "address|program that listens|program runs|programs run|model, driver or url", error.what_to_do
+        ), endpoint
     makers = {name for name, error in errors.items() if isinstance(error, OtherDevice)}
     assert makers == {"faro": {"leica"}, "leica": {"faro"}}.get(bench, set())
 

@@ -163,7 +163,7 @@ def test_devices_that_are_not_there_and_a_resume_at_another_cell(tmp_path: Path)
             run = start(service, order(tmp_path))
             paused = service.until(f"/runs/{run}", "paused")
             assert 1000 <= paused["error"]["code"] < 2000
-            assert "Check cable" in paused["reason"]
+            assert "start the program that listens there" in paused["reason"]
     cell.write_text(cell.read_text("utf-8").replace("table_z_mm = 20.0", "table_z_mm = 30.0"), "utf-8")
     with served(tmp_path / "record", "--cell", str(cell)) as service:
         service.lease()

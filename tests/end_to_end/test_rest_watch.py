@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib.effects.thermal.warm_up import warm_up
+from calib.effects.thermal import warm_up
 from calib.saved import load_model, save_update
 from calib.saved.model_checks import content_hash
 from tests.end_to_end.test_watch import BUMP, SEED, cell_of

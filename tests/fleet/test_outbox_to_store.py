@@ -66,7 +66,7 @@ def send(outbox: Outbox, proxy: Lossy, clock: Clock, *, at_most: int) -> None:
 
 
 def test_all_there_once_through_a_network_that_loses_and_doubles(tmp_path: Path) -> None:
-    made = [documents.model({"d1": 0.001 * day}, day=day) for day in range(COUNT)]
+    made = [documents.model({"d1": 0.001 * day}, day=day / 10) for day in range(COUNT)]
     url = f"sqlite:///{tmp_path}/plant.sqlite3"
     clock = Clock()
     with lossy(None) as proxy:

@@ -3,15 +3,18 @@ after it was taken away, and a file that tells the tokens."""
 
 from __future__ import annotations
 
+import json
 import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from fastapi.testclient import TestClient
 from httpx2 import Response
 
-from fleet.store import Document, Store
+from fleet.outbox.link import Link
+from fleet.store import Document, RobotKey, Store
 from service import exit_codes
 from service.cli import main
 from service.plant import Senders, Settings, create_plant
@@ -89,6 +92,63 @@ def test_a_token_is_taken_away_without_a_restart(
     ]
 
 
+NAMED = ("--robot", f"{documents.ROBOT.model}:{documents.ROBOT.serial}")
+
+
+@pytest.mark.parametrize("other", [RobotKey("120-4712", "irb120"), RobotKey("120-4711", "ur5")])
+def test_a_token_that_names_robots_writes_about_no_others(
+    client: TestClient, store: Store, make: Make, file: Path, other: RobotKey
+) -> None:
+    seven, eight = make("hall 7", *NAMED), make("hall 8")
+    barred = documents.model({"d1": 2.0}, robot=other, day=3)
+    assert put(client, seven, documents.model({"d1": 1.0})).status_code == 201
+    answer = put(client, seven, barred)
+    assert (answer.status_code, answer.json()["code"]) == (403, 8612)
+    assert other.serial in answer.json()["operator_text"]
+    assert [each.robot for each in store.documents()] == [documents.ROBOT]
+    assert put(client, eight, documents.model({"d1": 3.0}, robot=other, day=1)).status_code == 201
+    allow = ["fleet", "token", "allow", "hall 7", "--robot", f"{other.model}:{other.serial}"]
+    assert main([*allow, "--file", str(file)]) == exit_codes.DONE
+    assert put(client, seven, barred).status_code == 201
+    assert put(client, seven, documents.model({"d1": 4.0}, day=2)).status_code == 201
+
+
+def test_a_robot_that_is_not_named_holds_up_no_other(client: TestClient, make: Make) -> None:
+    """Set aside by the outbox, unlike a wrong token, for which everything waits."""
+    seven = make("hall 7", *NAMED)
+    refused = put(client, seven, documents.model({"d1": 1.0}, robot=RobotKey("a", "ur5")))
+    barred = put(client, {"Authorization": "Bearer x"}, documents.model({"d1": 1.0}))
+    kinds = [meaning(each) for each in (refused, barred)]
+    assert kinds == ["refused", "barred"]
+
+
+def meaning(response: Response) -> str:
+    """What a link of an outbox takes an answer for."""
+    answer = SimpleNamespace(status=response.status_code, reason="", getheader=lambda *_: "")
+    return Link("http://127.0.0.1:1", "t")._meaning(answer, response.content, "0" * 64).kind  # type: ignore[arg-type]
+
+
+def test_a_token_without_names_is_told(make: Make, file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    make("hall 7", *NAMED)
+    make("office", "--role", "viewer")
+    make("hall 8")
+    capsys.readouterr()
+    assert main(["fleet", "token", "list", "--file", str(file)]) == exit_codes.DONE
+    shown = capsys.readouterr()
+    assert NAMED[1] in shown.out
+    assert "'hall 8' may write about any robot" in shown.err
+    assert Senders(TOKENS, file).of_any_robot() == ["hall 8"]
+
+
+def test_a_file_from_before_tokens_named_robots_is_read(client: TestClient, make: Make, file: Path) -> None:
+    seven = make("hall 7")
+    table = json.loads(file.read_text("utf-8"))
+    for each in table["tokens"]:
+        del each["robots"]
+    file.write_text(json.dumps(table), "utf-8")
+    assert put(client, seven, documents.model({"d1": 1.0})).status_code == 201
+
+
 def test_a_viewer_of_its_own_reads_and_writes_nothing(client: TestClient, make: Make) -> None:
     office = make("office", "--role", "viewer")
     assert client.get("/api/v1/robots", headers=office).status_code == 200
@@ -130,6 +190,10 @@ def test_a_file_that_cannot_be_used_lets_nobody_in(
         (["add", "hall 7"], "has a token"),
         (["add", " "], "is no name"),
         (["add", "a\nb"], "is no name"),
+        (["add", "hall 8", "--robot", "irb120"], "TYPE:SERIAL"),
+        (["add", "office", "--role", "viewer", *NAMED], "a viewer reads of all"),
+        (["allow", "hall 7"], "is missing"),
+        (["allow", "hall 9", *NAMED], "Those who have one: hall 7"),
         (["revoke", "hall 9"], "Those who have one: hall 7"),
     ],
 )

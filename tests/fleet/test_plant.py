@@ -149,6 +149,18 @@ def test_what_cannot_be_meant_is_refused_by_key(client: TestClient, other: dict[
     assert answer.json()["what_to_do"]
 
 
+@pytest.mark.parametrize(
+    ("days", "status"), [(-3000.0, 201), (0.0, 201), (0.99, 201), (1.01, 422), (365.0 * 6973, 422)]
+)
+def test_a_document_is_dated_by_the_server_s_clock(lite: Store, days: float, status: int) -> None:
+    """What was measured long ago comes late; what has not been measured yet would be a robot's newest for ever."""
+    with serving(lite, now=lambda: documents.BEGAN) as client:
+        answer = put(client, documents.model({"d1": 0.25}, day=days))
+    assert answer.status_code == status
+    assert len(lite.documents()) == (status == 201)
+    assert status == 201 or "measured_at" in answer.json()["operator_text"]
+
+
 HALF_A_LETTER = documents.model({"d1": 1.0}).content.replace(b'"d1"', rb'"d1\ud800"')
 
 

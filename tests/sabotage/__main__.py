@@ -20,6 +20,7 @@ from tests.sabotage import (
     arms,
     calib,
     drivers,
+    elsewhere,
     fit,
     fleet,
     motion,
@@ -47,6 +48,7 @@ CHANGES: tuple[Change, ...] = (
     *arms.CHANGES,
     *fleet.CHANGES,
     *upkeep.CHANGES,
+    *elsewhere.CHANGES,
 )
 
 

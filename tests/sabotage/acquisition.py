@@ -22,10 +22,10 @@ _PLAN = (
 
 CHANGES = (
     Change(
-        "acquisition/record/schema.py",
-        "  unsealed_attempts = (SELECT coalesce(max(id), 0) FROM attempt),",
-        "  unsealed_attempts = 0,",
-        "a record of an earlier version is refused as damaged",
+        "acquisition/record/database.py",
+        '            self._connection = self._reader = self._connect("rwc" if new else "ro")\n',
+        '            self._connection = self._reader = self._connect("rwc" if new else "rw")\n',
+        "a record that is refused is written to",
         ("tests/museum/test_museum.py",),
     ),
     Change(
@@ -224,8 +224,8 @@ CHANGES = (
     ),
     Change(
         "acquisition/record/seal.py",
-        '        return row["checksum"] == checksum(campaign["id"], table, row)\n',
-        "        return True\n",
+        '    return row["checksum"] == checksum(campaign["id"], table, row)\n',
+        "    return True\n",
         "a reading that was damaged on the disk is exported",
         ("tests/acquisition/test_seal.py",),
     ),
@@ -238,8 +238,8 @@ CHANGES = (
     ),
     Change(
         "acquisition/run/orders/mover.py",
-        "            lock.acquire(timeout=0)\n",
-        "            pass\n",
+        "        lock.bind(address)\n",
+        "        pass\n",
         "two campaigns move one robot",
         ("tests/acquisition/test_mover.py",),
     ),
@@ -382,5 +382,47 @@ CHANGES = (
         "            pass\n        errors = self._errors()",
         "the last samples of a path are lost",
         ("tests/acquisition/test_path_drive.py",),
+    ),
+    Change(
+        "acquisition/run/orders/control.py",
+        "        self._stop.set()\n        self._now.set()\n",
+        "        self._stop.set()\n",
+        "a stop waits until the robot has settled",
+        ("tests/acquisition/test_orders.py",),
+    ),
+    Change(
+        "acquisition/run/orders/lease.py",
+        "        for heard in tuple(self._heard):\n            heard.set()\n",
+        "",
+        "a lease that is shortened lasts as long as before",
+        ("tests/acquisition/test_lease.py",),
+    ),
+    Change(
+        "acquisition/run/orders/lease.py",
+        "            lapsed()\n            yield\n            return\n",
+        "            pass\n",
+        "a lease that has ended lets the first move begin",
+        ("tests/acquisition/test_lease.py",),
+    ),
+    Change(
+        "acquisition/run/prompts/hands.py",
+        "            self._free, self._spanned = True, None",
+        "            self._free = True",
+        "a distance is read although the bar was taken off",
+        ("tests/acquisition/test_ballbar.py",),
+    ),
+    Change(
+        "acquisition/run/prompts/hands.py",
+        "        self._free, self._spanned = False, None\n        answer",
+        "        self._spanned = None\n        answer",
+        "the robot leaves with the bar on it",
+        ("tests/acquisition/test_ballbar.py",),
+    ),
+    Change(
+        "acquisition/run/prompts/hands.py",
+        "        self._seated = self._spanned = None\n",
+        "        self._seated = None\n",
+        "a bar is believed in its place after somebody was at the robot",
+        ("tests/acquisition/test_ballbar.py",),
     ),
 )

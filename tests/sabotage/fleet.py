@@ -11,6 +11,7 @@ _SOURCE = ("tests/fleet/diagnose/test_source.py",)
 _TALLY = ("tests/fleet/diagnose/test_tally.py",)
 _PLANT = ("tests/fleet/test_plant.py",)
 _CROWD = ("tests/fleet/test_plant_crowd.py",)
+_TOKENS = ("tests/fleet/test_own_tokens.py",)
 _LINK = ("tests/fleet/test_link.py",)
 _FOLDER = ("tests/fleet/test_folder.py",)
 
@@ -80,17 +81,45 @@ CHANGES = (
     ),
     Change(
         "service/plant/routes.py",
-        "            async with asyncio.timeout(PIECE_S):",
-        "            async with asyncio.timeout(None):",
+        "                async with asyncio.timeout(PIECE_S):",
+        "                async with asyncio.timeout(None):",
         "fleet server: a cell that falls silent in an upload holds its place for ever",
         _CROWD,
     ),
     Change(
         "service/plant/routes.py",
-        "    if limiter.borrowed_tokens >= limiter.total_tokens:",
-        "    if not limiter:",
+        "    if uploads.total() >= UPLOADS or ",
+        "    if ",
         "fleet server: as many uploads wait as come",
         _CROWD,
+    ),
+    Change(
+        "service/plant/routes.py",
+        " or uploads[sender] >= SHARE:",
+        ":",
+        "fleet server: slow uploads of one cell take the places of all",
+        _CROWD,
+    ),
+    Change(
+        "service/plant/routes.py",
+        "        async with asyncio.timeout(UPLOAD_S):",
+        "        async with asyncio.timeout(None):",
+        "fleet server: an upload that trickles holds its place for ever",
+        _CROWD,
+    ),
+    Change(
+        "service/plant/routes.py",
+        "        if own.robots and robot not in own.robots:",
+        "        if own.robots and robot.serial not in {each.serial for each in own.robots}:",
+        "fleet server: a token writes about a robot of another type with the same serial number",
+        _TOKENS,
+    ),
+    Change(
+        "service/plant/routes.py",
+        "measured_at - now > AHEAD:",
+        "abs(measured_at - now) > AHEAD:",
+        "fleet server: what an outbox has kept for weeks is refused",
+        _PLANT,
     ),
     Change(
         "service/plant/app.py",

@@ -72,7 +72,7 @@ CHANGES = (
         _DIAGNOSIS,
     ),
     Change(
-        "calib/diagnose/type_sizes.py",
+        "calib/diagnose/diagnosis.py",
         "model = centred(fitted.model, beside.prior, wanted)",
         "model = fitted.model",
         "effects that were found do not know the sizes of their type",

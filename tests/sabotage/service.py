@@ -214,4 +214,32 @@ CHANGES = (
         "a loop that was resumed is shown as it rested",
         ("tests/service/test_loop_work.py",),
     ),
+    Change(
+        "service/programs/kuka.py",
+        "int(turn.value) & ~0b111111 | bits",
+        "int(turn.value) | bits",
+        "T of a corrected point keeps the sign of an axis that has changed it: the robot turns the other way round",
+        ("tests/service/test_programs_makers.py",),
+    ),
+    Change(
+        "service/results/judgement/zones.py",
+        "        return np.all((points >= self.low) & (points <= self.high), axis=1)",
+        "        return np.all((points > self.low) & (points <= self.high), axis=1)",
+        "what lies on the lower face of a zone is judged by no zone",
+        ("tests/service/test_acceptance_zones.py",),
+    ),
+    Change(
+        "service/report/scope.py",
+        'names = {1.0: "from below", 0.0: "from above"}',
+        'names = {0.0: "from below", 1.0: "from above"}',
+        "the report exchanges the sides of approach",
+        ("tests/service/test_report.py",),
+    ),
+    Change(
+        "service/report/scope.py",
+        '_span(conditions.time, 1.0 / 3600.0, "h")',
+        '_span(conditions.time, 1.0 / 60.0, "h")',
+        "the report gives minutes as hours",
+        ("tests/service/test_report.py",),
+    ),
 )

@@ -144,10 +144,17 @@ CHANGES = (
         _WARMTH,
     ),
     Change(
-        "calib/effects/instrument/drift.py",
+        "calib/effects/instrument.py",
         "start_s = float(np.min(survey.conditions.time))",
         "start_s = 0.0",
         "an instrument is taken to drift since the robot was cold",
         _WARMTH,
+    ),
+    Change(
+        "calib/watch/odds.py",
+        "        found = 0.5 * (along**2) @ self.shrink - 0.5 * np.sum(np.log1p(self.strengths**2))",
+        "        found = 0.5 * (along**2) @ self.shrink",
+        "without the term of Occam a cause with more parameters always wins",
+        _WATCH,
     ),
 )

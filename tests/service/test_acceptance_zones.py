@@ -32,6 +32,20 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_data(tmp_path_factory.mktemp("zones"), effects=(), n=60)
 
 
+def test_the_faces_of_a_zone_belong_to_it_and_nothing_beyond_does() -> None:
+    low, high = np.array([200.0, -400.0, 0.0]), np.array([500.0, -100.0, 300.0])
+    zone = Zone("table", (200.0, -400.0, 0.0), (500.0, -100.0, 300.0), 0.1, None)
+    middle = 0.5 * (low + high)
+    for axis in range(3):
+        for face, out in ((low, -1e-9), (high, 1e-9)):
+            on = middle.copy()
+            on[axis] = face[axis]
+            beyond = on.copy()
+            beyond[axis] += out
+            assert zone.holds(np.array([on, beyond])).tolist() == [True, False]
+    assert zone.holds(np.array([low, high])).all()
+
+
 @pytest.fixture(scope="module")
 def found(data: Path) -> tuple[Dataset, Identification]:
     dataset = read_dataset(data)

@@ -72,6 +72,32 @@ def test_two_streams_become_a_data_set(
     assert main(["identify", str(tmp_path / "out.csv")]) == 0
 
 
+def test_the_uncertainty_of_the_instrument_is_the_least_of_a_row(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As told, or as the header beside the stream has it; what is assumed is said."""
+    stated, tracker = "The instrument's uncertainty is not stated", tmp_path / "tracker.toml"
+    for name in ("robot.csv", "tracker.csv"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    for options, header, least in (
+        ([], "", 0.05),
+        ([], '[noise]\nkind = "isotropic"\nsigma_mm = 0.2\n', 0.2),
+        ([], '[noise]\nkind = "tracker"\nstation_mm = [0, 0, 0]\nrange_mm = 0.3\ntransverse_mm = 0.3\n', 0.3),
+        (["--sigma", "0.4"], '[noise]\nkind = "isotropic"\nsigma_mm = 0.2\n', 0.4),
+    ):
+        tracker.write_text(header, "utf-8") if header else tracker.unlink(missing_ok=True)
+        found = align(tmp_path, tmp_path / "out.csv", *options)
+        assert any(stated in line for line in found["warnings"]) == (not header)
+        assert np.nanmin(read_dataset(tmp_path / "out.csv").u_point) == pytest.approx(least, abs=0.01)
+    for options, header, message in (
+        (["--sigma", "0"], "", "'--sigma': is 0"),
+        ([], '[noise]\nkind = "per-row"\n', "'noise.kind': is 'per-row'"),
+        ([], '[noise]\nkind = "isotropic"\n', "tracker.toml"),
+    ):
+        tracker.write_text(header, "utf-8")
+        assert message in refused(capsys, tmp_path, tmp_path / "none.csv", *options)
+
+
 def test_a_foreign_recording_is_read_by_a_map(folder: Path, moving: Moving, tmp_path: Path) -> None:
     rows = np.column_stack([moving.robot_time * 1e3, moving.joints])
     header = "Timestamp, axis 1,axis 2,axis 3,axis 4,axis 5,axis 6"

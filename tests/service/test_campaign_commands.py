@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from calib.data.read import read_dataset
+from drivers import FanucArm
 from service.cli import main
 from service.commands.serve import is_loopback
 from service.private import make_secret
@@ -67,6 +68,16 @@ def started(*arguments: str, stdin: int = subprocess.DEVNULL) -> Iterator[subpro
             yield process
         finally:
             process.kill()
+
+
+def test_poses_that_only_judge_are_exported(tmp_path: Path) -> None:
+    arguments, out = files(tmp_path), tmp_path / "out.csv"
+    plan = tmp_path / "campaign.toml"
+    text = plan.read_text("utf-8").replace('"calibration"', '"validation"').replace('select = "random"\n', "")
+    plan.write_text(text, "utf-8")
+    assert main(["campaign", "run", *arguments, "--simulate"]) == 0
+    assert main(["campaign", "export", str(tmp_path / "record"), str(out)]) == 0
+    assert int(read_dataset(out).validation_rows.sum()) == 9
 
 
 def test_run_status_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -137,7 +148,7 @@ def test_a_real_cell_that_does_not_answer_ends_with_4(
         text = text.replace(url, "tcp://127.0.0.1:1")
     (tmp_path / "cell.toml").write_text(text, "utf-8")
     assert main(["campaign", "run", *arguments]) == 4
-    assert "Check cable" in capsys.readouterr().err
+    assert "start the program that listens there" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("times", "state"), [(1, "paused"), (2, "stopped")])
@@ -203,6 +214,24 @@ def test_mock_forwards_lines_and_signals(tmp_path: Path) -> None:
         assert all(end["port"] > 0 for end in ends)
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE_S) == 0
+
+
+def test_mock_speaks_the_dialect_that_is_named() -> None:
+    """A stock Fanuc, as fanucpy moves one, without a cell file; a wrong name lists the right ones."""
+    with started("mock", "fanuc", "--dialect", "mappdk") as process:
+        assert process.stdout is not None
+        ends = {end["device"]: end for end in (json.loads(process.stdout.readline()) for _ in range(5))}
+        assert ends["fanuc-logger"]["protocol"] == "mappdk"
+        arm = FanucArm(f"tcp://127.0.0.1:{ends['fanuc']['port']}")
+        arm.connect()
+        assert arm.weakness  # moves on one request
+        arm.disconnect()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE_S) == 0
+    with started("mock", "ur", "--dialect", "mappdk") as process:
+        _, complaint = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 2
+    assert "polyscope-3.8, polyscope-5.11" in complaint
 
 
 @pytest.mark.parametrize(

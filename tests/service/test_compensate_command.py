@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from service.cli import main
-from tests.service.campaigns import edit_text
+from tests.service.campaigns import edit_text, write_data
 from tests.service.robot_programs import LS, RAPID, TABLE, write
 
 JOINTS = """target_id,j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg
@@ -49,6 +49,17 @@ def test_a_module_is_corrected_and_told(
         assert piece in shown.out
     assert "correcting 6 targets" in shown.err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mod", "out.mod"]
+
+
+def test_a_program_that_is_corrected_already_is_noticed(model: Path, tmp_path: Path) -> None:
+    code, document = document_of(model, write(tmp_path, "a.mod", RAPID))
+    assert (code, any("was written by" in each for each in document["warnings"])) == (0, False)
+    again = tmp_path / "again"
+    again.mkdir()
+    corrected, result = tmp_path / "out.mod", again / "r.json"
+    assert main(["compensate", f"{model}", f"{corrected}", f"{again / 'b.mod'}", "--json", f"{result}"]) == 0
+    warnings = json.loads(result.read_text("utf-8"))["warnings"]
+    assert any("out.mod was written by truepose compensate" in each for each in warnings)
 
 
 def test_the_document(model: Path, tmp_path: Path) -> None:
@@ -197,3 +208,27 @@ def test_a_damaged_model_is_refused(model: Path, tmp_path: Path, capsys: pytest.
     assert code == 2
     assert "is not a model file" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_a_robot_whose_controller_corrects_as_well_is_not_corrected_twice(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data, model = write_data(tmp_path, n=60), tmp_path / "m.json"
+    edit_text(data.with_suffix(".toml"), 'world = "', 'absolute_accuracy = "off"\nworld = "')
+    assert main(["identify", str(data), "--model", str(model)]) == 0
+    table = write(tmp_path, "t.csv", JOINTS)
+    assert json.loads(model.read_text("utf-8"))["holds_for"]["absolute_accuracy"] == "off"
+    capsys.readouterr()
+    code, out = run(model, table, "--conditions", "absolute-accuracy=on")
+    assert code == 2
+    assert "identified with the controller's absolute accuracy off" in capsys.readouterr().err
+    assert not out.exists()
+    assert run(model, table)[0] == 0
+    assert "corrected twice" in capsys.readouterr().err
+    assert run(model, table, "--conditions", "absolute-accuracy=off")[0] == 0
+    assert "corrected twice" not in capsys.readouterr().err
+    assert run(model, table, "--conditions", "absolute-accuracy=perhaps")[0] == 2
+    later = write_data(tmp_path / "later", n=60)
+    edit_text(later.with_suffix(".toml"), 'world = "', 'absolute_accuracy = "on"\nworld = "')
+    assert main(["validate", str(later), "--model", str(model)]) == 2
+    assert "absolute accuracy off" in capsys.readouterr().err

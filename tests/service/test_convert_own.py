@@ -30,17 +30,47 @@ def test_a_file_of_ones_own_becomes_a_data_set_and_its_map_is_kept_and_reused(
     assert main(["convert", *files, "--robot", ROBOT, "--out", str(out), "--sigma", "0.1"]) == 0
     shown = capsys.readouterr().out
     assert "left aside" in shown
-    assert "these fit abb-irb120 to 0.3" in shown
+    assert "these fit abb-irb120 to 0.4" in shown
     assert shown.count("names the columns") == 1, "once, although a proposal and the conversion say it"
     assert (
         main(["convert", *files, "--map", str(tmp_path / "out.map.toml"), "-o", str(again), "--json", "-"])
         == 0
     )
     assert again.read_text("utf-8") == out.read_text("utf-8")
-    assert json.loads(capsys.readouterr().out)["fit"]["miss_mm"] == pytest.approx(0.3, abs=0.05)
+    assert json.loads(capsys.readouterr().out)["fit"]["miss_mm"] == pytest.approx(0.42, abs=0.06)
     data = read_dataset(again)
     assert len(data) == N
     assert data.header.noise.sigma_mm == 0.1
+    assert data.header.holdout == "random"
+    assert data.validation_rows.sum() == 5, "20 % of 24 poses"
+    assert "5 of 24 poses" in " ".join(shown.split())
+
+
+def test_the_hold_out_that_was_chosen_is_kept_in_the_map(tmp_path: Path) -> None:
+    files, out, again = files_of("excel_german", tmp_path), tmp_path / "out.csv", tmp_path / "again.csv"
+    assert main(["convert", *files, "--robot", ROBOT, "--out", str(out), "--holdout", "none"]) == 0
+    assert not read_dataset(out).validation_rows.any()
+    kept = ["convert", *files, "--map", str(tmp_path / "out.map.toml"), "--out", str(again)]
+    assert main(kept) == 0
+    assert not read_dataset(again).validation_rows.any()
+    assert main([*kept, "--holdout", "block", "--share", "0.4"]) == 0
+    assert read_dataset(again).header.holdout == "block"
+    assert read_dataset(again).validation_rows.sum() == pytest.approx(0.4 * N, abs=2)
+
+
+def test_a_map_that_was_changed_is_not_written_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files, out = files_of("excel_german", tmp_path), tmp_path / "out.csv"
+    asked = ["convert", *files, "--robot", ROBOT, "--out", str(out)]
+    assert main(asked) == 0
+    assert main(asked) == 0  # as this command has written it
+    kept = out.with_suffix(".map.toml")
+    changed = kept.read_text("utf-8") + "# mine\n"
+    kept.write_text(changed, "utf-8")
+    assert main(asked) == 2
+    assert "out.map.toml" in capsys.readouterr().err
+    assert kept.read_text("utf-8") == changed
 
 
 def test_without_a_terminal_questions_end_with_2_and_stand_in_the_map(

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.errors import DamagedRecord
+from acquisition.errors import DamagedRecord, RecordError
 from acquisition.record.database import FILE
 from acquisition.run.run import Run
 from service.http.runs import dry_runs
@@ -82,6 +82,22 @@ def test_the_rest_goes_on(whole: Files, tmp_path: Path, damage: str) -> None:
             assert listed[name]["done"] == READINGS
         book.get(RUNS[0]).stop(by="anna")
         assert book.document(RUNS[0])["state"] == "stopped"
+
+
+def test_a_record_of_an_older_version_is_listed_and_stays_as_it_is(whole: Files, tmp_path: Path) -> None:
+    record = three_runs(whole, tmp_path / "runs")
+    with closing(sqlite3.connect(record / FILE)) as db:
+        db.execute("PRAGMA user_version = 4")
+    before = (record / FILE).read_bytes()
+    with opened(tmp_path / "runs") as book:
+        listed = {document["id"]: document for document in book.documents()}
+        assert sorted(listed) == sorted(RUNS)
+        assert listed[RUNS[1]]["state"] == "failed"
+        assert "is a record of version 4" in listed[RUNS[1]]["reason"]
+        assert "can be saved" not in listed[RUNS[1]]["reason"]
+        with pytest.raises(RecordError, match="version 4"):
+            book.get(RUNS[1])
+    assert (record / FILE).read_bytes() == before
 
 
 def lose_the_cell(record: Path) -> None:

@@ -15,6 +15,7 @@ from acquisition.examination.clocks import ClockReading, examine_clock, rate_of
 from acquisition.examination.finding import Chart
 from drivers import FaroTracker, Identity, JointReading, RobotArm, RobotStatus
 from mocks.faultproxy import FaultProxy
+from tests.drivers.nobody import nobody_listens
 from tests.service.benches import Bench, bench, faults, level_of
 
 pytestmark = pytest.mark.usefixtures("impatience")
@@ -55,7 +56,8 @@ def test_another_makers_instrument(faro: Bench) -> None:
 @pytest.mark.parametrize(
     ("order", "fields", "wanted", "code"),
     [
-        ("mode", {"mode": "manual"}, {("robot", "mode"): (3004, "WrongMode")}, 4),
+        ("mode", {"mode": "manual_full"}, {("robot", "mode"): (3004, "WrongMode")}, 4),
+        ("mode", {"mode": "manual"}, {}, 0),  # at reduced speed, with the enabling device held
         ("motors", {"on": False}, {("robot", "motors"): (3004, "WrongMode")}, 4),
         ("supervise", {}, {("robot", "link"): (1001, "LinkTimeout")}, 4),
         ("tracker", {"state": "WARMING"}, {("instrument", "state"): (3005, "NotReady")}, 4),
@@ -215,6 +217,45 @@ def test_a_clock_that_stands(faro: Bench) -> None:
             faro.simulators.do("clock_step", by_s=-3600)
 
     assert faults(faro.examine(progress=tell)) == {("instrument", "clock"): (1003, "ProtocolError")}
+
+
+def test_a_closed_port_ends_one_check_and_names_the_menu(tmp_path: Path) -> None:
+    """A UR whose secondary interface is not enabled: who it is cannot be asked, all else can."""
+    with bench("ur5_leica", tmp_path) as ur5, nobody_listens() as closed:
+        url = ur5.simulators.url("ur")
+        ur5.rewrite(url, f"{url}?secondary={closed}")
+        found = ur5.examine()
+    assert faults(found) == {("robot", "identity"): (1002, "LinkLost")}
+    (fault,) = found.faults
+    assert f"127.0.0.1:{closed}" in fault.found
+    assert "port is closed" in fault.found
+    assert "Settings > Security > Services" in fault.do
+    assert "Cable and power are in order" in fault.do
+    for check in ("safety", "motors", "warm_up", "position", "stop", "motion"):
+        assert level_of(found, "robot", check) in ("ok", "note"), check
+
+
+def test_a_robot_whose_main_ports_are_closed_still_tells_who_it_is(tmp_path: Path) -> None:
+    with bench("ur5_leica", tmp_path) as ur5, nobody_listens() as closed:
+        first = ur5.simulators.port("ur")
+        others = f"realtime={closed}&secondary={first - 2}&dashboard={first - 5}"
+        ur5.rewrite(ur5.simulators.url("ur"), f"tcp://127.0.0.1:{closed}?{others}")
+        found = ur5.examine()
+    assert faults(found) == {("robot", "link"): (1002, "LinkLost")}
+    assert level_of(found, "robot", "model") == "ok"
+    assert "Services" in found.faults[0].do
+
+
+def test_rtde_closed_is_named_with_its_menu(tmp_path: Path) -> None:
+    with bench("ur5_leica", tmp_path) as ur5, nobody_listens() as closed:
+        first = ur5.simulators.port("ur")
+        others = f"realtime={first - 1}&secondary={first - 2}&dashboard={first - 5}"
+        ur5.rewrite(ur5.simulators.url("ur"), f"tcp://127.0.0.1:{closed}?{others}")
+        found = ur5.examine()
+    assert found.faults == []
+    wire = next(each for each in found.notes if each.check == "wire")
+    assert "the port of RTDE is closed" in wire.found
+    assert "Services" in wire.found
 
 
 # -- a robot that tells little, or moves ---------------------------------------------------------------------

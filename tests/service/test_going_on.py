@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from concurrent.futures import Future
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -60,3 +62,37 @@ def test_a_run_that_was_resumed_is_shown_when_it_goes_on(
         assert shown["state"] in ("running", "succeeded")
         until(lambda: book.busy_with is None)
         assert book.document(name)["state"] == "succeeded"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="elsewhere an open file cannot be taken away")
+def test_a_run_whose_folder_is_gone_is_found_paused_and_stopped(tmp_path: Path) -> None:
+    """It goes on in memory, and whoever wants to stop it is not told that there is no such run."""
+    cell = a_cell()
+    bench = Bench(cell)
+    told: list[dict[str, Any]] = []
+    with (
+        closing(Workers(1, waiting=0)) as workers,
+        closing(Book(tmp_path / "runs", lambda _: devices_of(bench), workers, simulated=True)) as book,
+    ):
+
+        def take() -> None:
+            (tmp_path / "runs").rename(tmp_path / "aside")
+            name = str(book.busy_with)
+            told.append(book.document(name))
+            book.pause(name, by="anna")
+            assert book.stop(name, by="anna") == []
+
+        bench.faults[9] = take
+        campaign = a_campaign(settle_s=0.0)
+        name = book.start(cell, (campaign, checked_plan(cell, campaign)), "", Lease("anna", 300.0))
+        until(lambda: book.busy_with is None)
+        assert told[0]["state"] == "running"
+        assert bench.calls == 9
+        for document in (book.document(name), *book.documents()):
+            assert document["state"] == "paused"
+            assert f"{name}/record.sqlite3" in document["reason"]
+        book.pause(name, by="anna")
+        assert book.stop(name, by="anna") == []
+        (tmp_path / "aside").rename(tmp_path / "runs")
+        book.stop(name, by="anna")
+        assert book.document(name)["state"] == "stopped"

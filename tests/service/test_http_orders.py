@@ -141,6 +141,23 @@ def test_a_model_is_validated_and_held_to_limits(here: Here) -> None:
     assert "model" in problem(here.client.post("/validations", json=ask), 422)["detail"]
 
 
+def test_rows_that_only_judge_are_taken_and_judge(here: Here) -> None:
+    head, *lines = here.data.read_text("utf-8").splitlines(keepends=True)
+    at = head.split(",").index("set")
+    text = head + "".join(line for line in lines if line.split(",")[at] == "validation")
+    sent = here.client.post(
+        "/datasets", files={"csv": text.encode(), "toml": here.data.with_suffix(".toml").read_bytes()}
+    )
+    own, told = sent.json()["id"], sent.json()
+    assert (told["fit"], told["validation"]) == (0, 25)
+    done = here.done("/validations", dataset_id=own, model_id=here.model)
+    assert done["result"]["judgements"][1]["position_mm"]["n"] == 25
+    page = here.client.get(done["report"].removeprefix("/api/v1"))
+    assert (page.status_code, page.text.startswith("<!doctype html>")) == (200, True)
+    refused = here.done("/identifications", dataset_id=own)
+    assert (refused["state"], "no calibration rows" in refused["problem"]["detail"]) == ("failed", True)
+
+
 def test_jobs_take_limits(here: Here) -> None:
     done = here.done("/identifications", dataset_id=here.dataset, accept_max_mm=1000.0)
     assert done["result"]["acceptance"]["verdict"] == "accepted"

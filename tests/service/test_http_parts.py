@@ -8,20 +8,25 @@ import os
 import threading
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 from fastapi.responses import JSONResponse
+from pydantic import ValidationError
 from starlette.types import Receive, Scope, Send
 
+from acquisition.errors import StorageError
 from calib.text import no_formula
 from drivers.errors import ConfigError
 from service.http.access.gate import Gate
 from service.http.access.roles import Tokens
 from service.http.access.settings import Settings
+from service.http.wire.bodies.asked import TakeLease
 from service.http.wire.problems import Problem, not_found
 from service.http.work.idempotency import JOURNAL, Keys, fingerprint, reply
 from service.names import new_id, safe_id
 from service.plain import finite, utc_text
+from service.refusals import cause
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 
@@ -67,16 +72,39 @@ def test_keys_outlive_the_program_and_work_cut_off_is_never_repeated(tmp_path: P
 def test_a_key_that_cannot_be_written_lets_nobody_wait(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(_: int) -> None:
-        raise OSError(28, "No space left on device")
-
     with closing(Keys(tmp_path)) as keys:
-        monkeypatch.setattr(os, "fsync", full)
+        monkeypatch.setattr(os, "fsync", _no_space)
         with pytest.raises(OSError, match="No space"):
             keys.once("k", "a", _never)
         again = in_thread(lambda: keys.once("k", "a", _never))
-        with pytest.raises(Problem, match="outcome is not known"):
+        with pytest.raises(OSError, match="No space"):
             again.result(PATIENCE_S)
+        monkeypatch.undo()  # there is room again
+        assert keys.once("k", "a", lambda: reply(201, {"id": "made"})).status_code == 201
+
+
+def test_a_disk_that_is_full_within_or_after_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing was made: the key may be used again. All was made: it never is done twice."""
+
+    def full(*_: Any) -> JSONResponse:
+        raise StorageError("record: database or disk is full")
+
+    def made_then_full() -> JSONResponse:
+        monkeypatch.setattr(os, "fsync", _no_space)
+        return reply(201, {"id": "once"})
+
+    with closing(Keys(tmp_path)) as keys:
+        with pytest.raises(StorageError):
+            keys.once("within", "a", full)
+        assert keys.once("within", "a", lambda: reply(201, {})).status_code == 201
+        assert keys.once("after", "a", made_then_full).status_code == 201
+        assert json.loads(bytes(keys.once("after", "a", _never).body)) == {"id": "once"}
+
+
+def _no_space(_: int) -> None:
+    raise OSError(28, "No space left on device")
 
 
 def test_lines_that_come_while_the_disk_is_busy_share_a_sync(
@@ -197,3 +225,24 @@ def test_ids() -> None:
     assert order == list(range(1000))  # by time, to the microsecond
     for name in ("", ".", "..", "a/b", "-a", "a\n", ".hidden", "a" * 65, "a\x00"):
         assert not safe_id(name)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("/home/anna/cell/rec/record.sqlite3: is full", "rec/record.sqlite3: is full"),
+        ("C:\\Users\\anna\\rec\\record.sqlite3: is full", "rec\\record.sqlite3: is full"),
+        ("tcp://192.168.0.1:5000/a/b/c: no answer", "tcp://192.168.0.1:5000/a/b/c: no answer"),
+        ("Ask POST /api/v1/cell/lease for it, 3/4 of it.", "Ask POST /api/v1/cell/lease for it, 3/4 of it."),
+    ],
+)
+def test_refusals_do_not_tell_where_the_service_keeps_its_files(text: str, told: str) -> None:
+    assert cause(StorageError(text)) == told + ("" if told.endswith(".") else ".")
+
+
+@pytest.mark.parametrize("name", ["a\x00b", "a\nb", "a\x1b[2J"])
+def test_names_hold_no_control_characters_and_numbers_are_numbers(name: str) -> None:
+    with pytest.raises(ValidationError, match="control characters"):
+        TakeLease.model_validate({"holder": name, "seconds": 30})
+    with pytest.raises(ValidationError, match="valid number"):
+        TakeLease.model_validate({"holder": "anna", "seconds": "300"})

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import os
 import random
+import resource
 import socket
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -82,11 +84,32 @@ def lasting_port() -> int:
 
 
 @contextmanager
-def served(record: Path, *options: str) -> Iterator[Served]:
-    """`truepose serve --record RECORD ...` until the block ends."""
-    command = [sys.executable, "-m", "service.cli", "serve", "--json", "--record", str(record), *options]
+def served(
+    record: Path, *options: str, files: int | None = None, folder: Path | None = None
+) -> Iterator[Served]:
+    """`truepose serve --record RECORD ...`, in a folder, until the block ends.
+
+    files: how many it may open; then its log goes to `record.log`, beside the record."""
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "service.cli",
+        "serve",
+        "--json",
+        "--record",
+        str(record),
+        *options,
+    ]
     env = os.environ | {"TRUEPOSE_TOKEN": TOKEN, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=env) as process:
+    limited = None if files is None else partial(resource.setrlimit, resource.RLIMIT_NOFILE, (files, files))
+    log = None if files is None else record.with_suffix(".log").open("w")
+    with (
+        log or nullcontext(),
+        subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=log, text=True, env=env, preexec_fn=limited, cwd=folder
+        ) as process,
+    ):
         try:
             assert process.stdout is not None
             hello = json.loads(process.stdout.readline())

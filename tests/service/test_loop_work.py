@@ -149,7 +149,7 @@ def test_what_is_computed_ends_with_the_loop(stage: Stage, how: str) -> None:
 
 
 def test_what_takes_too_long_stands_in_the_document(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "MOST_S", 0.001)
+    monkeypatch.setattr(workers, "MOST_S", 0.2)
 
     def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
         equipment.compute(time.sleep, PATIENCE_S)

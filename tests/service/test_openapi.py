@@ -7,12 +7,15 @@ states, verdicts or events that the program has outgrown; a campaign that the sc
 from __future__ import annotations
 
 import ast
+import asyncio
 import re
+import threading
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
+import httpx2
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
@@ -222,3 +225,27 @@ def test_examples_of_requests_can_be_sent(document: dict[str, Any]) -> None:
         (example,) = document["components"]["schemas"][model.__name__]["examples"]
         model.model_validate(example)
     campaign_of(asked.CAMPAIGN)
+
+
+def test_the_document_is_made_once_and_not_in_the_loop_of_events(tmp_path: Path) -> None:
+    """It takes seconds, for which no stop would be heard."""
+    app = create_app(Settings(tmp_path, Tokens("o", "v")))
+    makers: list[threading.Thread] = []
+    whole = app.openapi
+
+    def noted() -> dict[str, Any]:
+        makers.append(threading.current_thread())
+        return whole()
+
+    app.openapi = noted
+
+    async def ask() -> list[httpx2.Response]:
+        transport = httpx2.ASGITransport(app)
+        async with httpx2.AsyncClient(transport=transport, base_url="http://127.0.0.1") as client:
+            together = await asyncio.gather(*(client.get("/openapi.json") for _ in range(3)))
+            return [*together, await client.get("/openapi.json")]
+
+    answers = asyncio.run(ask())
+    assert [each.json()["info"]["title"] for each in answers] == ["TruePose"] * 4
+    assert len(makers) == 1
+    assert makers[0] is not threading.current_thread()

@@ -22,7 +22,7 @@ from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.browser import Page, browser
 from tests.service.operator_page import ARMED, enter, events, in_a_browser, run_of
 from tests.service.test_http_support import TOKEN, Served, problem, served
-from tests.service.workplace import outlives_another_language
+from tests.service.workplace import outlives_another_view
 
 
 @pytest.fixture(scope="module")
@@ -68,10 +68,24 @@ def test_it_loads_nothing_and_writes_no_markup_from_data() -> None:
     assert addresses == {"http://www.w3.org/2000/svg"}  # a name, which nobody fetches
     for way in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval(", "setHTML"):
         assert way not in everything
-    kept = [name for name in MODULES if "localStorage" in (FOLDER / name).read_text("utf-8")]
-    assert kept == ["words.js"]  # the language; the token never
+    assert "localStorage" not in everything  # the token is forgotten with the window
     assert re.findall(r"\s((?:src|on[a-z]+)=[^\s>]+)", page) == ['src="page/app.js"']
     assert policy_of(page, "n") != policy_of(page.replace("grid", "Grid"), "n")
+
+
+@in_a_browser
+def test_a_browser_that_wants_german_gets_the_page_in_english(service: Served, tmp_path: Path) -> None:
+    with browser(f"{service.url}/", tmp_path / "browser") as page:
+        page.do("Emulation.setLocaleOverride", locale="de_DE")
+        page.do("Network.setExtraHTTPHeaders", headers={"Accept-Language": "de-DE,de;q=0.9"})
+        page.value("localStorage.setItem('truepose-language', 'de')")  # as an older page left it
+        page.do("Page.reload")
+        until(lambda: page.value("document.readyState === 'complete'"))
+        enter(page)
+        assert page.value("document.documentElement.lang") == "en"
+        assert page.text("#stop") == "Stop the robot (Esc)"
+        until(lambda: page.text("nav [aria-current]") == "Cell")
+        assert page.value("document.querySelectorAll('[lang]').length") == 1  # no part is in another one
 
 
 @in_a_browser
@@ -96,7 +110,7 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
         until(lambda: page.value(ARMED))
         page.value("document.querySelector('#reason').focus()")
         page.type("the nest is bent")
-        outlives_another_language(page)
+        outlives_another_view(page)
         page.click("[data-answer=skip]")
         until(lambda: "1 skipped" in page.text("#done"))
         answers = [e["data"] for e in events(service, run) if e["kind"] == "answer"]
@@ -128,7 +142,7 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
         until(lambda: page.text("#state") == "■ stopped")
         assert page.text("#trouble") == ""
         assert page.value("Object.keys(sessionStorage).sort().join()") == "truepose-lease,truepose-token"
-        assert page.value("Object.keys(localStorage).join()") == "truepose-language"
+        assert page.value("localStorage.length") == 0
         violations = [
             each for each in page.told if each["method"] in ("Log.entryAdded", "Runtime.exceptionThrown")
         ]
@@ -197,7 +211,7 @@ def test_an_instrument_that_was_exchanged_is_accepted_with_a_reason(tmp_path: Pa
             )
             of = json.dumps({"error": lost, "reason": f"{stay} {lost['message']}. Check cable."})
             drawn = "document.createElement('p')).append(...m.reasonOf(" + of + ", {robot_driver: 'abb'}))"
-            told = page.value(f"import('/page/sentences.js').then((m) => {{ (window.p = {drawn}; "
+            told = page.value(f"import('/page/desk.js').then((m) => {{ (window.p = {drawn}; "
                               "return [p.querySelector('.urgent').textContent, p.textContent]; })")  # fmt: skip
             assert told == [stay, f"{stay}Robot (abb): device closed the connection. Check cable."]
             page.click("#accept")

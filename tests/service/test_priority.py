@@ -10,6 +10,7 @@ from contextlib import contextmanager
 import pytest
 from fastapi import FastAPI
 
+from service.http.access.roles import Tokens
 from service.http.server import Server, run_server
 from service.http.work.workers import Workers
 from service.worker import PATIENT
@@ -47,7 +48,7 @@ def test_what_is_loaded_when_the_service_begins_is_not_looked_through_for_garbag
     monkeypatch.setattr("sys.setswitchinterval", lambda seconds: None)  # of this process
     monkeypatch.setattr(Server, "run", lambda self, sockets: left.append(len(gc.get_objects())))
     try:
-        run_server(FastAPI(), "127.0.0.1", 0, str)
+        run_server(FastAPI(), "127.0.0.1", 0, Tokens("operator", "viewer"), str)
     finally:
         gc.unfreeze()
     assert left[0] < len(gc.get_objects()) / 10

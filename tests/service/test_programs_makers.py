@@ -164,9 +164,11 @@ def test_another_file_is_refused(tmp_path: Path, name: str, text: str) -> None:
         done(tmp_path, name, text)
 
 
-def test_a_sign_that_changes_is_written_into_turn(tmp_path: Path) -> None:
-    """Axis 4 of a point stands at zero: what is sent may be negative, and T says so; axis 3 is not taken over."""
-    joints = (12.0, -15.0, 20.0, 0.0, 45.0, -60.0)
+@pytest.mark.parametrize(("axis_4", "changes"), [(0.0, False), (-0.01, True)])
+def test_a_sign_that_changes_is_written_into_turn(tmp_path: Path, axis_4: float, changes: bool) -> None:
+    """Axis 4 stands at zero or just below: T says the sign of what is sent, and keeps no bit of before; axis 3 is not
+    taken over."""
+    joints = (12.0, -15.0, 20.0, axis_4, 45.0, -60.0)
     text = f"DEFDAT A\nDECL E6POS P1={{{kuka_pos(joints)}}}\nENDDAT\n"
     known = KnownFrames(named_frames("--tool", ["0,0,0,0,0,0"]), named_frames("--frame", ["0,0,0,0,0,0"]))
     program, saved, made = done(tmp_path, "a.dat", text, known)
@@ -178,4 +180,5 @@ def test_a_sign_that_changes_is_written_into_turn(tmp_path: Path) -> None:
     assert why == [""]
     (turn,) = re.findall(r"T (\d+)\}", made.text)
     assert int(turn) == sum(1 << k for k, q in enumerate(read[0]) if q < 0)
+    assert (turn not in re.findall(r"T (\d+)\}", text)) == changes
     assert program.targets[0].kept == {2, 4}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from acquisition.loop.loop import FollowedUp
 from calib.data.read import read_dataset
 from calib.diagnose.diagnosis import Diagnosis, diagnose
 from calib.effects import check_of
+from calib.units import DEG
 from service import wording
 from service.cli import main
 from service.report import diagnosis_report
@@ -265,6 +267,20 @@ def test_a_wire_without_checksums_is_named(tmp_path: Path) -> None:
     scope = dict(scope_of(read_dataset(data)))
     assert scope["Not protected against damage on the wire"] == "robot: <moves> at once"
     assert len(scope_of(plain)) == len(scope) - 1
+
+
+def test_the_scope_says_from_which_side_and_for_how_long(tmp_path: Path) -> None:
+    data = read_dataset(write_data(tmp_path))
+    sides, time = np.ones_like(data.conditions.side), np.zeros(len(data.conditions.time))
+    time[np.flatnonzero(data.fit_rows)[-1]] = 7200.0
+    noise = replace(data.header.noise, repeatability=DEG / 500.0)
+    header = replace(data.header, noise=noise)
+    scope = dict(
+        scope_of(replace(data, conditions=replace(data.conditions, side=sides, time=time), header=header))
+    )
+    assert scope["Side of approach"] == "; ".join(f"J{k} from below" for k in range(1, 7))
+    assert scope["Time"] == "0.0 to 2.0 h"
+    assert "2 mdeg a joint" in scope["Declared noise (1 sigma)"]
 
 
 def test_the_line_over_time_ends_where_measuring_paused() -> None:

@@ -16,10 +16,10 @@ import pytest
 
 from calib import Dataset, Identification, identify, read_dataset
 from calib.diagnose import ACTS_ON, EACH_POSE, QUICK, SEEN, TOGETHER, Structure, errors_without
-from calib.diagnose.places import drivers
 from calib.diagnose.select import refit
+from calib.diagnose.structure import drivers
 from calib.effects import Survey, offers
-from calib.effects.transmission.gear_orders import BANDS, gear_orders
+from calib.effects.transmission import BANDS, gear_orders
 from calib.fit import statistics_of
 from calib.model import Effect, effect
 from calib.model.regressors import Side
@@ -249,6 +249,22 @@ def test_every_driver_of_structure_has_quantities_to_be_drawn_over(sample: tuple
             continue
         assert quantity is not None, where
         assert quantity.values.shape == (len(drawn.parts[0].rows), len(quantity.labels))
+
+
+def test_places_are_drawn_over_what_they_say(sample: tuple[Dataset, Sample]) -> None:
+    dataset, drawn = sample
+    conditions, header = drawn.parts[0].conditions, dataset.header
+    moved = quantity_of("last move of joint 2", conditions, header)
+    view = quantity_of("direction of view", conditions, header)
+    assert moved is not None
+    assert view is not None
+    assert moved.values[:, 0] == pytest.approx(
+        (conditions.joints[:, 1] - conditions.previous[:, 1]) / DEG, nan_ok=True
+    )
+    x, y, z = (conditions.point - np.array(header.noise.station_mm)).T
+    azimuth, elevation = view.values.T * DEG
+    assert np.tan(elevation) * np.hypot(x, y) == pytest.approx(z)
+    assert np.cos(azimuth) * np.hypot(x, y) == pytest.approx(x)
 
 
 def test_of_all_angles_those_are_drawn_that_tell_most() -> None:

@@ -117,7 +117,7 @@ def test_the_file_of_a_start_is_the_owners_and_goes_with_the_service(tmp_path: P
     try:
         file = tmp_path / "record" / "tokens"
         file.parent.mkdir()
-        file.write_text("of a service that was killed\n", "utf-8")
+        file.write_text("of-a-service\nthat-was-killed\n", "utf-8")
         with tokens_until_the_end(file.parent, None) as first:
             assert mode_of(file) == 0o600
             assert file.read_text("utf-8") == f"{first.operator}\n{first.viewer}\n"
@@ -144,6 +144,8 @@ def test_a_lasting_file_is_made_once_and_read_ever_after(tmp_path: Path) -> None
         ("same", f"{TOKEN}\n{TOKEN}\n", "the same token"),
         ("none", "\n", "not a usable token"),
         ("bytes", "", "not a usable token"),
+        ("short", f"{TOKEN[:15]}\n", "not a usable token"),
+        ("short viewer", f"{TOKEN}\n{VIEWER[:15]}\n", "not a usable token"),
     ):
         make_secret(tmp_path / name, text)
         with pytest.raises(DataError, match=what):

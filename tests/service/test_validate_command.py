@@ -198,6 +198,88 @@ def test_no_validation_rows(cell: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["validate", *words, "--all"]) == 0
 
 
+def test_targets_elsewhere_and_an_accuracy_that_is_known_of_one_side_are_said(
+    cell: Path, tmp_path: Path
+) -> None:
+    model = ("--model", str(cell / "m.json"))
+    folder = copied(cell, tmp_path)
+    edit_text(folder / "data.toml", "T1 = [\n    0.0", "T1 = [\n    1.5")
+    edit_text(folder / "data.toml", 'world = "nominal"', 'world = "nominal"\nabsolute_accuracy = "off"')
+    warnings = validate(folder, tmp_path / "v.json", *model)["warnings"]
+    assert any("T1 lies 1.5 mm from where the model holds it" in text for text in warnings)
+    assert any("unknown for the model and off for these readings" in text for text in warnings)
+    warnings = validate(cell, tmp_path / "own.json", *model)["warnings"]
+    assert not any("lies" in text or "accuracy" in text for text in warnings)
+
+
+def only_to_judge(cell: Path, folder: Path) -> Path:
+    """The data set without its calibration rows, elsewhere."""
+    data = copied(cell, folder) / "data.csv"
+
+    def held(rows: Rows) -> None:
+        rows[:] = [row for row in rows if row["set"] == "validation"]
+
+    edit_rows(data, held)
+    return data
+
+
+def test_validation_rows_alone_judge_a_model(
+    cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = by_name(validate(cell, tmp_path / "own.json", "--model", str(cell / "m.json")))
+    data = only_to_judge(cell, tmp_path)
+    report, picture = tmp_path / "r.html", tmp_path / "p.svg"
+    asked = ("--model", str(cell / "m.json"), "--report", str(report), "--picture", str(picture))
+    document = validate(tmp_path, tmp_path / "v.json", *asked)
+    judged = by_name(document)
+    assert judged["m"]["position_mm"] == pytest.approx(own["m"]["position_mm"], abs=1e-9)
+    nominal = judged["nominal robot, placed"]["position_mm"]
+    assert (
+        judged["m"]["position_mm"]["rms"]
+        < nominal["rms"]
+        < own["nominal robot, placed"]["position_mm"]["rms"]
+    )
+    assert any("placed by the rows that are judged" in text for text in document["warnings"])
+    html, svg = report.read_text("utf-8"), picture.read_text("utf-8")
+    assert json.loads(html.rpartition('id="truepose-result">')[2].partition("</script>")[0]) == document
+    assert json.loads((cell / "m.json").read_text("utf-8"))["content_sha256"] in html
+    assert f"{judged['m']['position_mm']['rms']:.3f}" in html
+    assert "Residual against joint angle" not in html  # that of a fit
+    assert svg.startswith("<svg")
+    assert svg in html
+    placed = by_name(validate(tmp_path, tmp_path / "placed.json", *asked[:2], "--place"))
+    assert placed["m"]["position_mm"]["rms"] < own["m"]["position_mm"]["rms"]
+    both = validate(tmp_path, tmp_path / "two.json", *asked, "--compare", str(cell / "d.json"))
+    assert report.read_text("utf-8").count("d</th>")
+    assert both["comparison"]["models"] == ["m", "d"]
+    capsys.readouterr()
+    for command in ("identify", "diagnose"):
+        assert main([command, str(data)]) == 2
+        shown = capsys.readouterr().err
+        assert "data.csv, key 'set': has no calibration rows" in shown
+        assert "validate" in shown
+    assert "--model" in refused(capsys, str(data))
+
+
+@pytest.mark.parametrize("options", [["--all", "--model", "m.json"], []])
+def test_a_report_shows_what_a_model_was_not_fitted_to(
+    options: list[str], cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = [str(cell / each) if each == "m.json" else each for each in options]
+    drawn = {"--report": tmp_path / "r.html", "--picture": tmp_path / "p.svg"}
+    for option, out in drawn.items():
+        assert option in refused(capsys, str(cell / "data.csv"), *options, option, str(out))
+        assert not out.exists()
+
+
+def test_rows_alone_that_mean_something_else_are_still_refused(
+    cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = only_to_judge(cell, tmp_path)
+    edit_rows(data, lambda rows: [row.update(x_mm=f"{-float(row['x_mm'])}") for row in rows])
+    assert "mirrored" in refused(capsys, str(data), "--model", str(cell / "m.json"))
+
+
 def test_no_pose_is_repeated(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = copied(cell, tmp_path)
 

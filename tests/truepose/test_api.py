@@ -12,6 +12,7 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 
 import truepose
@@ -138,6 +139,19 @@ def test_a_model_goes_to_its_file_and_back(found: truepose.Diagnosis, csv: Path,
         _ = loaded.residuals
 
 
+def test_rows_that_only_judge_judge_a_model(found: truepose.Diagnosis, csv: Path) -> None:
+    data = truepose.read(csv)
+    frame = pandas.read_csv(csv, dtype={"reading_id": str}).set_index("reading_id")
+    held = truepose.read(frame.query("set == 'validation'"), csv.with_suffix(".toml"))
+    judged = truepose.validate(found.model, held)
+    assert len(held) == judged.judgements[1].error.n
+    assert (
+        judged.errors.loc["model", "rms"] == truepose.validate(found.model, data).errors.loc["model", "rms"]
+    )
+    with pytest.raises(truepose.DataError, match="no calibration rows"):
+        truepose.identify(held)
+
+
 def test_corrected_targets_land(found: truepose.Diagnosis) -> None:
     """The calibrated robot at the corrected targets is where the nominal one was to be."""
     done = truepose.compensate(found.model, joints_deg=POSES_DEG)
@@ -147,6 +161,11 @@ def test_corrected_targets_land(found: truepose.Diagnosis) -> None:
     back = truepose.compensate(found.model, joints_deg=done.joints_deg, inverse=True)
     assert back.joints_deg == pytest.approx(np.array(POSES_DEG), abs=1e-6)
     assert list(done.targets["status"]) == ["corrected", "corrected"]
+
+
+def test_limits_are_in_degrees(found: truepose.Diagnosis) -> None:
+    assert truepose.compensate(found.model, joints_deg=POSES_DEG, limits_deg=[[-180.0, 180.0]] * 6).good.all()
+    assert not truepose.compensate(found.model, joints_deg=POSES_DEG, limits_deg=[[-5.0, 5.0]] * 6).good.any()
 
 
 def test_a_data_frame_is_a_data_set(csv: Path) -> None:
@@ -201,6 +220,7 @@ def test_reports_and_pictures(found: truepose.Diagnosis, folder: Path) -> None:
     [
         ({"joints_deg": [[1.0, 2.0]]}, r"joints_deg.*shape \(1, 2\)"),
         ({"joints_deg": [[np.nan] * 6]}, "not finite"),
+        ({"joints_deg": [[np.nan, 1.0, 1.0, 1.0, 1.0, 1.0]]}, "not finite"),
         ({"joints_deg": [["ten"] * 6]}, "no array of numbers"),
         ({"joints_deg": [[1.0] * 6, [1.0] * 5]}, "no array of numbers"),
         ({"joints_deg": POSES_DEG, "temperature_c": 295.0}, r"temperature_c.*is 295\."),

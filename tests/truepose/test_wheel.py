@@ -61,9 +61,10 @@ def test_it_runs_where_there_are_no_sources(wheel: Path, tmp_path: Path) -> None
     scripts = home / ("Scripts" if os.name == "nt" else "bin")
     site = next(home.rglob("site-packages"))
     install = [sys.executable, "-m", "pip", "--python", str(scripts / "python"), "install", "--no-index"]
-    subprocess.run([*install, "--no-deps", "--quiet", str(wheel)], check=True)
-    (site / "others.pth").write_text(sysconfig.get_path("purelib"), "utf-8")
+    # Without the sources in sight: pip would find this version installed there and do nothing.
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    subprocess.run([*install, "--no-deps", "--quiet", str(wheel)], check=True, env=environment, cwd=tmp_path)
+    (site / "others.pth").write_text(sysconfig.get_path("purelib"), "utf-8")
 
     def truepose(*arguments: str) -> str:
         command = [str(scripts / "truepose"), *arguments]

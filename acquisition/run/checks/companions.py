@@ -11,37 +11,47 @@ import math
 from collections.abc import Sequence
 
 from acquisition.record.planned import Planned
+from acquisition.record.readings import readings_of
+from acquisition.record.store import Store
 from calib.array import Array
 
 CHANGED_MM = 1.0  # no tool bends so far, and SMRs of two sizes differ by 3 mm or more
 
 
 class Companions:
-    """The distances seen in one execution."""
+    """The distances of a record, from its first reading on: a pause forgives nothing."""
 
-    def __init__(self) -> None:
+    def __init__(self, store: Store) -> None:
         self._visit: int | None = None
         self._seen: dict[str, Sequence[float] | Array] = {}  # in this visit
         self._apart: dict[frozenset[str], float] = {}
-        self._told: set[frozenset[str]] = set()
+        for reading in readings_of(store):
+            if reading.counts and (at := reading.world or reading.point) is not None:
+                self._off(reading.visit, reading.target, at)
 
     def changed(self, planned: Planned, target: str, at: Sequence[float] | Array) -> str | None:
-        """A sentence, once for each pair, where two targets are not as far apart as when both were measured first.
+        """A sentence where targets are not as far apart as when both were measured first, every time that they are not.
 
         at: (3,) where the target is now, mm, in a frame that is the same for the whole visit.
         """
-        if planned.visit.number != self._visit:
-            self._visit, self._seen = planned.visit.number, {}
+        off = self._off(planned.visit.number, target, at)
+        if not off:
+            return None
+        return (
+            f"{'; '.join(off)}: one of them has moved, or holds another SMR, or the instrument is set to another "
+            "reflector, or the robot moved. Look at them; redo measures the last one again, confirm goes on, "
+            "pause ends here for now."
+        )
+
+    def _off(self, visit: int, target: str, at: Sequence[float] | Array) -> list[str]:
+        if visit != self._visit:
+            self._visit, self._seen = visit, {}
         others = {name: mm for name, mm in self._seen.items() if name != target}
         self._seen[target] = at
+        off = []
         for name, mm in others.items():
-            pair, now = frozenset((name, target)), math.dist(mm, at)
-            before = self._apart.setdefault(pair, now)
-            if abs(now - before) > CHANGED_MM and pair not in self._told:
-                self._told.add(pair)
-                return (
-                    f"{name} and {target} were {before:.2f} mm apart and are {now:.2f} mm now: one of the two "
-                    "has moved, or holds another SMR, or the instrument is set to another reflector. Look at them; "
-                    "redo measures the last one again, confirm goes on."
-                )
-        return None
+            now = math.dist(mm, at)
+            before = self._apart.setdefault(frozenset((name, target)), now)
+            if abs(now - before) > CHANGED_MM:
+                off.append(f"{name} and {target} were {before:.2f} mm apart and are {now:.2f} mm now")
+        return off

@@ -3,12 +3,22 @@
 A robot is locked by where it is (`drivers.endpoint`: however its address is written), before it is connected, and by
 its maker and serial number once it has reported them, before it is armed: two addresses of one controller are one
 robot. A controller that reports no serial number is known by its address alone. Stopping needs neither lock.
+
+On Linux the lock is a name in the kernel (an abstract socket), the same for every user and every service whatever
+folders they see, which ends with its process and which nobody can delete. Elsewhere it is a file in the one folder
+that all users share, and is looked at again before the robot is armed.
 """
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import hashlib
-import tempfile
+import os
+import socket
+import struct
+import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -24,7 +34,7 @@ class Mover:
 
     def __init__(self, url: str) -> None:
         self._url = url
-        self._held: set[str] = set()
+        self._held: dict[str, Callable[[], bool]] = {}  # name -> whether it is still locked
         self._stack = ExitStack()
 
     def __enter__(self) -> Mover:
@@ -36,7 +46,16 @@ class Mover:
         return self
 
     def met(self, who: Identity) -> None:
-        """Lock the robot that answered as well. Raises RobotInUse where another campaign holds it."""
+        """Lock the robot that answered as well, before it is armed.
+
+        Raises RobotInUse where another campaign holds it, and where a lock that was taken is gone.
+        """
+        if not all(still() for still in self._held.values()):
+            raise RobotInUse(
+                f"the lock of the robot at {self._url} was taken away, so another program may move it",
+                device="robot",
+                what_to_do=f"Find out who deletes files in {_FOLDER}, then resume.",
+            )
         if who.serial:
             maker, serial = who.maker.casefold(), who.serial.strip().casefold()
             self._hold(self._stack, f"{maker} {serial}", f"with the serial number {who.serial}")
@@ -46,13 +65,78 @@ class Mover:
         self._stack.close()
 
     def _hold(self, stack: ExitStack, name: str, where: str) -> None:
-        if name in self._held:
-            return
-        digest = hashlib.sha256(name.encode()).hexdigest()[:16]
-        lock = FileLock(Path(tempfile.gettempdir()) / f"truepose-robot-{digest}.lock", thread_local=False)
-        try:
-            lock.acquire(timeout=0)
-        except (Timeout, PermissionError) as error:  # the file of another user cannot even be opened
-            raise RobotInUse(f"another campaign moves the robot {where}", device="robot") from error
+        if name not in self._held:
+            lock = _lock_in_kernel if sys.platform == "linux" else _lock_by_file
+            self._held[name] = lock(stack, hashlib.sha256(name.encode()).hexdigest()[:16], where)
+
+
+def _lock_in_kernel(stack: ExitStack, digest: str, where: str) -> Callable[[], bool]:
+    address = b"\0truepose-robot-" + digest.encode()
+    try:
+        lock = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+        lock.bind(address)
+    except OSError as error:
+        raise _refusal(where, _holder(address) if error.errno == errno.EADDRINUSE else "", error) from error
+    lock.listen(128)  # who asks is told the process
+    return lambda: True
+
+
+def _holder(address: bytes) -> str:
+    """The process that holds a lock, as the system tells it; "" where it does not."""
+    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asks:
+        asks.setblocking(False)
+        asks.connect(address)
+        peer = asks.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+        process, user, _ = struct.unpack("3i", peer)
+        program = Path(f"/proc/{process}/comm").read_text("utf-8").strip()
+        return f"{program}, process {process} of user {user}"
+    return ""
+
+
+def _folder() -> Path:
+    """The folder that every user of this computer shares and may write, whatever their settings."""
+    if os.name == "nt":
+        return Path(os.environ.get("PROGRAMDATA", r"C:\ProgramData")) / "TruePose"
+    return Path("/var/tmp/truepose")
+
+
+_FOLDER = _folder()
+
+
+def _lock_by_file(stack: ExitStack, digest: str, where: str) -> Callable[[], bool]:
+    path = _FOLDER / f"robot-{digest}.lock"
+    try:
+        _FOLDER.mkdir(parents=True, exist_ok=True)
+        with contextlib.suppress(PermissionError):  # of another user, who has opened it to all
+            _FOLDER.chmod(0o1777)
+        lock = FileLock(path, thread_local=False, mode=0o666)
+        lock.acquire(timeout=0)
+        with contextlib.suppress(PermissionError):
+            path.chmod(0o666)
         stack.callback(lock.release)
-        self._held.add(name)
+        locked = path.stat()
+    except Timeout as error:
+        raise _refusal(where, "", None) from error
+    except OSError as error:
+        raise _refusal(where, "", error) from error
+
+    def still() -> bool:
+        try:
+            return os.path.samestat(path.stat(), locked)
+        except OSError:
+            return False
+
+    return still
+
+
+def _refusal(where: str, holder: str, error: OSError | None) -> RobotInUse:
+    if error is not None and error.errno != errno.EADDRINUSE:
+        return RobotInUse(
+            f"the robot {where} cannot be locked, and an unlocked robot is not moved: {error.strerror}",
+            device="robot",
+            what_to_do="Allow Unix sockets (RestrictAddressFamilies=AF_UNIX of the service)."
+            if sys.platform == "linux"
+            else f"Let this user write in {_FOLDER}.",
+        )
+    by = f" ({holder})" if holder else ""
+    return RobotInUse(f"another campaign moves the robot {where}{by}", device="robot")

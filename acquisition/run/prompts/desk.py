@@ -64,13 +64,20 @@ class Desk:
             self._changed.notify_all()
 
     def ask(
-        self, text: str, picture: Picture = WORDS_ALONE, *, redo: bool = False, entry: Entry | None = None
+        self,
+        text: str,
+        picture: Picture = WORDS_ALONE,
+        *,
+        redo: bool = False,
+        pause: bool = False,
+        entry: Entry | None = None,
     ) -> Given:
-        """Wait for a person. `redo`: the last reading may be asked for once more; `entry`: numbers that they type.
+        """Wait for a person. `redo`: the last reading may be asked for once more; `pause`: the run may be paused;
+        `entry`: numbers that they type.
 
         Raises NoOperator, Pausing, Stopping; ABORT is returned like any answer.
         """
-        choices = (*CHOICES, Answer.REDO) if redo else CHOICES
+        choices = (*CHOICES, *[Answer.REDO] * redo, *[Answer.PAUSE] * pause)
         prompt = Prompt(uuid.uuid4().hex[:12], text, choices, picture.name, entry)
         with self._changed:
             self._pending, self._answer, self._failure = prompt, None, None

@@ -1,8 +1,10 @@
 """The size to which a workbook unpacks, counted part by part before anything is built of it.
 
 A few kilobytes may hold gigabytes: text that packs a thousandfold, one cell at the far end of a sheet, a merged range
-over all of it, a formula that every cell shares. A reader that builds cells notices too late. So Expat reads every
-part of the archive that is XML, keeps nothing of it, and refuses document types: no entity is ever declared.
+over all of it, a formula that every cell shares. A reader that builds cells notices too late. So the sizes that the
+archive states are looked at, then Expat reads every part of it that is XML, keeps nothing of it, and refuses document
+types: no entity is ever declared. Expat begins a tag or a comment anew with every piece of it that comes, which takes
+time with the square of its length: none may be longer than `LONGEST_TEXT`.
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ from pathlib import Path
 from xml.parsers import expat
 
 from calib.errors import DataError
+from calib.text.plain_values import LONGEST_TEXT, too_long
+from calib.text.xml_text import longest_of
 
 MOST_UNPACKED = 256 * 1024 * 1024
 MOST_CELLS = 1_000_000
@@ -30,17 +34,29 @@ _CELL = frozenset({"c", "v", "f", "row"})
 UNREADABLE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, OSError, RuntimeError)
 UNREADABLE += (ValueError, IndexError, OverflowError)
 """Errors in which the reading of a damaged, encrypted or oddly packed archive ends."""
-_PIECE = 1 << 20
+_PIECE = 1 << 16
+_MOST_PARTS = 10_000
+_MOST_RATIO, _SMALL = 300, 4 * 1024 * 1024
+"""Sheets pack 10 to 30 times; a part that is small unpacked may pack as well as it likes."""
 
 
 def refuse_bomb(data: bytes, path: Path) -> None:
     """Raise DataError (file) for bytes that are no archive, or one that would become too large."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
-            size = sum(part.file_size for part in packed.infolist())
+            parts = packed.infolist()
+            size = sum(part.file_size for part in parts)
             if size > MOST_UNPACKED:
                 raise _too_large(path, f"is {size / 2**20:.0f} MB unpacked")
-            for part in packed.infolist():
+            if len(parts) > _MOST_PARTS:
+                raise _too_large(path, f"holds {len(parts)} files")
+            for part in parts:
+                if part.file_size > max(_SMALL, _MOST_RATIO * part.compress_size):
+                    raise _too_large(
+                        path,
+                        f"is packed more than {_MOST_RATIO} times: {part.file_size / 2**20:.0f} MB in one part",
+                    )
+            for part in parts:
                 with packed.open(part) as stream:
                     count = _Count(path)
                     while piece := stream.read(_PIECE):
@@ -65,20 +81,28 @@ class _Count:
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
         self._parser.CharacterDataHandler = self._text
+        self._parser.DefaultHandler = self._other
         self._parser.StartDoctypeDeclHandler = self._refuse_document_type
         self._depth = self._cells = self._others = self._area = 0
         self._formula = self._longest = self._sharing = 0
+        self._unread = self._length = 0  # bytes since anything was read to its end; characters of a text
 
     def goes_on(self, piece: bytes) -> bool:
         """Take more of the part; False where it is no XML (any more), which nobody reads beyond that place."""
+        self._unread += len(piece)
         try:
             self._parser.Parse(piece)
         except expat.ExpatError:
             return False
+        if self._unread > LONGEST_TEXT:
+            raise too_long(self._path)
         return True
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         name = tag.rpartition(":")[2]
+        self._unread = self._length = 0
+        if longest_of(tag, attributes) > LONGEST_TEXT:
+            raise too_long(self._path)
         self._depth += 1
         self._cells += name in _CELL
         self._others += name not in _CELL
@@ -93,6 +117,7 @@ class _Count:
                 raise _too_large(self._path, f"merges or links more than {_MOST_MERGED} cells")
 
     def _end(self, tag: str) -> None:
+        self._unread = self._length = 0
         self._depth -= 1
         if tag.rpartition(":")[2] == "f":
             self._longest = max(self._longest, self._formula)
@@ -100,7 +125,16 @@ class _Count:
                 raise _too_large(self._path, "shares a long formula among many cells")
 
     def _text(self, text: str) -> None:
+        self._unread = 0
         self._formula += len(text)
+        self._length += len(text)
+        if self._length > LONGEST_TEXT:
+            raise too_long(self._path)
+
+    def _other(self, text: str) -> None:
+        self._unread = 0
+        if len(text) > LONGEST_TEXT:
+            raise too_long(self._path)
 
     def _refuse_document_type(self, *_: object) -> None:
         raise DataError(

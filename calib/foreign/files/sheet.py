@@ -9,19 +9,22 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from calib.errors import DataError
+from calib.foreign.files.labelled import Labelled, labelled
 from calib.foreign.files.number import is_number
 from calib.text.csv_text import refuse_wide, rows_of, taken
 from calib.text.text_file import decoded, read_bytes
 
 SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "blanks": " "}
 _COMMENT = re.compile(r"\s*(?://+|#+|%+)\s*(?=[^\s;,|])")
+_REMARK = re.compile(r"(?:(?<=[\s;,|])|(?<=\d))//.*$")  # behind the cells, as SpatialAnalyzer writes it
 _BLANKS = re.compile(r'"[^"]*"|\S+')
 _WIDE = re.compile(r"\t+| {2,}")
 MOST_BYTES = 64 * 1024 * 1024
+TAKEN_APART = "cells carry labels or brackets: taken apart"
 _LOOKED_AT = 400  # lines that tell how cells are set apart
 FEWEST_NUMBERS = 3
 """Numbers in a row that make it one of a table."""
@@ -66,15 +69,53 @@ def text_sheet(path: Path, separator: str | None = None) -> Sheet:
     if lines and (match := re.fullmatch(r"sep=(.)", lines[0].strip())):  # a line for Excel
         lines[0] = ""
         separator = next((name for name, mark in SEPARATORS.items() if mark == match[1]), separator)
+    if separator is None and (found := labelled([_REMARK.sub("", line) for line in lines])) is not None:
+        return Sheet(
+            path,
+            "",
+            _of_labels(lines, found, path),
+            "",
+            (*said, TAKEN_APART),
+        )
     best = separator or _separator("\n".join(lines[:_LOOKED_AT]), path)
     return Sheet(path, "", tuple(_rows("\n".join(lines), path, best)), best, said)
 
 
+def taken_apart(sheet: Sheet) -> Sheet:
+    """A sheet of a workbook whose cells carry labels or stand in brackets as one of plain cells; others as they are."""
+    if sheet.spoilt or sheet.groups or not sheet.rows:
+        return sheet
+    lines = [""] * sheet.rows[-1].line
+    for row in sheet.rows:
+        lines[row.line - 1] = ";".join(row.cells)
+    if (found := labelled(lines)) is None:
+        return sheet
+    return replace(sheet, rows=_of_labels(lines, found, sheet.path), said=(*sheet.said, TAKEN_APART))
+
+
+def _of_labels(lines: list[str], found: Labelled, path: Path) -> tuple[Row, ...]:
+    """The rows of a table of labelled lines; others are remarks."""
+    cells = dict(found.rows)
+    first = found.rows[0][0]
+    out = []
+    for i, line in enumerate(lines):
+        if i == first and found.names:
+            out.append(Row(i + 1, found.names))
+        if i in cells:
+            refuse_wide(len(cells[i]), path, i + 1)
+            out.append(Row(i + 1, cells[i]))
+        elif line.strip():
+            out.append(Row(i + 1, tuple(line.split()), comment=True))
+    return tuple(out)
+
+
 def _rows(text: str, path: Path, separator: str) -> list[Row]:
-    """Rows that are not empty; marks of comments are taken off."""
+    """Rows that are not empty; marks of comments are taken off, and remarks behind `//` left out."""
     lines = text.split("\n")
     marks = [_COMMENT.match(line) for line in lines]
-    bare = [line[mark.end() :] if mark else line for line, mark in zip(lines, marks, strict=True)]
+    bare = [
+        line[mark.end() :] if mark else _REMARK.sub("", line) for line, mark in zip(lines, marks, strict=True)
+    ]
     rows: list[tuple[int, list[str]]]
     if separator == "blanks":
         rows = []

@@ -1,4 +1,5 @@
-"""Tables with one coordinate a line, as reports of inspection programs have them: joined to one point a line.
+"""Tables with one coordinate a line, as reports of inspection programs have them: joined to one point a line. So are
+matrices of four lines, the last of which is 0 0 0 1.
 
     Name   Control   Nom       Meas        Dev                 Name  Nom X  Meas X  Dev X  Nom Y ..
     P1     X         100.000   100.0213    0.021       ->      P1    100.0  100.02  0.021  ..
@@ -14,7 +15,7 @@ from dataclasses import replace
 
 from calib.errors import DataError
 from calib.foreign.files.layout import Layout
-from calib.foreign.files.number import is_number
+from calib.foreign.files.number import Notation, is_number, notation_of
 from calib.foreign.files.sheet import Row
 
 _OTHERS = {"d", "dist", "distance", "3d", "diameter", "dxyz", "dl", "dn", "t", "abstand"}
@@ -23,6 +24,8 @@ _OTHERS = {"d", "dist", "distance", "3d", "diameter", "dxyz", "dl", "dn", "t", "
 def joined(layout: Layout) -> Layout:
     """The layout with one point a line; itself where it has no column of axes. Raises DataError for points with
     gaps."""
+    if (whole := _matrices(layout)) is not None:
+        return whole
     axis = next((name for name in layout.names if _axes(layout.cells[name])), None)
     if axis is None:
         return layout
@@ -69,6 +72,24 @@ def joined(layout: Layout) -> Layout:
         dict(zip(layout.names, layout.units, strict=False)).get(n, "") for _ in "XYZ" for n in values
     )
     return replace(layout, names=names, units=units, rows=rows, said=(*layout.said, said))
+
+
+def _matrices(layout: Layout) -> Layout | None:
+    """The layout with one matrix a line, where four lines of four numbers are one each; else None."""
+    rows = layout.rows
+    if layout.header_line is not None or len(layout.names) != 4 or len(rows) % 4 or not rows:
+        return None
+    notation = notation_of(layout.cells.values()) or Notation()
+    last = [tuple(map(notation.number, row.cells)) for row in rows[3::4]]
+    if any(cells != (0.0, 0.0, 0.0, 1.0) for cells in last):
+        return None
+    joined_rows = tuple(
+        Row(rows[i].line, tuple(cell for row in rows[i : i + 4] for cell in row.cells))
+        for i in range(0, len(rows), 4)
+    )
+    names = tuple(f"T{row}{column}" for row in range(1, 5) for column in range(1, 5))
+    said = f"four lines of four numbers are a matrix: joined to {len(joined_rows)} poses"
+    return replace(layout, names=names, units=("",) * 16, rows=joined_rows, said=(*layout.said, said))
 
 
 def _axes(cells: tuple[str, ...]) -> bool:

@@ -27,9 +27,25 @@ from calib.text.toml_text import read_toml
 FORMAT = "truepose-map/1"
 UNDECIDED = "?"
 BY = ("name", "order", "time")
+MATRIX = tuple(f"rot_{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
+"""Quantities of a rotation matrix, row by row."""
 _TEXT = ("id", "pose", "series", "set", "target", "status", "waypoint", "visit")
-_NUMBER = ("time", "t_air", "x", "y", "z", "rot_1", "rot_2", "rot_3", "rot_w", "rot_x", "rot_y", "rot_z")
-_TOGETHER = (("x", "y", "z"), ("rot_1", "rot_2", "rot_3"), ("rot_w", "rot_x", "rot_y", "rot_z"))
+_NUMBER = (
+    "time",
+    "t_air",
+    "x",
+    "y",
+    "z",
+    "rot_1",
+    "rot_2",
+    "rot_3",
+    "rot_w",
+    "rot_x",
+    "rot_y",
+    "rot_z",
+    *MATRIX,
+)
+_TOGETHER = (("x", "y", "z"), ("rot_1", "rot_2", "rot_3"), ("rot_w", "rot_x", "rot_y", "rot_z"), MATRIX)
 _NUMBERED = re.compile(r"(j|e|read|prev|approach)([1-9]\d?)")
 UNITLESS = ("rot_w", "rot_x", "rot_y", "rot_z")
 _FILE = (
@@ -121,6 +137,11 @@ def read_map(path: Path) -> Map:
     header = table.table("header")
     header.table("tool_targets")
     header.table("model").names("fit")
+    holdout = header.table("holdout")
+    holdout.only(("kind", "share", "seed"))
+    holdout.text("kind", "auto", ("auto", "random", "block", "none"))
+    holdout.number("share", 0.2)
+    holdout.whole("seed", 1, low=0)
     files = table.tables("file")
     if not 1 <= len(files) <= 2:
         raise table.refuse(

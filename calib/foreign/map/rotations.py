@@ -21,13 +21,16 @@ NAMED = {
     "roll-pitch-yaw": "xyz",
 }
 VECTOR = "rotation-vector"
-USUAL = ("kuka-abc", "fanuc-wpr", "staubli", "roll-pitch-yaw", VECTOR)
+USUAL = ("kuka-abc", "fanuc-wpr", "staubli", VECTOR)
+"""Conventions that are asked about, each rotation once: `roll-pitch-yaw` is `fanuc-wpr` by another name."""
 _SEQUENCE = re.compile(r"(intrinsic|fixed)-([XYZ])([XYZ])([XYZ])")
 ANGLES_OF = {
     "abc": ("kuka-abc", "the names A, B, C are KUKA's"),
     "wpr": ("fanuc-wpr", "the names W, P, R are Fanuc's"),
 }
-FOR_PEOPLE = (*USUAL, "intrinsic-ZYX (any three axes)", "fixed-XYZ (any three axes)")
+NAME_OF = {("rpy", "fanuc-wpr"): "roll-pitch-yaw"}
+"""Family of angles and convention -> its name for these."""
+FOR_PEOPLE = (*USUAL, "roll-pitch-yaw", "intrinsic-ZYX (any three axes)", "fixed-XYZ (any three axes)")
 
 
 def sequence_of(convention: str) -> str | None:

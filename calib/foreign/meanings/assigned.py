@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calib.array import Array
+from calib.errors import DataError
 from calib.foreign.files.layout import Layout
 from calib.foreign.files.number import Notation
 from calib.foreign.map.map_file import UNDECIDED, FileMap
+from calib.foreign.map.rotations import sequence_of
 
 Answers = Mapping[str, str]
 LEAVE = "leave"
@@ -52,17 +54,30 @@ class Assigned:
     targets: dict[str, dict[str, str]] = field(default_factory=dict)
     rotation: str = ""
     status_ok: tuple[str, ...] = ()
+    at_origin: bool | None = (
+        None  # whether points at exactly 0, 0, 0 were measured there; None without such points
+    )
+    read_back: bool = False  # whether the joints are those that the controller read back
     found: dict[str, Finding] = field(default_factory=dict)
     questions: list[Question] = field(default_factory=list)
     keys: set[str] = field(default_factory=set)  # what may be answered
 
     def ask(self, question: Question) -> str:
-        """The answer to a question, or `?`, and the question is open."""
+        """The answer to a question, or `?`, and the question is open. Raises DataError for an answer that is none."""
         self.keys.add(question.key)
         answer = self.answers.get(question.key)
         if answer is None:
             self.questions.append(question)
             return UNDECIDED
+        if question.choices and answer not in question.choices:
+            if question.key.endswith("rotation") and sequence_of(answer) is not None:
+                return answer  # any convention
+            raise DataError(
+                f"{question.key} = {answer!r} is none of the answers.",
+                do=f"Answer with one of {', '.join(question.choices)}.",
+                file=self.layout.sheet.shown,
+                key=question.key,
+            )
         return answer
 
     def reason(self, key: str) -> str:

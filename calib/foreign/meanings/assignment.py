@@ -9,17 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from calib.arm.robot import load_robot
+from calib.data.plausible import READ_APART, turned_apart
 from calib.foreign.files.layout import Layout
 from calib.foreign.files.number import Notation, notation_of
+from calib.foreign.map.entry import ANGLES, LENGTHS
 from calib.foreign.map.map_file import UNDECIDED
 from calib.foreign.meanings.assigned import Answers, Assigned, Question, Set, occurrence
 from calib.foreign.meanings.names_of_rows import names_of_rows
 from calib.foreign.meanings.orientations import orientations
 from calib.foreign.meanings.units_of_columns import units_of_columns
+from calib.foreign.meanings.unnamed import unnamed
 from calib.foreign.meanings.words import Meaning, Role, meaning_of
+from calib.units import DEG
 
 _Key = tuple[Role, str, str]  # role, family of angles or name of the target, and which of equal names
 _YASKAWA = ("s", "l", "u", "r", "b", "t")
@@ -41,7 +48,9 @@ def assign(
             meanings[plain[letter]] = Meaning("joint", k, "", "slurbt", unit=meanings[plain[letter]].unit)
     _notation(to)
     _copies(to, meanings)
-    _joints(to, meanings)
+    robot = load_robot(to.answers["robot"], Path.cwd()) if to.answers.get("robot") else None
+    unnamed(to, meanings, robot)
+    _joints(to, meanings, () if robot is None else robot.followers(robot.rods))
     _points(to, meanings)
     orientations(to, meanings)
     names_of_rows(to, meanings)
@@ -100,7 +109,7 @@ def _copies(to: Assigned, meanings: dict[str, Meaning]) -> None:
             del meanings[name]
 
 
-def _joints(to: Assigned, meanings: dict[str, Meaning]) -> None:
+def _joints(to: Assigned, meanings: dict[str, Meaning], followers: Sequence[int]) -> None:
     sets: dict[_Key, dict[int, str]] = {}
     for name, meaning in meanings.items():
         if meaning.kind == "joint":
@@ -109,7 +118,8 @@ def _joints(to: Assigned, meanings: dict[str, Meaning]) -> None:
     whole = {}
     for key, by_index in sets.items():
         start = min(by_index)
-        if start > 1 or sorted(by_index) != list(range(start, start + len(by_index))) or len(by_index) < 2:
+        gaps = set(range(start, max(by_index) + 1)) - set(by_index)
+        if start > 1 or not gaps <= {start + k for k in followers} or len(by_index) < 2:
             continue
         whole[key] = tuple(by_index[k] for k in sorted(by_index))
     for key in list(whole):  # q1..q4 beside joints are a quaternion, as is q0..q3 of norm 1
@@ -122,19 +132,65 @@ def _joints(to: Assigned, meanings: dict[str, Meaning]) -> None:
     chosen = _one_of(to, "joints", "Several sets of columns may be the joints as commanded", sets_of_joints)
     if not chosen:
         return
-    unit, why = units_of_columns(to, chosen, meanings, "angles", ("deg", "rad"))
     is_read = chosen in read.values()
-    note = "; what the controller read back, commanded ones are not there" if is_read else ""
-    for k, name in enumerate(chosen, start=1):
-        to.columns[f"j{k}"] = f"{name}[{unit[k - 1]}]"
-        to.take(name, f"joint {k}", unit[k - 1], why[k - 1] + note)
-    beside = [names for names in read.values() if len(names) == len(chosen)]
-    if not is_read and len(beside) == 1:
-        unit, why = units_of_columns(to, beside[0], meanings, "angles", ("deg", "rad"))
-        for k, name in enumerate(beside[0], start=1):
-            to.columns[f"read{k}"] = f"{name}[{unit[k - 1]}]"
-            to.take(name, f"joint {k} as read back", unit[k - 1], why[k - 1])
-    _further(to, meanings, len(chosen))
+    beside = [names for names in read.values() if not is_read and len(names) == len(chosen)]
+    note = _read_back(to, chosen, beside[0] if len(beside) == 1 else None, meanings, is_read=is_read)
+    if to.read_back and not is_read:
+        for name in chosen:
+            to.aside(name, "commanded; those read back are used, as answered")
+        chosen, beside = beside[0], []
+    for names, quantity, said, remark in (
+        (chosen, "j", "", note),
+        *((names, "read", " as read back", "") for names in beside[:1] if len(beside) == 1),
+    ):
+        units, why = units_of_columns(to, names, meanings, "angles", ("deg", "rad"))
+        first = meanings[names[0]].index
+        for name, unit, reason in zip(names, units, why, strict=True):
+            number = meanings[name].index - first + 1
+            to.columns[f"{quantity}{number}"] = f"{name}[{unit}]"
+            to.take(name, f"joint {number}{said}", unit, reason + remark)
+    _further(to, meanings, meanings[chosen[-1]].index - meanings[chosen[0]].index + 1)
+
+
+def _read_back(
+    to: Assigned, chosen: Set, read: Set | None, meanings: dict[str, Meaning], *, is_read: bool
+) -> str:
+    """Ask which joints count where only those read back are there, or where they are not those commanded; a remark on
+    the chosen columns."""
+    key = f"{to.prefix}joints.read"
+    to.keys.add(key)
+    if is_read:
+        text = (
+            f"{chosen[0]} .. {chosen[-1]} look like joints that the controller read back, and no commanded ones are "
+            "there. Read-back joints hold the controller's error of position, which looks like play. Which are they?"
+        )
+    elif read is not None and (largest := _apart_deg(to, chosen, read, meanings)) > READ_APART:
+        text = (
+            f"The joints read back ({read[0]} ..) differ from those commanded ({chosen[0]} ..) by up to {largest:.3g} "
+            "deg. A correction of targets needs the commanded ones; where the robot did not stand where it was sent, "
+            "those read back describe the arm. Which are used?"
+        )
+    else:
+        return ""
+    answer = to.ask(Question(key, text, ("commanded", "read"), "read" if is_read else "commanded"))
+    to.read_back = answer == "read"
+    return "; what the controller read back" if to.read_back else ""
+
+
+def _apart_deg(to: Assigned, commanded: Set, read: Set, meanings: dict[str, Meaning]) -> float:
+    """The largest difference of two sets of joints, deg or mm; 0 where a unit is not known."""
+    shown = []
+    for names in (commanded, read):
+        asked = len(to.questions)
+        units, _ = units_of_columns(to, names, meanings, "angles", ("deg", "rad"))
+        del to.questions[asked:]  # asked when the joints are taken
+        if not all(unit in ANGLES or unit in LENGTHS for unit in units):
+            return 0.0
+        factors = [ANGLES[unit] if unit in ANGLES else LENGTHS[unit] for unit in units]
+        shown.append(to.values(names) * factors)
+    kinds = ["deg" if unit in ANGLES else "mm" for unit in units]
+    apart = turned_apart(shown[1] - shown[0], kinds) / [DEG if kind == "deg" else 1.0 for kind in kinds]
+    return float(np.nanmax(np.abs(apart), initial=0.0))
 
 
 def _further(to: Assigned, meanings: dict[str, Meaning], joints: int) -> None:
@@ -221,6 +277,19 @@ def _points(to: Assigned, meanings: dict[str, Meaning]) -> None:
         _unit_of_points(to, chosen, meanings)
         for axis, name in zip("xyz", chosen, strict=True):
             to.columns[axis] = to.columns.pop(f"{axis}@{name}")
+
+
+def at_zero(to: Assigned) -> NDArray[np.int64]:
+    """The rows that count and have a point at exactly 0, 0, 0."""
+    zero = np.zeros(len(to.layout.rows), dtype=bool)
+    for axes in (to.columns, *to.targets.values()):
+        named = [axes[axis].rpartition("[")[0] for axis in "xyz" if axes.get(axis, UNDECIDED) != UNDECIDED]
+        if len(named) == 3 and all(name in to.layout.cells for name in named):
+            zero |= (to.values(named) == 0.0).all(axis=1)
+    if to.columns.get("status", UNDECIDED) != UNDECIDED:
+        good = {word.lower() for word in to.status_ok} or {""}
+        zero &= np.array([cell.lower() in good for cell in to.layout.cells[to.columns["status"]]])
+    return np.flatnonzero(zero)
 
 
 def _unit_of_points(to: Assigned, names: Sequence[str], meanings: dict[str, Meaning]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -32,6 +33,8 @@ _GOOD = {
 _BAD = {"nok", "invalid", "bad", "ungültig", "0", "false", "no", "nein", "nio", "n.i.o.", "lost", "fail", "failed",
 "error",
         "rejected", "not measured", "fehler"}  # fmt: skip
+_OTHER_DEGREES = re.compile(r"(?:[\[(_\s/°]|deg)(?:f|k|fahrenheit|kelvin)\b", re.IGNORECASE)
+_WARMEST_C = 60.0  # air in which nobody calibrates
 _SETS = {"calibration", "reference", "repeat", "validation"}
 
 
@@ -46,6 +49,12 @@ def names_of_rows(to: Assigned, meanings: Mapping[str, Meaning]) -> None:
         if kind == "time" and "time" not in to.columns:
             _time(to, name, meaning, filled)
         elif kind == "temperature" and "t_air" not in to.columns and np.isfinite(to.values([name])).all():
+            if _OTHER_DEGREES.search(name) or np.max(np.abs(to.values([name]))) > _WARMEST_C:
+                to.aside(
+                    name,
+                    "a temperature that is not in degC as its name or its numbers show: convert it first",
+                )
+                continue
             to.columns["t_air"] = f"{name}[c]"
             to.take(name, "temperature of the air", "c")
         elif (

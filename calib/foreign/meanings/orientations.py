@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from calib.foreign.map.map_file import UNDECIDED
-from calib.foreign.map.rotations import ANGLES_OF, USUAL
+from calib.foreign.map.map_file import MATRIX, UNDECIDED
+from calib.foreign.map.rotations import ANGLES_OF, NAME_OF, USUAL
 from calib.foreign.meanings.assigned import LEAVE, Assigned, Question, Set, occurrence
 from calib.foreign.meanings.units_of_columns import units_of_columns
 from calib.foreign.meanings.words import Meaning
@@ -19,11 +19,12 @@ def orientations(to: Assigned, meanings: dict[str, Meaning]) -> None:
     role = meanings[taken[0]].role
     sets: dict[tuple[str, ...], dict[int, str]] = {}
     for name, meaning in meanings.items():
-        if meaning.kind in ("angle", "quaternion"):
+        if meaning.kind in ("angle", "quaternion", "matrix"):
             sets.setdefault((meaning.kind, meaning.role, meaning.family, occurrence(name)), {}).setdefault(
                 meaning.index, name
             )
-    whole = {key: of for key, of in sets.items() if len(of) == (3 if key[0] == "angle" else 4)}
+    sizes = {"angle": 3, "quaternion": 4, "matrix": 9}
+    whole = {key: of for key, of in sets.items() if len(of) == sizes[key[0]]}
     for key, of in whole.items():
         if key[1] != role:
             for name in of.values():
@@ -38,6 +39,10 @@ def orientations(to: Assigned, meanings: dict[str, Meaning]) -> None:
         names = tuple(of[k] for k in sorted(of))
         if key[0] == "quaternion":
             _quaternion(to, names, key[2])
+        elif key[0] == "matrix":
+            for place, name in zip(MATRIX, names, strict=True):
+                to.columns[place] = name
+                to.take(name, f"matrix {place[-2:]}", "", "its numbers: they are a rotation matrix")
         else:
             _angles(to, names, key[2], meanings)
 
@@ -65,7 +70,8 @@ def _angles(to: Assigned, names: Set, family: str, meanings: Mapping[str, Meanin
     to.keys.add(key)
     if not convention or key in to.answers:
         shown = ", ".join(names)
-        convention = to.ask(Question(key, f"By which convention are {shown} an orientation?", (*USUAL, LEAVE),
+        usual = [NAME_OF.get((family, each), each) for each in USUAL]
+        convention = to.ask(Question(key, f"By which convention are {shown} an orientation?", (*usual, LEAVE),
                                      "roll-pitch-yaw" if family == "rpy" else "", evidence=True))  # fmt: skip
         why = to.reason(key)
     if convention == LEAVE:

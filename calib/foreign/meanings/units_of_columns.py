@@ -39,7 +39,8 @@ def units_of_columns(
     key = f"{to.prefix}unit.{what}"
     to.keys.add(key)
     if key in to.answers:
-        return [to.answers[key]] * len(names), [to.reason(key)] * len(names)
+        unit = to.ask(Question(key, "", choices))
+        return [unit] * len(names), [to.reason(key)] * len(names)
     stated = layout.stated_unit
     if what == "points" and stated and not any(units):
         units, why = (

@@ -15,7 +15,7 @@ from calib.foreign.files.unit_words import LONGEST, split
 
 Kind = Literal[
     "joint", "external", "point", "angle", "quaternion", "id", "target", "time", "temperature", "status", "set",
-    "series", "waypoint", "visit", "spread", "deviation", "other",
+    "series", "waypoint", "visit", "spread", "deviation", "matrix", "other",
 ]  # fmt: skip
 Role = Literal["", "measured", "nominal", "read", "own"]
 
@@ -30,7 +30,7 @@ _NOMINAL = _words(
 )
 _MEASURED = _words(
     "meas measured ist act actual gemessen mess messwert messung measurement tracker laser smr lt "
-    "instrument leica faro api read readback feedback fb"
+    "instrument leica faro api read readback feedback fb encoder istwert gelesen rückgelesen"
 )
 _OWN = frozenset(["tcp", "flange", "flansch", "controller", "steuerung", "robot", "roboter", "tool0"])
 _DEVIATION = _words("dev deviation delta diff difference error err abw abweichung fehler residual")
@@ -141,7 +141,8 @@ def _joint(tokens: list[str], role: Role, unit: str) -> Meaning | None:
     others = [token for token in rest if token not in _JOINT | _FILL | _MEASURED | _NOMINAL | _OWN]
     if at and tokens[at - 1] in _EXTERNAL and not [token for token in others if token not in _EXTERNAL]:
         return Meaning("external", int(tokens[at]), _of_joint(role, tokens), unit=unit)
-    if not names or others or (at and tokens[at - 1] not in _JOINT | _FILL):
+    before = [token for token in tokens[:at] if token not in _MEASURED | _NOMINAL]
+    if not names or others or (before and before[-1] not in _JOINT | _FILL):
         return None
     return Meaning("joint", int(tokens[at]), _of_joint(role, tokens), names[-1], unit=unit)
 

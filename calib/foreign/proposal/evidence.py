@@ -30,15 +30,17 @@ _BELIEVED = 0.03  # share of the extent, or rad, by which a robot may miss what 
 _LEAST_DEG = 0.1  # below it two conventions are alike
 _TURNED_WRONG = 5.0 * DEG  # by which no arm that reaches the points errs
 _MOST = 128  # combinations of answers that are tried
-_ENOUGH = 300  # readings that tell
+ENOUGH = 300
+"""Readings that tell."""
 _TOO_GOOD_MM = 0.005
 
 
 @dataclass(frozen=True)
 class Fit:
-    """The distance of readings from the nominal robot in its best place. miss: median distance, mm; extent: of the
-    points, mm;
-    turn: median angle of the orientations from the nominal tool's, rad, NaN where none were measured."""
+    """The distance of readings from the nominal robot in its best place. miss: within which three quarters of them lie,
+    mm; extent: of the points, or of the flange where it turns about points, mm; turn: median angle of the orientations
+    from the nominal tool's, rad, NaN where none were measured.
+    """
 
     robot: str
     miss: float
@@ -55,7 +57,7 @@ class Fit:
     def sentence(self) -> str:
         """The fit in words."""
         turned = f" and {self.turn / DEG:.2f} deg" if np.isfinite(self.turn) else ""
-        how = "median of the nominal robot in its best place, tool fitted"
+        how = "three quarters of them, the nominal robot in its best place, tool fitted"
         return f"these fit {self.robot} to {self.miss:.3g} mm{turned} ({how})"
 
     @property
@@ -81,7 +83,7 @@ def fit_of(readings: Readings, robot: Robot) -> Fit | None:
     )
     if len(rows) < FEWEST:
         return None
-    rows = rows[:: max(1, -(-len(rows) // _ENOUGH))]
+    rows = rows[:: max(1, -(-len(rows) // ENOUGH))]
     few = readings.take(rows)
     names = list(dict.fromkeys(few.texts.get("target", ("",) * len(few))))
     which = np.array(
@@ -114,7 +116,7 @@ def decided(
         return {}
     tried: list[tuple[tuple[str, ...], Fit]] = []
     for combination in product(*choices):
-        fit = _tried(proposed(dict(zip((q.key for q in questions), combination, strict=True))))
+        fit = _best(dict(zip((q.key for q in questions), combination, strict=True)), proposed)
         if fit is not None:
             tried.append((combination, fit))
     told: dict[str, tuple[str, str]] = {}
@@ -134,8 +136,7 @@ def decided(
             for combination, fit in reach
             if np.isfinite(fit.turn) and fit.turn < BETTER * least
         ]
-    elif turns:
-        return told
+    # where no orientation fits, as by a wrong answer on their convention, the points decide what is about points
     for k, question in enumerate(questions):
         left = {combination[k] for combination, _ in near}
         if len(left) == 1 and len(choices[k]) > 1:
@@ -160,9 +161,28 @@ def _reason(question: Question, choice: str, fit: Fit, others: Sequence[Fit]) ->
     return f"{question.key} = {choice}: only so do the readings fit {fit.robot}, to {fit.miss:.3g} mm{turned}{far}"
 
 
-def _tried(proposal: Proposal) -> Fit | None:
-    if not proposal.complete:
+def _best(answers: dict[str, str], proposed: Callable[[dict[str, str]], Proposal]) -> Fit | None:
+    """The best fit under some answers; what these bring up in turn is tried, but orientations, which fit none."""
+    try:
+        proposal = proposed(answers)
+    except DataError:  # answers that exclude each other
         return None
+    if proposal.complete:
+        return _tried(proposal)
+    choices = [(LEAVE,) if LEAVE in question.choices else question.choices for question in proposal.questions]
+    if proposal.missing or not all(question.evidence for question in proposal.questions):
+        return None
+    if np.prod([len(each) for each in choices]) > _MOST:
+        return None
+    keys = [question.key for question in proposal.questions]
+    fits = [
+        _best({**answers, **dict(zip(keys, combination, strict=True))}, proposed)
+        for combination in product(*choices)
+    ]
+    return min((fit for fit in fits if fit is not None), key=lambda fit: fit.share, default=None)
+
+
+def _tried(proposal: Proposal) -> Fit | None:
     try:
         robot = load_robot(str(proposal.made.header["robot"]), Path.cwd())
         readings, _ = readings_of(proposal.made, proposal.layouts, "the proposal")

@@ -16,13 +16,13 @@ from calib.arm.robot import load_robot
 from calib.data.groups import DEFAULT_GROUPS
 from calib.errors import DataError
 from calib.foreign.files.layout import Layout, layouts_of
-from calib.foreign.files.sheet import Sheet, text_sheet
+from calib.foreign.files.sheet import Sheet, taken_apart, text_sheet
 from calib.foreign.files.tall import joined
 from calib.foreign.files.workbook import workbook_sheets
 from calib.foreign.map.map_file import BY, UNDECIDED, Map
 from calib.foreign.meanings.assigned import Answers, Assigned, Question
-from calib.foreign.meanings.assignment import assign
-from calib.foreign.proposal.evidence import decided
+from calib.foreign.meanings.assignment import assign, at_zero
+from calib.foreign.proposal.evidence import ENOUGH, decided
 from calib.foreign.proposal.proposed import Part, Proposal
 from calib.foreign.readings.matching import pose_name, with_target
 
@@ -36,7 +36,7 @@ _ENOUGH = 0.8  # share of the poses whose names must be among the points
 def sheets_of(path: Path, separator: str = "") -> list[Sheet]:
     """The sheets of a file. Raises DataError."""
     if path.suffix.lower() in WORKBOOKS:
-        return workbook_sheets(path)
+        return [taken_apart(sheet) for sheet in workbook_sheets(path)]
     return [text_sheet(path, separator or None)]
 
 
@@ -79,7 +79,11 @@ def _by_evidence(
     open_ones = [question for question in found.questions if question.evidence]
     if found.missing or not open_ones or len(open_ones) < len(found.questions) or "robot" not in answers:
         return found
-    told = decided(open_ones, lambda more: _proposed(tables, {**answers, **more}))
+    few = tables
+    if [len(of_file) for of_file in tables] == [1]:  # of a long file some rows tell
+        (layout,) = tables[0]
+        few = [[replace(layout, rows=layout.rows[:: max(1, len(layout.rows) // ENOUGH)])]]
+    told = decided(open_ones, lambda more: _proposed(few, {**answers, **more}))
     if not told:
         return found
     more = {key: choice for key, (choice, _) in told.items()}
@@ -99,6 +103,8 @@ def _proposed(
         said += _of_file(each)
         questions += each.questions
     by, within, notes = _match(parts, answers, questions)
+    for each in parts:
+        _ask_of_zeros(each, parts, by, questions)
     said += notes
     missing = []
     if not any(part.made.with_joints for part in parts):
@@ -207,6 +213,29 @@ def _match(
     return UNDECIDED, within, []
 
 
+def _ask_of_zeros(part: Assigned, parts: Sequence[Assigned], by: str, questions: list[Question]) -> None:
+    """Ask about points at exactly 0, 0, 0 that will be readings."""
+    key = f"{part.prefix}origin"
+    part.keys.add(key)
+    rows = at_zero(part).tolist()
+    joints = next((each for each in parts if each.made.with_joints), part)
+    if (
+        by == "name" and joints is not part and _key(joints) and _key(part)
+    ):  # points of other names, as of nests, are left aside
+        poses = {pose_name(cell) for cell in joints.layout.cells[_key(joints)]}
+        rows = [i for i in rows if with_target(part.layout.cells[_key(part)][i], poses)[0] in poses]
+    if not rows:
+        return
+    lines = ", ".join(str(part.layout.lines[i]) for i in rows[:5])
+    text = (
+        f"{len(rows)} of {len(part.layout.rows)} rows (line {lines}) have a point at exactly 0, 0, 0, which "
+        "instruments show for a lost point, and which is where a frame begins. Was it lost or measured?"
+    )
+    answer = part.ask(Question(key, text, ("lost", "measured"), "measured" if len(rows) == 1 else "lost"))
+    questions += [question for question in part.questions if question.key == key]
+    part.at_origin = answer == "measured"
+
+
 def _key(part: Assigned) -> str:
     return part.columns.get("pose") or part.columns.get("id") or ""
 
@@ -214,6 +243,7 @@ def _key(part: Assigned) -> str:
 def _header(parts: Sequence[Assigned], answers: Mapping[str, str], by: str) -> dict[str, Any]:
     """The header that will be written: the tool is fitted, since no file says where targets sit on the flange."""
     names: list[str] = []
+    at_origin = [part.at_origin for part in parts if part.at_origin is not None]
     for part in parts:
         names += list(part.targets)
         if "target" in part.columns:
@@ -230,6 +260,8 @@ def _header(parts: Sequence[Assigned], answers: Mapping[str, str], by: str) -> d
         "robot": answers.get("robot", UNDECIDED),
         "instrument": answers.get("instrument", "unknown"),
         "world": "free",
+        **({"measured_at_origin": any(at_origin)} if at_origin else {}),
+        **({"joints": "read-back"} if any(part.read_back for part in parts) else {}),
         "model": {"fit": [*DEFAULT_GROUPS, "tool"]},
         "noise": {"kind": "isotropic", "sigma_mm": float(answers.get("sigma_mm", ASSUMED_SIGMA_MM))},
         "tool_targets": {name: [0.0, 0.0, 0.0] for name in dict.fromkeys(names)} or {"T1": [0.0, 0.0, 0.0]},

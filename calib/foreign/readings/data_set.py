@@ -64,7 +64,11 @@ def table_of(readings: Readings, made: Map, map_path: Path | str, source: str) -
 
 def _header(header: Mapping[str, Any], readings: Readings, map_path: Path | str) -> dict[str, Any]:
     """The header of the map with a target for every name that was measured."""
-    out = dict(header)
+    out = {
+        key: value for key, value in header.items() if key != "holdout"
+    }  # what was held out is written after it
+    if readings.coupling != "none":
+        out.setdefault("joint_coupling", readings.coupling)
     known = dict(out.get("tool_targets", {}))
     new = [name for name in dict.fromkeys(readings.texts.get("target", ())) if name and name not in known]
     if new and "tool" not in out.get("model", {}).get("fit", []):

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from calib.array import Array
 from calib.errors import DataError
@@ -15,7 +16,7 @@ from calib.foreign.files.dates import looks_like_date, seconds_of
 from calib.foreign.files.layout import Layout
 from calib.foreign.files.number import NOT_MEASURED, Notation
 from calib.foreign.map.entry import ANGLES, DATE, Column, column_of
-from calib.foreign.map.map_file import UNITLESS, FileMap, Map
+from calib.foreign.map.map_file import MATRIX, UNITLESS, FileMap, Map
 from calib.foreign.map.rotations import quaternions
 from calib.foreign.map.sizes import refuse_angles, refuse_points
 from calib.foreign.readings.matching import matched
@@ -180,6 +181,23 @@ class File:
                     line=self.layout.lines[i],
                 )
             return turns / norm[:, None]
+        if MATRIX[0] in columns:
+            matrices = self._matrix([self._plain(q) for q in MATRIX]).reshape(-1, 3, 3)
+            given = np.isfinite(matrices).all(axis=(1, 2))
+            off = np.abs(matrices @ matrices.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+            for i in np.flatnonzero(given & ((off > 1e-2) | (np.linalg.det(np.nan_to_num(matrices)) < 0.0)))[
+                :1
+            ]:
+                raise DataError(
+                    "the matrix is no rotation: its rows are not at right angles, of length 1 and right-handed.",
+                    do="Check the columns rot_11 to rot_33 in the map.",
+                    file=self.layout.sheet.shown,
+                    line=self.layout.lines[i],
+                )
+            turns = np.full((len(matrices), 4), np.nan)
+            if given.any():
+                turns[given] = Rotation.from_matrix(matrices[given]).as_quat(scalar_first=True)
+            return turns
         if "rot_1" in columns:
             angles = self._matrix([self._column(f"rot_{k}") for k in (1, 2, 3)])
             return quaternions(angles, self.made.rotation)

@@ -18,7 +18,6 @@ from calib.errors import DataError
 from calib.model.model import Design
 from calib.model.stated import conditions_at
 from calib.saved import SavedModel
-from calib.watch.baseline import loads_as_in
 from calib.watch.planning.visits import Visits
 
 VISIT_S = 60.0
@@ -45,7 +44,7 @@ def planned(saved: SavedModel, header: Header, visits: Visits) -> Dataset:
     each = [len(pairs) for pairs in visits.read]
     visit = np.repeat(np.arange(len(visits)), each)
     joints, side = visits.joints[visit], visits.sides[visit]
-    loads = loads_as_in(saved, header)
+    loads = saved.loads_in(header)
     conditions = conditions_at(saved.model, joints, replace(saved.usual, loads=loads))
     loading = statics(saved.model.robot, joints, loads, header.gravity)
     names, anchors = conditions.target_names, tuple(saved.model.anchors)

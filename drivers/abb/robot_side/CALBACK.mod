@@ -1,5 +1,5 @@
 MODULE CALBACK
-  ! Robot side of TruePose for ABB IRC5: background task (non-motion), TCP 5001. Goes with CALSRV.mod.
+  ! Robot side of TruePose for ABB IRC5: background task (non-motion, SEMISTATIC), TCP 5001. Goes with CALSRV.mod.
   ! UNTESTED ON A CONTROLLER.
   ! Answers while the motion task moves, is stopped or is in an emergency stop: 200 probe, 202 joints,
   ! 205 status, 207 stop. Stops the robot when the client is silent longer than calWatchdogS during a move.
@@ -72,9 +72,9 @@ MODULE CALBACK
   ENDPROC
 
   PROC halt(num why)
-    StopMove\Quick\AllMotionTasks;
     calWhy:=why;
-    calAbort:=TRUE;                   ! the trap of the motion task clears the path
+    calAbort:=FALSE;                  ! the trap answers to a change, also to one after a stop that was missed
+    calAbort:=TRUE;                   ! the trap of the motion task stops it, clears the path and frees it again
   ENDPROC
 
   PROC hear()

@@ -1,7 +1,8 @@
 MODULE CALSRV
   ! Robot side of TruePose for ABB IRC5: motion task (T_ROB1), TCP 5000.
   ! UNTESTED ON A CONTROLLER. Written from the published description of the protocol and of RAPID.
-  ! First trial: manual mode, reduced speed, finger on the enabling device, empty cell.
+  ! First trial: manual mode, reduced speed, hand on the enabling device, empty cell. It moves there as in automatic
+  ! mode, at 250 mm/s at most; in manual mode at full speed nothing moves.
   !
   ! Needs: options PC Interface and Multitasking; CALBACK.mod in a second, non-motion task (TCP 5001);
   !        a system output "Emergency Stop" named doCalEStop and one "Motors On" named doCalMotors.
@@ -10,11 +11,13 @@ MODULE CALSRV
   ! with " #" and a line feed:
   !   good     "<code> 1 <seq> <data> #"
   !   refused  "<code> 0 <errno> <seq> #"   1 parameters, 2 range, 3 stopped, 4 mode or motors,
-  !                                         5 interrupted, 6 not the target that was sent, 9 unknown code
+  !                                         5 interrupted, 6 not the target that was sent,
+  !                                         7 the configuration does not tell the joint limits, 9 unknown code
   ! A move takes two requests. 201 brings the target, which is kept and shown back; nothing moves. 209 brings the sum
   ! that the client has of its request 201. Only when it is that of the request as it arrived here does the robot
   ! move, once: a target that was damaged on its way moves nothing.
-  ! An emergency stop or a supervision stop silences this task; CALBACK goes on answering.
+  ! An emergency stop or a supervision stop silences this task; CALBACK goes on answering. A stop that CALBACK was
+  ! asked for is made here, in a trap: StartMove has to come from the task that ordered StopMove.
 
   ! Shared with CALBACK, same names and types there.
   PERS bool calAbort:=FALSE;          ! set by CALBACK: stop asked for, or watchdog ran out
@@ -44,8 +47,13 @@ MODULE CALSRV
   VAR num keptSum:=-1;                ! of that request; -1: there is no target to go to
   VAR num pendingSeq:=0;              ! of a 209 that was interrupted
   VAR num settleS:=0;
+  VAR num upperDeg{6};                ! joint limits of the controller's configuration
+  VAR num lowerDeg{6};
+  VAR bool limitsRead:=FALSE;
 
   PROC main()
+    calAbort:=FALSE;                  ! one that came while this task was stopped is over
+    IF NOT limitsRead readLimits;
     IF NOT armedInterrupt THEN
       CONNECT abortInterrupt WITH aborted;
       IPers calAbort,abortInterrupt;
@@ -76,7 +84,7 @@ MODULE CALSRV
   TRAP aborted
     IF calAbort THEN
       calAbort:=FALSE;
-      StopMove;
+      StopMove\Quick;
       ClearPath;
       StartMove;
       calMoving:=FALSE;
@@ -188,8 +196,8 @@ MODULE CALSRV
       keptSum:=-1;
       IF nParams<>7 THEN
         refuse 201,1,sequence();
-      ELSEIF NOT reachable() THEN
-        refuse 201,2,params{1};
+      ELSEIF limitFault()<>0 THEN
+        refuse 201,limitFault(),params{1};
       ELSE
         kept:=asked(2);
         keptSum:=heardSum;
@@ -201,7 +209,7 @@ MODULE CALSRV
       ELSEIF keptSum<0 OR params{2}<>keptSum THEN
         keptSum:=-1;
         refuse 209,6,params{1};
-      ELSEIF OpMode()<>OP_AUTO OR DOutput(doCalMotors)=0 THEN
+      ELSEIF (OpMode()<>OP_AUTO AND OpMode()<>OP_MAN_PROG) OR DOutput(doCalMotors)=0 THEN
         refuse 209,4,params{1};
       ELSE
         keptSum:=-1;                  ! one go, one move
@@ -270,13 +278,27 @@ MODULE CALSRV
     RETURN target;
   ENDFUNC
 
-  ! CalcRobT raises ERR_OUTSIDE_REACH for joints outside their limits.
-  FUNC bool reachable()
-    VAR robtarget unused;
-    unused:=CalcRobT(asked(2),calTool\WObj:=calWobj);
-    RETURN TRUE;
+  ! Radians there, degrees here. CalcRobT would not tell: it raises nothing for joints outside their limits.
+  PROC readLimits()
+    VAR num bound;
+    FOR i FROM 1 TO 6 DO
+      ReadCfgData "/MOC/ARM/rob1_"+NumToStr(i,0),"upper_joint_bound",bound;
+      upperDeg{i}:=bound*180/pi;
+      ReadCfgData "/MOC/ARM/rob1_"+NumToStr(i,0),"lower_joint_bound",bound;
+      lowerDeg{i}:=bound*180/pi;
+    ENDFOR
+    limitsRead:=TRUE;
   ERROR
-    RETURN FALSE;
+    RETURN;
+  ENDPROC
+
+  ! Of the target in params: 0 within the limits, 2 outside, 7 they are not known.
+  FUNC num limitFault()
+    IF NOT limitsRead RETURN 7;
+    FOR i FROM 1 TO 6 DO
+      IF params{i+1}<lowerDeg{i} OR params{i+1}>upperDeg{i} RETURN 2;
+    ENDFOR
+    RETURN 0;
   ENDFUNC
 
   FUNC string joints(num decimals)

@@ -219,10 +219,6 @@ def export_command(
             terminal.note(found)
         if assumed := assumed_in_words(dataset.header):
             terminal.note(assumed)
-        if old := sum(read_status(each).unprotected for each in (record, *(later or ()))):
-            terminal.note(
-                f"{wording.counted(old, 'reading')} from before rows had checksums: damage would not show."
-            )
     write_json({"format": "truepose-export/1", "record": str(record)} | documents.data_of(dataset), json)
 
 
@@ -230,7 +226,9 @@ def _export_streams(record: Path, out: Path, json: str | None) -> None:
     """The two files of each path, and how they are aligned."""
     options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
-        cell, paths = export_streams(record, out)
+        cell, paths = export_streams(
+            record, out, lambda files: options.check_outputs({f"OUT {file.name}": file for file in files})
+        )
         terminal.rest()
         for path in paths:
             for role, file in (("robot", path.robot), ("instrument", path.tracker)):
@@ -353,8 +351,6 @@ def in_words(status: RunStatus) -> str:
         parts.append(f"{status.skipped} of them skipped")
     if status.simulated:
         parts.append("SIMULATED")
-    if status.unprotected:
-        parts.append(f"{status.unprotected} of them without checksums, from an older version")
     if status.prompt is not None:
         parts.append(f"asks: {status.prompt['text']}")
     elif status.reason:

@@ -60,6 +60,14 @@ def align_command(
         str, typer.Option(help="How the controller's joints couple, as joint_coupling in a header.")
     ] = "none",
     instrument: Annotated[str, typer.Option(help="The instrument's name, for the header.")] = "unknown",
+    sigma: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MM",
+            help="The instrument's uncertainty, 1 sigma of one coordinate: no row has less. Without it [noise] of "
+            "TRACKER.toml; 0.05 is assumed.",
+        ),
+    ] = None,
     every_sample: Annotated[
         bool, typer.Option("--every-sample", help="A row for each slow sample, not one a standstill.")
     ] = False,
@@ -80,7 +88,7 @@ def align_command(
     data, header = options.files_of(out)
     options.check_outputs(
         {"OUT.csv": data, "header of OUT.csv": header, "--json": json, "--picture": picture},
-        inputs=(robot_stream, tracker_stream),
+        inputs=(robot_stream, tracker_stream, tracker_stream.with_suffix(".toml"), Path(robot)),
     )
     order = Order(
         tool=tool,
@@ -90,6 +98,7 @@ def align_command(
         slower_than=slower_than,
         coupling=coupling,
         instrument=instrument,
+        sigma_mm=sigma,
         robot_columns=robot_columns,
         tracker_columns=tracker_columns,
         every_sample=every_sample,

@@ -3,26 +3,28 @@ columns."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from calib.convert import IMPORTERS, Table
+from calib.convert import IMPORTERS
 from calib.errors import DataError
 from service.commands import options
-from service.commands.files.own_files import HoldOut, OwnFiles
+from service.commands.files.own_files import OwnFiles
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed.terminal import Terminal
 from service.results.files import conversion
 
 
 class HoldoutKind(Enum):
-    """How rows are held out."""
+    """How poses are held out."""
 
     RANDOM = "random"
     BLOCK = "block"
+    NONE = "none"
 
 
 def convert(
@@ -67,31 +69,31 @@ def convert(
     ] = None,
     holdout: Annotated[
         HoldoutKind | None,
-        typer.Option(help="Hold rows out for validation: drawn one by one, or whole blocks of time."),
+        typer.Option(
+            help="Poses held out for validation: drawn at random, whole blocks of consecutive poses, or none. Without "
+            "it random, and blocks along a path."
+        ),
     ] = None,
-    share: Annotated[float, typer.Option(help="Share of the rows held out.")] = 0.2,
-    seed: Annotated[int, typer.Option(help="Draws the rows held out.")] = 1,
+    share: Annotated[float | None, typer.Option(help="Share of the poses held out; 0.2 is assumed.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Draws the poses held out; 1 is assumed.")] = None,
     json: options.Json = None,
 ) -> None:
     """Import foreign data."""
-
-    def held_out(table: Table) -> Table:
-        return table if holdout is None else table.hold_out(holdout.value, share, seed)
-
-    kind = None if holdout is None else holdout.value
+    given = {"kind": None if holdout is None else holdout.value, "share": share, "seed": seed}
+    given = {key: value for key, value in given.items() if value is not None}
     if source is not None:
         if map_file or propose or robot or answer or lines or sigma or instrument:
             raise DataError(
                 "knows its files: it takes no map and no answers.", do="Leave them out.", file="--from"
             )
-        _known(files, out, source, held_out, kind, json)
+        _known(files, out, source, given, json)
         return
     own = OwnFiles(files, out, map_file, propose, robot, answer or [], sigma, instrument, lines)
-    own.convert(held_out, kind, json)
+    own.convert(given, json)
 
 
 def _known(
-    files: list[Path], out: Path | None, source: str, held_out: HoldOut, kind: str | None, json: str | None
+    files: list[Path], out: Path | None, source: str, holdout: Mapping[str, Any], json: str | None
 ) -> None:
     """A file that an importer knows."""
     if source not in IMPORTERS:
@@ -110,9 +112,9 @@ def _known(
         raise DataError("there is no such file.", do="Check the name.", file=file)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {file}")
-        table = held_out(IMPORTERS[source](file))
+        table = IMPORTERS[source](file).hold_out(**holdout)
         terminal.say(f"writing {out}")
         table.write(out)
         terminal.rest()
         terminal.out.print(conversion.summary(out, table))
-    write_json(conversion.document(out, table, kind), json)
+    write_json(conversion.document(out, table), json)

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import typer
 
 from calib.arm import built_in_robots, load_robot
-from calib.convert import Table
 from calib.errors import DataError
 from calib.foreign import Map, Proposal, Question, converted, data_set_of, propose, read_map, text_of
 from calib.text import replace_file
@@ -24,8 +24,6 @@ from service.files import STANDARD_OUTPUT, write_json
 from service.printed import conversion_tables
 from service.printed.terminal import Terminal
 from service.results.files import conversion
-
-HoldOut = Callable[[Table], Table]
 
 
 @dataclass(frozen=True)
@@ -42,19 +40,20 @@ class OwnFiles:
     instrument: str | None
     lines: tuple[int, int] | None
 
-    def convert(self, held_out: HoldOut, holdout: str | None, json: str | None) -> None:
-        """Propose, or convert by the map. Raises DataError, and typer.Exit with USAGE where questions are open."""
+    def convert(self, holdout: Mapping[str, Any], json: str | None) -> None:
+        """Propose, or convert by the map. holdout: kind, share and seed, as far as given; kept in a map that is
+        proposed. Raises DataError, and typer.Exit with USAGE where questions are open."""
         self._check(json)
         with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
             for file in self.files:
                 terminal.say(f"reading {file}")
             if self.map_file is not None:
-                made, kept = read_map(self.map_file), self.map_file
-                self._write(made, kept, self.map_file.parent, (), terminal, held_out, holdout, json)
+                made = _held(read_map(self.map_file), holdout)
+                self._write(made, self.map_file, self.map_file.parent, (), terminal, json)
                 return
             proposal = self._proposal(terminal, asking=json != STANDARD_OUTPUT)
             kept = self.propose_to or (None if self.out is None else self.out.with_suffix(".map.toml"))
-            made = proposal.made
+            made = _held(proposal.made, holdout)
             if self.propose_to is not None:
                 _keep(made, proposal, self.propose_to, terminal)
             if not proposal.complete or self.out is None:
@@ -62,7 +61,7 @@ class OwnFiles:
                 self._end(proposal, terminal)
                 return
             assert kept is not None
-            self._write(made, kept, Path(), proposal.said, terminal, held_out, holdout, json)
+            self._write(made, kept, Path(), proposal.said, terminal, json)
             if self.propose_to is None:  # kept once it has been of use
                 _keep(made, proposal, kept, terminal)
 
@@ -81,9 +80,11 @@ class OwnFiles:
                 )
             if self.out is None:
                 raise DataError("is missing.", do="Name the data set.", file="--out")
-        inputs = (*self.files, self.map_file)
+        inputs = (*self.files, self.map_file, None if self.robot is None else Path(self.robot))
         if self.out is not None:
             options.check_data_set(self.out, json, inputs)
+            if self.map_file is None and self.propose_to is None:
+                options.check_outputs({"map of OUT.csv": self.out.with_suffix(".map.toml")}, inputs=inputs)
         if self.propose_to is not None:
             options.check_outputs({"--propose": self.propose_to, "--json": json}, inputs=inputs)
 
@@ -112,8 +113,8 @@ class OwnFiles:
             )
         while asking and proposal.questions and not proposal.missing:
             terminal.rest()
-            # the robot first: it may answer others
-            question = min(proposal.questions, key=lambda each: each.key != "robot")
+            # the robot first, then what it cannot decide: it may answer the others
+            question = min(proposal.questions, key=lambda each: (each.key != "robot", each.evidence))
             answers[question.key] = _asked(question)
             terminal.begin("reading")
             proposal = propose(self.files, answers, self.lines)
@@ -146,8 +147,6 @@ class OwnFiles:
         home: Path,
         told: Sequence[str],
         terminal: Terminal,
-        held_out: HoldOut,
-        holdout: str | None,
         json: str | None,
     ) -> None:
         """Convert, hold the result against its robot, and write it only then. home: from where the map names a
@@ -155,16 +154,22 @@ class OwnFiles:
         assert self.out is not None
         made = _from(made, home, self.out.parent)
         found = converted(made, self.files, kept, self.out.parent)
-        table = held_out(found.table)
         terminal.say("holding it against the nominal robot")
-        data_set_of(table, self.out, self.files)
+        data_set_of(found.table, found.fit, self.out, self.files)
         terminal.say(f"writing {self.out}")
-        table.write(self.out)
-        write_json(conversion.mapped_document(self.out, table, holdout, found, kept), json)
+        found.table.write(self.out)
+        write_json(conversion.mapped_document(self.out, found, kept), json)
         terminal.rest()
         for shown in conversion_tables.converted(found, told):
             terminal.out.print(shown)
-        terminal.out.print(conversion.summary(self.out, table))
+        terminal.out.print(conversion.summary(self.out, found.table))
+
+
+def _held(made: Map, holdout: Mapping[str, Any]) -> Map:
+    """The map with what the command line says of the hold-out."""
+    if not holdout:
+        return made
+    return replace(made, header={**made.header, "holdout": {**made.header.get("holdout", {}), **holdout}})
 
 
 def _keep(made: Map, proposal: Proposal, to: Path, terminal: Terminal) -> None:

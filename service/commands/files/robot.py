@@ -130,7 +130,12 @@ def import_command(
         AngleUnit | None, typer.Option(help="CSV: unit of the angles, where nothing shows it.")
     ] = None,
     lengths: Annotated[
-        LengthUnit | None, typer.Option(help="CSV: unit of the lengths, where nothing shows it.")
+        LengthUnit | None,
+        typer.Option(help="CSV: unit of the lengths, where nothing shows it, or of an arm as large as none."),
+    ] = None,
+    limits: Annotated[
+        AngleUnit | None,
+        typer.Option(help="CSV: unit of the limits of joints that turn, where the numbers contradict it."),
     ] = None,
     name: Annotated[
         str | None, typer.Option(help="Name of the robot. Default: what the file calls it.")
@@ -143,7 +148,9 @@ def import_command(
     _refuse_existing(out)
     with Terminal() as terminal:
         if file.suffix.lower() in (".urdf", ".xml", ".xacro"):
-            _refuse_of_table({"--convention": convention, "--angles": angles, "--lengths": lengths})
+            _refuse_of_table(
+                {"--convention": convention, "--angles": angles, "--lengths": lengths, "--limits": limits}
+            )
             found = import_urdf(file, base=base, tip=tip, name=name, maker=maker)
             draft, remarks = found.draft, found.remarks
             terminal.note(
@@ -152,17 +159,12 @@ def import_command(
             )
         else:
             _refuse_of_urdf({"--base": base, "--tip": tip})
-            if convention is None:
-                raise DataError(
-                    "is not given: the same numbers are two different arms.",
-                    do="Say --convention dh (standard: alpha and a lead to the next axis) or mdh (modified, Craig).",
-                    key="--convention",
-                )
             draft, _, remarks = import_dh(
                 file,
-                convention.value,
+                None if convention is None else convention.value,
                 angles=None if angles is None else angles.value,
                 lengths=None if lengths is None else lengths.value,
+                limits=None if limits is None else limits.value,
                 name=name,
                 maker=maker,
             )

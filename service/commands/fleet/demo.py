@@ -23,6 +23,7 @@ from acquisition.loop import rehearsal
 from calib.errors import DataError
 from calib.text import read_text, replace_file
 from service import exit_codes
+from service.child import python
 from service.ending import Ending, until_asked
 from service.names import new_id
 from service.private import owner_only
@@ -180,7 +181,7 @@ class Commands:
         _say(line)
         self._log.write(f"$ {line}\n")
         self._log.flush()
-        command = [sys.executable, "-m", "service.guard", sys.executable, "-m", "truepose", *arguments]
+        command = python("service.guard", *python("truepose", *arguments))
         process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,

@@ -57,6 +57,11 @@ def serve_command(
     from service.plant import Senders, Settings, create_plant
 
     senders = Senders(tokens, cell_tokens)
+    if free := ", ".join(senders.of_any_robot()):
+        sys.stderr.write(
+            f"truepose: these tokens may write about any robot: {free}. Name those of each cell: "
+            "truepose fleet token allow\n"
+        )
     with json_log(log), closing(Store.open(store)) as opened:
         place = opened.place
 
@@ -79,7 +84,8 @@ def serve_command(
                 )
             )
 
-        code = run_server(create_plant(opened, Settings(senders, host, tuple(name or ()))), host, port, hello)
+        plant = create_plant(opened, Settings(senders, host, tuple(name or ())))
+        code = run_server(plant, host, port, senders, hello)
     if code != exit_codes.DONE:
         sys.stderr.write("truepose: the server did not start.\n")
         raise typer.Exit(code)

@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
+from calib.errors import DataError
 from fleet.store import utc_now
-from service.plant.own_tokens import May, issue, read_tokens, revoke
+from service.plant.own_tokens import May, allow, issue, read_tokens, revoke, robots_of
 from service.private import owner_only
 
 app = typer.Typer(help="Give each cell a token of its own, and take it away.")
@@ -17,6 +18,15 @@ File = Annotated[
     Path, typer.Option("--file", metavar="FILE", help="The file that 'fleet serve --cell-tokens' was given.")
 ]
 Name = Annotated[str, typer.Argument(metavar="NAME", help="The cell, as the store shall name it.")]
+Robots = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--robot",
+        metavar="TYPE:SERIAL",
+        help="A robot of which it may send documents; may be repeated. Without any it may of all.",
+    ),
+]
+_ANY = "truepose: the token of '{}' may write about any robot. Name those of the cell: truepose fleet token allow\n"
 
 
 @app.command("add")
@@ -27,18 +37,32 @@ def add_command(
     role: Annotated[
         May, typer.Option(help="cell: puts documents in under its name; viewer: reads everything.")
     ] = "cell",
+    robot: Robots = None,
 ) -> None:
     """Make a token and print it: it is kept nowhere, so put it into the cell's own token file (mode 0600)."""
-    token = issue(file, name, role, f"{utc_now():%Y-%m-%d}")
-    typer.echo(token)
+    typer.echo(issue(file, name, role, f"{utc_now():%Y-%m-%d}", robots_of(robot or [])))
+    if role == "cell" and not robot:
+        sys.stderr.write(_ANY.format(name))
+
+
+@app.command("allow")
+@owner_only()
+def allow_command(name: Name, file: File, robot: Robots = None) -> None:
+    """Let a token name these robots too; from the next request on it sends documents of no others."""
+    if not robot:
+        raise DataError("is missing.", do="Give TYPE:SERIAL.", key="--robot")
+    allow(file, name, robots_of(robot))
 
 
 @app.command("list")
 def list_command(file: File) -> None:
-    """Show who has a token: name, role, day."""
+    """Show who has a token: name, role, day, robots."""
     found = read_tokens(file)
     for each in found:
-        typer.echo(f"{each.name}\t{each.role}\t{each.made}")
+        named = " ".join(f"{robot.model}:{robot.serial}" for robot in each.robots)
+        typer.echo(f"{each.name}\t{each.role}\t{each.made}\t{named}")
+        if each.role == "cell" and not each.robots:
+            sys.stderr.write(_ANY.format(each.name))
     if not found:
         sys.stderr.write(f"truepose: {file}: no cell has a token of its own yet.\n")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,7 @@ import typer
 
 from calib.errors import DataError
 from service import exit_codes, wording
+from service import written as written_files
 from service.commands import options
 from service.files import STANDARD_OUTPUT
 from service.printed.terminal import Terminal
@@ -64,6 +66,12 @@ def compensate_command(
     keep_refused: Annotated[
         bool, typer.Option("--keep-refused", help="Write the program though some targets stay as they were.")
     ] = False,
+    most_uncertainty: Annotated[
+        float,
+        typer.Option(
+            metavar="MM", min=0.0, help="Leave targets that the model knows less well than this (95 %)."
+        ),
+    ] = math.inf,
     robot: options.RobotFile = None,
     largest_correction: options.LargestCorrection = options.LARGEST,
     json: options.Json = None,
@@ -86,8 +94,15 @@ def compensate_command(
         stated = stated_conditions(conditions, saved)
         read = read_program(program, saved.model.robot, known)
         terminal.say(f"correcting {wording.counted(len(read.targets), 'target')}")
-        done = compensate(read, program, saved, stated.stated, known, inverse=inverse)
+        done = compensate(
+            read, program, saved, stated.stated, known, inverse=inverse, most_mm=most_uncertainty
+        )
         refused = done.of(REFUSED)
+        notes = list(stated.notes)
+        if not inverse and (written_files.writer_of(program) or "").endswith("compensate OUT"):
+            notes.append(
+                f"{program} was written by truepose compensate: unless by --inverse, it is corrected twice."
+            )
         written = keep_refused or not refused
         document = {
             "format": summary.FORMAT,
@@ -99,7 +114,7 @@ def compensate_command(
             "conditions": stated.document,
             **summary.document(done),
             **summary.of_carried(usable),
-            "warnings": list(stated.notes),
+            "warnings": notes,
         }
         options.write_result(document, json, terminal)
         if written:
@@ -112,7 +127,7 @@ def compensate_command(
                 "truepose: the flange lands; a tool is off by the tilt that is left times its length. --tool lets its "
                 "point land."
             )
-        for note in stated.notes:
+        for note in notes:
             terminal.note(f"truepose: {note}")
         if not written:
             more = f" and {len(refused) - 1} more" if len(refused) > 1 else ""

@@ -10,6 +10,7 @@ import typer
 
 from calib.data import Dataset, read_dataset
 from calib.errors import DataError
+from calib.text import replace_file
 from calib.validation import hold_outs
 from service.commands import options
 from service.files import STANDARD_OUTPUT
@@ -34,7 +35,8 @@ def validate_command(
     place_it: Annotated[
         bool,
         typer.Option(
-            "--place", help="Fit base (and tool, where the model frees it) to the calibration rows."
+            "--place",
+            help="Fit base (and tool, where the model frees it) to the calibration rows, or without any to the others.",
         ),
     ] = False,
     everything: Annotated[
@@ -43,6 +45,11 @@ def validate_command(
     point: Annotated[
         tuple[float, float, float] | None,
         typer.Option(metavar="X Y Z", help="Show errors by the distance from this point of the world, mm."),
+    ] = None,
+    report: options.Report = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.svg", help="Draw the errors as arrows; of distances over time."),
     ] = None,
     robot: options.RobotFile = None,
     largest_correction: options.LargestCorrection = options.LARGEST,
@@ -53,13 +60,24 @@ def validate_command(
 ) -> None:
     """Judge a saved model, or compare kinds of hold-out."""
     inputs = [path for path in (model, compare) if path is not None]
-    options.check_outputs({"--json": json}, inputs=(*options.files_of(data), *inputs, accept_zones))
+    outputs = {"--json": json, "--report": report, "--picture": picture}
+    options.check_outputs(outputs, inputs=(*options.files_of(data), *inputs, accept_zones))
     limits = options.limits_of(accept_rms, accept_max, accept_zones)
-    if model is None and (limits or compare is not None or place_it or everything or point is not None):
+    drawn = report is not None or picture is not None
+    if model is None and (
+        limits or compare is not None or place_it or everything or point is not None or drawn
+    ):
         raise DataError(
-            "is missing: --compare, --place, --all, --point, --accept-rms, --accept-max and --accept-zones go with it.",
+            "is missing: --compare, --place, --all, --point, --report, --picture, --accept-rms, --accept-max and "
+            "--accept-zones go with it.",
             do="Give the model to judge with --model M.json.",
             file="--model",
+        )
+    if everything and drawn:
+        raise DataError(
+            "goes with neither --report nor --picture: these show readings that took no part in the fit.",
+            do="Leave it out, or mark the rows to judge on set = validation.",
+            file="--all",
         )
     if point is not None and not all(math.isfinite(x) for x in point):
         raise DataError("is not three finite numbers.", do="Give X Y Z in mm.", file="--point")
@@ -75,7 +93,7 @@ def validate_command(
                 options.note_without_regression(each, terminal)
             read = Read(saved, model, second, compare)
             asked = Question(place_it, everything, point, limits)
-            _judge(dataset, read, asked, json, terminal)
+            _judge(dataset, read, asked, json, terminal, report, picture)
 
 
 def _hold_outs(dataset: Dataset, json: str | None, terminal: Terminal) -> None:
@@ -86,9 +104,28 @@ def _hold_outs(dataset: Dataset, json: str | None, terminal: Terminal) -> None:
         terminal.out.print(table)
 
 
-def _judge(dataset: Dataset, read: Read, asked: Question, json: str | None, terminal: Terminal) -> None:
+def _judge(
+    dataset: Dataset,
+    read: Read,
+    asked: Question,
+    json: str | None,
+    terminal: Terminal,
+    report: Path | None,
+    picture: Path | None,
+) -> None:
     found = Validated.of(dataset, read, asked, terminal.say)
-    options.write_result(found.document(), json, terminal)
+    document = found.document()
+    options.write_result(document, json, terminal)
+    if report is not None or picture is not None:
+        # drawing is not needed for the numbers, and takes long to import
+        from service.report import judged_in, validation_report
+
+        terminal.say("drawing")
+        if report is not None:
+            replace_file(report, validation_report(found, document, read.model.sha256))
+        if picture is not None:
+            section = judged_in(found)[1]
+            replace_file(picture, section["arrows"] or section["over_time"])
     terminal.rest()
     shown = []
     if len(found.names) > 2:
@@ -102,4 +139,7 @@ def _judge(dataset: Dataset, read: Read, asked: Question, json: str | None, term
         warnings_table(found.warnings),
     ):
         terminal.out.print(table)
+    for what, path in (("report", report), ("picture", picture)):
+        if path is not None:
+            terminal.note(f"{what}: {path}")
     options.finish(found.acceptance, terminal)

@@ -37,7 +37,7 @@ def upload_campaign(
     content = toml.file.read()
 
     def work() -> JSONResponse:
-        kept = here.shelf.put(here.workers.call(_table, content), name)
+        kept = here.shelf.put(here.file_readers.call(_table, content), name)
         return reply(201, kept, location=f"{CAMPAIGNS}/{kept['id']}")
 
     asked = (f"{CAMPAIGNS}/file", name, hashlib.sha256(content).hexdigest())

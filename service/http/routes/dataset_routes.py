@@ -36,7 +36,7 @@ def upload_dataset(
     table, header = csv.file.read(), toml.file.read()
 
     def work() -> JSONResponse:
-        dataset = here.workers.call(here.datasets.upload, table, header, name)
+        dataset = here.file_readers.call(here.datasets.upload, table, header, name)
         return reply(201, dataset, location=f"{DATASETS}/{dataset['id']}")
 
     # The files count, not the body: its boundaries differ every time it is sent.
@@ -74,7 +74,7 @@ def upload_mapped(
     text = map_file.file.read()
 
     def work() -> JSONResponse:
-        dataset = here.workers.call(here.datasets.upload_mapped, given, text, name)
+        dataset = here.file_readers.call(here.datasets.upload_mapped, given, text, name)
         return reply(201, dataset, location=f"{DATASETS}/{dataset['id']}")
 
     hashes = [hashlib.sha256(part).hexdigest() for part in (*(content for _, content in given), text)]

@@ -92,8 +92,12 @@ class Book:
         return read_status(self._folder / name)
 
     def ids(self) -> list[str]:
-        """The ids of all runs, newest first."""
-        return sorted((p.name for p in self._folder.iterdir() if safe_id(p.name)), reverse=True)
+        """The ids of all runs, newest first; those in memory also where their folder is gone."""
+        try:
+            found = {p.name for p in self._folder.iterdir() if safe_id(p.name)}
+        except FileNotFoundError:
+            found = set()
+        return sorted(found | set(self._runs), reverse=True)
 
     def documents(self) -> list[dict[str, Any]]:
         """Every run, newest first; folders that hold none are left out."""
@@ -166,7 +170,7 @@ class Book:
         return self._folder / name
 
     def _known(self, name: str) -> None:
-        if not safe_id(name) or not (self._folder / name).is_dir():
+        if name not in self._runs and (not safe_id(name) or not (self._folder / name).is_dir()):
             raise not_found("run", name)
 
     # -- making and executing ----------------------------------------------------------------------------

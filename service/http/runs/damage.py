@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from acquisition import RunStatus, State
-from acquisition.errors import DamagedRecord, RecordInUse, StorageError
-from acquisition.record import FILE, Salvage, Store, salvage
+from acquisition.errors import DamagedRecord, RecordError, RecordInUse, StorageError
+from acquisition.record import FILE, Store, salvage
 from drivers.errors import AcquisitionError
 from service.http.runs.run_document import run_document
 from service.wording import counted
@@ -78,18 +78,19 @@ class Damaged:
 
 
 def document_of(folder: Path, error: AcquisitionError) -> dict[str, Any]:
-    """The document of a damaged run. It has failed: nothing can be done with it but a rescue."""
-    saved, measured, name = 0, 0, folder.name
-    large = False
+    """The document of a run whose record is damaged, or was written by another version: failed, and only listed."""
+    saved, measured, name, looked = 0, 0, folder.name, True
     try:
-        large = (folder / FILE).stat().st_size > MOST_BYTES
-        found = Salvage(None) if large else salvage(folder)
+        looked = (folder / FILE).stat().st_size <= MOST_BYTES
+        if looked:
+            found = salvage(folder)
+            saved, measured = len(found.readings), found.measured
+            name = folder.name if found.campaign is None else found.campaign["name"]
+    except RecordError:
+        looked = False  # another version of the program reads it
     except (StorageError, OSError):
         pass  # `error` says why
-    else:
-        saved, measured = len(found.readings), found.measured
-        name = folder.name if found.campaign is None else found.campaign["name"]
-    can = "" if large else f"{saved} of {counted(measured, 'reading')} can be saved. "
+    can = f"{saved} of {counted(measured, 'reading')} can be saved. " if looked else ""
     reason = f"{error.message}. {can}{error.what_to_do}"
     status = RunStatus(
         id=folder.name,

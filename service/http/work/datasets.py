@@ -58,7 +58,7 @@ class Datasets:
                     path.parent.mkdir()
                     path.write_bytes(content)
                 found = converted(made, paths, MAP, folder)
-                data_set_of(found.table, folder / CSV, paths)
+                data_set_of(found.table, found.fit, folder / CSV, paths)
             found.table.write(folder / CSV)
             of_files = conversion.told_of(found)
             told.update(fit_of_robot=of_files["fit"], said=of_files["said"])

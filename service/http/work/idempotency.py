@@ -12,6 +12,7 @@ import json
 import os
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -130,12 +131,15 @@ class Keys:
                 "headers": {name: answer.headers[name] for name in names if name in answer.headers},
                 "content": json.loads(bytes(answer.body)),
             }
-            self._write(what="done", key=key, fingerprint=entry.fingerprint, reply=reply)
             entry.reply = reply
-        except (Problem, *REFUSALS):
-            # Refused: nothing was made, so a corrected request may use the key again.
+            with suppress(OSError):  # the work is done: whoever asks again is answered from memory
+                self._write(what="done", key=key, fingerprint=entry.fingerprint, reply=reply)
+        except (Problem, OSError, *REFUSALS):
+            # Refused, or the disk was full: nothing was made, so the key may be used again.
             try:
                 self._write(what="freed", key=key)
+            except OSError:
+                pass
             finally:  # on a full disk, too: whoever makes room asks with this key again
                 with self._mutex:
                     self._entries.pop(key)

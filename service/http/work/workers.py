@@ -9,12 +9,14 @@ from __future__ import annotations
 import os
 import pickle
 import subprocess
-import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, TypeVar, TypeVarTuple
 
+from service.child import python
 from service.http.wire.problems import Problem
 
 MOST_S = 900.0  # of one call
@@ -29,11 +31,11 @@ class WorkerDied(RuntimeError):
 class Workers:
     """A pool of at most `most` processes, started when they are needed and kept. Thread-safe.
 
-    waiting: how many calls may wait for a free one; more are refused.
+    waiting: how many calls may wait for a free one, more are refused; most_s: how long one may take.
     """
 
-    def __init__(self, most: int, *, waiting: int) -> None:
-        self._most, self._most_waiting = most, waiting
+    def __init__(self, most: int, *, waiting: int, most_s: float = MOST_S) -> None:
+        self._most, self._most_waiting, self._most_s = most, waiting, most_s
         self._changed = threading.Condition()
         self._idle: list[_Worker] = []
         self._busy: set[_Worker] = set()
@@ -47,7 +49,7 @@ class Workers:
         time is over or the service ends, WorkerDied.
         """
         with self._hired() as worker:
-            return worker.do(function, args)
+            return worker.do(function, args, self._most_s)
 
     @contextmanager
     def _hired(self) -> Iterator[_Worker]:
@@ -103,7 +105,7 @@ class _Worker:
         # One thread of the linear algebra library: see service.cli.
         threads = {name: os.environ.get(name, "1") for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "service.worker"],
+            python("service.worker"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=os.environ | threads,
@@ -115,12 +117,23 @@ class _Worker:
     def alive(self) -> bool:
         return self._process.poll() is None
 
-    def do(self, function: Callable[..., _T], args: tuple[Any, ...]) -> _T:
+    def do(self, function: Callable[..., _T], args: tuple[Any, ...], most_s: float) -> _T:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        late = Problem(503, f"This took longer than {MOST_S:g} s.", "Ask for less at once.", code=8121)
-        impatience = threading.Timer(MOST_S, self.kill, (late,))
-        impatience.start()
+        late = Problem(503, f"This took longer than {most_s:g} s.", "Ask for less at once.", code=8121)
+        began_s, end, done = self._computed_s(), time.monotonic() + MOST_S, threading.Event()
+
+        def watch() -> None:
+            """By what the process has computed: on a busy computer a file is not to blame for waiting its turn."""
+            left = most_s
+            while left > 0.0 and (until_end_s := end - time.monotonic()) > 0.0:
+                if done.wait(max(min(left, until_end_s), 0.1)):
+                    return
+                computed = self._computed_s()
+                left = 0.0 if computed is None or began_s is None else most_s - (computed - began_s)
+            self.kill(late)
+
+        threading.Thread(target=watch, daemon=True).start()
         try:
             self._process.stdin.write(pickle.dumps((function, args)))
             self._process.stdin.flush()
@@ -130,10 +143,18 @@ class _Worker:
             self._process.wait()
             raise self._killed or WorkerDied("a worker process ended in mid-call") from error
         finally:
-            impatience.cancel()
+            done.set()
         if refusal is not None:
             raise refusal
         return result
+
+    def _computed_s(self) -> float | None:
+        """Processor time of the process so far, s; None where the system does not tell it so."""
+        try:
+            fields = Path(f"/proc/{self._process.pid}/stat").read_text("utf-8").rpartition(")")[2].split()
+            return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        except (OSError, ValueError, IndexError, AttributeError):
+            return None
 
     def kill(self, why: Problem) -> None:
         """The process ends, from any thread; a call under way is refused with `why`."""

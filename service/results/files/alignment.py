@@ -12,6 +12,7 @@ import numpy as np
 
 from calib.arm import Robot, load_robot
 from calib.convert import Table
+from calib.data import LEAST, Noise, read_noise
 from calib.errors import DataError
 from calib.motion import (
     Aligned,
@@ -30,6 +31,7 @@ from calib.motion import (
 from service.results.files.alignment_order import FARTHEST_TOOL_MM, Order
 
 FORMAT = "truepose-alignment/1"
+ASSUMED_MM = 0.05  # as `convert` does
 _GAPS = 3  # that are named one by one
 _STRETCH_S = 1.0  # of wild points: no single outliers
 
@@ -46,6 +48,7 @@ class Result:
     still: Standstills
     bands: list[Band]
     table: Table
+    noise: Noise | None  # of the instrument, None where nobody stated it
 
     @property
     def offset(self) -> float:
@@ -61,6 +64,11 @@ class Result:
         """Reasons not to trust these figures at face value: a jump of a clock first."""
         out = [] if (jump := self._jump()) is None else [jump]
         out += self.aligned.warnings
+        if self.noise is None:
+            out.append(
+                f"The instrument's uncertainty is not stated: no row is given less than {ASSUMED_MM:g} mm. Give "
+                "--sigma, or [noise] in a .toml with the name of its stream."
+            )
         for who, stream in (("tracker", self.tracked), ("robot", self.moved)):
             gaps = sorted(stream.gaps, key=lambda gap: gap.begin - gap.end)
             out += [
@@ -126,6 +134,7 @@ def aligned_of(
     if order.coupling not in ("none", *robot.joint_matrices):
         known = ", ".join(("none", *robot.joint_matrices))
         raise DataError(f"is '{order.coupling}'.", do=f"Use {known}.", key="--coupling")
+    noise = _noise(order, tracker_file.with_suffix(".toml"))
     progress(f"reading {robot_file}")
     moved = read_joints(robot_file, robot, order.coupling, order.robot_columns)
     progress(f"reading {tracker_file}")
@@ -141,11 +150,40 @@ def aligned_of(
         remark=f"standstills of a moving robot, slower than {order.slower_than:g} mm/s; t_s by the robot's clock",
         simulated=moved.simulated or tracked.simulated,
     )
-    table = data_set(robot, aligned, still, origin, every_sample=order.every_sample)
+    table = data_set(
+        robot,
+        aligned,
+        still,
+        origin,
+        noise or Noise("isotropic", ASSUMED_MM),
+        every_sample=order.every_sample,
+    )
     if order.holdout > 0.0:
         table = table.hold_out("random", order.holdout, order.seed)
     bands = by_speed(aligned, order.slower_than)
-    return Result(order, robot, moved, tracked, aligned, still, bands, table)
+    return Result(order, robot, moved, tracked, aligned, still, bands, table, noise)
+
+
+def _noise(order: Order, header: Path) -> Noise | None:
+    """The instrument's noise as ordered, or as the header beside its stream has it; None where neither states it.
+
+    Raises DataError for one that is none.
+    """
+    if order.sigma_mm is not None:
+        if not LEAST <= order.sigma_mm <= FARTHEST_TOOL_MM:
+            raise DataError(f"is {order.sigma_mm:g}.", do="Give mm, above zero.", key="--sigma")
+        return Noise("isotropic", order.sigma_mm)
+    if not header.is_file():
+        return None
+    noise = read_noise(header)
+    if noise.kind == "per-row":
+        raise DataError(
+            "is 'per-row', and a stream has no uncertainty in its rows.",
+            do="Write isotropic or tracker, or give --sigma.",
+            file=header,
+            key="noise.kind",
+        )
+    return noise
 
 
 def document(result: Result) -> dict[str, Any]:

@@ -13,7 +13,8 @@ SLOW_MM_S = 2.0
 @dataclass(frozen=True)
 class Order:
     """The order: what is known of two streams, and what becomes of them. tool: mm, in the flange frame;
-    robot_in_header: the robot as the data set shall name it, where that is not as it is named here."""
+    robot_in_header: the robot as the data set shall name it, where that is not as it is named here; sigma_mm: what one
+    coordinate of the instrument is uncertain by, mm, where the header beside its stream does not say so."""
 
     tool: tuple[float, float, float]
     robot: str
@@ -27,3 +28,4 @@ class Order:
     holdout: float = HOLDOUT
     seed: int = SEED
     robot_in_header: str = ""
+    sigma_mm: float | None = None

@@ -11,13 +11,12 @@ from service import wording
 
 
 def summary(out: Path, table: Table) -> str:
-    """One sentence on a data set that was written, and one where nothing is held out to judge a model by."""
-    held = _held(table)
-    said = f"{out}: {wording.counted(len(table), 'reading')}, {held} of them held out for validation."
-    return said if held else f"{said} To judge a model by readings that it has not seen, add --holdout block."
+    """Two sentences on a data set that was written: its readings, and which are held out to judge a model by."""
+    said = f"{out}: {wording.counted(len(table), 'reading')}; {table.note}."
+    return f"{said} --holdout block, random or none holds out others." if _held(table) else said
 
 
-def document(out: Path, table: Table, holdout: str | None) -> dict[str, Any]:
+def document(out: Path, table: Table) -> dict[str, Any]:
     """The result of a conversion, `truepose-conversion/1`."""
     return {
         "format": "truepose-conversion/1",
@@ -25,15 +24,14 @@ def document(out: Path, table: Table, holdout: str | None) -> dict[str, Any]:
         "header": str(out.with_suffix(".toml")),
         "readings": len(table),
         "validation": _held(table),
-        "holdout": holdout,
+        "holdout": table.holdout,
+        "note": table.note,
     }
 
 
-def mapped_document(
-    out: Path, table: Table, holdout: str | None, found: Converted, kept: Path
-) -> dict[str, Any]:
+def mapped_document(out: Path, found: Converted, kept: Path) -> dict[str, Any]:
     """The same of files that were read by a map, with how the nominal robot fits them."""
-    return document(out, table, holdout) | {"map": str(kept)} | told_of(found)
+    return document(out, found.table) | {"map": str(kept)} | told_of(found)
 
 
 def told_of(found: Converted) -> dict[str, Any]:
@@ -41,7 +39,7 @@ def told_of(found: Converted) -> dict[str, Any]:
     fit = found.fit
     return {
         "fit": None if fit is None else {"robot": fit.robot, "miss_mm": fit.miss, "extent_mm": fit.extent},
-        "said": list(found.said),
+        "said": [*found.said, found.table.note],
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,6 +29,8 @@ from calib.validation import (
 )
 from service.results.judgement import validation_document
 from service.results.judgement.acceptance import Acceptance, Limits, decide
+
+_SAME_PLACE_MM = 0.01  # by which a tool target may be written elsewhere
 
 
 class Read(NamedTuple):
@@ -61,6 +63,7 @@ class Validated:
     judgements: Sequence[Judgement]
     repeats: Repeats
     names: Sequence[str]
+    models: Mapping[str, tuple[Dataset, RobotModel, Array]]  # each under the loads that it was judged under
     parameters: Sequence[Difference]
     between: Summary | None
     acceptance: Acceptance | None
@@ -71,16 +74,21 @@ class Validated:
         """Judge. Raises DataError."""
         saved, path, second, other = read
         refuse_other_robot(saved, dataset, path)
+        as_read, dataset = dataset, saved.loaded(dataset)
         if second is not None and other is not None:
             refuse_incomparable(saved, second, other)
         rows = dataset.usable if asked.everything else dataset.validation_rows
         placed = asked.placed or (second is not None and bool(dataset.pointed.any()))
 
         def in_place(model: SavedModel) -> tuple[RobotModel, Array]:
-            return place(dataset, model.model, model.estimate) if placed else (model.model, model.estimate)
+            return (
+                place(dataset.placing, model.model, model.estimate)
+                if placed
+                else (model.model, model.estimate)
+            )
 
         models = {
-            "nominal robot, placed": place_nominal(dataset, base_model_of(dataset)),
+            "nominal robot, placed": place_nominal(dataset.placing, base_model_of(dataset.placing)),
             _name(path): in_place(saved),
         }
         if second is not None and other is not None:
@@ -91,10 +99,14 @@ class Validated:
             models[f"{_name(path)}, named causes only"] = in_place(
                 replace(saved, model=model, estimate=estimate)
             )
+        under = {
+            name: (dataset if second is None or name != names[-1] else second.loaded(as_read), *judged)
+            for name, judged in models.items()
+        }
         judgements = []
-        for name, judged in models.items():
+        for name, (loaded, model, estimate) in under.items():
             say(f"judging the {name}")
-            judgements.append(judge(name, dataset, rows, *judged, asked.point))
+            judgements.append(judge(name, loaded, rows, model, estimate, asked.point))
         parameters, between = [], None
         if second is not None:
             parameters = differences(saved, second)
@@ -112,6 +124,7 @@ class Validated:
             judgements,
             judge_repeats(dataset, *models[names[1]]),
             names,
+            under,
             parameters,
             between,
             acceptance,
@@ -157,6 +170,18 @@ def _warnings(
         out.append("Rows to which the model was fitted are among those judged: flatters.")
     if second is not None and second.data_sha256 == saved.data_sha256:
         out.append("Both models come from the same readings; E_n supposes independent ones.")
+    own, there = saved.holds_for.get("absolute_accuracy", "unknown"), dataset.header.absolute_accuracy
+    if own != there:  # one is unknown: on against off was refused
+        out.append(
+            f"The controller's own absolute accuracy is {own} for the model and {there} for these readings: where they "
+            "differ, the figures are of another robot."
+        )
+    out += [] if placed else _other_targets(dataset, saved)
+    if not dataset.fit_rows.any():
+        out.append(
+            f"No calibration rows: the nominal robot{' and the model are' if placed else ' is'} placed by the "
+            "rows that are judged, which flatters."
+        )
     nominal, judged = judgements[0].error, judgements[1].error
     if not placed and judged.rms > nominal.rms:
         out.append(
@@ -170,4 +195,20 @@ def _warnings(
         out.append(
             f"The model holds for an approach from one side; joints {', '.join(both)} came from both sides here."
         )
+    return out
+
+
+def _other_targets(dataset: Dataset, saved: SavedModel) -> list[str]:
+    """Sentences on tool targets that the header of the readings places elsewhere than the model holds them."""
+    freed = {parameter.name.partition(".")[0] for parameter in saved.model.parameters}
+    out = []
+    for series, known in saved.model.targets.items():
+        of_header = dataset.header.targets_of(series)
+        for name in sorted(({*known} & {*of_header}) - freed):
+            apart = float(np.linalg.norm(np.subtract(known[name], of_header[name])))
+            if apart > _SAME_PLACE_MM:
+                out.append(
+                    f"Target {name} lies {apart:.3g} mm from where the model holds it, which is judged with its own. "
+                    "Another target gets a name of its own."
+                )
     return out

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from calib.diagnose import Diagnosis, Patch, error_with_patch, error_without_patch, patch_of
+from calib.diagnose import Diagnosis
 from calib.fit import ErrorStatistics
+from calib.regression import Patch, error_with_patch, error_without_patch, patch_of
 
 
 @dataclass(frozen=True)

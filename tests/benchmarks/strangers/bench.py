@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 
 from calib.diagnose import diagnose
-from calib.diagnose.power import POWER
+from calib.diagnose.found import POWER
 from tests.benchmarks.clock import at_least, at_most, line
 from tests.benchmarks.strangers.arms import arms
 from tests.benchmarks.strangers.judge import VALIDATION, Asked, Told, examine

@@ -9,7 +9,7 @@ import numpy as np
 from calib.diagnose import diagnose
 from calib.effects import Survey, offers
 from calib.fit.identify import identify
-from calib.scan.space import Space
+from calib.scan.scores import Space
 from tests.benchmarks.diagnosis_truth import Shown, shown_beside
 from tests.benchmarks.strangers import laws_of_arms, laws_of_cells
 from tests.benchmarks.strangers.arms import arms

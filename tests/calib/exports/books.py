@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import openpyxl
 
+from calib.units import DEG
 from tests.calib.exports.case import (
     BODY,
     HEAD,
@@ -72,6 +73,12 @@ def formulas(path: Path, *, saved: bool) -> Path:
                     data = re.sub(rb"<f>([-\d.]+)\*1</f><v\s*/?>(?:</v>)?", rb"<f>\1*1</f><v>\1</v>", data)
                 packed.writestr(name, data)
     return path
+
+
+@case("A workbook with cells in brackets: j:{2.63, ..}")
+def workbook_brackets(folder: Path) -> Path:
+    rows = [[i, f"j:{{{', '.join(grid(J)[i])}}}", f"[{', '.join(grid(P)[i])}]"] for i in range(N)]
+    return book(folder / "a.xlsx", {"Data": [["Nr", "joints", "tracker"], *rows]})
 
 
 @case("A workbook of formulas whose values were saved")
@@ -188,6 +195,14 @@ def lost(folder: Path) -> Path:
     return save(folder / "a.csv", named(HEAD, rows))
 
 
+@case("Points that were lost: 0, 0, 0", asks=("origin",), answers={"origin": "lost"}, lost=(LEFT_OUT, 11))
+def lost_as_zeros(folder: Path) -> Path:
+    rows = grid(J, P)
+    for i in (LEFT_OUT, 11):
+        rows[i][6:] = ["0.000"] * 3
+    return save(folder / "a.csv", named(HEAD, rows))
+
+
 @case("A column of status in German: i.O. and n.i.O.", rejected=(LEFT_OUT,))
 def status(folder: Path) -> Path:
     rows = [[*each, "n.i.O." if i == LEFT_OUT else "i.O."] for i, each in enumerate(grid(J, P))]
@@ -200,6 +215,27 @@ def logger(folder: Path) -> Path:
              "TCP X [mm]", "TCP Y [mm]", "TCP Z [mm]", "Speed [mm/s]", *(f"LT {a} [mm]" for a in "XYZ")]  # fmt: skip
     rows = grid(np.arange(N) * 12.5, J, J + 0.002, OWN, np.zeros(N), P)
     return save(folder / "log.csv", named(names, rows, ","))
+
+
+@case(
+    "Joints read back that differ from the commanded ones by 0.27 deg",
+    asks=("joints.read",),
+    answers={"joints.read": "commanded"},
+)
+def read_elsewhere(folder: Path) -> Path:
+    names = [
+        *(f"J{k} cmd [deg]" for k in range(1, 7)),
+        *(f"q_actual_{k} [rad]" for k in range(1, 7)),
+        *HEAD[6:],
+    ]
+    off = np.where(np.arange(N)[:, None] % 2, 0.27, 0.0) * np.eye(6)[0]
+    return save(folder / "a.csv", named(names, grid(J, (J + off) * DEG, P, decimals=9), ","))
+
+
+@case("Only joints that the controller read back", asks=("joints.read",), answers={"joints.read": "read"})
+def only_read(folder: Path) -> Path:
+    names = [*(f"Achse {k} Ist [°]" for k in range(1, 7)), *HEAD[6:]]
+    return save(folder / "a.csv", named(names, grid(J, P)))
 
 
 @case("Only what the controller shows: no instrument measured it", asks=("points",), answers={"points": "TCP X [mm]"},

@@ -144,6 +144,103 @@ def euler_vector(folder: Path) -> Path:
     return save(folder / "a.csv", named(names, grid(J, P / 1000.0, vector, decimals=8), ","))
 
 
+@case("rx, ry, rz about fixed axes: by the robot, which two names are for", turned=True)
+def rotations_fixed(folder: Path) -> Path:
+    names = [*HEAD, *(f"{a} [deg]" for a in ("rx", "ry", "rz"))]
+    return save(folder / "a.csv", named(names, grid(J, P, angles("xyz"))))
+
+
+@case("No names: six joints and a point")
+def nameless(folder: Path) -> Path:
+    return save(folder / "a.txt", [" ".join(row) for row in grid(J, P)])
+
+
+@case("No names: a count, a pose with its quaternion in metres, six joints in radians", turned=True)
+def nameless_poses(folder: Path) -> Path:
+    rows = grid(np.arange(N), P / 1000.0, Q, J * DEG, decimals=9)
+    return save(folder / "a.csv", [",".join([row[0].split(".")[0], *row[1:]]) for row in rows])
+
+
+@case("No names: joints in one file, points of SpatialAnalyzer in the other, remarks behind some")
+def nameless_points(folder: Path) -> Sequence[Path]:
+    lines = [f"A, Robot, Pose{i + 1}, {', '.join(row)}" for i, row in enumerate(grid(P))]
+    lines = [line + (" // first 1 2 3" if i < 2 else "") for i, line in enumerate(lines)]
+    return [joint_list(folder), save(folder / "points.txt", ["// SpatialAnalyzer", "// Units: mm", *lines])]
+
+
+@case("Names of groups: arm1 .. arm6, probe1 .. probe3")
+def groups(folder: Path) -> Path:
+    names = [*(f"arm{k}" for k in range(1, 7)), *(f"probe{k}" for k in range(1, 4))]
+    return save(folder / "a.csv", named(names, grid(J, P)))
+
+
+def poses() -> np.ndarray:
+    """(N, 16) the measured poses as matrices, row by row."""
+    out = np.tile(np.eye(4), (N, 1, 1))
+    out[:, :3, :3] = Rotation.from_quat(Q, scalar_first=True).as_matrix()
+    out[:, :3, 3] = P
+    return out.reshape(N, 16)
+
+
+@case("Matrices 4 x 4: T11 .. T44", turned=True)
+def matrix(folder: Path) -> Path:
+    names = [*AXES, *(f"T{row}{column}" for row in range(1, 5) for column in range(1, 5))]
+    return save(folder / "a.csv", named(names, grid(J, poses(), decimals=9)))
+
+
+@case("Matrices 4 x 4 written in columns, counted from 0", turned=True)
+def matrix_columns(folder: Path) -> Path:
+    turned = poses().reshape(N, 4, 4).transpose(0, 2, 1).reshape(N, 16)
+    names = [*AXES, *(f"m_{row}_{column}" for row in range(4) for column in range(4))]
+    return save(folder / "a.csv", named(names, grid(J, turned, decimals=9)))
+
+
+@case("Matrices of twelve numbers without names, before the joints", turned=True)
+def matrix_nameless(folder: Path) -> Path:
+    return save(folder / "a.txt", ["\t".join(row) for row in grid(poses()[:, :12], J, decimals=9)])
+
+
+@case(
+    "Matrices of four lines each, joints in another file by order",
+    asks=("match", "2.unit.points"),
+    answers={"match": "order"},
+    turned=True,
+)
+def matrix_lines(folder: Path) -> Sequence[Path]:
+    lines = []
+    for i, pose in enumerate(poses().reshape(N, 4, 4)):
+        lines += [f"Pose {i + 1}", *(" ".join(f"{value:.9f}" for value in row) for row in pose), ""]
+    return [joint_list(folder), save(folder / "poses.txt", lines)]
+
+
+@case("Matrices in one cell", turned=True)
+def matrix_in_a_cell(folder: Path) -> Path:
+    cells = [str(pose.reshape(4, 4).round(9).tolist()) for pose in poses()]
+    return save(folder / "a.csv", named([*AXES, "pose"], [[*grid(J)[i], cells[i]] for i in range(N)]))
+
+
+@case("Cells in brackets: j:{2.63,..} p:{..}")
+def brackets(folder: Path) -> Path:
+    lines = [f"{i};j:{{{','.join(grid(J)[i])}}} p:{{{','.join(grid(P)[i])}}}" for i in range(N)]
+    return save(folder / "a.log", ["run 7 of cell 4", *lines, "end after 24 poses"])
+
+
+@case("KUKA's braces: {A1 2.63, A2 ..}, and X=..")
+def braces(folder: Path) -> Path:
+    def pairs(names: Sequence[str], cells: Sequence[str], mark: str) -> str:
+        return ", ".join(f"{name}{mark}{cell}" for name, cell in zip(names, cells, strict=True))
+
+    lines = [f"{{{pairs(AXES, grid(J)[i], ' ')}}} {pairs('XYZ', grid(P)[i], '=')}" for i in range(N)]
+    return save(folder / "a.txt", lines)
+
+
+@case("Points of SpatialAnalyzer with a remark behind each, blanks between the cells")
+def spatial_analyzer_remarks(folder: Path) -> Sequence[Path]:
+    head = ["// SpatialAnalyzer 2023.1", "// Units: Millimeters", "//", "// Name X Y Z"]
+    lines = [f"Pose{i + 1} {' '.join(row)} // rms 0.01 0.02 0.01" for i, row in enumerate(grid(P))]
+    return [joint_list(folder), save(folder / "points.txt", [*head, *lines])]
+
+
 @case("Fanuc's W, P, R", turned=True)
 def euler_fanuc(folder: Path) -> Path:
     names = [

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -142,3 +144,33 @@ def test_what_ends_its_worker_or_has_changed_is_named_and_stops_no_other(
     assert "changed since" in tally.failed[sources[1].name]
     assert kept(order) == len(said) == 4
     assert this_program() == order.expected
+
+
+CALL = """
+from fleet.diagnose.engine import local
+
+if __name__ == "__main__":
+    with local(1) as client:
+        print(client.submit(sum, [40, 2]).result())
+"""
+
+
+def test_what_lies_in_the_folder_of_the_user_is_not_executed_by_workers(tmp_path: Path) -> None:
+    program, here = tmp_path / "program", tmp_path / "here"
+    for folder in (program, here):
+        folder.mkdir()
+    (program / "call.py").write_text(CALL, "utf-8")
+    for name in ("pickle", "json", "fleet"):
+        (here / f"{name}.py").write_text("raise SystemExit('executed')\n", "utf-8")
+    command = [sys.executable, str(program / "call.py")]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3]), "PYTHONSAFEPATH": ""}
+    done = subprocess.run(
+        command,
+        cwd=here,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=waiting.PATIENCE_S,
+        check=False,
+    )
+    assert done.stdout == "42\n", done.stderr

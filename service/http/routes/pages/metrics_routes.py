@@ -21,11 +21,15 @@ router = APIRouter()
 
 
 @router.get("/metrics", include_in_schema=False)
-def metrics(here: Here, request: Request) -> Response:
+async def metrics(here: Here, request: Request) -> Response:
     """The measures as text."""
-    registry = CollectorRegistry()
-    registry.register(Measures(here))
-    text = generate_latest(registry) + generate_latest(request.app.state.account.registry)
+
+    def read() -> bytes:
+        registry = CollectorRegistry()
+        registry.register(Measures(here))
+        return generate_latest(registry) + generate_latest(request.app.state.account.registry)
+
+    text = await here.listing("metrics", read)
     return Response(text, headers={"Content-Type": CONTENT_TYPE_LATEST})
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import threading
 from typing import Any
 
-from fastapi import FastAPI
+import anyio.to_thread
+from fastapi import FastAPI, Request, Response
 from fastapi.openapi.utils import get_openapi
 
 from service.http.access.roles import Role, viewer_may
@@ -60,6 +63,26 @@ def describe(app: FastAPI) -> None:
         return app.openapi_schema
 
     app.openapi = openapi
+    serve_openapi(app)
+
+
+def serve_openapi(app: FastAPI) -> None:
+    """Serve `/openapi.json`, for an application that serves none. It takes seconds to make and anybody may ask for it,
+    so it is made once and in a thread: in the loop of events a stop would wait for it."""
+    made: list[bytes] = []
+    making = threading.Lock()
+
+    def text() -> bytes:
+        with making:
+            if not made:
+                made.append(json.dumps(app.openapi()).encode())
+            return made[0]
+
+    async def answer(_: Request) -> Response:
+        content = made[0] if made else await anyio.to_thread.run_sync(text)
+        return Response(content, media_type="application/json")
+
+    app.add_route("/openapi.json", answer, include_in_schema=False)
 
 
 def _document(app: FastAPI) -> dict[str, Any]:

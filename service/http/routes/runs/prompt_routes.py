@@ -34,6 +34,7 @@ class Verb(Enum):
     CONFIRM = "confirm"
     SKIP = "skip"
     REDO = "redo"
+    PAUSE = "pause"
     ABORT = "abort"
 
 
@@ -99,6 +100,8 @@ async def _run(here: Here, run_id: RunId) -> Run:
     return await here.waiting(lambda: here.book.get(run_id))
 
 
+_AT_ONCE = 20  # events of a stream before others have their turn
+
 LastEventId = Annotated[
     str,
     Header(
@@ -120,7 +123,8 @@ async def stream_events(
     """
     seen = int(last_event_id) if last_event_id.isdecimal() and len(last_event_id) < 16 else 0
     while not here.closing:
-        events = await here.waiting(lambda after=seen: run.events(after))
+        async with here.stream_turns:  # one stream after another: a stop is heard between them
+            events = await here.waiting(lambda after=seen: run.events(after, _AT_ONCE))
         for event in events:
             yield ServerSentEvent(id=str(event.id), event=event.kind, data=_shown(event))
             seen = event.id

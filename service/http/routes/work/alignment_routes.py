@@ -61,6 +61,16 @@ def create_alignment(
     ] = SLOW_MM_S,
     coupling: Annotated[str, _text("How the controller counts coupled joints.", "none")] = "none",
     instrument: Annotated[str, _text("The instrument, for the data set.", "leica-at960")] = "unknown",
+    sigma_mm: Annotated[
+        float | None,
+        Form(
+            gt=0.0,
+            le=1e4,
+            allow_inf_nan=False,
+            examples=[0.02],
+            description="The instrument's uncertainty, 1 sigma of one coordinate, mm: no row has less.",
+        ),
+    ] = None,
     robot_columns: Annotated[
         str, _text(_COLUMNS.format("Columns of ROBOT.csv", "robot"), "t_s=time", 2000)
     ] = "",
@@ -93,6 +103,7 @@ def create_alignment(
         slower_than=slower_than_mm_s,
         coupling=coupling,
         instrument=instrument,
+        sigma_mm=sigma_mm,
         robot_columns=robot_columns or None,
         tracker_columns=tracker_columns or None,
         every_sample=every_sample,

@@ -120,7 +120,7 @@ def get_arrows(here: Here, job_id: JobId) -> dict[str, Any]:
 
 @router.get("/reports/{job_id}", operation_id="getReport", response_class=HTMLResponse)
 def get_report(here: Here, job_id: JobId) -> HTMLResponse:
-    """The report of an identification or a diagnosis: one HTML page that loads nothing."""
+    """The report of an identification, a diagnosis or a validation: one HTML page that loads nothing."""
     return HTMLResponse(here.jobs.report(job_id), headers=REPORT_HEADERS)
 
 

@@ -89,7 +89,7 @@ def correct_program(
     }
     name = FilePath((program.filename or "").replace("\\", "/")).name or "program"
     content = program.file.read()
-    document, refused = here.workers.call(
+    document, refused = here.file_readers.call(
         corrected_program, here.jobs.model_file(job_id), job_id, name, content, order
     )
     refuse(refused, unless=keep_refused)

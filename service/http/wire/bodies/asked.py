@@ -82,7 +82,6 @@ class TakeLease(Body):
             ge=1.0,
             le=300.0,
             allow_inf_nan=False,
-            strict=False,
         ),
     ] = 30.0
 
@@ -152,11 +151,11 @@ WhyBody = Annotated[Why, BodyOf(default_factory=Why)]
 AnswerBody = Annotated[AnswerGiven, BodyOf(default_factory=AnswerGiven)]
 ExportBody = Annotated[Export, BodyOf(default_factory=Export)]
 LargestDeg = Annotated[
-    float, told("A model that turns the flange by more is refused, deg.", 2.0, gt=0.0, le=90.0, strict=False)
+    float, told("A model that turns the flange by more is refused, deg.", 2.0, gt=0.0, le=90.0)
 ]
 LargestMm = Annotated[
     float,
-    told("A model that shifts the flange by more is refused, mm.", 15.0, gt=0.0, le=1000.0, strict=False),
+    told("A model that shifts the flange by more is refused, mm.", 15.0, gt=0.0, le=1000.0),
 ]
 Conditions = Annotated[
     str,

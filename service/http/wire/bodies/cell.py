@@ -89,7 +89,7 @@ class MappedFit(Answered):
     """How near the nominal robot, put in its best place with its tool fitted, comes to readings."""
 
     robot: Annotated[str, told("The robot.", "abb-irb120")]
-    miss_mm: Annotated[float, told("Median distance, mm.", 0.8)]
+    miss_mm: Annotated[float, told("Within which three quarters of the readings lie, mm.", 0.8)]
     extent_mm: Annotated[float, told("Extent of the points, mm.", 900.0)]
 
 

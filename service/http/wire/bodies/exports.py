@@ -24,7 +24,9 @@ class ModelExport(Answered):
     carries: Annotated[str, told("What the format carries.", "joint origins")]
     left_out: Annotated[list[str], told("Parameters that it cannot carry.", ["compliance:j2"])]
     conditions: Annotated[StatedConditions, told("For which it holds.", {"approach_deg": 5.0})]
-    loss_mm: Annotated[Errors, told("Against the whole model, at random poses, mm.", ERRORS)]
+    loss_mm: Annotated[
+        Errors, told("The file, read back, against the whole model, at random poses, mm.", ERRORS)
+    ]
     nominal_mm: Annotated[Errors, told("The nominal robot against the whole model, mm.", ERRORS)]
     held_out_rms_mm: Annotated[
         float | None, told("The model's own error on readings held out, RMS, mm.", 0.04)

@@ -44,6 +44,13 @@ class HoldsFor(Answered):
 
     approach: Annotated[list[str], told("The side of approach of each joint.", ["both sides", "from below"])]
     temperature_c: Annotated[float | None, told("The mean of the air, degC.", 22.1)]
+    absolute_accuracy: Annotated[
+        str, told("Whether the controller corrected by its maker's calibration: on, off or unknown.", "off")
+    ] = "unknown"
+    joints: Annotated[
+        list[list[float]] | None,
+        told("The range of each joint, deg or mm, as the controller counts.", [[-90.0, 90.0]]),
+    ] = None
 
 
 class HeldOut(Answered):

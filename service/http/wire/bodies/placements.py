@@ -9,7 +9,7 @@ from pydantic import Field
 from service.http.wire.bodies.told import Answered, Body, Names, Point, told
 from service.results.cell.placements import TOGETHER, Order
 
-Number = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False, strict=False)]
+Number = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
 
 
 def _range(words: str, default: tuple[float, float, float]) -> Any:
@@ -57,7 +57,7 @@ class PlacementsAsked(Body):
     ] = 1
     offset_deg: Annotated[
         float,
-        told("From how far below every joint arrives, deg.", Order.offset_deg, ge=0.1, le=30.0, strict=False),
+        told("From how far below every joint arrives, deg.", Order.offset_deg, ge=0.1, le=30.0),
     ] = Order.offset_deg
     show: Annotated[
         int, told("Number of placements that are proven and listed.", Order.show, ge=1, le=50)

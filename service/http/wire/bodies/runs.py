@@ -139,7 +139,9 @@ class RunShown(Answered):
         None
     )
     path: Annotated[PathShown | None, told("How far a path has come.", None)] = None
-    unprotected: Annotated[int, told("Number of readings from before rows had checksums.", 0)] = 0
+    unprotected: Annotated[
+        int, told("Number of readings without a checksum; always 0: every one has it.", 0)
+    ] = 0
     simulated: Simulated
     dry_run: DryRun
     damaged: Annotated[bool, told("Its record cannot be used; a rescue may save readings.", False)] = False

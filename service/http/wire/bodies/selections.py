@@ -27,13 +27,11 @@ class SelectionAsked(Body):
     ] = Field(default_factory=list)
     offset_deg: Annotated[
         float,
-        told(
-            "From where every joint arrives, deg.", -5.0, ge=-30.0, le=30.0, allow_inf_nan=False, strict=False
-        ),
+        told("From where every joint arrives, deg.", -5.0, ge=-30.0, le=30.0, allow_inf_nan=False),
     ] = -5.0
     share: Annotated[
         float,
-        told("Share of the poses that may fill the joints' ranges.", SHARE, ge=0.0, le=1.0, strict=False),
+        told("Share of the poses that may fill the joints' ranges.", SHARE, ge=0.0, le=1.0),
     ] = SHARE
     wanted_u_mm: Annotated[
         float,

@@ -49,6 +49,9 @@ class StatedConditions(Answered):
     time_s: Annotated[float | None, told("Since the start of the campaign, s.", 3600.0)]
     mass_kg: Annotated[float | None, told("The tool on the last link, kg; null: the load of the data.", 2.7)]
     series: Annotated[str | None, told("The set-up of base and tool.", "main")]
+    absolute_accuracy: Annotated[str, told("The controller's own correction: on, off or unknown.", "off")] = (
+        "unknown"
+    )
 
 
 class TargetDone(Answered):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetJsonSchemaHandler, TypeAdapter
@@ -18,7 +19,7 @@ def told(words: str, example: Any, **limits: Any) -> Any:
 
 def told_limit(words: str, example: float, more: str = "") -> Any:
     """The description of a length, mm, that is wanted or allowed, where 0 stands for none; `more`: another sentence."""
-    return told(f"{words}, mm; 0: none.{more}", example, ge=0.0, le=1e4, allow_inf_nan=False, strict=False)
+    return told(f"{words}, mm; 0: none.{more}", example, ge=0.0, le=1e4, allow_inf_nan=False)
 
 
 class Body(BaseModel):
@@ -52,11 +53,14 @@ Name = Annotated[
 def _as_read(text: str) -> str:
     if turns_writing(text):
         raise ValueError("it holds marks that turn the direction of writing; leave them out")
+    if any(unicodedata.category(letter) == "Cc" for letter in text):
+        raise ValueError("it holds control characters, such as line breaks; leave them out")
     return text
 
 
 AsRead = AfterValidator(_as_read)
-"""The rule for names and reasons that people read: no mark in them may turn the direction of writing."""
+"""The rule for names and reasons that people read: no control characters, and no mark that turns the direction of
+writing."""
 Id = Annotated[str, told("The id of the resource, as its path has it.", "20261121-170459-3f9a1c07b2e")]
 Created = Annotated[str, told("When it was made, RFC 3339 UTC.", "2026-11-21T17:04:59.120Z")]
 Simulated = Annotated[bool, told("Whether simulators were measured and no real devices.", False)]

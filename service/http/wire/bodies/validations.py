@@ -20,7 +20,11 @@ class ValidationAsked(ToJudge):
         str, told("The id of the model (that of its job); left out: hold-outs.", _MODEL_ID, max_length=200)
     ] = ""
     place: Annotated[
-        bool, told("Fit base, and tool where the model frees it, to the calibration rows.", False)
+        bool,
+        told(
+            "Fit base, and tool where the model frees it, to the calibration rows, or without any to all.",
+            False,
+        ),
     ] = False
     everything: Annotated[
         bool, told("Judge on all measured rows, not on those alone that only judge.", False)

@@ -26,7 +26,6 @@ FalseAlarms = Annotated[
         ge=1e-4,
         le=0.2,
         allow_inf_nan=False,
-        strict=False,
     ),
 ]
 NewFrame = Annotated[
@@ -42,7 +41,6 @@ RunningS = Annotated[
         ge=-1.0,
         le=1e7,
         allow_inf_nan=False,
-        strict=False,
     ),
 ]
 
@@ -92,14 +90,7 @@ class WatchPlanAsked(OfBaseline):
     candidates: Annotated[int, told("Number of candidates, drawn at random.", 800, ge=1, le=20_000)] = 800
     offset_deg: Annotated[
         float,
-        told(
-            "From how far away every joint arrives, deg.",
-            5.0,
-            ge=0.1,
-            le=30.0,
-            allow_inf_nan=False,
-            strict=False,
-        ),
+        told("From how far away every joint arrives, deg.", 5.0, ge=0.1, le=30.0, allow_inf_nan=False),
     ] = 5.0
     one_side: Annotated[bool, told("Arrive from below on every joint: play is not seen.", False)] = False
     visits: Annotated[

@@ -11,7 +11,7 @@ from service.results.judgement.zones import FARTHEST, Zone
 
 _LOW, _HIGH = [200.0, -400.0, 0.0], [500.0, -100.0, 300.0]
 _MOST = 100
-_COORDINATE = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False, strict=False)]
+_COORDINATE = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
 
 
 class ZoneAsked(Body):

@@ -1,0 +1,316 @@
+"""What a diagnosis states of an effect: size, uncertainty of what was scanned, value on held-out readings, and power.
+
+*Shapes.* A scan fixes a shape constant s, and the covariance of the amplitudes holds for that value only. With the
+derivative d = (dX/ds) b of the readings by the constant as one more column of the Jacobian J,
+
+    var(s) = v / |P d|^2,    cov(b) += g var(s) g',    g = -(J'J)^-1 J'd,
+
+v the variance of the noise and P what the model leaves. A moment of change has no derivative: its interval holds the
+change points with 95 % of the posterior probability, and ends at readings of the fit. Whole orders of a wave are exact.
+
+*Power.* With A = X'PX what the readings know of an effect's columns beside the model, and s the noise, an effect of
+amplitudes b raises the fall of the residual squares by b'A b / s^2, and a claim needs a fall that chance reaches once
+in 500 sets, all tries counted; more where the noise along the effect happens to be larger than elsewhere. The size
+stated is that of the direction of b which shows least. Source: noncentral chi-square, Johnson, Kotz and Balakrishnan
+ch. 29.
+
+*Surprise.* With the whitened residual r of held-out readings, columns J, the covariance C of the parameters and noise
+as large as the fit found it, s, r' (I + J C J' / s^2)^-1 r / s^2 is a chi-square over the rows held out. What exceeds
+it is neither noise nor uncertainty of the model. It decides nothing. Source: Rao 1973, 4a.7; Woodbury 1950.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc, chndtr, chndtrinc, fdtri, gammaincinv
+
+from calib.array import Array
+from calib.data.dataset import Dataset
+from calib.diagnose.select import STRETCHES, Evidence
+from calib.effects import Survey, offers
+from calib.fit.held_out import errors_by
+from calib.fit.identification import Identification
+from calib.fit.readings import linearised, readings_of
+from calib.fit.statistics import ErrorStatistics, statistics_of
+from calib.model.effect import Effect
+from calib.model.model import Design
+from calib.model.reduced import conditional
+from calib.scan.families import Harmonics, Shapes, Steps
+from calib.scan.scores import ABSORBED, CLAIM, Family, Scores, Space, bounds_of, impossible
+from calib.units import to_display
+
+COVERAGE = 2.0  # k of the expanded uncertainty, about 95 %
+
+
+@dataclass(frozen=True)
+class Found:
+    """An effect that was found, with the evidence for it.
+
+    values (p,) and covariance (p, p) in internal units; index: id of the reading at which a step happened. shape_std:
+    standard errors of what was scanned, by name as in `Effect.shape`. between: ids of the readings between which a step
+    happened, with a probability of 95 %: the last before it and the first after it.
+    """
+
+    effect: Effect
+    evidence: Evidence
+    values: Array
+    covariance: Array
+    index: str | None
+    shape_std: Mapping[str, float] = field(default_factory=dict)
+    between: tuple[str, str] | None = None
+
+    @cached_property
+    def amplitude(self) -> tuple[float, float, str]:
+        """Size, standard error and unit, as `Effect.amplitude`."""
+        return self.effect.amplitude(self.values, self.covariance)
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the size exceeds its expanded uncertainty."""
+        value, std, _ = self.amplitude
+        return abs(value) > COVERAGE * std
+
+    @property
+    def usual(self) -> float | None:
+        """Usual size in the unit of the amplitude; None if the library states none, as for a curve of a gear, whose
+        sizes the readings state."""
+        same = [p for p in self.effect.parameters if p.unit == self.amplitude[2]]
+        if self.effect.is_curve or any(p.size is None or p.centre is not None for p in same):
+            return None
+        return math.hypot(*(p.size for p in same if p.size is not None))
+
+    @property
+    def beyond_usual(self) -> bool:
+        """Whether the size exceeds the usual one, so that a technician should look for its cause."""
+        return self.usual is None or abs(self.amplitude[0]) > self.usual
+
+    @property
+    def impossible(self) -> bool:
+        """Whether the values lie beyond what physics allows, as a negative compliance does; noise is no excuse."""
+        bounds = bounds_of(self.effect)
+        return bounds is not None and bool(impossible(bounds, self.values, np.zeros(len(self.values))))
+
+
+def resized(found: Found, fitted: Identification) -> Found:
+    """A finding with the values that another fit has for it."""
+    effect = next(e for e in fitted.model.effects if e.label == found.effect.label)
+    positions = fitted.model.positions(effect)
+    return replace(
+        found,
+        effect=effect,
+        values=fitted.estimate[positions],
+        covariance=fitted.covariance[np.ix_(positions, positions)],
+    )
+
+
+_NUDGE = 1e-3  # relative change of a constant for its derivative
+_COVERED = 0.95
+
+
+def with_shapes(dataset: Dataset, fitted: Identification, found: Sequence[Found]) -> list[Found]:
+    """The findings with the uncertainty of their shapes, and with amplitudes that are as uncertain as these make them.
+
+    fitted: the fit whose model holds the effects.
+    """
+    if not any(each.effect.shape and not each.effect.is_curve for each in found):
+        return list(found)
+    space = Space.of(fitted)
+    offered = offers(Survey.of(fitted, dataset))
+    families = [next((f for f in offered if f.made(each.effect)), None) for each in found]
+    found = [
+        replace(each, between=_between(dataset, space, family, each.effect))
+        if isinstance(family, Steps)
+        else each
+        for each, family in zip(found, families, strict=True)
+    ]
+    shaped = [
+        (i, name, derivative)
+        for i, (each, family) in enumerate(zip(found, families, strict=True))
+        for name, derivative in _derivative(space, family, each.effect)
+    ]
+    if not shaped:
+        return found
+    columns = np.column_stack([derivative for _, _, derivative in shaped])
+    left = columns - space.basis_of_readings @ (space.basis_of_readings.T @ columns)
+    noise = max(fitted.noise_scale, 1.0) ** 2
+    shapes = noise * np.linalg.pinv(left.T @ left, hermitian=True)
+    carried = -space.covariance @ (space.columns.T @ columns)
+    spread = np.sqrt(np.diag(shapes))
+    for j, (i, name, _) in enumerate(shaped):
+        at = fitted.model.positions(found[i].effect)
+        found[i] = replace(
+            found[i],
+            covariance=found[i].covariance + carried[at] @ shapes @ carried[at].T,
+            shape_std={name: float(spread[j])},
+        )
+    return found
+
+
+def _derivative(space: Space, family: Family | None, effect: Effect) -> list[tuple[str, Array]]:
+    """The name of an effect's constant and the derivative (size,) of the readings by it; empty without a constant that
+    readings determine."""
+    if isinstance(family, Shapes):
+        name = family.key
+    elif isinstance(family, Harmonics) and not effect.shape["order"].is_integer():
+        name = "order"
+    else:
+        return []
+    step = _NUDGE * effect.shape[name]
+    more, less = (space.effect_columns(family.at(effect.shape[name] + h)) for h in (step, -step))
+    values = space.fitted.estimate[space.fitted.model.positions(effect)]
+    return [(name, (more - less) @ values / (2.0 * step))]
+
+
+def _between(dataset: Dataset, space: Space, family: Steps, effect: Effect) -> tuple[str, str] | None:
+    """The ids of the last reading before a step and of the first after it, with a probability of 95 %."""
+    order = space.fitted.readings.conditions.order
+    scores = Scores([replace(family, scanned=len(family.every))], space)
+    scores.move(*space.own_direction(effect), enters=False)
+    gain = scores.gains(0)[0][: len(family.every)]
+    noise = max(space.rss / max(space.freedom, 1), 1e-300)
+    weight = np.exp(0.5 * (gain - gain.max()) / noise)
+    likely = np.argsort(-weight)
+    kept = likely[: int(np.searchsorted(np.cumsum(weight[likely]) / weight.sum(), _COVERED)) + 1]
+    ranks = [*family.every[kept].tolist(), effect.shape["rank"]]
+    before = order[order < min(ranks)]
+    if not len(before) or not math.isfinite(max(ranks)):
+        return None
+    ids = [
+        dataset.reading_id[int(np.flatnonzero(dataset.conditions.order == rank)[0])]
+        for rank in (before.max(), max(ranks))
+    ]
+    return str(ids[0]), str(ids[1])
+
+
+POWER = 0.95
+_ABSURD = 100.0  # times the usual size: no robot has it, so that the readings cannot show the effect
+_QUANTILES = 32  # of the noise along an effect
+
+
+@dataclass(frozen=True)
+class Visible:
+    """The smallest detectable size of an effect, in `unit`; None where these readings cannot show it."""
+
+    label: str
+    size: float | None
+    unit: str
+
+
+def visible(scores: Scores) -> tuple[Visible, ...]:
+    """The smallest detectable size of every effect of the library; for a scan, the median over its places."""
+    found = []
+    for index, family in enumerate(scores.families):
+        places = len(family.raw)
+        effect = family.effect(places // 2)
+        units = [parameter.unit for parameter in effect.parameters]
+        first = [i for i, unit in enumerate(units) if unit == units[0]]
+        least = _least(scores.a[index][:, first][:, :, first], family.raw[:, first])
+        needed = _needed(len(units), scores.freedom, scores.multiplicity(index, places // 2))
+        typical = float(np.median(least))
+        size = np.sqrt(needed * scores.noise / typical) if typical > 0.0 else None
+        shown = None if size is None else to_display(float(size), units[0])
+        usual = effect.parameters[0].size
+        if shown is not None and usual is not None and shown > _ABSURD * usual:
+            shown = None
+        found.append(Visible(family.label, shown, units[0]))
+    return tuple(found)
+
+
+def _least(a: Array, raw: Array) -> Array:
+    """(places,) smallest eigenvalue of A (places, p, p) over directions that the model does not absorb; 0: all are."""
+    values = np.linalg.eigvalsh(a)
+    counts = values > ABSORBED * np.max(raw, axis=1, keepdims=True)
+    return np.where(counts.any(axis=1), np.min(np.where(counts, values, np.inf), axis=1), 0.0)
+
+
+@lru_cache(maxsize=256)
+def _needed(columns: int, freedom: int, tries: int) -> float:
+    """lambda at which so many columns are claimed with the power wanted."""
+    from scipy.optimize import root_scalar  # half a second that a service need not take to begin
+
+    limit = columns * float(fdtri(columns, max(freedom - columns, 1), 1.0 - CLAIM / tries))
+    least = float(chndtrinc(limit, columns, 1.0 - POWER))
+    likely = (np.arange(_QUANTILES) + 0.5) / _QUANTILES
+    # Of every column the sum over all stretches is zero: what it explains is taken out
+    along = 2.0 * gammaincinv(0.5 * columns * (STRETCHES - 1), likely) / (columns * STRETCHES)
+    limits = limit * np.maximum(along, 1.0)
+
+    def missed(size: float) -> float:
+        return float(np.mean(chndtr(limits, columns, size))) - (1.0 - POWER)
+
+    highest = 2.0 * float(limits[-1]) + 4.0 * least
+    return float(root_scalar(missed, bracket=(least, highest), xtol=1e-3 * least).root)
+
+
+_CHANCE = 1e-3  # of a surprise that is none
+_NOTICED = 1.1  # times what was expected that are worth a word
+
+
+@dataclass(frozen=True)
+class Surprise:
+    """The ratio of the held-out error to its expectation, and its p-value."""
+
+    times: float
+    p_value: float
+
+    @property
+    def real(self) -> bool:
+        """Whether it is significant, and large enough to be reported."""
+        return self.p_value < _CHANCE and self.times > _NOTICED
+
+
+def surprise_of(
+    dataset: Dataset, found: Identification, faulty: NDArray[np.bool_] | None = None
+) -> Surprise | None:
+    """The surprise of the validation rows, which took no part in the model; None where nothing was held out.
+
+    faulty: (n,) mask over the data set of rows that are left out, since they are no readings of what they say.
+    """
+    rows = dataset.validation_rows if faulty is None else dataset.validation_rows & ~faulty
+    if not rows.any():
+        return None
+    readings = readings_of(dataset, rows, found.model, found.estimate)
+    if readings.observed.count == 0:
+        return None
+    spread = np.sqrt(np.diag(found.covariance))
+    known = spread > 0.0
+    size, noise = spread[known], max(found.noise_scale, 1.0)
+    gram, shared, square = np.zeros((len(size), len(size))), np.zeros(len(size)), 0.0
+    for _, residual, columns in linearised(found.model, readings, found.estimate):
+        scaled, left = columns[:, known] * (size / noise), residual.ravel() / noise
+        gram += scaled.T @ scaled
+        shared += scaled.T @ left
+        square += float(left @ left)
+    correlation = found.covariance[np.ix_(known, known)] / (size[:, None] * size)
+    inner = np.linalg.solve(np.eye(len(size)) + gram @ correlation, shared)
+    square -= float(shared @ correlation @ inner)
+    count = readings.observed.count
+    # Readings of one visit share where the robot came to rest: unless that is declared they are one try
+    apart = 1.0
+    if readings.observed.shared is None:
+        apart = len(np.unique(readings.conditions.visit)) / len(readings.rows)
+    return Surprise(math.sqrt(max(square, 0.0) / count), float(chdtrc(count * apart, square * apart)))
+
+
+def estimate_without(found: Identification, effect: Effect) -> Array:
+    """(m,) the estimate with one effect zero and all else adapted to first order."""
+    return conditional(found.model, found.estimate, found.covariance, (effect,))[0]
+
+
+def errors_without(
+    dataset: Dataset, found: Identification, effects: Sequence[Effect]
+) -> list[ErrorStatistics | None]:
+    """Position error on validation rows without each of some effects; None where nothing was held out."""
+    rows = dataset.validation_rows
+    if not rows.any():
+        return [None] * len(effects)
+    design = Design(found.model, dataset.conditions.take(rows))
+    return [
+        statistics_of(errors_by(design, dataset, rows, estimate_without(found, effect))) for effect in effects
+    ]

@@ -1,1 +1,0 @@
-"""Effects of elasticity: gears, links, bearings and the pedestal deflect under loads; undeclared loads."""

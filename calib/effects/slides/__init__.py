@@ -1,1 +1,0 @@
-"""Effects of slides: linear axes that carry the arm or its tool."""
