@@ -25,6 +25,7 @@ _ROUNDS = 12
 _PLACING_ROUNDS = 4
 _SETTLED_S = 1e-7
 _BLOCKS = 60
+SLOW_MM_S = 2.0  # the tool of a robot at rest is slower
 _MOVING = 0.1  # of the mean motion of a block: one with less says nothing of the clocks
 _SLIGHT = 1e-6  # the same, of what weights leave of it
 
@@ -114,25 +115,27 @@ class Solve:
         return replace(clocks, step_at=float(self._time[int(np.argmin(np.cumsum(gain) - gain))]))
 
     def uncertainty(self, clocks: Clocks, estimate: Array) -> tuple[float, float, float]:
-        """Standard errors of offset, rate and step, s, 1, s, from blocks of the recording left out in turn.
+        """Standard errors of offset, rate and step, s, 1, s, from parts of the recording left out in turn.
 
-        The robot's own error varies slowly along the path: the errors of a block may hang together as they like, only
-        blocks are taken for independent. Left out, a block cannot hide its error from its own fit. One step of
-        Gauss-Newton each. Source: Bell and McCaffrey 2002 (the jackknife of clusters).
+        The robot's own error varies slowly along the path, and where a move ends differs each time by the robot's
+        repeatability: the errors of a block of time, or of a move with the rest behind it, may hang together as they
+        like, only these are taken for independent. What gives more counts. Left out, a part cannot hide its error
+        from its own fit. One step of Gauss-Newton each. Source: Bell and McCaffrey 2002 (the jackknife of clusters).
         """
         samples = self.at(clocks, estimate)
         columns, weight = self._columns(samples, clocks), weights(samples.error)
         nothing = np.zeros_like(self._prior)
         normal, _ = _normal(columns, samples.error, weight, self._prior)
-        changes = []
-        for part in blocks(len(weight)):
-            own, score = _normal(columns[part], samples.error[part], weight[part], nothing)
-            changes.append(solved(normal - own, score)[-CLOCKS:])
-        share = (len(changes) - 1) / len(changes)
+        scatter = np.zeros(CLOCKS)
+        for parts in (blocks(len(weight)), moves(samples.velocity)):
+            changes = []
+            for part in parts:
+                own, score = _normal(columns[part], samples.error[part], weight[part], nothing)
+                changes.append(solved(normal - own, score)[-CLOCKS:])
+            share = (len(changes) - 1) / len(changes)
+            scatter = np.maximum(scatter, share * np.sum(np.square(changes), axis=0))
         held = solved(normal, np.diag(self._prior))[-CLOCKS:] * NOISE_MM
-        offset, rate, step = np.sqrt(
-            share * np.sum(np.square(changes), axis=0) + np.sum(np.square(held), axis=1)
-        )
+        offset, rate, step = np.sqrt(scatter + np.sum(np.square(held), axis=1))
         return float(offset), float(rate), float(step)
 
     def placed_only(self, clocks: Clocks) -> Array:
@@ -178,6 +181,13 @@ def solved(normal: Array, right: Array) -> Array:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
     inverse = np.linalg.pinv(normal * np.outer(scale, scale), 1e-13, hermitian=True)
     return (scale * (inverse @ (right.T * scale).T).T).T
+
+
+def moves(velocity: Array) -> list[NDArray[np.int64]]:
+    """Indices of the samples of every move with the rest behind it, by the velocities (n, 3) of the tool, mm/s."""
+    still = np.linalg.norm(velocity, axis=1) < SLOW_MM_S
+    begun = np.flatnonzero(still[:-1] & ~still[1:]) + 1
+    return [part for part in np.split(np.arange(len(still)), begun) if len(part)]
 
 
 def blocks(count: int) -> list[NDArray[np.int64]]:

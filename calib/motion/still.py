@@ -13,9 +13,9 @@ from scipy.spatial import KDTree
 from calib.array import Array
 from calib.errors import DataError
 from calib.motion.alignment import Aligned
+from calib.motion.solve import SLOW_MM_S
 from calib.units import DEG
 
-SLOW_MM_S = 2.0
 _CREEP = 0.2 * DEG  # of any joint, within one standstill
 _SAME_POSE = 0.5 * DEG  # of every joint, of one waypoint
 

@@ -93,12 +93,14 @@ def simulate(
     jump: tuple[float, float] = (np.inf, 0.0),
     lag_s2_mm: float = 0.0,
     gears_of: Callable[[np.random.Generator], Gears] | None = None,
+    repeatability_rad: float = 0.0,
 ) -> Moving:
     """The paper's set-up unless changed: 38 waypoints in 600 s, 125 Hz and 10 Hz, offset and rate different.
 
     waypoints: fewer than legs are visited again in turn. jump: from this true time on, s, the tracker's clock shows so
     many s less. lag_s2_mm: the point comes late along its path by this times its speed squared, mm per (mm/s)^2.
-    gears_of: draws the gears of the arm; None for gears that are stiff and true.
+    gears_of: draws the gears of the arm; None for gears that are stiff and true. repeatability_rad: of a joint, by
+    which every move and the rest behind it are off.
     """
     rng = np.random.default_rng(seed)
     count = legs if waypoints is None else waypoints
@@ -112,11 +114,15 @@ def simulate(
     at = rng.uniform(-3000.0, 3000.0, 3)
 
     gears = None if gears_of is None else gears_of(rng)
+    arrivals = repeatability_rad * np.random.default_rng([seed, 1]).normal(size=(legs, 6))
 
     def placed(time: Array) -> Array:
         joints = path(places, order, leg_s, rest, time)
         if gears is not None:
             joints = gears.turned(joints, sides(places, order, leg_s, rest, time, gears.play))
+        joints = (
+            joints + arrivals[np.clip(np.floor((time - 0.5 * rest) / leg_s).astype(int) + 1, 0, legs - 1)]
+        )
         return pose.apply(tool_points(joints, errors)) + at
 
     true_robot = np.arange(0.0, duration, 1.0 / robot_hz)

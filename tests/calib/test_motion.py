@@ -88,14 +88,17 @@ def test_a_clock_that_jumps_is_noticed(at: float, size: float) -> None:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_an_arm_that_bends_and_has_play_shifts_no_clock(seed: int) -> None:
-    """Few slow waypoints: with geometry alone the offset was up to 5 ms wrong, and a clock was said to jump."""
+    """Few slow waypoints: with geometry alone the offset was up to 5 ms wrong, and a clock was said to jump.
+
+    Seven moves say little of how far moves differ by the robot's repeatability, so the rate is known to 4 ppm only.
+    """
     worn = partial(gears, waves_rad=2e-4, play_rad=1e-4)
     moving = simulate(seed, legs=8, duration=300.0, rest=5.0, robot_hz=50.0, gears_of=worn)
     found = aligned_of(moving)
     assert np.isinf(found.clocks.step_at)
     assert found.warnings == ()
     assert abs(found.clocks.offset - moving.offset) < 3.0 * found.u_offset < 1e-3
-    assert abs(found.clocks.rate - moving.rate) < 3.0 * found.u_rate < 10e-6
+    assert abs(found.clocks.rate - moving.rate) < 3.0 * found.u_rate < 12e-6
 
 
 def test_what_a_short_recording_does_not_show_of_the_arm_is_in_the_uncertainty() -> None:
@@ -109,6 +112,19 @@ def test_what_a_short_recording_does_not_show_of_the_arm_is_in_the_uncertainty()
         stated.append(found.u_offset)
     assert np.sqrt(np.mean(np.square(in_u))) < 1.5
     assert np.median(stated) < 0.3e-3
+
+
+def test_what_moves_differ_by_is_in_the_uncertainty_of_the_clocks() -> None:
+    """Every move ends a little elsewhere: with blocks of time alone, the errors were 2 in units of what was stated."""
+    in_u = []
+    for seed in range(1, 13):
+        moving = simulate(seed, legs=10, duration=55.0, rest=1.5, robot_hz=50.0, repeatability_rad=1e-4)
+        found = aligned_of(moving)
+        clocks = found.clocks
+        in_u.append(
+            [(clocks.offset - moving.offset) / found.u_offset, (clocks.rate - moving.rate) / found.u_rate]
+        )
+    assert np.all(np.sqrt(np.mean(np.square(in_u), axis=0)) < 1.5)
 
 
 def test_windows_that_show_other_moves_give_no_rate() -> None:
