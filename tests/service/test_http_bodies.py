@@ -5,10 +5,12 @@ two values of `dry_run` make one that moves a robot, and a route that reads its 
 from __future__ import annotations
 
 import gzip
+import json
 import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
@@ -84,19 +86,48 @@ def test_nothing_that_is_sent_is_expanded(client: TestClient, encoding: str) -> 
 
 
 def test_every_route_reads_its_body_so(client: TestClient) -> None:
-    """Told by the OpenAPI document, so that a route of tomorrow is asked too."""
+    """A key twice is refused; thousands of errors, which hold up the loop of events, are not described one by one."""
+    thousands = json.dumps({f"k{number}": 0 for number in range(4000)}).encode()
     asked = 0
-    for path, item in client.get("/openapi.json").json()["paths"].items():
-        for method, operation in item.items():
-            if "application/json" in operation.get("requestBody", {}).get("content", {}):
-                where = re.sub(r"\{\w+\}", "x", path)
-                answer = client.request(
-                    method, where, content=b'{"a": 1, "a": 2}', headers={"Content-Type": "application/json"}
-                )
-                assert answer.status_code == 422, (where, answer.text)
-                assert "twice" in answer.json()["detail"], (where, answer.text)
-                asked += 1
+    for method, where, _ in taking_json(client):
+        for content, word in ((b'{"a": 1, "a": 2}', "twice"), (thousands, "")):
+            answer = client.request(
+                method, where, content=content, headers={"Content-Type": "application/json"}
+            )
+            assert answer.status_code == 422, (where, answer.text)
+            assert word in answer.json()["detail"], (where, answer.text)
+            assert len(answer.content) < 20_000, where
+        asked += 1
     assert asked > 8
+
+
+def test_a_list_is_refused_for_its_first_wrong_value(client: TestClient) -> None:
+    """In every list of every request: to describe each of 100,000 wrong values holds up the loop of events."""
+    lists = 0
+    for method, where, schema in taking_json(client):
+        for key, described in schema.get("properties", {}).items():
+            if any(each.get("type") == "array" for each in [described, *described.get("anyOf", [])]):
+                answer = client.request(method, where, json={key: [[{"wrong": 0}]] * 60})
+                assert answer.status_code == 422, (where, key, answer.text)
+                assert sum(f"{key}" in each["where"] for each in answer.json()["errors"]) < 9, (where, key)
+                lists += 1
+    assert lists > 3
+
+
+def taking_json(client: TestClient) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Method, path and schema of every route that takes JSON, told by the OpenAPI document: tomorrow's too."""
+    document = client.get("/openapi.json").json()
+    for path, item in document["paths"].items():
+        for method, operation in item.items():
+            kinds = operation.get("requestBody", {}).get("content", {})
+            if "application/json" in kinds:
+                schema = kinds["application/json"]["schema"]
+                name = schema.get("$ref", "").rpartition("/")[2]
+                yield (
+                    method,
+                    re.sub(r"\{\w+\}", "x", path),
+                    document["components"]["schemas"].get(name, schema),
+                )
 
 
 def test_a_damaged_file_of_the_record_is_named_and_takes_no_list_down(tmp_path: Path) -> None:

@@ -249,3 +249,36 @@ def test_the_document_is_made_once_and_not_in_the_loop_of_events(tmp_path: Path)
     assert [each.json()["info"]["title"] for each in answers] == ["TruePose"] * 4
     assert len(makers) == 1
     assert makers[0] is not threading.current_thread()
+
+
+def test_who_does_not_read_the_document_is_sent_its_beginning_only(tmp_path: Path) -> None:
+    """Written whole, it would lie in memory once for every stranger, and making the copies holds up the loop."""
+    app = create_app(Settings(tmp_path, Tokens("o", "v")))
+    sent = list[bytes]()
+
+    async def ask() -> None:
+        full = asyncio.Event()
+
+        async def send(message: Any) -> None:
+            if message["type"] == "http.response.body":
+                sent.append(message["body"])
+                full.set()
+                await asyncio.Event().wait()  # the client reads nothing
+
+        async def receive() -> Any:
+            await asyncio.Event().wait()
+
+        scope = {
+            "type": "http",
+            "method": "GET",
+            "path": "/openapi.json",
+            "query_string": b"",
+            "headers": [(b"host", b"127.0.0.1")],
+            "app": app,
+        }
+        asking = asyncio.create_task(app(scope, receive, send))
+        await full.wait()
+        asking.cancel()
+
+    asyncio.run(ask())
+    assert 0 < sum(map(len, sent)) <= 65536

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 import threading
+from collections.abc import AsyncIterator
 from typing import Any
 
 import anyio.to_thread
-from fastapi import FastAPI, Request, Response
+from fastapi import FastAPI, Request
 from fastapi.openapi.utils import get_openapi
+from fastapi.responses import StreamingResponse
 
 from service.http.access.roles import Role, viewer_may
 from service.http.wire.bodies import EventShown, ProblemShown
 from service.http.wire.problems import MEDIA_TYPE
 
+_PIECE = 32768  # bytes that are sent at once
 _TOKENS = {
     Role.OPERATOR: "The operator's token: everything. Where the robot moves the motion lease is needed too.",
     Role.VIEWER: "The viewer's token: everything that is read, and pausing and stopping. Else 403.",
@@ -78,9 +81,14 @@ def serve_openapi(app: FastAPI) -> None:
                 made.append(json.dumps(app.openapi()).encode())
             return made[0]
 
-    async def answer(_: Request) -> Response:
+    async def pieces(content: bytes) -> AsyncIterator[bytes]:  # each waits until the one before it was read
+        for start in range(0, len(content), _PIECE):
+            yield content[start : start + _PIECE]
+
+    async def answer(_: Request) -> StreamingResponse:
         content = made[0] if made else await anyio.to_thread.run_sync(text)
-        return Response(content, media_type="application/json")
+        size = {"Content-Length": str(len(content))}
+        return StreamingResponse(pieces(content), media_type="application/json", headers=size)
 
     app.add_route("/openapi.json", answer, include_in_schema=False)
 

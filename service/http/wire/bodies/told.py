@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import unicodedata
-from typing import Annotated, Any
+from typing import Annotated, Any, Self, cast
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetJsonSchemaHandler, TypeAdapter
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ModelWrapValidatorHandler,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema
+from pydantic_core import CoreSchema, PydanticCustomError
 
 from calib.text import turns_writing
+
+_MOST_ERRORS = 100
 
 
 def told(words: str, example: Any, **limits: Any) -> Any:
@@ -22,10 +35,43 @@ def told_limit(words: str, example: float, more: str = "") -> Any:
     return told(f"{words}, mm; 0: none.{more}", example, ge=0.0, le=1e4, allow_inf_nan=False)
 
 
+def _first_of_a_list(schema: Any) -> Any:
+    """A schema of the validator, in which every list stops at its first error."""
+    if isinstance(schema, dict):
+        parts = cast("dict[str, Any]", schema)
+        first = {"fail_fast": True} if parts.get("type") == "list" else {}
+        return {
+            key: part if key == "metadata" else _first_of_a_list(part) for key, part in parts.items()
+        } | first
+    if isinstance(schema, list):
+        return [_first_of_a_list(part) for part in cast("list[Any]", schema)]
+    return schema
+
+
 class Body(BaseModel):
-    """A request; strict, and nothing that nobody reads."""
+    """A request; strict, and nothing that nobody reads.
+
+    A list is refused for its first wrong value and a request for its first hundred: to describe each of a hundred
+    thousand would take the event loop seconds, and a stop would wait as long.
+    """
 
     model_config = ConfigDict(strict=True, extra="forbid")
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return _first_of_a_list(handler(source))
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _few_errors(cls, value: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        try:
+            return handler(value)
+        except ValidationError as error:
+            if error.error_count() <= _MOST_ERRORS:
+                raise
+            raise PydanticCustomError(
+                "too_many_errors", "has {count} errors, too many to list", {"count": error.error_count()}
+            ) from None
 
 
 class Answered(BaseModel):
