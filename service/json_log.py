@@ -7,11 +7,13 @@ import logging
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from calib.errors import DataError
 from service.files import STANDARD_OUTPUT
 from service.plain import finite, utc_text
 
+_LONGEST = 65536  # bytes of a line that are looked at
 NAMES = ("service", "acquisition", "drivers", "uvicorn.error")
 
 
@@ -32,12 +34,31 @@ class JsonLines(logging.Formatter):
         return json.dumps(finite(line))
 
 
+def _may_grow(file: Path) -> bool:
+    """Whether a file is a log of this program, empty, not there, or no ordinary file."""
+    try:
+        with file.open("rb") as stream:
+            first = stream.readline(_LONGEST) if file.is_file() else b""
+    except OSError:  # said when the log is opened
+        return True
+    return not first or first.startswith(b'{"utc": ')
+
+
 @contextmanager
 def json_log(file: str | None) -> Iterator[None]:
-    """Keep a log in a file (`-`: on standard error) within; None: none. Raises DataError where it cannot be written."""
+    """Keep a log in a file (`-`: on standard error) within, behind what it holds; None: none.
+
+    Raises DataError where it cannot be written, or is no log of this program.
+    """
     if file is None:
         yield
         return
+    if file != STANDARD_OUTPUT and not _may_grow(Path(file)):
+        raise DataError(
+            f"{file} holds something else than a log of this program.",
+            do="Name another file; a log is written behind what its file holds.",
+            key="--log",
+        )
     try:
         handler = (
             logging.StreamHandler(sys.stderr)

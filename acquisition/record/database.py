@@ -79,7 +79,7 @@ class Database:
             if new:
                 _sync(folder)
                 _sync(folder.parent)
-            self._files = self._identities()
+            self._files = self._seen()
         except BaseException:
             self._release()
             raise
@@ -144,24 +144,26 @@ class Database:
                 if not within:
                     self._within = None
 
-    def _identities(self) -> dict[Path, tuple[int, int] | None]:
-        """Device and inode of the file and of its journal, by path; None for one that is not there."""
-        found: dict[Path, tuple[int, int] | None] = {}
+    def _seen(self) -> dict[Path, os.stat_result | None]:
+        """What the system tells of the file and of its journal, by path; None for one that is not there."""
+        found: dict[Path, os.stat_result | None] = {}
         for path in (self.path, self.path.with_name(f"{FILE}-wal")):
             try:
-                seen = path.stat()
-                found[path] = seen.st_dev, seen.st_ino
+                found[path] = path.stat()
             except OSError:
                 found[path] = None
         return found
 
     def _must_be_there(self) -> None:
-        """Raise StorageError where the file is no longer that of its path: what is written would be lost with it."""
-        now = self._identities()
+        """Raise StorageError where the file is no longer that of its path: what is written would be lost with it.
+
+        SQLite itself makes neither file shorter while one program writes it.
+        """
+        now = self._seen()
         for path, before in self._files.items():
-            if before is not None and now[path] != before:
+            if before is not None and (harm := _harm(before, now[path])):
                 raise StorageError(
-                    f"{path}: {'was removed or moved' if now[path] is None else 'was replaced'} while it was written",
+                    f"{path}: {harm} while it was written",
                     command="record",
                     what_to_do="Put the file back where it was, or start a new record; the readings since then are "
                     "in neither.",
@@ -283,6 +285,15 @@ def _begun(path: Path) -> bool:
 def _remove(path: Path) -> None:
     for ending in ("", "-wal", "-shm", "-journal"):
         path.with_name(path.name + ending).unlink(missing_ok=True)
+
+
+def _harm(before: os.stat_result, now: os.stat_result | None) -> str:
+    """What somebody has done to a file that was there before; empty: nothing."""
+    if now is None:
+        return "was removed or moved"
+    if (before.st_dev, before.st_ino) != (now.st_dev, now.st_ino):
+        return "was replaced"
+    return "was cut" if now.st_size < before.st_size else ""
 
 
 def _sync(folder: Path) -> None:

@@ -111,5 +111,19 @@ def test_a_line_is_a_line_whatever_it_says(tmp_path: Path) -> None:
     (line,) = file.read_text("utf-8").splitlines()
     told = json.loads(line)
     assert (told["message"], told["path"], told["ms"]) == ("two\nlines", "/a\n\u2028b", None)
+    with json_log(str(file)):
+        logging.getLogger("service.x").warning("behind it")
+    assert len(file.read_text("utf-8").splitlines()) == 2
     with pytest.raises(DataError, match="cannot be written"), json_log(str(tmp_path)):
         pass
+
+
+@pytest.mark.parametrize(
+    "held", [b"j1,j2,x\n1,2,3\n", b"[robot]\n", b'{"format": "truepose-model/2"}', b"\0\1"]
+)
+def test_a_log_is_not_written_behind_a_file_of_the_user(held: bytes, tmp_path: Path) -> None:
+    file = tmp_path / "cell.toml"
+    file.write_bytes(held)
+    with pytest.raises(DataError, match="something else than a log"), json_log(str(file)):
+        pass
+    assert file.read_bytes() == held
