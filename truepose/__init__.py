@@ -17,7 +17,7 @@ from __future__ import annotations
 from importlib import import_module, metadata
 from typing import TYPE_CHECKING, Any
 
-from truepose.rooms import refuse_foreign
+from truepose.__main__ import refuse_foreign
 
 if TYPE_CHECKING:
     from calib.errors import DataError

@@ -1,10 +1,39 @@
-"""`truepose`, and `python -m truepose`: the command line, once it is sure that its packages are its own."""
+"""`truepose`, and `python -m truepose`: the command line, once it is sure that its packages are its own.
+
+The rooms of the program: packages with plain names, which a package of somebody else may hide.
+"""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
+from importlib.util import find_spec
+from pathlib import Path
 
-from truepose.rooms import refuse_foreign
+ROOMS = ("acquisition", "calib", "drivers", "fleet", "mocks", "service")
+
+
+def where(name: str) -> Path | None:
+    """The folder in which Python finds a package; None where it finds none, or one that lies in no folder."""
+    loaded = sys.modules.get(name)
+    spec = find_spec(name) if loaded is None else loaded.__spec__
+    if spec is None or not spec.submodule_search_locations:
+        return None
+    return Path(next(iter(spec.submodule_search_locations))).resolve()
+
+
+def refuse_foreign(rooms: Iterable[str] = ROOMS) -> None:
+    """Raise ImportError where Python finds another package under the name of a room than the one beside this."""
+    home = Path(__file__).resolve().parents[1]
+    for name in rooms:
+        found = where(name)
+        if found == home / name:
+            continue
+        there = f"{found} is found instead" if found else "there is none"
+        raise ImportError(
+            f"truepose needs its own package '{name}', in {home}, but {there}. Install TruePose in an environment of "
+            "its own, or start Python in another folder; PYTHONPATH may name one that holds such a package."
+        )
 
 
 def main() -> int:

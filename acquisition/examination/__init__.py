@@ -15,11 +15,10 @@ from pathlib import Path
 from acquisition.cell.cell import Cell
 from acquisition.cell.devices import Devices
 from acquisition.errors import ClockJumped, RobotInUse
-from acquisition.examination.computer import examine_computer
+from acquisition.examination.computer import examine_computer, note_low_priority
 from acquisition.examination.finding import Chart, Examination, Finding
 from acquisition.examination.instrument import examine_instrument
 from acquisition.examination.meeting import Place
-from acquisition.examination.priority import note_low_priority
 from acquisition.examination.robot import examine_robot
 from acquisition.run.orders.mover import Mover
 

@@ -2,35 +2,84 @@
 
 By waypoint: in five parts, whole waypoints left out; everything is done again with the rest, the fit of the physical
 model, the diagnosis, the choice of gamma and lambda. Errors are measured less predicted, in the axes of the world.
+
+The waypoint of each sample: samples between which the robot hardly moved share a waypoint.
+
+A data set for a level of calibration: which parameters are freed, and which are held because no reading shows
+them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 from calib.array import Array
-from calib.comparison.levels import PLACE, freeing
-from calib.comparison.waypoints import waypoints_of
 from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.data.groups import LEVELS
 from calib.diagnose.diagnosis import diagnose
 from calib.errors import DataError
 from calib.fit.identification import Identification
-from calib.fit.identify import Progress, identify, silent
+from calib.fit.identify import Progress, identify, last_joint_unseen, silent
 from calib.fit.placing import base_model_of, place_nominal
 from calib.fit.readings import readings_of
+from calib.model import base_model
 from calib.model.model import Design, RobotModel
 from calib.regression.choose import folds_of
 from calib.regression.regression import Regression, Wanted, train
+from calib.units import DEG
 from calib.validation.holdout import without
 
+PLACE = ("base",)
+
+"""What is freed of the nominal robot in its place."""
+
+_BESIDE = ("tool", "length_zero")  # not a matter of levels: the header frees them or not
+
+
+def freeing(dataset: Dataset, groups: Sequence[str]) -> Dataset:
+    """The data set with the header's groups replaced; an unknown tool or zero of lengths stays free.
+
+    What the header holds or weighs of other groups is left out. Where all targets lie on the axis of the last joint,
+    its zero is held: a reflector straight below the flange is a usual set-up, and nothing moves it then.
+    """
+    header = dataset.header
+    groups = (*groups, *(g for g in _BESIDE if g in header.groups))
+    header = replace(header, groups=groups, hold=(), priors={})
+    model = base_model_of(replace(dataset, header=header))
+    last = f"theta{header.robot.joints}"
+    unseen = "tool" not in groups and last_joint_unseen(dataset)
+    hold = (*dataset.header.hold, last) if unseen else dataset.header.hold
+    kinds = base_model.kinds_of(model.effects)
+    priors = {name: size for name, size in dataset.header.priors.items() if name in kinds | set(model.index)}
+    held = tuple(dict.fromkeys(name for name in hold if name in model.index))
+    return replace(dataset, header=replace(header, hold=held, priors=priors))
+
+
+SAME = 0.2 * DEG
+
+"""Samples whose joints all lie within this of each other, or of a sample between them, are of one waypoint."""
+
+
+def waypoints_of(dataset: Dataset) -> NDArray[np.int64]:
+    """(n,) number of the waypoint of every reading; of a campaign that stops, that of its pose."""
+    joints = dataset.conditions.joints
+    pairs = KDTree(joints).query_pairs(SAME, p=np.inf, output_type="ndarray")
+    linked = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(joints),) * 2)
+    return connected_components(linked, directed=False)[1].astype(np.int64)
+
+
 NOMINAL = "nominal robot, placed"
+
 DIAGNOSIS = "diagnosis"
+
 _FEWEST = 3  # waypoints: one left out of the comparison, two to choose by
 
 

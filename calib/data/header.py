@@ -1,4 +1,7 @@
-"""The header of a data set, `NAME.toml`: robot, instrument, world, noise, targets. Refuses impossible values."""
+"""The header of a data set, `NAME.toml`: robot, instrument, world, noise, targets. Refuses impossible values.
+
+When the readings of a data set were taken, and by whom.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +16,42 @@ from typing import Any, Literal
 from calib.arm.robot import Load, Robot, built_in_robots, load_robot, parse_loads, robot_from
 from calib.data.groups import DEFAULT_GROUPS, GROUPS, LEVELS
 from calib.data.noise import Kind, Noise
-from calib.data.occasion import KEYS as OCCASION_KEYS
-from calib.data.occasion import Occasion, occasion_of
 from calib.errors import DataError
 from calib.text.toml_table import TomlTable, Vector
 from calib.text.toml_text import read_toml
 from calib.units import DEG
 
+KEYS = {"began", "ended", "operators", "campaigns"}
+
+
+@dataclass(frozen=True)
+class Occasion:
+    """began, ended: of the first and the last reading, as text, "2026-03-02 09:15 UTC"; operators: who gave the
+    commands and answered the prompts, in the order in which they came; campaigns: of how many records these readings
+    are."""
+
+    began: str
+    ended: str
+    operators: tuple[str, ...]
+    campaigns: int = 1
+
+
+def occasion_of(table: TomlTable) -> Occasion | None:
+    """The table `[measured]` of a header, None where there is none. Raises DataError naming the key."""
+    if "measured" not in table.values:
+        return None
+    measured = table.table("measured")
+    operators = measured.values.get("operators", [])
+    if not isinstance(operators, list) or not all(isinstance(name, str) for name in operators):
+        raise measured.refuse("operators", f"is {operators!r}.", 'Give a list of names, ["anna", "bert"].')
+    campaigns = measured.whole("campaigns", 1, low=1)
+    return Occasion(measured.text("began"), measured.text("ended"), tuple(operators), campaigns)
+
+
 FORMAT = "truepose-dataset/1"
+
 LEAST = 1e-9
+
 """No uncertainty, in the unit of its key, is smaller: what is would be a zero to the arithmetic."""
 
 _KEYS = {
@@ -58,19 +88,22 @@ _KEYS = {
         "measured_at_origin",
     ),
 }
+
 _MODEL_KEYS = {"fit", "level", "hold", "priors", "one_tool"}
+
 _NOISE_KEYS = {
     *("kind", "sigma_mm", "station_mm", "range_mm", "range_ppm", "transverse_mm", "transverse_ppm"),
     *("rotation_mrad", "length_mm", "repeatability_deg", "repeatability_mm"),
 }
 
 _IDS, _MOST_READINGS = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?"), 1_000_000
+
 _NEAR = 0.7  # likeness, of 1, from which an unknown key is a misspelt one
 
 World = Literal["free", "nominal"]
 
-
 ABSOLUTE_ACCURACY = ("on", "off", "unknown")
+
 """Whether the controller corrects targets by its maker's own calibration."""
 
 
@@ -312,7 +345,7 @@ def _priors(table: TomlTable) -> dict[str, float]:
 def _unknown(table: TomlTable) -> tuple[str, ...]:
     """The unknown keys of a header. Raises DataError for one that looks like a misspelt known key."""
     places = [(table, _KEYS), (table.table("model"), _MODEL_KEYS), (table.table("noise"), _NOISE_KEYS)]
-    places.append((table.table("measured"), OCCASION_KEYS))
+    places.append((table.table("measured"), KEYS))
     series = table.table("series")
     places += [(series.table(name), {"tool_targets"}) for name in series.values]
     out = []

@@ -4,12 +4,17 @@ With a left-handed frame, a wrong unit or a joint of the wrong sign the readings
 the least-squares fit misses them by decimetres. Each is tried in turn (`calib.data.hypotheses`): where the nominal
 robot then fits clearly better, the readings are refused by that name. `remarks` says what is no error but limits what
 the readings can show.
+
+Mixed readings in one series: some from another station, or of another target of the tool.
+
+The nominal robot is placed where it agrees with most readings. The other readings are of a second kind if they agree
+with each other: with another place of the base, or with another point on the flange.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain, islice
 
 import numpy as np
@@ -24,11 +29,13 @@ from calib.data.conditions import row_keys
 from calib.data.dataset import Dataset
 from calib.data.header import Header
 from calib.data.hypotheses import (
+    BETTER,
     FEWEST,
     Hypothesis,
     Meaning,
     both,
     explained,
+    extent_of,
     of_points,
     of_robot,
     of_rows,
@@ -36,20 +43,40 @@ from calib.data.hypotheses import (
     slipped,
 )
 from calib.data.joints_misread import of_directions, of_joints
-from calib.data.mixed import mixture
 from calib.errors import DataError
 
 # Miss of the nominal robot, as a share of the extent of the readings (or rad), that explains itself
 _GOOD = 0.05
+
 _BETTER = 0.1  # share of the miss that may be left when it is explained
+
 _NARROW = 20.0  # deg or mm
+
 _STUCK_ROWS = 3  # that give one point to the last digit
+
 READ_APART = 0.01
+
 """deg or mm by which joints are read back elsewhere than commanded before it is reported."""
+
 _MIRROR = np.array([-1.0, 1.0, 1.0])
+
 _ENOUGH = 300  # readings of a series that show what the files mean
+
 _MOST_RIVALS = 2
+
 _MOST_NAMED = 8
+
+_TRIES = 400  # triples of readings that may place the robot: of 60 % that belong together, one in five does
+
+_NEAR = 0.02  # share of the extent by which a nominal robot may miss a reading
+
+_MOST = 0.95  # share of the readings that one kind may have before there are two
+
+_LEAST = 0.4  # share that must agree for the rest to be called another kind
+
+_STATION, _TARGET = 6, 3  # readings that may show another station, another target
+
+_ROUNDS = 3
 
 
 def refuse_implausible(dataset: Dataset) -> None:
@@ -362,3 +389,76 @@ def _repeated(dataset: Dataset, rows: NDArray[np.bool_]) -> list[str]:
             out.append(dataset.reading_id[i])
         seen.add(key)
     return out
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """The smaller group of mixed readings.
+
+    rows: (m,) index of them; miss: median distance, mm, by which the robot misses them where it fits the others;
+    offset: (3,) mm in the flange frame, by which their target is off, None where they are of another station.
+    """
+
+    rows: NDArray[np.int64]
+    miss: float
+    offset: Array | None
+
+
+def mixture(meaning: Meaning, tools: Array) -> Mixture | None:
+    """The readings that are of another station or of another target than most; None where all are of one kind, and
+    where what is left over agrees on nothing.
+
+    tools: (T, 3) nominal targets, mm.
+    """
+    assert meaning.points is not None
+    measured, turn = meaning.points, meaning.flange[:, :3, :3]
+    nominal = meaning.flange[:, :3, 3] + np.einsum("nij,nj->ni", turn, tools[meaning.which])
+    near = _NEAR * extent_of(nominal)
+    plain = _missed(nominal, measured, np.ones(len(nominal), dtype=np.bool_))
+    if np.mean(plain < near) >= _MOST:
+        return None
+    these, miss = _agreeing(nominal, measured, near)
+    rest = np.flatnonzero(~these)
+    if not _LEAST <= these.mean() < _MOST or len(rest) < _TARGET:
+        return None
+    left = float(np.median(miss[these]))
+    rotation, shift = align(nominal[these], measured[these], np.ones(int(these.sum())))
+    off = np.einsum("nji,nj->ni", turn[rest], (measured[rest] - shift) @ rotation - nominal[rest])
+    offset = np.median(off, axis=0)
+    # Where it is another target of the header's, the fit gives the reading its right name
+    named = np.linalg.norm(tools[meaning.which[rest]] + offset - tools[:, None], axis=2).min() < near
+    apart = np.linalg.norm(off - offset, axis=1)
+    if not named and _alike(apart, miss[rest], near, left):
+        return Mixture(rest, float(np.median(miss[rest])), offset)
+    if len(rest) < _STATION:
+        return None
+    _, apart = _agreeing(nominal[rest], measured[rest], near)
+    return (
+        Mixture(rest, float(np.median(miss[rest])), None) if _alike(apart, miss[rest], near, left) else None
+    )
+
+
+def _alike(apart: Array, together: Array, near: float, left: float) -> bool:
+    """Whether readings that are missed by `together` (n,), mm, are of one kind by missing them by `apart` (n,); left:
+    median miss of the other kind."""
+    clearly = np.median(together) > BETTER * max(left, float(np.median(apart)))
+    return bool(clearly and np.mean(apart < near) >= _MOST)
+
+
+def _agreeing(nominal: Array, measured: Array, near: float) -> tuple[NDArray[np.bool_], Array]:
+    """(n,) whether a point is of the most that one place of the robot brings near, and (n,) the misses there, mm."""
+    rng = np.random.default_rng(0)
+    triples = rng.random((_TRIES, len(nominal))).argpartition(2, axis=1)[:, :3]
+    best = max(
+        (_missed(nominal, measured, chosen) for chosen in triples),
+        key=lambda miss: int(np.sum(miss < near)),
+    )
+    for _ in range(_ROUNDS):
+        best = _missed(nominal, measured, best < near)
+    return best < near, best
+
+
+def _missed(nominal: Array, measured: Array, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Array:
+    """(n,) distances, mm, of all points from where they are with the robot placed by the chosen ones."""
+    rotation, shift = align(nominal[chosen], measured[chosen], np.ones(len(nominal[chosen])))
+    return np.linalg.norm(measured - nominal @ rotation.T - shift, axis=1)

@@ -1,6 +1,24 @@
 """A data set read from its files, `NAME.csv` + `NAME.toml` (`truepose-dataset/1`), or from what they would hold.
 
 Implausible values are refused with file, line and column.
+
+Expected points: the position of the target for each reading, by the nominal robot in its fitted place.
+
+An error of scale is in proportion to them, never to the measured point, which a validation row must not lend to its
+own prediction. A nominal robot errs by some millimetres; of that, a scale of 10e-6 makes less than 0.0001 mm.
+
+Columns that look like misspelt missing ones: with a misspelt `status` rejected rows would be used.
+
+The visits of a campaign: which readings were taken during one rest of the robot.
+
+Readings of one visit share the position in which the robot came to rest. The column `visit` (any text) names them;
+without it, consecutive readings of one pose that was reached by the same move are one visit. A target that is read
+again after the robot has moved begins a new visit; one that is read again without a move does not.
+
+The arrivals of the robot, reading by reading: order in time, joint angles before, and side of approach.
+
+Sides and previous angles are used as recorded; else they are derived from the order of the rows within a series. A
+series does not show how the next one began.
 """
 
 from __future__ import annotations
@@ -8,33 +26,77 @@ from __future__ import annotations
 import hashlib
 import re
 from dataclasses import replace
+from difflib import get_close_matches
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm.kinematics import statics
+from calib.arm.kinematics import forward, statics
 from calib.arm.robot import Robot
+from calib.arm.start import base_and_tool
 from calib.array import Array
-from calib.data.arrivals import arrivals_of, order_of
-from calib.data.conditions import Conditions
+from calib.data.conditions import Conditions, numbered
 from calib.data.dataset import SETS, Dataset
-from calib.data.expected import expected_points
 from calib.data.header import Header, read_header
-from calib.data.misspelt import refuse_misspelt
 from calib.data.plausible import refuse_implausible, turned_apart
 from calib.data.spans import take_spans
 from calib.data.unfit import refuse_beyond_limits, refuse_unfit
-from calib.data.visits import moves_before_the_last, with_visits
 from calib.errors import DataError
 from calib.text.columns import Columns
 from calib.text.toml_table import FARTHEST_MM
+from calib.units import DEG
 
 _MOST_DEG = 1e5
+
 _OF_AXIS = re.compile(r"([je]\d+)_(?:deg|mm)")
+
 _MOST_WAYPOINTS = 1e9
+
 _WARMEST_C = 100.0  # air, either way of zero, in which nobody measures
+
 _UNITLESS = ("x", "y", "z", "t", "length", "t_air")
+
+_FEWEST = 3  # points that say where a robot is
+
+_NEAR = 0.88  # likeness, of 1: one letter too many, too few or swapped in a name of eight
+
+_ONCE = (
+    *(
+        "reading_id",
+        "series",
+        "set",
+        "t_s",
+        "tool_target",
+        "base_target",
+        "other_target",
+        "x_mm",
+        "y_mm",
+        "z_mm",
+    ),
+    *(
+        "rot_w",
+        "rot_x",
+        "rot_y",
+        "rot_z",
+        "length_mm",
+        "u_x_mm",
+        "u_y_mm",
+        "u_z_mm",
+        "u_length_mm",
+        "u_rot_mrad",
+    ),
+    *("t_air_c", "waypoint", "visit", "status"),
+)
+
+_FOR_PEOPLE = re.compile(r"[je]\d+_read_(deg|mm)|t_.+_c")
+
+_DIGITS = re.compile(r"\d+")
+
+STILL = 1e-5 * DEG
+
+"""rad; a joint that turned less did not turn: files have four decimals of a degree, sums of them rounding errors."""
 
 
 def read_dataset(path: Path | str) -> Dataset:
@@ -351,3 +413,200 @@ def _names(table: Columns, header: Header) -> tuple[NDArray[np.str_], NDArray[np
             )
             raise table.refuse(i, "tool_target", what, f"Use one of {', '.join(sorted(everything))}")
     return series, target
+
+
+def expected_points(
+    header: Header, joints: Array, series: NDArray[np.str_], target: NDArray[np.str_], measured: Array
+) -> Array:
+    """(n, 3) mm in the world, at model angles `joints` (n, N), rad.
+
+    series, target: (n,) names; measured: (n, 3) mm, NaN in rows that may not enter a fit. Where the world is free
+    every series is brought to its measured points; one without them stays in the base frame.
+    """
+    flange = forward(header.robot, joints)
+    points = np.empty_like(measured)
+    for name in np.unique(series):
+        of = series == name
+        known = header.targets_of(str(name))
+        which = np.array([list(known).index(t) for t in target[of]])
+        tools = np.array(list(known.values()))
+        poses = flange[of]
+        here = poses[:, :3, 3] + np.einsum("nij,nj->ni", poses[:, :3, :3], tools[which])
+        seen = np.isfinite(measured[of, 0])
+        if header.world == "free" and seen.sum() >= _FEWEST:
+            pose, _ = base_and_tool(poses[seen], tools, which[seen], measured[of][seen], tool_unknown=False)
+            here = here @ pose[:3, :3].T + pose[:3, 3]
+        points[of] = here
+    return points
+
+
+def refuse_misspelt(table: Columns, robot: Robot) -> None:
+    """Raise DataError for an unknown column that must be a misspelt known one.
+
+    A name that differs only in its number is accepted as it is: a seventh axis.
+    """
+    of_joint = zip(robot.joint_columns, robot.approach_columns, robot.previous_columns, strict=True)
+    read_back = [re.sub("_", "_read_", name, count=1) for name in robot.joint_columns]
+    known = [*_ONCE, *chain.from_iterable(zip(*of_joint, strict=True)), *read_back]
+    absent = [name for name in known if name not in table]
+    for name in table.names:
+        if name in known or _FOR_PEOPLE.fullmatch(name):
+            continue
+        near = get_close_matches(name.strip().lower(), absent, n=1, cutoff=_NEAR)
+        if near and _typed_for(name, near[0]):
+            raise DataError(
+                f"column '{name}' is not known.",
+                do=f"Did you mean '{near[0]}'? Correct it, or give it a name less like it.",
+                file=table.path,
+                line=1,
+            )
+
+
+def _typed_for(name: str, known: str) -> bool:
+    """Whether a name may be a known one with a slip: not where a number differs, a word was put to it, or another
+    letter stands alone (`d_length_mm` beside `u_length_mm`)."""
+    if _DIGITS.sub("", known) == _DIGITS.sub("", name):
+        return False
+    words, others = (text.strip().lower().split("_") for text in (name, known))
+    if len(words) != len(others):
+        return "".join(words) == "".join(others)
+    return all(len(a) > 1 or len(b) > 1 for a, b in zip(words, others, strict=True) if a != b)
+
+
+def with_visits(conditions: Conditions, named: NDArray[np.str_]) -> Conditions:
+    """Conditions of all n readings of a data set with their visits; named: (n,) as recorded, empty where it is not.
+
+    Two records may count their visits alike: readings of one name with another pose between them are two visits.
+    """
+    visit, unnamed = visits_of(conditions), named == ""
+    if unnamed.all():
+        return replace(conditions, visit=visit)
+    stay = np.empty(len(visit), dtype=np.int64)
+    in_time = np.argsort(conditions.order, kind="stable")
+    stay[in_time] = np.cumsum(_goes_elsewhere(conditions, in_time))
+    name = np.unique(named, return_inverse=True)[1].reshape(-1)
+    return replace(conditions, visit=numbered(np.column_stack([stay, name, np.where(unnamed, visit, -1)])))
+
+
+def visits_of(conditions: Conditions) -> NDArray[np.int64]:
+    """(n,) number of the visit of every reading, from what the robot did."""
+    in_time = np.argsort(conditions.order, kind="stable")
+    joints, previous, side = (of[in_time] for of in (conditions.joints, conditions.previous, conditions.side))
+    begins = _goes_elsewhere(conditions, in_time)
+    still = ~begins & (_farthest(previous[1:] - joints[:-1]) <= STILL)
+    same_move = _farthest(np.diff(previous, axis=0)) <= STILL
+    # joints that were interpolated between two samples seem to turn, a little, while the robot stands
+    turned = np.any(np.diff(side, axis=0, prepend=side[:1]) != 0.0, axis=1)
+    turned &= ~still | (conditions.waypoint[in_time] < 0)
+    stop = np.cumsum(begins | turned | ~(still | same_move))
+    what = np.column_stack(
+        [stop, still.astype(np.int64), conditions.target[in_time], conditions.anchor[in_time]]
+    )
+    visit = np.empty(len(stop), dtype=np.int64)
+    visit[in_time] = numbered(np.column_stack([stop, np.where(still, 0, _times_before(what))]))
+    return visit
+
+
+def moves_before_the_last(conditions: Conditions) -> Array:
+    """(n, N) the move before the last of every reading, the same in all readings of a visit: from the reading before to
+    where the last move began or, where the robot had not moved between, that reading's own last move. What a joint
+    keeps of moves that lie further back than the last shows in nothing else."""
+    in_time = np.argsort(conditions.order, kind="stable")
+    _, first, place = np.unique(conditions.visit[in_time], return_index=True, return_inverse=True)
+    rows = in_time[np.sort(first)]  # the first reading of every visit, in order of time
+    joints, previous, series = conditions.joints[rows], conditions.previous[rows], conditions.series[rows]
+    led = previous[1:] - joints[:-1]
+    own = joints[:-1] - previous[:-1]
+    moves = np.zeros_like(joints)
+    moved = np.max(np.abs(led), axis=1, initial=0.0) > STILL
+    moves[1:] = np.where(moved[:, None], led, own)
+    moves[1:][series[1:] != series[:-1]] = 0.0
+    out = np.empty_like(conditions.joints)
+    out[in_time] = moves[np.argsort(np.argsort(first))[place.reshape(-1)]]
+    return out
+
+
+def _goes_elsewhere(conditions: Conditions, in_time: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(n,) in order of time: readings of another pose or series than the one before."""
+    place = np.column_stack([conditions.series, conditions.pose])[in_time]
+    return np.any(np.diff(place, axis=0, prepend=-1) != 0, axis=1)
+
+
+def _farthest(moves: Array) -> Array:
+    """(n + 1,) largest turn of a joint in moves (n, N), infinite before the first."""
+    return np.append(np.inf, np.max(np.abs(moves), axis=1))
+
+
+def _times_before(keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(n,) how many rows before each of keys (n, c) are the same."""
+    which = numbered(keys)
+    sorted_by = np.argsort(which, kind="stable")
+    first = np.searchsorted(which[sorted_by], which[sorted_by])
+    times = np.empty(len(which), dtype=np.int64)
+    times[sorted_by] = np.arange(len(which)) - first
+    return times
+
+
+def order_of(time: Array, series: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(n,) rank of every row: series by series as they first appear, in time within each.
+
+    Rows without a time count in the order that they have in the file. Clocks of two series may both start at zero.
+    """
+    _, first = np.unique(series, return_index=True)
+    appearance = np.argsort(np.argsort(first))[series]
+    key = time if np.all(np.isfinite(time)) else np.arange(len(time))
+    order = np.empty(len(time), dtype=np.int64)
+    order[np.lexsort((np.arange(len(time)), key, appearance))] = np.arange(len(time))
+    return order
+
+
+def arrivals_of(
+    table: Columns, header: Header, joints: Array, order: NDArray[np.int64], series: NDArray[np.int64]
+) -> tuple[Array, Array]:
+    """Side of approach (n, N), +1 from below or -1 from above, and previous model joints (n, N), rad or mm.
+
+    Raises DataError for a recorded side that is neither.
+    """
+    robot = header.robot
+    in_time = np.argsort(order)
+    begins = np.append(True, series[in_time[1:]] != series[in_time[:-1]])
+    before = np.empty_like(joints)
+    before[in_time[1:]] = joints[in_time[:-1]]
+    before[in_time[begins]] = joints[in_time[begins]]
+    recorded = np.column_stack([table.numbers(name) for name in robot.previous_columns]) * robot.joint_units
+    recorded = robot.model_angles(recorded, header.coupling)
+    previous = np.where(np.isfinite(recorded), recorded, before)
+    side = np.column_stack([table.numbers(name) for name in robot.approach_columns])
+    for i, k in np.argwhere(np.isfinite(side) & ~np.isin(side, (-1.0, 1.0))):
+        raise table.refuse(
+            int(i), robot.approach_columns[k], f"is {side[i, k]:g}", "Use +1 (from below) or -1 (from above)"
+        )
+    if header.coupling != "none":
+        matrix = np.array(header.robot.joint_matrices[header.coupling].matrix)
+        side = side * np.sign(np.diag(matrix))
+        # A model joint that several controller joints turn has no side of its own on record: derive it.
+        side[:, np.count_nonzero(matrix, axis=1) > 1] = np.nan
+    derived = _derived(_last_move(joints, previous, before), in_time, begins)
+    return np.where(np.isfinite(side), side, derived), previous
+
+
+def _last_move(joints: Array, previous: Array, before: Array) -> Array:
+    """Signs of the moves (n, N) that ended last: from where the row's own move began, else of the move that led there.
+
+    Two joints of a controller may turn against each other and leave the model joint that both turn where it is.
+    """
+    own, earlier = joints - previous, previous - before
+    led_there = np.where(np.abs(earlier) > STILL, np.sign(earlier), 0.0)
+    return np.where(np.abs(own) > STILL, np.sign(own), led_there)
+
+
+def _derived(moved: Array, in_time: NDArray[np.int64], begins: NDArray[np.bool_]) -> Array:
+    """Sides from the moves (n, N): a joint that did not move still rests on the side of its last move."""
+    in_order = moved[in_time]
+    rank = np.arange(len(moved))[:, None]
+    start = np.maximum.accumulate(np.where(begins, np.arange(len(moved)), 0))[:, None]
+    last = np.maximum(np.maximum.accumulate(np.where(in_order != 0.0, rank, 0), axis=0), start)
+    derived = np.empty_like(moved)
+    derived[in_time] = np.take_along_axis(in_order, last, axis=0)
+    derived[derived == 0.0] = 1.0
+    return derived

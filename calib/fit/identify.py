@@ -3,11 +3,17 @@
 start -> rank analysis -> plain least squares. Where its residual shows readings that may have steered it: from the
 start again with Huber's weights, then the bisquare; rows that do not belong are relabelled or rejected; plain least
 squares on the rest. Only `fit_rows` of the data set take part.
+
+Gears softer than usual: the usual size of compliances is that of industrial arms; small arms are softer.
+
+Distances between balls of one body that contradict the rest of a fit: another bar, or a ball that moved.
+
+The refusal of fits that miss the readings, or that come out as another robot.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,10 +21,10 @@ from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.data.dataset import Dataset
+from calib.data.hypotheses import reach
 from calib.data.plausible import remarks
 from calib.errors import DataError
 from calib.fit import robust
-from calib.fit.astray import astray
 from calib.fit.ending import Ending
 from calib.fit.identification import Identification
 from calib.fit.least_squares import (
@@ -31,7 +37,6 @@ from calib.fit.least_squares import (
     solve,
     usual_sizes,
 )
-from calib.fit.misfit import refuse_misfit
 from calib.fit.of_type import (
     Beside,
     TypePrior,
@@ -43,8 +48,7 @@ from calib.fit.of_type import (
 from calib.fit.offsets import offsets_of
 from calib.fit.placing import base_model_of
 from calib.fit.readings import Readings, begun, readings_of
-from calib.fit.soft_gears import softer_than_usual
-from calib.model.base_model import adapted, named_in
+from calib.model.base_model import COMPLIANCE, adapted, named_in
 from calib.model.effect import Parameter
 from calib.model.model import Design, RobotModel
 from calib.units import percent, to_display
@@ -52,11 +56,30 @@ from calib.units import percent, to_display
 Progress = Callable[[str], None]
 
 _LOOSE = {"mm": 5.0, "deg": 0.5}  # standard error from which on a parameter is not known by itself
+
 _UNSETTLED = 2.0  # ratio of found noise to declared above which the first steps may not have arrived
+
 _CROWDED = (
     4.0  # ratio of noise, before and after a crowd of readings is left out, from which they are gross errors
 )
+
 _FAR = 10.0  # ratio of found noise to declared, or its inverse, that is reported
+
+_SOFTER = 3.0  # usual sizes from which on the readings contradict the size
+
+_ASTRAY = 5.0  # standard deviations by which a distance may miss what everything else says of it
+
+_CLEAR = 1e-9  # of a distance that nothing else shows
+
+_MISFIT_FAR = 0.05  # share of the extent of the measured points that a fitted robot may miss them by
+
+_LEAST_MM = 10.0
+
+_OTHER = 0.05  # share of the reach by which no length of a robot differs from its file
+
+_SURE = 10.0  # standard errors of such a length
+
+_NOISE = 10.0  # ratio of what is left to the declared noise below which the fit is no such matter
 
 
 def silent(_: str) -> None:
@@ -449,3 +472,96 @@ def last_joint_unseen(dataset: Dataset) -> bool:
         for i in seen
     ]
     return bool(max(off_axis) < 1.0)
+
+
+def softer_than_usual(found: Identification, told: Collection[str]) -> dict[str, float]:
+    """The gears whose compliance contradicts its usual size, as in small arms.
+
+    Returns name -> a size that no longer constrains it, in its unit. told: parameters whose size the header gives.
+    """
+    soft = {}
+    for p, value in zip(found.model.parameters, found.estimate, strict=True):
+        shown = to_display(float(value), p.unit)
+        if p.size and p.unit == COMPLIANCE and p.name not in told and shown > _SOFTER * p.size:
+            soft[p.name] = _SOFTER * shown
+    return soft
+
+
+def astray(solution: Solution) -> list[str]:
+    """The distances between balls of one body that contradict readings and stated positions, the worst first.
+
+    Left out of the fit, one would miss it by r / (1 - h), with the variance 1 / (1 - h), h its leverage; it no longer
+    speaks about the others then, so that it does not accuse them.
+    """
+    spans, missed = solution.at.design.model.spans, solution.at.tied[0].copy()
+    hat = solution.tied @ solution.covariance @ solution.tied.T
+    said, left = [], set(range(len(spans)))
+    while left:
+        free = np.maximum(1.0 - np.diag(hat), _CLEAR)
+        worst = max(left, key=lambda k: abs(missed[k]) / np.sqrt(free[k]))
+        off, sigma = missed[worst] / free[worst], abs(missed[worst]) / np.sqrt(free[worst])
+        if sigma <= _ASTRAY:
+            break
+        span = spans[worst]
+        said.append(
+            f"The distance {span.name} (reading {span.reading_id}, {span.length_mm:.4f} mm) is "
+            f"{off * span.u_mm:+.3f} mm from what everything else says, {sigma:.0f} standard deviations: "
+            "measure it again."
+        )
+        left.remove(worst)
+        missed = missed + hat[:, worst] * off
+        hat = hat + np.outer(hat[:, worst], hat[worst]) / free[worst]
+    return said
+
+
+def refuse_misfit(dataset: Dataset, found: Identification) -> None:
+    """Raise DataError where the fitted robot still misses most points by a twentieth of their extent, and where a
+    length of it comes out as that of another robot.
+
+    What one change of the files explains was refused before (`calib.data.plausible`); a zero that is 30 deg off, which
+    nothing there explains, is fitted and passes. Where zeros are not freed, such as by `fit = ["base"]`, a far miss may
+    be the very finding: nothing is refused.
+    """
+    _refuse_other_lengths(dataset, found)
+    zeros = set(found.model.robot.joint_slots)
+    if found.noise_scale < _NOISE or not zeros & found.model.index.keys():
+        return
+    points = dataset.points[found.readings.rows]
+    pointed = np.isfinite(points[:, 0])
+    if not pointed.any():
+        return
+    points = points[pointed]
+    predicted = found.predict(found.readings.conditions.take(pointed))
+    miss = float(np.median(np.linalg.norm(points - predicted, axis=1)))
+    extent = float(np.linalg.norm(np.std(points, axis=0)))
+    if miss <= max(_MISFIT_FAR * extent, _LEAST_MM):
+        return
+    raise DataError(
+        f"the robot '{dataset.header.robot.name}' does not fit these readings: with its parameters fitted it still "
+        f"misses half of them by {miss:.3g} mm or more, where the points spread by {extent:.3g} mm.",
+        do="Check whether it is this robot; then its file, the order, signs and zeros of the joint columns, and that "
+        "every row holds joints and point of one moment.",
+        file=dataset.path.with_suffix(".toml"),
+        key="robot",
+    )
+
+
+def _refuse_other_lengths(dataset: Dataset, found: Identification) -> None:
+    robot = found.model.robot
+    far = _OTHER * reach(robot)
+    columns = {f"{key}{k + 1}": (key, k) for key in "ad" for k in range(robot.joints)}
+    beyond = [
+        (name, getattr(robot, columns[name][0])[columns[name][1]], found.estimate[i])
+        for name, i in found.model.index.items()
+        if name in columns and abs(found.estimate[i]) > max(far, _SURE * found.standard_errors[i])
+    ]
+    if beyond:
+        told = ", ".join(
+            f"{name} = {nominal + change:.0f} mm instead of {nominal:.0f}" for name, nominal, change in beyond
+        )
+        raise DataError(
+            f"the robot '{robot.name}' is not that of these readings: they would have {told}.",
+            do="Name the robot that was measured, or correct the lengths in its robot file.",
+            file=dataset.path.with_suffix(".toml"),
+            key="robot",
+        )

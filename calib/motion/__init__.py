@@ -2,9 +2,8 @@
 
 from calib.motion.alignment import Aligned, align
 from calib.motion.path_error import Band, by_speed, split
-from calib.motion.poses import Origin, data_set
+from calib.motion.poses import SLOW_MM_S, Origin, Standstills, data_set, standstills
 from calib.motion.read import read_joints, read_points
-from calib.motion.still import SLOW_MM_S, Standstills, standstills
 from calib.motion.streams import JointStream, PointStream
 
 __all__ = [

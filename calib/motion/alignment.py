@@ -3,13 +3,17 @@
 A wrong offset of the clocks displaces every point along its velocity; a wrong frame or geometry displaces it by where
 the arm is. One least-squares problem holds both (`calib.motion.solve`); speeds alone err by 4 to 61 ms and are its
 start. Its residuals say whether a clock was set while both were running.
+
+The likelier meaning of two streams that do not fit together: another sign, order or unit, a mirrored frame, another
+robot. The hypotheses are those about data sets (`calib.data.hypotheses`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,25 +22,44 @@ from calib.arm.kinematics import forward
 from calib.arm.robot import Robot
 from calib.arm.start import base_and_tool
 from calib.array import Array
+from calib.data import FEWEST_MEANT, Hypothesis, Meaning, explained, of_joints, of_points, of_robot
 from calib.errors import DataError
 from calib.motion.arm import Arm
 from calib.motion.clocks import Clocks, common_grain, correlated, no_faster, speeds_of
 from calib.motion.jump import step_in
-from calib.motion.meant import refuse_misread
 from calib.motion.solve import Solve, weights
 from calib.motion.streams import JointStream, PointStream
 
 _FEWEST = 50
+
 _MOST_FITTED = 6000  # samples that take part in the fit; all are judged by it
+
 _LEAST_STEP_S, _SIGMA = 0.003, 6.0
+
 _STEP_OF_ROUNDING = 1.5  # times the resolution of the times: a smaller step may be their rounding
+
 # Miss of the nominal arm in its best place, as a share of the extent, that is hardly one of an arm, and that is none
 _ODD, _FOREIGN = 0.01, 0.05
+
 _ODD_TOOL_MM = 20.0
+
 _FAST_CLOCK = 1e-3
+
 _WILD = 3.0  # times the robot's highest speed: a beam that was broken and found again, no motion
+
 _SAME_OFFSET_S = 2.0  # that of windows and that of the whole may differ so far
+
 _ASTRAY_MM = 0.1  # a fit that misses by so much more than its start has not found its end
+
+_LOOKED_AT = 300
+
+_SLOWER = 0.5  # share of the samples that is looked at: the slow ones, which a wrong clock displaces least
+
+_OF_AN_ARM = 0.02  # of the standard deviation of the points
+
+_OPTIONS = {"robot": "--robot", "joint_coupling": "--coupling"}
+
+_MOST_RIVALS = 2
 
 
 @dataclass(frozen=True)
@@ -292,3 +315,51 @@ def _warnings(clocks: Clocks, jump: Clocks | None, rival: float | None) -> list[
             "Say which by cutting one stream, or begin with a move that comes once."
         )
     return out
+
+
+def _near(meaning: Meaning, tool: Array) -> bool:
+    """Whether the nominal arm with its nominal tool comes as near as an arm does: a free tool and another unit can draw
+    the points of another motion together."""
+    miss, extent = meaning.miss(tool[None], tool_unknown=False, zero_unknown=False)
+    return miss < _OF_AN_ARM * extent
+
+
+def refuse_misread(
+    robot: Robot, moved: JointStream, tracked: PointStream, tool: Array, clocks: Clocks
+) -> None:
+    """Raise DataError where the nominal arm fits the points clearly better with another meaning of a stream.
+
+    tool: (3,) mm, nominal; clocks: by the speeds alone.
+    """
+    joints, rates, used = moved.at(clocks.robot_time(tracked.time))
+    rows = np.flatnonzero(used)
+    turning = np.abs(rates[rows]).max(axis=1)
+    rows = rows[turning <= np.quantile(turning, _SLOWER)]
+    rows = rows[:: max(1, -(-len(rows) // _LOOKED_AT))]
+    if len(rows) < FEWEST_MEANT:
+        return
+    meaning = Meaning(
+        robot,
+        moved.coupling,
+        robot.controller_angles(joints[rows], moved.coupling),
+        np.zeros(len(rows), dtype=np.int64),
+        tracked.points[rows],
+    )
+
+    def others() -> Iterator[Hypothesis]:
+        return chain(of_points(meaning), of_joints(meaning), of_robot(meaning))
+
+    why = explained(meaning, others, tool[None], tool_unknown=False, zero_unknown=False)
+    if why is None or not _near(why.cause.meaning, tool):
+        return
+    said = dict.fromkeys(f" As likely: {rival.what}. {rival.do}" for rival in why.rivals)
+    said.pop(f" As likely: {why.cause.what}. {why.cause.do}", None)
+    rivals = "".join(list(said)[:_MOST_RIVALS])
+    key = _OPTIONS.get(why.cause.key, why.cause.key)
+    raise DataError(
+        f"{why.cause.what}. The nominal robot misses half of the points by {why.miss:.3g} mm and more, read in that "
+        f"way by {why.left:.3g} mm.",
+        do=why.cause.do + rivals,
+        file=tracked.name if key.startswith("x_mm") else moved.name,
+        key=key,
+    )

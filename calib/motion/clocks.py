@@ -3,6 +3,14 @@
 The speed of the tool does not depend on where base and instrument are. The correlation of the two speeds gives the
 offset of the clocks to some hundredths of a second, that of windows their rate, and whether one of them was set while
 both were running; `calib.motion.alignment` does the rest.
+
+A clock that was set forward while it ran leaves a gap in the times of its stream; no sample is missing there.
+
+On either side of the longest gap of a stream the speeds are compared with the other stream by themselves. Where the two
+offsets differ by no more than the gap is long, and to the side that it allows, the clock was set; where they agree,
+samples were lost. A clock that was set back makes times that decrease: those streams are refused when they are read.
+
+The correlation of the speeds of two streams, by the lag between them.
 """
 
 from __future__ import annotations
@@ -11,27 +19,47 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.errors import DataError
-from calib.motion.clock_set import LEAST_STEP_S, set_at_gap
 from calib.motion.jump import step_in
-from calib.motion.likeness import SURE, Speeds, likeness, peak
 from calib.motion.streams import JointStream, PointStream, covered
 from calib.units import percent
 
 _STEP_S = 0.02  # of the common time on which speeds are compared
+
 _MOST_STEPS = 300_000
+
 _OVER_S = 0.05  # to either side: a speed is the mean of a tenth of a second
+
 _WINDOW_S, _MOST_WINDOWS = 40.0, 20
+
 # Seconds by which the offset of a window may differ from that of the whole, as long as most windows agree
 _REACH_S = 2.0
+
 _LEAST_LIKENESS = 0.5
+
 _SAME = 0.01  # likenesses no farther apart are equal: of those the longest overlap is taken
+
 _LEAST_EXTENT_MM = 5.0
+
 _FEWEST_WINDOWS = 4
+
 # Rate at most: no clock, and hardly a count of samples, errs so much: windows that say so are of other moves
 _FASTEST = 0.01
+
+LEAST_STEP_S = 0.05
+
+"""A smaller step of a clock is not visible in speeds."""
+
+_SHORTEST_GAP_S, _SHORTEST_PART_S = 0.2, 15.0
+
+SURE = 0.9
+
+"""A likeness from which on two stretches show the same moves."""
+
+_ROUNDING = 1e-9  # of the transform, as a share of the largest sum of squares
 
 
 @dataclass(frozen=True)
@@ -167,3 +195,92 @@ def _slopes(places: Array, lags: Array) -> Array:
     """Slopes of all pairs: their median (Theil and Sen) is not turned by a window in which nothing is alike."""
     first, second = np.triu_indices(len(lags), 1)
     return (lags[second] - lags[first]) / (places[second] - places[first])
+
+
+def set_at_gap(robot: Speeds, tracker: Speeds) -> tuple[float, float, float] | None:
+    """The longest gap of a stream, where one clock was set forward in it: the offset of the robot's clock before, what
+    is added from then on, and the tracker's instant of that, s. None where none was."""
+    for cut, other, sign in ((robot, tracker, 1.0), (tracker, robot, -1.0)):
+        parts = _parted(cut)
+        if parts is None:
+            continue
+        before, after = parts
+        gap_s = after.begin - before.begin - len(before.speed) * cut.step
+        offsets = [sign * offset for part in parts if (offset := _offset(part, other)) is not None]
+        if len(offsets) < len(parts):
+            continue
+        step = offsets[1] - offsets[0]
+        if LEAST_STEP_S < sign * step < gap_s + 2.0 * LEAST_STEP_S:
+            at = after.begin if sign < 0.0 else before.begin + len(before.speed) * cut.step - offsets[0]
+            return offsets[0], step, at
+    return None
+
+
+def _parted(stream: Speeds) -> tuple[Speeds, Speeds] | None:
+    """The stream before and after its longest gap; None where it has none worth the name, or one beside its ends."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], stream.seen, [True]]).astype(int)))
+    begins, ends = edges[::2], edges[1::2]
+    if not len(begins):
+        return None
+    longest = int(np.argmax(ends - begins))
+    begin, end = int(begins[longest]), int(ends[longest])
+    if (end - begin) * stream.step < _SHORTEST_GAP_S:
+        return None
+    if min(begin, len(stream.speed) - end) * stream.step < _SHORTEST_PART_S:
+        return None
+    after = stream.begin + end * stream.step
+    return (
+        Speeds(stream.begin, stream.step, stream.speed[:begin], stream.seen[:begin]),
+        Speeds(after, stream.step, stream.speed[end:], stream.seen[end:]),
+    )
+
+
+def _offset(part: Speeds, other: Speeds) -> float | None:
+    """The clock of a part less the other one, s; None where their speeds are not surely alike."""
+    lags, alike, _ = likeness(part, other)
+    best = int(np.argmax(alike))
+    if alike[best] < SURE:
+        return None
+    return part.begin + peak(alike, best, lags) * part.step - other.begin
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """Speeds of one stream at equal steps of its own clock from `begin`, s: speed (m,) mm/s, 0 where not seen (m,)."""
+
+    begin: float
+    step: float
+    speed: Array
+    seen: NDArray[np.bool_]
+
+
+def likeness(robot: Speeds, tracker: Speeds) -> tuple[NDArray[np.int64], Array, Array]:
+    """Correlation of the two series by lag.
+
+    Lags (l,) in steps by which the tracker's series begins later in the robot's; the correlation (l,) of what both have
+    seen there; and how many steps (l,) that are: a third of the shorter series, or they count as unlike.
+    """
+    count = len(robot.speed) + len(tracker.speed) - 1
+    size = 1 << (count - 1).bit_length()
+    one, two = (
+        np.fft.rfft([s.seen * 1.0, s.speed * s.seen, s.speed**2 * s.seen], size) for s in (robot, tracker)
+    )
+    pairs = ((0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (0, 2))  # powers of the two speeds in each sum
+    sums = np.fft.irfft(np.stack([one[i] * np.conj(two[k]) for i, k in pairs]), size)
+    both, a, b, ab, aa, bb = np.roll(sums, len(tracker.speed) - 1, axis=1)[:, :count]
+    enough = both > min(robot.seen.sum(), tracker.seen.sum()) / 3.0
+    n = np.maximum(both, 1.0)
+    spread = np.maximum(aa - a * a / n, _ROUNDING * aa.max()) * np.maximum(
+        bb - b * b / n, _ROUNDING * bb.max()
+    )
+    alike = np.where(enough & (spread > 0.0), (ab - a * b / n) / np.sqrt(np.maximum(spread, 1e-300)), -1.0)
+    return np.arange(count) - (len(tracker.speed) - 1), alike, both
+
+
+def peak(values: Array, best: int, lags: NDArray[np.int64]) -> float:
+    """Place of the maximum between lags, by a parabola through three of them."""
+    if not 0 < best < len(values) - 1:
+        return float(lags[best])
+    left, top, right = values[best - 1 : best + 2]
+    curve = left - 2.0 * top + right
+    return float(lags[best]) + (0.5 * (left - right) / curve if curve < 0.0 else 0.0)

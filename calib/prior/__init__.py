@@ -2,8 +2,7 @@
 
 from calib.fit.of_type import TypePrior
 from calib.prior.file import load_prior, prior_document, save_prior
-from calib.prior.lesson import FEWEST, Learnt, Lesson, Outlier, learn
-from calib.prior.member import Member
+from calib.prior.lesson import FEWEST, Learnt, Lesson, Member, Outlier, learn
 
 __all__ = [
     "FEWEST",

@@ -8,6 +8,8 @@ It works in the base frame, which every series shares, and whose axes are those 
 p: prediction of the model in the world, R: the base in the world, p_0: the nominal robot's point in its base frame.
 A regression on positions is based on the nominal robot in its place, and what it says does not depend on that robot;
 one on residuals is based on a fitted model, and far from its samples falls back on a mean, not on nonsense.
+
+The region in which a regression may be used: between the joint angles of its training, and nowhere else.
 """
 
 from __future__ import annotations
@@ -28,11 +30,19 @@ from calib.model.model import Design, RobotModel
 from calib.regression.choose import choose, widths
 from calib.regression.features import evaluate, products_of
 from calib.regression.mls_svr import Kernel, Linear, MlsSvr
-from calib.regression.region import Region
+from calib.units import DEG
 
 Subject = Literal["residuals", "positions"]
+
 KERNELS = ("linear", "rbf")
+
 _FEWEST = 2  # waypoints: one to leave out, one to keep
+
+MARGIN = 0.5 * DEG
+
+"""By how much a joint may lie beyond the trained range: a wrist 5 deg away errs by millimetres."""
+
+_FARTHER = 1.25  # than any training sample from their centre, in units of their spread
 
 
 @dataclass(frozen=True)
@@ -143,3 +153,44 @@ def train(
     if wanted.on == "residuals" and not chosen.sure:
         return None
     return Regression(wanted, place, conditions.joints, chosen.fit(features, outputs), chosen.rms)
+
+
+@dataclass(frozen=True)
+class Region:
+    """The trained ranges of the joints (N,), rad, and what the joints had in common.
+
+    Angles that no training sample resembles may still lie within every joint's own range. `axes` (N, N) are the
+    principal directions of the trained joint angles about `centre` (N,), and `spread` (N,) their standard deviations.
+    Along a direction that hardly varied (a tool that always points down keeps q2 + q3 + q4) nothing may go farther than
+    `reach` (N,); along the others together, nothing may lie outside the ellipsoid of `radius`.
+    """
+
+    lower: Array
+    upper: Array
+    centre: Array
+    axes: Array
+    spread: Array
+    reach: Array
+    radius: float
+
+    @classmethod
+    def of(cls, joints: Array) -> Region:
+        """The region of training joints (n, N), rad."""
+        centre = joints.mean(axis=0)
+        values, axes = np.linalg.eigh((joints - centre).T @ (joints - centre) / len(joints))
+        spread = np.maximum(np.sqrt(np.maximum(values, 0.0)), 1e-12)
+        along = np.abs((joints - centre) @ axes)
+        wide = spread > MARGIN
+        radius = _FARTHER * float(np.linalg.norm(along[:, wide] / spread[wide], axis=1).max())
+        reach = np.where(wide, np.inf, along.max(axis=0) + MARGIN)
+        return cls(
+            joints.min(axis=0) - MARGIN, joints.max(axis=0) + MARGIN, centre, axes, spread, reach, radius
+        )
+
+    def holds(self, joints: Array) -> NDArray[np.bool_]:
+        """(k,) whether joints (k, N), rad, lie within; those that are NaN do not."""
+        within = ((joints >= self.lower) & (joints <= self.upper)).all(axis=1)
+        along = np.abs((joints - self.centre) @ self.axes)
+        wide = np.isinf(self.reach)
+        near = np.linalg.norm(along[:, wide] / self.spread[wide], axis=1) <= self.radius
+        return within & near & (along <= self.reach).all(axis=1)

@@ -3,8 +3,7 @@
 from calib.robot_file.description import Described, axes_of, described
 from calib.robot_file.dh_import import import_dh
 from calib.robot_file.draft import CONVENTIONS, Convention, Draft, DraftLink, weighed, written_robot
-from calib.robot_file.handful import Handful, read_handful
-from calib.robot_file.misread import Mistake, Verdict, held_against
+from calib.robot_file.misread import Handful, Mistake, Verdict, held_against, read_handful
 from calib.robot_file.schema import SCHEMA
 from calib.robot_file.serial_chain import chain_of
 from calib.robot_file.urdf import urdf_of

@@ -3,28 +3,57 @@
 The hypotheses are those with which every data set is checked before a fit (`calib.data.hypotheses`). Where no single
 one explains the readings, the joints are tried in every combination of directions, with and without a coupling of two
 neighbours: a controller that counts otherwise than the table seldom differs in one joint only.
+
+Line numbers in a robot file: that of a key of a link, so that a message names the line to change.
+
+A handful of readings with which a robot file is checked: joints, points, and the measured tool targets.
+
+A data set has a header beside it; of it only the tool targets and the joint matrix are taken, since nothing else
+matters before a fit. Without a header, or where it frees the tool, they are unknown and come out of the readings.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain, product
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.arm import Robot
 from calib.array import Array
-from calib.data import Hypothesis, Meaning, explained, of_directions, of_joints, of_points, of_robot
+from calib.data import (
+    FEWEST_MEANT,
+    Hypothesis,
+    Meaning,
+    explained,
+    of_directions,
+    of_joints,
+    of_points,
+    of_robot,
+)
 from calib.data.hypotheses import Counting, of_rows, of_table
+from calib.errors import DataError
 from calib.robot_file.draft import matrix_lines
-from calib.robot_file.handful import Handful
-from calib.robot_file.lines import changed_lines, theta_line
+from calib.text import Columns, TomlTable, read_toml
 from calib.units import DEG
 
 _MOST_RIVALS = 4
+
 _NAME = "counted"
+
+_MOST = 8
+
+_NUMBERS = (("alpha", "alpha_deg", DEG), ("a", "a_mm", 1.0), ("theta", "theta_deg", DEG), ("d", "d_mm", 1.0))
+
+_POINT = ("x_mm", "y_mm", "z_mm")
+
+_HANDFUL_MOST = 300
+
+_ACCEPTED = ("", "ok")
 
 
 @dataclass(frozen=True)
@@ -158,3 +187,112 @@ def _combined(robot: Robot, coupling: str, counting: Counting) -> tuple[Array, A
     before = robot.joint_matrices[coupling]
     matrix = np.array(before.matrix)
     return matrix @ counting.matrix, matrix @ counting.offset + np.array(before.offset)
+
+
+def line_of(text: str, key: str, link: int | None = None) -> int | None:
+    """Number of the line, from 1, of `key` in the `link`-th [[link]] (1-based), or above all tables.
+
+    None where the file is written differently.
+    """
+    at, inside = 0, link is None
+    for number, line in enumerate(text.splitlines(), start=1):
+        if re.match(r"\s*\[", line):
+            at += bool(re.match(r"\s*\[\[\s*link\s*\]\]", line))
+            inside = link is not None and at == link and bool(re.match(r"\s*\[\[\s*link\s*\]\]", line))
+        elif inside and re.match(rf"\s*{key}\s*=", line):
+            return number
+    return None
+
+
+def changed_lines(path: Path, text: str, robot: Robot, other: Robot) -> Iterator[str]:
+    """The lines that make `other` of `robot`: its convention, its DH numbers."""
+    if other.convention != robot.convention:
+        yield f'{_place(path, line_of(text, "convention"))}: convention = "{other.convention}"'
+    changes = [
+        f"{_place(path, line_of(text, key, k + 1))}: {key} = {_number(new[k] / unit)}   (link {k + 1}, now "
+        f"{_number(old[k] / unit)})"
+        for k in range(robot.joints)
+        for name, key, unit in _NUMBERS
+        if (old := getattr(robot, name)) and (new := getattr(other, name)) and old[k] != new[k]
+    ]
+    yield from changes[:_MOST]
+    if len(changes) > _MOST:
+        yield f"and {len(changes) - _MOST} more lines in the same way"
+
+
+def theta_line(path: Path, text: str, k: int, theta_deg: float) -> str:
+    """The line with theta_deg of link k (0-based), at its new value, from -180 to 180."""
+    value = (theta_deg + 180.0) % 360.0 - 180.0
+    shown = 180.0 if abs(value + 180.0) < 1e-9 else value
+    return f"{_place(path, line_of(text, 'theta_deg', k + 1))}: theta_deg = {_number(shown)}   (link {k + 1})"
+
+
+def _place(path: Path, line: int | None) -> str:
+    return path.name if line is None else f"{path.name}, line {line}"
+
+
+def _number(value: float) -> str:
+    return repr(round(float(value), 9) + 0.0)
+
+
+@dataclass(frozen=True)
+class Handful:
+    """meaning: the readings as the files have them; rows: (n,) usable rows of everything; tools: (T, 3) mm."""
+
+    everything: Meaning
+    rows: NDArray[np.int64]
+    usable: NDArray[np.bool_]
+    tools: Array
+    tool_unknown: bool
+
+    @property
+    def meaning(self) -> Meaning:
+        """The usable readings."""
+        whole, rows = self.everything, self.rows
+        assert whole.points is not None
+        return Meaning(whole.robot, whole.coupling, whole.angles[rows], whole.which[rows], whole.points[rows])
+
+
+def read_handful(robot: Robot, data: Path, coupling: str | None = None) -> Handful:
+    """The readings of DATA.csv, as `robot` counts its joints. Raises DataError naming column or key."""
+    table = Columns.read(data)
+    for name in (*robot.joint_columns, *_POINT):
+        table.require(name, "A check needs the joints of the robot file and a measured point in every row.")
+    header = _header(data.with_suffix(".toml"))
+    coupling = coupling or ("none" if header is None else header.text("joint_coupling", "none"))
+    if coupling != "none" and coupling not in robot.joint_matrices:
+        raise DataError(
+            f"is '{coupling}', which the robot file does not have.",
+            do=f"Use one of {', '.join(('none', *robot.joint_matrices))}.",
+            file=data.with_suffix(".toml"),
+            key="joint_coupling",
+        )
+    names, which = np.unique(table.text("tool_target", "T1"), return_inverse=True)
+    known = {} if header is None else header.vectors("tool_targets")
+    listed = [str(name) for name in names]
+    if header is not None and len(known) == 1 and listed == ["T1"]:
+        listed = list(known)  # the only one of the header needs no column
+    points = np.column_stack([table.numbers(name) for name in _POINT])
+    angles = np.column_stack([table.numbers(name) for name in robot.joint_columns]) * robot.joint_units
+    usable = np.isfinite(points).all(axis=1) & np.isfinite(angles).all(axis=1)
+    usable &= np.isin(table.text("status"), _ACCEPTED)
+    usable &= table.text("series", "main") == table.text("series", "main")[0]
+    rows = np.flatnonzero(usable)
+    if len(rows) < FEWEST_MEANT:
+        raise DataError(
+            f"has {len(rows)} readings of one series with joints and a point.",
+            do=f"Give {FEWEST_MEANT} or more; 20 over the whole range of every joint are a good number.",
+            file=data,
+        )
+    fitted = header is not None and "tool" in (header.table("model").names("fit") or ())
+    return Handful(
+        everything=Meaning(robot, coupling, angles, which.astype(np.int64), points),
+        rows=rows[:: -(-len(rows) // _HANDFUL_MOST)],
+        usable=usable,
+        tools=np.array([known.get(name, (0.0, 0.0, 0.0)) for name in listed]),
+        tool_unknown=fitted or not all(name in known for name in listed),
+    )
+
+
+def _header(path: Path) -> TomlTable | None:
+    return TomlTable(read_toml(path)[1], path) if path.is_file() else None

@@ -5,10 +5,9 @@ from calib.text.csv_text import LONGEST_LINE, MOST_COLUMNS, other_mark, rows_of
 from calib.text.files import note_files, replace_file
 from calib.text.formula import meant_by, no_formula
 from calib.text.json_text import parse_json, read_json
-from calib.text.marks import turns_writing
 from calib.text.program import written_by
 from calib.text.text_file import decoded, read_bytes, read_text
-from calib.text.toml_table import TomlTable, Vector
+from calib.text.toml_table import TomlTable, Vector, turns_writing
 from calib.text.toml_text import parse_toml, read_toml
 from calib.text.unknown_keys import did_you_mean, refuse_unknown
 from calib.text.xml_text import parse_xml, read_xml

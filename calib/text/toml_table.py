@@ -1,20 +1,30 @@
-"""A table of a TOML file with typed getters: a wrong value is refused with file and key."""
+"""A table of a TOML file with typed getters: a wrong value is refused with file and key.
+
+Marks that turn the direction of writing: a name that holds one is read otherwise than it is stored.
+
+U+061C, U+200E and U+200F, the embeddings U+202A to U+202E and the isolates U+2066 to U+2069. Source: Unicode Standard
+Annex 9, "Bidirectional Algorithm", section 2.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeGuard, TypeVar
 
 from calib.errors import DataError
-from calib.text.marks import turns_writing
 
 FARTHEST_MM = 1e8
+
 """No coordinate is larger: squares of what is would drown all others."""
 
 Vector = tuple[float, float, float]
+
 Word = TypeVar("Word", bound=str)
+
+_TURNS = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 
 
 class TomlTable:
@@ -146,3 +156,8 @@ def _range(low: float, high: float) -> str:
     if math.isfinite(low):
         return f", {low:g} or above" if low else ", zero or above"
     return f", {high:g} or below" if math.isfinite(high) else ""
+
+
+def turns_writing(text: str) -> bool:
+    """Whether a text holds such a mark."""
+    return _TURNS.search(text) is not None

@@ -2,10 +2,7 @@
 
 from calib.upkeep.chart import ControlChart, Signal, chart_of
 from calib.upkeep.check import Check
-from calib.upkeep.drift import Drift
-from calib.upkeep.due import Due, Method, next_due
-from calib.upkeep.in_use import InUse
-from calib.upkeep.staircase import Staircase
+from calib.upkeep.due import Drift, Due, InUse, Method, Staircase, next_due
 
 __all__ = [
     "Check",

@@ -1,16 +1,244 @@
-"""The date of the next check, and why."""
+"""The date of the next check, and why.
+
+Intervals in hours of use: a robot that is not used does not wear.
+
+Any method whose intervals are then hours; the date follows from how much the robot was used lately. A longest time in
+days stays, since feet settle and tools are bumped by the calendar too.
+
+Source: ILAC-G24:2022 / OIML D 10:2022, 6.4 ("in-use" time).
+
+The method of the control chart: the next check is due before drift and scatter together leave what is permitted.
+
+A straight line through the values, weighted by their uncertainty, predicts later ones:
+
+    y(x) = a + b x,    u(x)^2 = [1 x] C [1 x]' + between^2,
+
+with C the covariance of a and b, and between^2 what the values scatter about the line beyond their own u. Due is the
+x at which |y(x) - target| + 2 u(x) reaches the permitted error. That sum is convex in x, so it is reached once.
+
+Source: ILAC-G24:2022 / OIML D 10:2022, 6.3 (drift and dispersion from the plot, the interval from both); the line is
+that of a weighted least squares.
+
+The staircase: a check that is well within what is permitted lengthens the interval, one outside shortens it.
+
+Within 80 % of the permitted error, U included: longer; within it: as it was; beyond: shorter. How much shorter follows
+from how often checks shall pass: with l = `longer` and s the factor of a failure, the interval neither grows nor
+shrinks where a share R of the checks passes,
+
+    l^R s^(1 - R) = 1.
+
+A check that came before the interval was over says little about the whole of it: it lengthens at most to l times the
+time that has passed.
+
+Sources: ILAC-G24:2022 / OIML D 10:2022, 6.2 (automatic adjustment, 80 %); NCSLI RP-1, method A1 (the two factors).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from itertools import pairwise
 
+import numpy as np
+from scipy.optimize import root_scalar
+
+from calib.array import Array
 from calib.errors import DataError
-from calib.upkeep.check import DAYS, Check, days_of, in_order
-from calib.upkeep.drift import Drift
-from calib.upkeep.in_use import InUse
-from calib.upkeep.staircase import Staircase
+from calib.units import percent
+from calib.upkeep.check import DAYS, HOURS, Check, Step, Unit, days_of, in_order
+
+WITHIN = 0.8
+
+"""Share of the permitted error within which a check lengthens the interval."""
+
+
+@dataclass(frozen=True)
+class Staircase:
+    """first: interval before anything is known; permitted: largest error from `target`, in the unit of the values;
+    longer: factor of a good check; reliability: share of checks that shall pass; shortest, longest: intervals.
+
+    Intervals are days, or hours of use inside `InUse`. Raises DataError for values that make no staircase.
+    """
+
+    first: float
+    permitted: float
+    target: float = 0.0
+    longer: float = 1.1
+    reliability: float = 0.9
+    shortest: float = 7.0
+    longest: float = 1825.0
+
+    def __post_init__(self) -> None:
+        refuse_intervals(self.first, self.shortest, self.longest)
+        refuse_permitted(self.permitted)
+        if not self.longer > 1.0:
+            raise DataError(f"is {self.longer:g}.", do="Give a factor above 1.", key="longer")
+        if not 0.0 < self.reliability < 1.0:
+            raise DataError(
+                f"is {self.reliability:g}.", do="Give a share between 0 and 1.", key="reliability"
+            )
+
+    @property
+    def shorter(self) -> float:
+        """Factor of a check that failed."""
+        return self.longer ** (-self.reliability / (1.0 - self.reliability))
+
+    def interval(self, steps: Sequence[Step], unit: Unit) -> tuple[float, str]:
+        """Interval after the last of some steps, oldest first, and why, without an end."""
+        interval, why = self.first, ""
+        for before, step in zip([None, *steps], steps, strict=False):
+            off = abs(step.value - self.target)
+            was = interval
+            told = f"the last check found {off:.3g} (U {step.u:.2g}) of {self.permitted:g} permitted"
+            if off > self.permitted:
+                interval = max(interval * self.shorter, self.shortest)
+                why = f"{told}: too much, so the interval is {unit.of(interval)} instead of {was:.0f}"
+            elif off + step.u <= WITHIN * self.permitted and before is not None:
+                grown = self.longer * min(interval, step.x - before.x)
+                interval = min(max(interval, grown), self.longest)
+                why = f"{told}, within {percent(WITHIN)}: the interval is {unit.of(interval)} after {was:.0f}"
+            else:
+                why = f"{told}: the interval stays {unit.of(interval)}"
+        return interval, why
+
+
+def refuse_intervals(first: float, shortest: float, longest: float) -> None:
+    """Raise DataError where a first interval does not lie between a shortest above zero and a longest."""
+    if not 0.0 < shortest <= first <= longest:
+        raise DataError(
+            f"is {first:g}, the shortest {shortest:g}, the longest {longest:g}.",
+            do="Give 0 < shortest <= first <= longest.",
+            key="first",
+        )
+
+
+def refuse_permitted(permitted: float) -> None:
+    """Raise DataError for a permitted error that is none."""
+    if not permitted > 0.0:
+        raise DataError(
+            f"is {permitted:g}.", do="Give the largest error permitted, above 0.", key="permitted"
+        )
+
+
+@dataclass(frozen=True)
+class Drift:
+    """first: interval until two checks say how fast the value drifts; permitted: largest error from `target`, in the
+    unit of the values; shortest, longest: intervals. Intervals are days, or hours of use inside `InUse`.
+
+    Raises DataError for values that make no method.
+    """
+
+    first: float
+    permitted: float
+    target: float = 0.0
+    shortest: float = 7.0
+    longest: float = 1825.0
+
+    def __post_init__(self) -> None:
+        refuse_intervals(self.first, self.shortest, self.longest)
+        refuse_permitted(self.permitted)
+
+    def interval(self, steps: Sequence[Step], unit: Unit) -> tuple[float, str]:
+        """Interval after the last of some steps, oldest first, and why, without an end. Raises DataError for values
+        without any uncertainty of which there are two."""
+        last = steps[-1]
+        if len({step.x for step in steps}) < 2:
+            return self.first, f"one check shows no drift: the interval is the first, {unit.of(self.first)}"
+        x = np.array([step.x for step in steps]) - last.x
+        line, covariance, between = _line(
+            x, np.array([s.value for s in steps]), np.array([s.u / 2.0 for s in steps])
+        )
+
+        def room(ahead: float) -> float:
+            at = np.array([1.0, ahead])
+            u = np.sqrt(at @ covariance @ at + between)
+            return self.permitted - abs(float(line @ at) - self.target) - 2.0 * float(u)
+
+        told = f"the value drifts by {line[1]:+.2g} (U {2.0 * np.sqrt(covariance[1, 1]):.1g}) per {unit.one}"
+        if room(0.0) <= 0.0:
+            return (
+                self.shortest,
+                f"{told} and may be beyond the {self.permitted:g} permitted already: {unit.of(self.shortest)}",
+            )
+        if room(self.longest) > 0.0:
+            return (
+                self.longest,
+                f"{told} and stays within the {self.permitted:g} permitted: the longest, {unit.of(self.longest)}",
+            )
+        reached = float(root_scalar(room, bracket=(0.0, self.longest)).root)
+        interval = max(reached, self.shortest)
+        return interval, (
+            f"{told} and may reach the {self.permitted:g} permitted {unit.of(reached)} after the last check"
+        )
+
+
+def _line(x: Array, values: Array, u: Array) -> tuple[Array, Array, float]:
+    """Line (a, b) through values (n,) with standard uncertainties u (n,), its covariance, and the variance between
+    values beyond u: of the residuals over their freedom. Raises DataError where nothing says how sure they are."""
+    design = np.column_stack([np.ones_like(x), x])
+    freedom = len(x) - 2
+    left = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
+    between = max(float(left @ left) / freedom - float(np.mean(u**2)), 0.0) if freedom else 0.0
+    variance = between + u**2
+    if np.any(variance <= 0.0):
+        raise DataError("is 0, and nothing else says how sure the values are.", do="Give U.", key="u")
+    weighed = design / np.sqrt(variance)[:, None]
+    covariance: Array = np.asarray(np.linalg.inv(weighed.T @ weighed), dtype=np.float64)
+    return covariance @ weighed.T @ (values / np.sqrt(variance)), covariance, between
+
+
+@dataclass(frozen=True)
+class InUse:
+    """by: the method, its intervals in hours of use; hours_a_day: use assumed until two readings of the counter show
+    it; longest_days: whatever the use. Raises DataError for values out of range."""
+
+    by: Staircase | Drift
+    hours_a_day: float = 16.0
+    longest_days: float = 730.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.hours_a_day <= 24.0:
+            raise DataError(
+                f"is {self.hours_a_day:g}.", do="Give hours above 0, up to 24.", key="hours_a_day"
+            )
+        if not self.longest_days > 0.0:
+            raise DataError(f"is {self.longest_days:g}.", do="Give days above 0.", key="longest_days")
+
+    def days(self, history: Sequence[Check]) -> tuple[float, str]:
+        """Days after the last of some checks, oldest first, and why, without an end. Raises DataError where the counter
+        was not read at a check, or runs backwards."""
+        hours = []
+        for check in history:
+            if check.used_h is None:
+                raise DataError(
+                    f"The hours of use at the check of {check.at:%Y-%m-%d %H:%M} UTC are not known.",
+                    do="Read the robot's counter once before and once after every check, or go by the calendar.",
+                )
+            hours.append(check.used_h)
+        if any(later < earlier for earlier, later in pairwise(hours)):
+            raise DataError(
+                "runs backwards: the counter was set to zero, or this is another robot.",
+                do="Begin a new history.",
+                key="used_h",
+            )
+        steps = [Step(h, check.value, check.u) for h, check in zip(hours, history, strict=True)]
+        interval, why = self.by.interval(steps, HOURS)
+        a_day, since = self._a_day(history, hours)
+        days = interval / a_day if a_day > 0.0 else self.longest_days
+        why += f"; at {a_day:.3g} hours a day{since} that is {days:.0f} days"
+        if days >= self.longest_days:
+            return self.longest_days, f"{why}, and {self.longest_days:.0f} days is the longest"
+        return days, why
+
+    def _a_day(self, history: Sequence[Check], hours: Sequence[float]) -> tuple[float, str]:
+        """Use since the last check but one that is a day earlier or more; and since when, in words."""
+        for check, then in zip(history[-2::-1], hours[-2::-1], strict=True):
+            days = (history[-1].at - check.at).total_seconds() / 86400.0
+            if days >= 1.0:
+                return (hours[-1] - then) / days, f" since {check.at:%Y-%m-%d}"
+        return self.hours_a_day, " (assumed)"
+
 
 Method = Staircase | Drift | InUse
 

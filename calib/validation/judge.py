@@ -1,4 +1,7 @@
-"""A calibration judged on readings: positions, orientations, all pairs, groups, and ISO 9283 where poses repeat."""
+"""A calibration judged on readings: positions, orientations, all pairs, groups, and ISO 9283 where poses repeat.
+
+Orientation error: the angle of the rotation from the predicted to the measured orientation (its log map).
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from calib.array import Array
 from calib.data.dataset import Dataset
@@ -33,7 +37,6 @@ from calib.validation.iso9283 import (
     repeated_poses,
     unidirectional,
 )
-from calib.validation.orientation import rotation_vectors
 from calib.validation.pairs import pair_errors
 from calib.validation.summary import Summary, summarise
 
@@ -213,3 +216,12 @@ def refuse_unplaced(dataset: Dataset, rows: Mask, model: RobotModel) -> None:
                 file=dataset.path,
                 key="series",
             )
+
+
+def rotation_vectors(predicted: Array, measured: Array) -> Array:
+    """(n, 3) rotation vectors, rad, world axes, from predicted (n, 3, 3) to measured quaternions (n, 4), scalar first.
+
+    The angle is that of the shorter way: q and -q are the same orientation.
+    """
+    turn = Rotation.from_quat(measured, scalar_first=True) * Rotation.from_matrix(predicted).inv()
+    return turn.as_rotvec()

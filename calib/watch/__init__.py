@@ -16,8 +16,7 @@ from calib.watch.planning.visits import Visits
 from calib.watch.planning.wanted import ALONE, SEEN, WANTED
 from calib.watch.refusals import missing, refuse_copies, refuse_unlike
 from calib.watch.seen import Seen
-from calib.watch.thermal import Upkept, keep_up, later, warms_up
-from calib.watch.update import cause_to_update, updated
+from calib.watch.thermal import Upkept, cause_to_update, keep_up, later, updated, warms_up
 from calib.watch.worth import DOUBTFUL, times_as_uncertain
 
 __all__ = [

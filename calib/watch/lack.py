@@ -1,4 +1,4 @@
-"""The lack of a baseline: additional scatter of the joints, as its file says (`calib.saved.scatter`); of a file that
+"""The lack of a baseline: additional scatter of the joints, as its file says (`calib.saved.left_open`); of a file that
 does not, by the errors that it left on readings it had not seen:
 
     held-out error^2 = noise + repeatability + what its parameters are uncertain by + lack

@@ -6,6 +6,10 @@ x: what has changed. Nothing of the rest is a change: e ~ P is what the calibrat
 of effects that this does not hold (`calib.saved.left_open`); w what the model was shown to lack by its own validation,
 as if the joints scattered more (the same in every watch at the same poses); f the frame, set up anew each time; and
 noise with the robot's repeatability. All rows are whitened by the noise as in a fit.
+
+Readings in a frame of their own, laid over what the baseline predicts: the rigid motion that fits them best.
+
+The rest of the frame is small then, and free by its derivative (`calib.watch.seen`). Source: Kabsch 1976.
 """
 
 from __future__ import annotations
@@ -16,8 +20,10 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from calib.arm.kinematics import Frames
+from calib.arm.start import align
 from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.effects import Survey, changes, compliance_of
@@ -29,7 +35,8 @@ from calib.saved import SavedModel
 from calib.watch.baseline import Baseline, in_series, root_of
 from calib.watch.frame import frame_covariance, frame_effect
 from calib.watch.lack import scatter_beyond
-from calib.watch.placed import placed
+
+_FEWEST = 3
 
 
 @dataclass(frozen=True)
@@ -155,6 +162,7 @@ class Seen:
 
 
 _SINCE = "since"
+
 _FREE = 1e4  # standard deviations of the noise by which an unknown frame may be elsewhere
 
 
@@ -206,3 +214,26 @@ def _by_joint(readings: Readings, frames: Frames, model: RobotModel, lack: Array
 
 def _length(columns: Array) -> Array:
     return np.maximum(np.linalg.norm(columns, axis=0), 1e-300) / np.sqrt(len(columns))
+
+
+def placed(dataset: Dataset, model: RobotModel, estimate: Array) -> Dataset:
+    """The data set with points, turns and station where the usable points lie nearest to the predicted ones; as it is
+    where there are fewer than three points."""
+    rows = dataset.fit_rows & dataset.pointed
+    if int(rows.sum()) < _FEWEST:
+        return dataset
+    predicted = Design(model, dataset.conditions.take(rows)).predict(estimate)
+    measured = dataset.points[rows]
+    rotation, shift = align(measured, predicted, np.ones(len(measured)))
+    turn = Rotation.from_matrix(rotation)
+    points = dataset.points.copy()
+    points[dataset.pointed] = turn.apply(points[dataset.pointed]) + shift
+    orientation = dataset.orientation.copy()
+    turned = np.isfinite(orientation[:, 0])
+    if turned.any():
+        felt = turn * Rotation.from_quat(orientation[turned], scalar_first=True)
+        orientation[turned] = felt.as_quat(scalar_first=True)
+    noise = dataset.header.noise
+    x, y, z = (turn.apply(noise.station_mm) + shift).tolist()
+    header = replace(dataset.header, noise=replace(noise, station_mm=(x, y, z)))
+    return replace(dataset, header=header, points=points, orientation=orientation)

@@ -1,13 +1,11 @@
 """Many data sets diagnosed by many workers, every result once, in the store (docs/decisions/0081)."""
 
-from fleet.diagnose.address import for_workers
-from fleet.diagnose.batch import Order
-from fleet.diagnose.call import diagnose_all
+from fleet.diagnose.batch import REFUSED, Order
+from fleet.diagnose.call import diagnose_all, for_workers
 from fleet.diagnose.changes import Change, Changes, Side, changes_between, named
 from fleet.diagnose.errors import EngineGone
 from fleet.diagnose.program import release, this_program
 from fleet.diagnose.source import Source, in_files, in_store
-from fleet.diagnose.statement import REFUSED
 from fleet.diagnose.tally import Tally
 
 __all__ = [

@@ -2,36 +2,59 @@
 
 What is done stands in the store, written by the workers; this end only deals out. So it may be ended at any time, and
 the same call later does what is left.
+
+The patience of a call with a store that is away: it asks again, with one data set at a time, and then gives up.
+
+A database that is restarted or out of reach for an hour shall not end the work of a night.
+
+The workers of a scheduler: a worker gets work when it has reported that it runs the same program.
+
+It is asked when it is first seen, also when it joins in the middle, and then offers the resource that every batch asks
+for; a worker of another program offers none, so the scheduler gives it nothing. `batch.work_off` looks once more.
 """
 
 from __future__ import annotations
 
+import os
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
+from dataclasses import dataclass
 from typing import Any
 
-from distributed import Client, Future, KilledWorker, wait
+from distributed import Client, Future, KilledWorker, Worker, wait
 from distributed.comm.core import CommClosedError
 
 from fleet.diagnose.batch import Order, work_off
-from fleet.diagnose.crew import Crew, resource
 from fleet.diagnose.errors import EngineGone
-from fleet.diagnose.patience import Patience
+from fleet.diagnose.program import this_program
 from fleet.diagnose.source import Source
 from fleet.diagnose.tally import Tally
 from fleet.errors import StoreError, StoreGone
 
 BATCH_S = 5.0
+
 """So long a batch shall take: a thousand times what the scheduler spends on it, and little is lost with a worker."""
+
 AHEAD = 2  # batches for every worker: the next one is there when one is done
+
 PATIENCE_S = 60.0  # without a worker
+
 LOOK_S = 2.0
+
 # Workers lost with a data set before it is given by itself, and then before it is the one that does it.
 STRIKES = 2
+
 _ENDS_WORKERS = "its worker ended each time that it was tried: too little memory?"
+
 _AGAIN = "What is done is kept: see to it, then run the same command again."
+
+STORE_S = 3600.0
+
+FIRST_S, MOST_S = 1.0, 30.0  # between two questions: twice as long each time
+
+BLAS = "OPENBLAS_NUM_THREADS"
 
 
 def size_of(left: int, workers: int, seconds_each: float | None) -> int:
@@ -217,3 +240,110 @@ def _in_words(error: BaseException) -> str:
     if isinstance(error, KilledWorker):
         return _ENDS_WORKERS
     return f"the program failed ({type(error).__name__}: {error})"
+
+
+class Patience:
+    """The waiting of one call. tell: called when the store goes and comes back; clock: seconds."""
+
+    def __init__(self, tell: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
+        self._tell, self._clock = tell, clock
+        self._since: float | None = None
+        self._pause_s, self._next = FIRST_S, 0.0
+
+    @property
+    def away(self) -> bool:
+        """Whether the store did not answer when it was last asked."""
+        return self._since is not None
+
+    def refused(self, error: StoreGone) -> None:
+        """The store is away. Raises the error where it has been away for too long."""
+        now = self._clock()
+        if self._since is None:
+            self._since, self._pause_s = now, FIRST_S
+            self._tell(
+                f"{error} Nothing that is done is lost; it is asked again for {STORE_S / 60:.0f} min, "
+                "Ctrl-C ends the waiting"
+            )
+        elif now - self._since > STORE_S:
+            raise error
+        else:
+            self._pause_s = min(2.0 * self._pause_s, MOST_S)
+        self._next = now + self._pause_s
+
+    def worth_asking(self) -> bool:
+        """Whether it is time to ask again."""
+        return self._clock() >= self._next
+
+    def answered(self) -> None:
+        """The store has answered."""
+        if self._since is not None:
+            self._tell(f"the store answers again, after {self._clock() - self._since:.0f} s")
+            self._since = None
+
+
+def resource(of: str) -> str:
+    """The name of what a worker of this program offers: one batch at a time."""
+    return f"truepose {of}"
+
+
+@dataclass(frozen=True)
+class Told:
+    """A worker's word on itself. threads: of its linear algebra, "" where nothing limits them."""
+
+    program: str
+    threads: str
+
+
+async def _enrol(expected: str, dask_worker: Worker) -> Told:
+    """Enrol a worker; this runs on the worker."""
+    told = Told(this_program(), os.environ.get(BLAS, ""))
+    if told.program == expected:
+        await dask_worker.set_resources(**{resource(expected): 1.0})
+    return told
+
+
+class Crew:
+    """The workers seen so far: those at work, and those refused with the reason, by address."""
+
+    def __init__(self, client: Client, expected: str) -> None:
+        self._client, self._expected = client, expected
+        self.at_work: set[str] = set()
+        self.refused: dict[str, str] = {}
+        self.lost = 0
+
+    def look(self) -> list[str]:
+        """Ask new workers for their build, drop those that are gone; sentences on both. Raises CommClosedError
+        where the scheduler is gone."""
+        told: Any = self._client.scheduler_info(n_workers=-1)
+        if self._client.status != "running":  # then it tells what it knew last, or nothing
+            raise CommClosedError("the connection to the scheduler is lost")
+        present = set(told["workers"])
+        said = []
+        gone = self.at_work - present
+        self.at_work -= gone
+        self.lost += len(gone)
+        said += [f"worker {address} is lost: its data sets go to others" for address in sorted(gone)]
+        new = sorted(present - self.at_work - set(self.refused))
+        if not new:
+            return said
+        answers: Any = self._client.run(_enrol, self._expected, workers=new, on_error="return")
+        for address, told in answers.items():
+            if isinstance(told, OSError):  # it has just gone, or is asked again
+                continue
+            why = self._why_not(told)
+            if why:
+                self.refused[address] = why
+                said.append(f"worker {address} is refused: {why}")
+                continue
+            self.at_work.add(address)
+            if told.threads != "1":
+                said.append(f"worker {address} computes with more threads than one: start it with {BLAS}=1")
+        return said
+
+    def _why_not(self, told: object) -> str:
+        """The reason for which a worker may not compute, from its answer; "" where it may."""
+        if not isinstance(told, Told):
+            return f"it cannot say which TruePose it runs ({type(told).__name__}: {told}); install {self._expected}"
+        if told.program != self._expected:
+            return f"it runs TruePose {told.program}, this is {self._expected}; install the same there"
+        return ""

@@ -1,6 +1,5 @@
 """The store of the documents of many robots: an SQLite file or a PostgreSQL."""
 
-from fleet.store.dataset import dataset_content, dataset_texts
 from fleet.store.document import (
     KINDS,
     LONGEST,
@@ -15,9 +14,8 @@ from fleet.store.document import (
     Said,
     utc_now,
 )
-from fleet.store.roles import READER, WRITER
-from fleet.store.rows import ERROR
-from fleet.store.schema import migrate
+from fleet.store.rows import ERROR, dataset_content, dataset_texts
+from fleet.store.schema import READER, WRITER, migrate
 from fleet.store.standing import Baseline, Standing
 from fleet.store.store import Store
 from fleet.store.work import Job, Result, Work

@@ -1,10 +1,13 @@
 """The statements of a document as rows: parameters of a model, verdict and causes of a watch or a diagnosis.
 
 Only what is named here is read; the document itself is kept whole. Of a data set nothing is read: it is data.
+
+A data set as one document (`truepose-fleet-dataset/1`): its table and its header, which are two files, in one.
 """
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,8 +15,9 @@ from typing import Any
 
 from calib.errors import DataError
 from calib.text import parse_json
-from fleet.store.dataset import FORMAT as DATASET
 from fleet.store.document import Document, Kind
+
+FORMAT = "truepose-fleet-dataset/1"
 
 FORMATS: dict[Kind, str] = {
     "model": "truepose-model/1",
@@ -21,14 +25,20 @@ FORMATS: dict[Kind, str] = {
     "diagnosis": "truepose-diagnosis/1",
     "thermal": "truepose-upkeep/1",
     "retired": "truepose-retired/1",
-    "dataset": DATASET,
+    "dataset": FORMAT,
 }
+
 """What a document of a kind must be; the other kinds may be any JSON with a format."""
+
 _ALSO = (("model", "truepose-model/2"),)  # a model with carried terms
+
 K = 2.0  # coverage factor of U
+
 ERROR = "error_rms"
+
 """The name under which the position error is kept among the parameters: of a model on readings that it had not seen, of
 a watch at its check poses; RMS, mm."""
+
 _TEXT = 2000  # letters kept of a sentence
 
 
@@ -185,3 +195,19 @@ def _number(value: Any) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise TypeError(f"{value!r} is no number")
     return float(value)
+
+
+def dataset_content(table: str, header: str) -> bytes:
+    """The document of a data set. table: text of DATA.csv; header: text of DATA.toml. Same texts, same bytes."""
+    return json.dumps({"format": FORMAT, "header": header, "table": table}, ensure_ascii=False).encode()
+
+
+def dataset_texts(content: bytes) -> tuple[str, str]:
+    """The texts of the table and of the header, as they were. Raises DataError if it is no such document."""
+    found = parse_json(content, "data set")
+    if not isinstance(found, dict) or found.get("format") != FORMAT:
+        raise DataError("is no data set of a store.", do=f'It must hold "format": "{FORMAT}".')
+    table, header = found.get("table"), found.get("header")
+    if not isinstance(table, str) or not isinstance(header, str):
+        raise DataError("has no table or no header.", do="Send the data set again.")
+    return table, header

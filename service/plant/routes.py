@@ -1,9 +1,13 @@
-"""The routes of a fleet's server."""
+"""The routes of a fleet's server.
+
+The answers of a fleet's server, as OpenAPI describes them. Times are RFC 3339, UTC.
+"""
 
 from __future__ import annotations
 
 import asyncio
 from collections import Counter
+from collections.abc import Sequence
 from datetime import datetime, timedelta
 from importlib.metadata import version
 from typing import Annotated
@@ -11,34 +15,139 @@ from typing import Annotated
 import anyio.to_thread
 from fastapi import APIRouter, Depends, Query, Request
 from fastapi import Path as InPath
+from pydantic import BaseModel, ConfigDict, Field
 from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse, Response
 
-from fleet.store import Added, Document, Kind, RobotKey, Store
+from fleet.store import Added, Document, Entry, Kind, Known, RobotKey, Store
 from service.http.access.gate import bearer
 from service.http.wire.problems import Problem
-from service.plant.bodies import (
-    AddedShown,
-    DocumentShown,
-    DocumentsShown,
-    HealthShown,
-    PointShown,
-    RobotShown,
-    RobotsShown,
-    TrendShown,
-)
 from service.plant.own_tokens import Senders
 
+
+class AddedShown(BaseModel):
+    """The acknowledgement of a document: it survives a power cut of the server."""
+
+    hash: str = Field(description="SHA-256 of the content that was kept.")
+    state: str = Field(description="new, or known where the server had it.")
+
+
+class DocumentShown(BaseModel):
+    """A document of a list."""
+
+    hash: str = Field(description="SHA-256 of the content.")
+    kind: str = Field(description="model, watch, campaign, dataset, diagnosis or thermal.")
+    serial: str = Field(description="Serial number of the robot.")
+    model: str = Field(description="Type of the robot.")
+    cell: str = Field(description="The cell that sent it.")
+    identity: str = Field(description="Which thing it is a statement of.")
+    measured_at: datetime
+    added_at: datetime
+    program: str = Field(description="Version that wrote it; empty where it does not say.")
+    size: int = Field(description="Bytes.")
+    conflict: bool = Field(description="Whether another content was sent for the same identity.")
+
+    @classmethod
+    def of(cls, entry: Entry) -> DocumentShown:
+        """The document of an entry."""
+        return cls(
+            hash=entry.hash,
+            kind=entry.kind,
+            serial=entry.robot.serial,
+            model=entry.robot.model,
+            cell=entry.cell,
+            identity=entry.identity,
+            measured_at=entry.measured_at,
+            added_at=entry.added_at,
+            program=entry.program,
+            size=entry.size,
+            conflict=entry.conflict,
+        )
+
+
+class DocumentsShown(BaseModel):
+    """Documents, newest first."""
+
+    documents: Sequence[DocumentShown]
+
+
+class RobotShown(BaseModel):
+    """A robot that documents were sent of."""
+
+    serial: str
+    model: str
+    cells: Sequence[str]
+    documents: dict[str, int] = Field(description="How many of each kind.")
+    last: datetime = Field(description="When the last was measured.")
+
+    @classmethod
+    def of(cls, known: Known) -> RobotShown:
+        """The document of a robot."""
+        return cls(
+            serial=known.robot.serial,
+            model=known.robot.model,
+            cells=known.cells,
+            documents={str(kind): count for kind, count in known.documents.items()},
+            last=known.last,
+        )
+
+
+class RobotsShown(BaseModel):
+    """All robots."""
+
+    robots: Sequence[RobotShown]
+
+
+class PointShown(BaseModel):
+    """One value of a parameter."""
+
+    model_config = ConfigDict(from_attributes=True)
+
+    measured_at: datetime
+    parameter: str
+    value: float
+    u: float | None = Field(description="Expanded uncertainty, k = 2; null where the model states none.")
+    unit: str
+    hash: str = Field(description="The document that has it; of a re-diagnosis the data set.")
+    program: str = Field(description="Version that says it.")
+    rediagnosed: bool = Field(description="Whether a re-diagnosis says it, in place of the cell's own model.")
+
+
+class TrendShown(BaseModel):
+    """The values of parameters over time, by name and time."""
+
+    serial: str
+    model: str
+    points: Sequence[PointShown]
+
+
+class HealthShown(BaseModel):
+    """The server is there."""
+
+    status: str
+    version: str
+
+
 router = APIRouter()
+
 UPLOADS = 16  # in hand; each may be a body in memory
+
 SHARE = 2  # of these for one sender: a cell sends one after another, and may begin anew before the last has ended here
+
 PIECE_S = 60.0  # a client that sends nothing for so long has gone
+
 UPLOAD_S = 600.0  # for a whole document: 32 MB at half a megabit a second
+
 AHEAD = timedelta(days=1)  # by which a cell's clock may go before the server's
+
 BUSY_S = 2
+
 MOST = 10_000  # documents of one list
+
 _CONFLICT = 8610
+
 _DAMAGED = 8611
+
 _OTHER_ROBOT = 8612
 
 
@@ -47,6 +156,7 @@ async def _store(request: Request) -> Store:
 
 
 Here = Annotated[Store, Depends(_store)]
+
 Hash = Annotated[
     str, InPath(pattern="^[0-9a-f]{64}$", description="SHA-256 of the content, 64 hexadecimal digits.")
 ]

@@ -3,10 +3,16 @@
 An instrument that sees points or poses, and one that is read by hand: poses drawn at random. A ballbar: stances of its
 six legs, at joints at which the model has them within the stroke. A touched artefact (`touch`): poses in which a target
 of the tool sits in balls at known places; nothing drives to contact, so the plan is a data set to be filled in.
+
+The files of a plan of a watch: the campaign of its check poses, or the data set that a person fills in.
+
+The question of a plan of a watch: how many check poses, of what kind, and how they are approached.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -14,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 
 from acquisition import Cell
 from acquisition.campaign import Arrival, Pose, Visit, drawn_poses, stance_poses, touch_poses
@@ -26,15 +33,42 @@ from calib.saved import SavedModel
 from calib.units import DEG
 from calib.watch import NestLimit, Plan, Proposal, Visits
 from service.plain import finite
-from service.results.watch_files import campaign_of, touched_files
-from service.results.watch_question import PlanQuestion
 from service.results.watch_words import in_words
 
+
+@dataclass(frozen=True)
+class PlanQuestion:
+    """The question: what to plan. targets: names, None for all of the cell; offset_deg: from how far every joint
+    arrives; both: from sides drawn for every joint, else from below; rate: of false alarms; rounds: how often each pose
+    is visited; touch: balls that are touched, empty where an instrument measures; touch_mm: how well a touch repeats;
+    frame_known: whether instrument or artefact will stand where they stood; repeats: how often each target is read in a
+    visit. rounds, repeats None: as few as show every cause, where an instrument measures points."""
+
+    poses: int
+    candidates: int
+    targets: tuple[str, ...] | None
+    offset_deg: float
+    both: bool
+    rate: float
+    seed: int
+    rounds: int | None = 1
+    touch: tuple[str, ...] = ()
+    touch_mm: float = 0.02
+    frame_known: bool = True
+    repeats: int | None = 1
+
+
 PLAN_FORMAT = "truepose-watch-plan/1"
+
 _STROKE_MM = 0.3  # of the bar's, which the legs of a check pose may be off by the model's own account
+
 _CORRECTED_DEG = 2.0  # by which a calibrated robot's joints differ from the nominal ones at most
+
 _SIDES_EACH = 4  # choices of sides for every stance
+
 _SETS = 12  # choices of targets that are compared
+
+NOT_TOUCHED = "rejected:not touched yet"
 
 
 @dataclass(frozen=True)
@@ -345,3 +379,76 @@ def refuse_plan(cell: Cell, file: Path, saved: SavedModel, model: Path, visits: 
     read = [tuple((target, base or "") for target, base in visit.readings) for visit in those]
     header = header_of(planned_header(cell), file, "")
     refuse_visits(saved, header, _visits(cell, poses, read), file, model)
+
+
+def campaign_of(
+    model: str,
+    asked: PlanQuestion,
+    targets: Sequence[str],
+    poses: Sequence[Pose],
+    visits: Visits,
+    repeats: int,
+    nest_limit_mm: float | None,
+    robot: Mapping[str, str],
+) -> str:
+    """The campaign that visits the poses in their order; repeats: how often each target is read
+    there; nest_limit_mm: of the nests that are measured again half-way,
+    None where none are; robot: the device that the baseline is of."""
+    block: dict[str, Any] = {
+        "set": "calibration",
+        "joints_deg": [list(pose.joints_deg) for pose in poses],
+        "approach_sides": [list(pose.sides) for pose in poses],
+    }
+    if any(base for _, base in visits.read[0]):
+        block |= {"kind": "legs", "legs": [[list(leg) for leg in legs] for legs in visits.read]}
+    else:
+        block |= {"kind": "poses", "select": "list", "targets": list(targets)}
+        if repeats > 1:
+            block["readings"] = repeats
+    table = {
+        "format": "truepose-campaign/1",
+        "seed": asked.seed,
+        "approach": {"offset_deg": -asked.offset_deg, "sides": "both" if asked.both else "one"},
+        "block": [block],
+    }
+    if nest_limit_mm is not None:
+        table["nest_check"] = {"every": max(visits.readings // 2, 1), "limit_mm": round(nest_limit_mm, 4)}
+    if robot.get("serial"):
+        table["robot"] = {key: robot[key] for key in ("maker", "model", "serial") if robot.get(key)}
+    return f"# Check poses of {model}, by truepose watch plan.\n{tomli_w.dumps(table)}"
+
+
+def touched_files(
+    out: Path, cell: Cell, asked: PlanQuestion, target: str, poses: Sequence[Pose], balls: Sequence[str]
+) -> dict[Path, str]:
+    """The data set of touches by path: a row a pose with the place of its ball, one of `balls`; whoever has touched it
+    writes the joints that the controller shows, and empties the status. Raises DataError where `out` is no CSV file."""
+    if out.suffix != ".csv":
+        raise DataError(
+            "is no data set: a touched artefact is written down, not driven.",
+            do="Name a .csv file.",
+            file=out,
+            key="--out",
+        )
+    values = planned_header(cell)
+    values["noise"] = {
+        "kind": "isotropic",
+        "sigma_mm": asked.touch_mm,
+        "repeatability_deg": cell.robot.repeatability_deg,
+    }
+    values["instrument"], values["readings"] = "touch", f"1-{len(poses)}"
+    for key in ("base_targets", "base_targets_u_mm", "nests", "u_mm_assumed", "model"):
+        values.pop(key, None)
+    robot, text = cell.robot.model, io.StringIO(newline="")
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(
+        [
+            *("reading_id", "ball", "status", "tool_target", "x_mm", "y_mm", "z_mm"),
+            *robot.joint_columns,
+            *robot.approach_columns,
+            "t_air_c",
+        ]
+    )
+    for i, (pose, name) in enumerate(zip(poses, balls, strict=True), start=1):
+        rows.writerow([i, name, NOT_TOUCHED, target, *cell.nests[name], *pose.joints_deg, *pose.sides, ""])
+    return {out: text.getvalue(), out.with_suffix(".toml"): tomli_w.dumps(values)}

@@ -15,7 +15,7 @@ from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import RecordError
 from acquisition.record.data_table import DataTable
 from acquisition.record.merge import Part, merge
-from calib.data.occasion import Occasion
+from calib.data.header import Occasion
 from calib.data.read import read_dataset
 from tests.service.campaigns import edit_text, read_rows, write_data
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.examination import priority
+from acquisition.examination import computer
 
 
 @pytest.mark.parametrize(
@@ -30,9 +30,9 @@ def test_what_stands_behind_other_programs_is_said(
     session = tmp_path / "autogroup"
     if text is not None:
         session.write_text(text, "ascii")
-    monkeypatch.setattr(priority.os, "getpriority", lambda which, who: nice, raising=False)
-    monkeypatch.setattr(priority, "_SESSION", session)
-    assert priority.low_priority() == said
+    monkeypatch.setattr(computer.os, "getpriority", lambda which, who: nice, raising=False)
+    monkeypatch.setattr(computer, "_SESSION", session)
+    assert computer.low_priority() == said
     with caplog.at_level(logging.WARNING):
-        priority.note_low_priority()
+        computer.note_low_priority()
     assert [record.message.startswith(said) for record in caplog.records] == [True] * bool(said)

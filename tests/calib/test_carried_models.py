@@ -17,7 +17,7 @@ from calib.fit import Identification, radius_95
 from calib.fit.uncertainty import expanded, predict_with_covariance
 from calib.model import Design, conditions_at, named_only
 from calib.model.carried_regressors import Held, HeldPair
-from calib.prior.member import Member
+from calib.prior.lesson import Member
 from calib.saved.document import FORMAT, WITH_CARRIED
 from calib.units import DEG, to_internal
 from calib.validation import differences

@@ -12,8 +12,7 @@ import pytest
 from calib.errors import DataError
 from calib.foreign.files.dates import seconds_of
 from calib.foreign.map.entry import Column, parse_map
-from calib.motion.point_export import read_export
-from calib.motion.read import read_points
+from calib.motion.read import read_export, read_points
 
 HEAD = "// SpatialAnalyzer 2022.2\n// Frame: A::WORLD\n// X Y Z, Cartesian\n\n"
 

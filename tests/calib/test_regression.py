@@ -16,9 +16,7 @@ from scipy.spatial.transform import Rotation
 from calib.arm.robot import load_robot
 from calib.array import Array
 from calib.comparison import comparison as compare_module
-from calib.comparison.comparison import NOMINAL, Comparison, Plan, compare, mae
-from calib.comparison.levels import freeing
-from calib.comparison.waypoints import waypoints_of
+from calib.comparison.comparison import NOMINAL, Comparison, Plan, compare, freeing, mae, waypoints_of
 from calib.compensate import Status, correct
 from calib.data.dataset import Dataset
 from calib.data.read import read_dataset
@@ -29,8 +27,7 @@ from calib.model.stated import StatedConditions
 from calib.regression.choose import choose, folds_of, widths
 from calib.regression.features import SETS, evaluate, independent, products_of, usual
 from calib.regression.mls_svr import Gaussian, Kernel, Linear, fit
-from calib.regression.region import Region
-from calib.regression.regression import Wanted
+from calib.regression.regression import Region, Wanted
 from calib.saved.model_checks import content_hash
 from calib.saved.model_file import load_model, save_model
 from service.results.models.regression_document import findings

@@ -15,7 +15,7 @@ import pytest
 from calib.arm.robot import BUILT_IN, load_robot
 from calib.errors import DataError
 from calib.robot_file import Verdict, described, held_against, read_handful
-from calib.robot_file.lines import line_of
+from calib.robot_file.misread import line_of
 from calib.units import DEG
 from tests.benchmarks.robot_check import TARGETS, arms, mistakes, named, readings_of
 

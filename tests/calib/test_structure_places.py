@@ -14,7 +14,7 @@ from scipy import stats
 
 from calib.array import Array
 from calib.diagnose import diagnosis
-from calib.diagnose.held_blocks import Blocks
+from calib.diagnose.diagnosis import Blocks
 from calib.diagnose.structure import ACTS_ON, EACH_POSE, draws, each_pose, left_over, p_lack_of_fit, together
 from calib.fit.identify import identify
 from calib.scan.scores import Space

@@ -13,7 +13,7 @@ import pytest
 
 from calib import Dataset, identify, read_dataset
 from calib.array import Array
-from calib.data.visits import moves_before_the_last
+from calib.data.read import moves_before_the_last
 from calib.diagnose import diagnose
 from calib.diagnose.found import surprise_of
 from calib.diagnose.structure import BASE, TIME, left_over

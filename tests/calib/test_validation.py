@@ -34,7 +34,7 @@ from calib.validation import (
 )
 from calib.validation.groups import by_distance, grouped, groupings
 from calib.validation.holdout import without
-from calib.validation.orientation import rotation_vectors
+from calib.validation.judge import rotation_vectors
 from mocks.campaign import make_campaign
 from tests.calib.campaigns import dataset_of, exact, move_rows, with_points, write_files
 from tests.calib.cells import NOISE, Cell

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from calib import Dataset, Identification, identify, load_robot, read_dataset
 from calib.array import Array
 from calib.data import Conditions
-from calib.data.visits import visits_of, with_visits
+from calib.data.read import visits_of, with_visits
 from calib.diagnose.structure import along, directions, drivers
 from calib.effects import Survey, offers
 from calib.effects.geometry import change_points

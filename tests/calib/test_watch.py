@@ -34,8 +34,7 @@ from calib.watch import (
 )
 from calib.watch.cause import _fit, fitted
 from calib.watch.frame import frame_covariance
-from calib.watch.judge import odds_of
-from calib.watch.mean import WEIGHT, mean_of
+from calib.watch.judge import WEIGHT, mean_of, odds_of
 from calib.watch.odds import Columns
 from mocks.world import ArmState, World
 from mocks.world.poses import approach_point, random_pose

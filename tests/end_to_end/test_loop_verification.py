@@ -16,7 +16,7 @@ from acquisition import campaign_from, read_cell
 from acquisition.campaign import make_plan
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import RecordError
-from acquisition.loop.corrected import APPROACH_DEG, campaign_of, clear
+from acquisition.loop.loop import APPROACH_DEG, campaign_of, clear
 from acquisition.loop.rehearsal import campaign_table
 from acquisition.record import Store
 from acquisition.record.attempts import Attempts

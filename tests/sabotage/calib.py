@@ -48,7 +48,7 @@ CHANGES = (
         _HOSTILE,
     ),
     Change(
-        "calib/data/visits.py",
+        "calib/data/read.py",
         "begins | turned | ~(still | same_move)",
         "begins | turned",
         "a robot that comes again from elsewhere never left",
@@ -76,7 +76,7 @@ CHANGES = (
         ("tests/calib/test_sweeps.py",),
     ),
     Change(
-        "calib/sweeps/circle.py",
+        "calib/sweeps/joint.py",
         "        weight = 1.0 / np.maximum(scatter, max(scatter.max() * 1e-6, 1e-18))\n",
         "",
         "the error of a joint bends the circle that it is measured on",
@@ -111,7 +111,7 @@ CHANGES = (
         _REGRESSION,
     ),
     Change(
-        "calib/regression/region.py",
+        "calib/regression/regression.py",
         "within & near & (along <= self.reach).all(axis=1)",
         "within & near",
         "a tilted tool lies in the region of a regression",
@@ -195,7 +195,7 @@ CHANGES = (
         ("tests/calib/test_arrivals.py",),
     ),
     Change(
-        "calib/data/arrivals.py",
+        "calib/data/read.py",
         "    own, earlier = joints - previous, previous - before",
         "    own, earlier = previous - joints, previous - before",
         "sides of approach that are not recorded are derived with the wrong sign",
@@ -237,7 +237,7 @@ CHANGES = (
         _VALIDATION,
     ),
     Change(
-        "calib/validation/orientation.py",
+        "calib/validation/judge.py",
         "Rotation.from_quat(measured, scalar_first=True)",
         "Rotation.from_quat(measured, scalar_first=False)",
         "measured orientations are read with their scalar last",

@@ -56,14 +56,14 @@ CHANGES = (
         _BALLBAR,
     ),
     Change(
-        "acquisition/examination/clocks.py",
+        "acquisition/examination/meeting.py",
         "    if second.device_s <= first.device_s:\n",
         "    if second.device_s < first.device_s:\n",
         "a stopped clock of a device is passed",
         _EXAMINED,
     ),
     Change(
-        "acquisition/examination/clocks.py",
+        "acquisition/examination/meeting.py",
         "abs(rate - time_scale) > max(_RATE_OFF * time_scale, 3.0 * spread)",
         "rate - time_scale > max(_RATE_OFF * time_scale, 3.0 * spread)",
         "a clock in another unit, that runs too slowly, is passed",
@@ -89,7 +89,7 @@ CHANGES = (
         survives="the plan of the campaign that drives them checks every target and path again, and refuses",
     ),
     Change(
-        "acquisition/loop/corrected.py",
+        "acquisition/loop/loop.py",
         "    return replace(stated, side=tuple(np.sign(moves)), approach=tuple(np.abs(moves)))\n",
         "    return replace(stated, side=tuple(-np.sign(moves)), approach=tuple(np.abs(moves)))\n",
         "corrections hold for the other side of approach",

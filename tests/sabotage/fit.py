@@ -77,7 +77,7 @@ CHANGES = (
         ("tests/calib/test_spans.py",),
     ),
     Change(
-        "calib/fit/astray.py",
+        "calib/fit/identify.py",
         "        missed = missed + hat[:, worst] * off\n",
         "",
         "a wrong distance accuses its neighbours",

@@ -31,7 +31,7 @@ CHANGES = (
         _BATCH,
     ),
     Change(
-        "fleet/diagnose/statement.py",
+        "fleet/diagnose/batch.py",
         "float(value) if math.isfinite(value) else None",
         "float(value)",
         "fleet diagnose: a size that is no number stops the call",

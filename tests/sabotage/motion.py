@@ -81,7 +81,7 @@ CHANGES = (
         _MOTION,
     ),
     Change(
-        "calib/motion/clock_set.py",
+        "calib/motion/clocks.py",
         "        if LEAST_STEP_S < sign * step < gap_s + 2.0 * LEAST_STEP_S:",
         "        if False:",
         "a clock that was set forward is taken for lost samples",

@@ -9,7 +9,7 @@ _DIAGNOSIS = ("tests/calib/test_prior_diagnosis.py",)
 
 CHANGES = (
     Change(
-        "calib/prior/member.py",
+        "calib/prior/lesson.py",
         "_positive(inverse - np.diag(held), scale)",
         "_positive(inverse, scale)",
         "a robot that knew its type confirms it",

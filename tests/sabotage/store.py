@@ -102,7 +102,7 @@ CHANGES = (
         _SCHEMA,
     ),
     Change(
-        "fleet/store/roles.py",
+        "fleet/store/schema.py",
         'f"GRANT INSERT ON {names} TO {WRITER}"',
         'f"GRANT INSERT, DELETE ON {names} TO {WRITER}"',
         "a writer may delete documents",

@@ -45,7 +45,7 @@ CHANGES = (
         _MISSED,
     ),
     Change(
-        "calib/upkeep/drift.py",
+        "calib/upkeep/due.py",
         "at @ covariance @ at + between)",
         "at @ covariance @ at)",
         "what values scatter about their line is no reason to check earlier",
@@ -59,14 +59,14 @@ CHANGES = (
         _UPKEEP,
     ),
     Change(
-        "calib/upkeep/in_use.py",
+        "calib/upkeep/due.py",
         "            if days >= 1.0:",
         "            if days > 0.0:",
         "two readings of the counter in one hour tell the use of a day",
         _UPKEEP,
     ),
     Change(
-        "calib/upkeep/in_use.py",
+        "calib/upkeep/due.py",
         "        if days >= self.longest_days:",
         "        if days >= 1e9:",
         "a robot that stands is checked in ten years",

@@ -32,14 +32,14 @@ CHANGES = (
         _WATCH,
     ),
     Change(
-        "calib/watch/update.py",
+        "calib/watch/thermal.py",
         "    estimate[place] += cause.values",
         "    estimate[place] = cause.values",
         "a second change of a joint replaces the first",
         _WATCH,
     ),
     Change(
-        "calib/watch/mean.py",
+        "calib/watch/judge.py",
         "float(np.sum(weights**2)) / total**2",
         "float(np.sum(weights**2)) / total",
         "the mean over watches keeps too much noise",
@@ -53,7 +53,7 @@ CHANGES = (
         _WATCH,
     ),
     Change(
-        "calib/watch/update.py",
+        "calib/watch/thermal.py",
         "dtype=np.float64), cause.covariance)",
         "dtype=np.float64), 0.01 * cause.covariance)",
         "an updated model is surer than the readings of the watch",
@@ -88,14 +88,14 @@ CHANGES = (
         _UPKEEP,
     ),
     Change(
-        "calib/upkeep/staircase.py",
+        "calib/upkeep/due.py",
         "min(interval, step.x - before.x)",
         "interval",
         "checks that come early lengthen the interval",
         _UPKEEP,
     ),
     Change(
-        "calib/upkeep/drift.py",
+        "calib/upkeep/due.py",
         " - 2.0 * float(u)",
         "",
         "the next check is due when the line alone reaches what is permitted",

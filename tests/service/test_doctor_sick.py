@@ -11,8 +11,8 @@ import pytest
 
 from acquisition import Devices, open_devices
 from acquisition.examination import Examination, Finding, examine
-from acquisition.examination.clocks import ClockReading, examine_clock, rate_of
 from acquisition.examination.finding import Chart
+from acquisition.examination.meeting import ClockReading, examine_clock, rate_of
 from drivers import FaroTracker, Identity, JointReading, RobotArm, RobotStatus
 from mocks.faultproxy import FaultProxy
 from tests.drivers.nobody import nobody_listens

@@ -13,8 +13,7 @@ import pytest
 
 from acquisition import Devices, Lease, Run, checked_plan
 from acquisition.run import Forecast, forecast_of
-from service.http.runs.book import Book
-from service.http.runs.forecasts import Forecasts
+from service.http.runs.book import Book, Forecasts
 from service.http.wire.problems import Problem
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, FakeMeter, a_campaign, a_cell

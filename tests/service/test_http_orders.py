@@ -23,7 +23,7 @@ from service.cli import main
 from service.http.access.roles import Tokens
 from service.http.access.settings import Settings
 from service.http.app import create_app
-from service.http.wire.bodies.selections import SelectionResult
+from service.http.wire.bodies.jobs import SelectionResult
 from service.http.wire.bodies.validations import ValidationResult
 from tests.drivers.waiting import PATIENCE_S
 from tests.end_to_end.simulated import ROOT, cell_file

@@ -30,7 +30,7 @@ from service.http.access.settings import Settings
 from service.http.app import create_app
 from service.http.wire.bodies import CampaignTable, EventKind, ExportKind, ModelShown, asked
 from service.http.wire.bodies.diagnoses import DiagnosisResult
-from service.http.wire.bodies.regressions import RegressionResult
+from service.http.wire.bodies.jobs import RegressionResult
 from service.http.wire.bodies.results import IdentificationResult
 from service.http.work import jobs
 from service.http.work.campaigns import campaign_of

@@ -18,7 +18,7 @@ from calib.arm.inverse_kinematics import nominal_inverse
 from calib.array import Array
 from calib.fit.uncertainty import predict_with_covariance
 from calib.model import conditions_at
-from calib.validation.branch import branches
+from calib.validation.groups import branches
 from mocks.campaign import Campaign, make_campaign, write_campaign
 from mocks.world import ArmState
 from service.cli import main

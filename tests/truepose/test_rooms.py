@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import truepose
-from truepose.rooms import ROOMS, refuse_foreign, where
+from truepose.__main__ import ROOMS, refuse_foreign, where
 
 
 def test_ours_are_found() -> None:

@@ -1,7 +1,7 @@
 """The branches of an arm's configuration by name, and the solutions of a batch of poses in them.
 
 front / back, up / down and noflip / flip are the signs of what vanishes where the shoulder, the elbow and the wrist
-are singular, as `calib.validation.branch` finds them for given joints of six axes:
+are singular, as `calib.validation.groups` finds them for given joints of six axes:
 
     front   the wrist centre lies on the side of axis 1 on which it lies at the zero pose
     up      the forearm turns from the upper arm in the positive sense of axis 2

@@ -3,11 +3,16 @@
 A unit is what the name, the row of units, the cells or the preamble say. Where none does it is asked, unless the
 numbers leave one possibility (angles above two turns are degrees); where numbers cannot be what the name says it is
 asked as well.
+
+Columns of orientations: quaternions and angles by the conventions that their names give, or that are asked for.
+
+The units of columns: what the name, the row of units, the cells or the preamble say; where none does, or where the
+numbers cannot be what is said, it is asked.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,20 +20,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.arm.robot import load_robot
+from calib.array import Array
 from calib.data.plausible import READ_APART, turned_apart
 from calib.foreign.files.layout import Layout
-from calib.foreign.files.number import Notation, notation_of
+from calib.foreign.files.number import Notation, notation_of, suffix_of
+from calib.foreign.files.unit_words import unit_of
 from calib.foreign.map.entry import ANGLES, LENGTHS
-from calib.foreign.map.map_file import UNDECIDED
-from calib.foreign.meanings.assigned import Answers, Assigned, Question, Set, occurrence
+from calib.foreign.map.map_file import MATRIX, UNDECIDED
+from calib.foreign.map.rotations import ANGLES_OF, NAME_OF, USUAL
+from calib.foreign.map.sizes import FEW, HUGE_MM, LARGE_DEG, MOST_RAD, SMALL_MM
+from calib.foreign.meanings.assigned import LEAVE, Answers, Assigned, Question, Set, occurrence
 from calib.foreign.meanings.names_of_rows import names_of_rows
-from calib.foreign.meanings.orientations import orientations
-from calib.foreign.meanings.units_of_columns import units_of_columns
 from calib.foreign.meanings.unnamed import unnamed
 from calib.foreign.meanings.words import Meaning, Role, meaning_of
 from calib.units import DEG
 
 _Key = tuple[Role, str, str]  # role, family of angles or name of the target, and which of equal names
+
 _YASKAWA = ("s", "l", "u", "r", "b", "t")
 
 
@@ -298,3 +306,176 @@ def _unit_of_points(to: Assigned, names: Sequence[str], meanings: dict[str, Mean
     for k, (name, unit, reason) in enumerate(zip(names, units, why, strict=True)):
         to.columns[f"{'xyz'[k % 3]}@{name}"] = f"{name}[{unit}]"
         to.take(name, f"{'xyz'[k % 3]} measured", unit, reason)
+
+
+def orientations(to: Assigned, meanings: dict[str, Meaning]) -> None:
+    """Orientation, where x, y and z are decided and of the same origin."""
+    taken = [name for name, found in to.found.items() if found.read_as.endswith(" measured")]
+    if not taken:
+        return
+    role = meanings[taken[0]].role
+    sets: dict[tuple[str, ...], dict[int, str]] = {}
+    for name, meaning in meanings.items():
+        if meaning.kind in ("angle", "quaternion", "matrix"):
+            sets.setdefault((meaning.kind, meaning.role, meaning.family, occurrence(name)), {}).setdefault(
+                meaning.index, name
+            )
+    sizes = {"angle": 3, "quaternion": 4, "matrix": 9}
+    whole = {key: of for key, of in sets.items() if len(of) == sizes[key[0]]}
+    for key, of in whole.items():
+        if key[1] != role:
+            for name in of.values():
+                to.aside(name, "an orientation of another origin than the measured point")
+    whole = {key: of for key, of in whole.items() if key[1] == role}
+    if len(whole) > 1:
+        for of in whole.values():
+            for name in of.values():
+                to.aside(name, "several orientations are there; a map may name one")
+        return
+    for key, of in whole.items():
+        names = tuple(of[k] for k in sorted(of))
+        if key[0] == "quaternion":
+            _quaternion(to, names, key[2])
+        elif key[0] == "matrix":
+            for place, name in zip(MATRIX, names, strict=True):
+                to.columns[place] = name
+                to.take(name, f"matrix {place[-2:]}", "", "its numbers: they are a rotation matrix")
+        else:
+            _angles(to, names, key[2], meanings)
+
+
+def _quaternion(to: Assigned, names: Set, family: str) -> None:
+    why, order = "its name", "wxyz"
+    if family == "numbered":
+        key = f"{to.prefix}quaternion"
+        order = to.ask(Question(key, f"Is {names[0]} .. {names[3]} a quaternion with the scalar first or last?",
+                                ("wxyz", "xyzw", LEAVE), "wxyz", evidence=True))  # fmt: skip
+        why = to.reason(key)
+    if order == LEAVE:
+        return
+    if order == UNDECIDED:
+        to.columns["rot_w"] = UNDECIDED
+        return
+    for part, name in zip(order, names, strict=True):
+        to.columns[f"rot_{part}"] = name
+        to.take(name, f"quaternion {part}", "", why)
+
+
+def _angles(to: Assigned, names: Set, family: str, meanings: Mapping[str, Meaning]) -> None:
+    convention, why = ANGLES_OF.get(family, ("", ""))
+    key = f"{to.prefix}rotation"
+    to.keys.add(key)
+    if not convention or key in to.answers:
+        shown = ", ".join(names)
+        usual = [NAME_OF.get((family, each), each) for each in USUAL]
+        convention = to.ask(Question(key, f"By which convention are {shown} an orientation?", (*usual, LEAVE),
+                                     "roll-pitch-yaw" if family == "rpy" else "", evidence=True))  # fmt: skip
+        why = to.reason(key)
+    if convention == LEAVE:
+        return
+    to.rotation = convention
+    units, reason = units_of_columns(to, names, meanings, "rotation", ("deg", "rad"))
+    for k, name in enumerate(names, start=1):
+        to.columns[f"rot_{k}"] = f"{name}[{units[k - 1]}]"
+        to.take(name, f"angle {k} of {convention}", units[k - 1], f"{reason[k - 1]}; {why}")
+
+
+def units_of_columns(
+    to: Assigned, names: Sequence[str], meanings: Mapping[str, Meaning], what: str, choices: tuple[str, ...]
+) -> tuple[list[str], list[str]]:
+    """Units of columns of one kind, each with the reason; `?` where it is asked."""
+    layout = to.layout
+    of_row = dict(zip(layout.names, layout.units, strict=False))
+    units, why = [], []
+    for name in names:
+        suffixes = {unit_of(suffix_of(cell)) for cell in layout.cells[name] if cell} - {""}
+        said = [
+            (meanings[name].unit, "its name"),
+            (of_row.get(name, ""), "the row of units"),
+            (suffixes.pop() if len(suffixes) == 1 else "", "its cells"),
+        ]
+        given = [(unit, reason) for unit, reason in said if unit]
+        if len({unit for unit, _ in given}) > 1:
+            given = [("?", " and ".join(f"{reason} says {unit}" for unit, reason in given))]
+        units.append(given[0][0] if given else "")
+        why.append(given[0][1] if given else "")
+    key = f"{to.prefix}unit.{what}"
+    to.keys.add(key)
+    if key in to.answers:
+        unit = to.ask(Question(key, "", choices))
+        return [unit] * len(names), [to.reason(key)] * len(names)
+    stated = layout.stated_unit
+    if what == "points" and stated and not any(units):
+        units, why = (
+            [stated[0]] * len(names),
+            [f"the preamble: '{layout.above[stated[1]][:40]}'"] * len(names),
+        )
+    values = to.values(names)
+    if not np.isfinite(values).any(axis=0).all():  # nothing to judge by: what the file states counts
+        return [unit or UNDECIDED for unit in units], [reason or "open" for reason in why]
+    doubt = _doubt(values, units, why, what)
+    if doubt:
+        likely = _likely(values, what)
+        if not doubt[1] and likely == "deg" and what != "points":
+            return ["deg"] * len(names), [
+                f"up to {np.nanmax(np.abs(values)):.0f}: only degrees are so large"
+            ] * len(names)
+        to.ask(Question(key, doubt[0], choices, likely.rstrip("?"), evidence=True))
+        return [UNDECIDED] * len(names), ["open: see the question"] * len(names)
+    return units, why
+
+
+def _doubt(values: Array, units: Sequence[str], why: Sequence[str], what: str) -> tuple[str, bool] | None:
+    """The reason why the units of numbers (n, c) are open, and whether something states them; None where they are
+    not."""
+    size = float(np.nanmax(np.abs(values), initial=0.0))
+    if any(unit == "?" for unit in units):
+        return (
+            f"The unit of the {what} is none that is taken: "
+            f"{next(w for u, w in zip(units, why, strict=True) if u == '?')}. Which?",
+            True,
+        )
+    if not all(units):
+        return f"Nothing states the unit of the {what}; they go up to {size:.4g}. Which is it?", any(units)
+    if what.startswith("e"):
+        return None
+    lengths = all(unit in LENGTHS for unit in units)
+    if what == "points":
+        if not lengths:
+            return f"Coordinates are said to be in {units[0]} ({why[0]}). Which is it?", True
+        extent = (
+            float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0), initial=0.0))
+            * LENGTHS[units[0]]
+        )
+        if len(values) >= FEW and not SMALL_MM <= extent <= HUGE_MM:
+            return (
+                f"As {units[0]} ({why[0]}) the points span {extent:.4g} mm, and no robot is measured so. Which is it?",
+                True,
+            )
+        return None
+    known = (ANGLES, LENGTHS) if what == "angles" else (ANGLES,)  # a joint may slide
+    if not all(any(unit in of for of in known) for unit in units):
+        return f"Angles are said to be in {', '.join(dict.fromkeys(units))}. Which is it?", True
+    if len(values) >= FEW and set(units) == {"deg"} and size <= LARGE_DEG and what == "angles":
+        return (
+            f"As deg ({why[0]}) no joint exceeds {size:.3f} deg, which looks like radians. Which is it?",
+            True,
+        )
+    if (
+        "rad" in units
+        and np.nanmax(np.abs(values[:, [k for k, u in enumerate(units) if u == "rad"]])) > MOST_RAD
+    ):
+        return f"As rad ({why[0]}) they go up to {size:.4g}, which only degrees do. Which is it?", True
+    return None
+
+
+def _likely(values: Array, what: str) -> str:
+    """The unit that numbers look like; for angles `deg` where nothing else can be so large."""
+    size = float(np.nanmax(np.abs(values), initial=0.0))
+    if what == "points":
+        return (
+            "mm"
+            if float(np.nanmax(np.nanmax(values, axis=0) - np.nanmin(values, axis=0), initial=0.0)) > 150.0
+            else "m"
+        )
+    return "deg" if size > MOST_RAD else "rad" if size <= LARGE_DEG else "deg?"

@@ -1,4 +1,7 @@
-"""`truepose campaign`: measure, go on after a pause, look, export. The record in DIR is the state."""
+"""`truepose campaign`: measure, go on after a pause, look, export. The record in DIR is the state.
+
+`truepose campaign rescue`: save what can be read of a damaged record.
+"""
 
 from __future__ import annotations
 
@@ -27,13 +30,12 @@ from acquisition.cell import unstated_in_words
 from acquisition.errors import RecordError, RecordInUse, UnsafePlan
 from acquisition.examination import note_low_priority
 from acquisition.record import FILE as RECORD_FILE
-from acquisition.record import Acceptance, Store, export_streams, export_together
+from acquisition.record import Acceptance, Store, export_streams, export_together, rescue
 from calib.data import assumed_in_words, read_dataset
 from calib.errors import DataError
 from drivers.errors import AcquisitionError, ConfigError, NoOperator
 from service import exit_codes, wording
 from service.commands import options
-from service.commands.cell.rescue import rescue_command
 from service.files import STANDARD_OUTPUT, write_json
 from service.plain import finite
 from service.printed.progress import Progress, terminal_operator
@@ -41,6 +43,37 @@ from service.printed.terminal import Terminal
 from service.private import note_if_others_read, owner_only
 from service.results.models import documents, positions
 from service.simulated_cell import simulated_cell
+
+
+def rescue_command(
+    record: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the damaged record.")],
+    out: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="OUT", help="A new folder for the record; or OUT.csv for a data set. Else DIR-rescued."
+        ),
+    ] = None,
+    json: options.Json = None,
+) -> None:
+    """Save what can be read of a damaged record into a new one. What was lost is said. DIR is left as it is."""
+    place = out or record.with_name(f"{record.absolute().name}-rescued")
+    written = options.files_of(place) if place.suffix == ".csv" else ()
+    outputs = {"--json": json} | {f"OUT {file.suffix}": file for file in written}
+    options.check_outputs(outputs, inputs=(record / RECORD_FILE,))
+    rescued = rescue(record, place)
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.rest()
+        terminal.out.print(
+            f"{place}: {rescued.saved} of {wording.counted(rescued.measured, 'reading')} saved.",
+            soft_wrap=True,
+        )
+        for sentence in rescued.lost or ("Nothing was lost.",):
+            terminal.note(sentence)
+        if place.suffix != ".csv":
+            terminal.note(f"Next: truepose campaign status {place}")
+    named = {"format": "truepose-rescue/1", "record": str(record), "out": str(place)}
+    write_json(named | asdict(rescued), json)
+
 
 app = typer.Typer(help="Measure with a robot and an instrument. The record survives crashes and power cuts.")
 
@@ -53,9 +86,10 @@ def _every_command(context: typer.Context) -> None:
 Simulate = Annotated[
     bool, typer.Option("--simulate", help="Start the cell's simulators and measure with them instead.")
 ]
-Record = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the record.")]
-app.command("rescue")(rescue_command)
 
+Record = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the record.")]
+
+app.command("rescue")(rescue_command)
 
 AcceptOther = Annotated[
     str,
@@ -64,6 +98,7 @@ AcceptOther = Annotated[
         help="Go on with this other robot or instrument, by its serial number (its model, where it reports none).",
     ),
 ]
+
 Reason = Annotated[str, typer.Option(metavar="TEXT", help="Why another device is accepted; it is kept.")]
 
 

@@ -5,6 +5,8 @@
 
 One thread at a time uses the robot: that of a run, or that of a closed loop with its runs one after another.
 Nothing is executed when the book is opened: runs that were going on when the program ended come back paused.
+
+Forecasts of runs, made in a worker process as soon as one is free. The runs begin meanwhile.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from __future__ import annotations
 import shutil
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -30,13 +33,12 @@ from acquisition import (
 from acquisition.campaign import Visit
 from acquisition.errors import RecordError, StorageError
 from acquisition.record import Acceptance
-from acquisition.run import ON_REQUEST
+from acquisition.run import ON_REQUEST, Forecast, forecast_of
 from drivers.errors import AcquisitionError, LinkError, LinkLost
 from service.http.runs import dry_runs, refused
 from service.http.runs.damage import Damaged, look_through
 from service.http.runs.dry_runs import DryRuns
 from service.http.runs.execution import Execution
-from service.http.runs.forecasts import Forecasts
 from service.http.runs.run_document import run_document
 from service.http.wire.problems import Problem, not_found
 from service.http.work.deletions import Deletions, take_away
@@ -45,11 +47,17 @@ from service.names import new_id, safe_id
 
 # Seconds for the reading in hand when the service ends; then nothing but the move in hand is waited for
 PAUSE_S = 2.0
+
 REST_S = 3.0  # for that; then the robot is halted
+
 STOP_S = 60.0  # longer than any deadline of a device
+
 FINISH_S = 5.0
+
 BEGIN_S = 30.0  # from an order to go on until a run does: the robot's name is looked up, its lock and the record taken
+
 SERVICE_ENDS = "The service was ended."
+
 MAY_MOVE = "Nothing is connected since this link was lost: press the emergency stop if the robot moves."
 
 
@@ -401,3 +409,15 @@ class Book:
             for run in self._runs.values():
                 run.close()
             self._runs.clear()
+
+
+class Forecasts:
+    """A forecast that is refused, because too much is being computed, leaves its run without one."""
+
+    def __init__(self, workers: Workers) -> None:
+        self._workers = workers
+        self._thread = ThreadPoolExecutor(1, "forecasts")  # it waits for the worker
+
+    def __call__(self, record: Path) -> Future[Forecast]:
+        """Begin one; its future raises RecordError, StorageError, Problem, WorkerDied."""
+        return self._thread.submit(self._workers.call, forecast_of, record)

@@ -9,9 +9,9 @@ import sys
 async def _worker(scheduler: str, build: str) -> None:
     from distributed import Worker
 
-    from fleet.diagnose import batch, crew
+    from fleet.diagnose import batch, run
 
-    batch.this_program = crew.this_program = lambda: build
+    batch.this_program = run.this_program = lambda: build
     async with Worker(scheduler, nthreads=1, host="127.0.0.1", dashboard_address="127.0.0.1:0") as it:
         print(it.address, flush=True)  # noqa: T201
         await it.finished()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fleet.diagnose.patience import FIRST_S, MOST_S, STORE_S, Patience
+from fleet.diagnose.run import FIRST_S, MOST_S, STORE_S, Patience
 from fleet.errors import StoreGone
 
 GONE = StoreGone("does not answer.", do="Ask again.", file="postgresql://db/plant")

@@ -10,7 +10,7 @@ import pytest
 
 from calib.errors import DataError
 from fleet.diagnose import for_workers, in_files, in_store
-from fleet.diagnose.address import exposed
+from fleet.diagnose.call import exposed
 from fleet.diagnose.program import fingerprint, release, this_program
 from fleet.diagnose.source import Source, Unseen, opened
 from fleet.store import Document, Store, dataset_content

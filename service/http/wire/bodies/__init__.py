@@ -36,14 +36,15 @@ from service.http.wire.bodies.jobs import (
     IdentificationShown,
     JobKept,
     JobsShown,
+    PlacementsAsked,
     PlacementsShown,
     ProblemKept,
     RegressionShown,
+    SelectionAsked,
     SelectionShown,
     ValidationShown,
 )
 from service.http.wire.bodies.models import ModelShown
-from service.http.wire.bodies.placements import PlacementsAsked
 from service.http.wire.bodies.problem import ProblemShown
 from service.http.wire.bodies.runs import (
     EventKind,
@@ -55,7 +56,6 @@ from service.http.wire.bodies.runs import (
     Runs,
     RunShown,
 )
-from service.http.wire.bodies.selections import SelectionAsked
 from service.http.wire.bodies.targets import CorrectedProgram, CorrectedTargets
 from service.http.wire.bodies.told import Answered
 from service.http.wire.bodies.validations import ValidationAsked

@@ -2,6 +2,8 @@
 
 They are strict: `dry_run` is a boolean and nothing that resembles one, because it decides whether a robot moves.
 Fields that are not given are left out rather than null, which client generators handle best.
+
+The zones that a result is held to, as a request has them: those of `--accept-zones`.
 """
 
 from __future__ import annotations
@@ -9,21 +11,87 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, Self
 
 from fastapi import Body as BodyOf
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from calib.compensate import Bounds
 from service.http.wire.bodies.campaign import Campaign
 from service.http.wire.bodies.targets import TargetRow
 from service.http.wire.bodies.told import AsRead, Body, DescribedAs, Name, told, told_limit
-from service.http.wire.bodies.zones import AcceptZones
 from service.results.judgement.acceptance import Limits
+from service.results.judgement.zones import FARTHEST, Zone
+
+_LOW, _HIGH = [200.0, -400.0, 0.0], [500.0, -100.0, 300.0]
+
+_MOST = 100
+
+_COORDINATE = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
+
+
+class ZoneAsked(Body):
+    """A box with edges along the axes of the robot's base frame, and the largest errors in it, one of them or both."""
+
+    name: Annotated[
+        str,
+        told("Its name, as the verdict has it.", "left table", min_length=1, max_length=200, pattern=r"\S"),
+    ]
+    low_mm: Annotated[
+        list[_COORDINATE],
+        told("Its lowest corner x, y, z in the base frame, mm.", _LOW, min_length=3, max_length=3),
+    ]
+    high_mm: Annotated[
+        list[_COORDINATE],
+        told("Its highest corner x, y, z in the base frame, mm.", _HIGH, min_length=3, max_length=3),
+    ]
+    accept_rms_mm: Annotated[
+        float,
+        told_limit("Limit of the RMS error in it", 0.1),
+    ] = 0.0
+    accept_max_mm: Annotated[
+        float,
+        told_limit("Limit of the largest error in it", 0.25),
+    ] = 0.0
+
+    @model_validator(mode="after")
+    def _a_box_with_a_limit(self) -> Self:
+        if not all(a < b for a, b in zip(self.low_mm, self.high_mm, strict=True)):
+            raise ValueError("high_mm is not above low_mm on every axis")
+        if not (self.accept_rms_mm or self.accept_max_mm):
+            raise ValueError("give accept_rms_mm, accept_max_mm or both")
+        return self
+
+    @property
+    def zone(self) -> Zone:
+        """The zone as the judgement has it."""
+        (a, b, c), (d, e, f) = self.low_mm, self.high_mm
+        return Zone(self.name, (a, b, c), (d, e, f), self.accept_rms_mm or None, self.accept_max_mm or None)
+
+
+def _named_apart(zones: list[ZoneAsked]) -> list[ZoneAsked]:
+    if len({each.name for each in zones}) < len(zones):
+        raise ValueError("two zones have one name")
+    return zones
+
+
+AcceptZones = Annotated[
+    list[ZoneAsked],
+    AfterValidator(_named_apart),
+    told(
+        "Parts of the workspace with limits of their own, mm, judged one by one beside the other limits or alone; one "
+        "in which no reading held out lies is not decided.",
+        [{"name": "left table", "low_mm": _LOW, "high_mm": _HIGH, "accept_rms_mm": 0.1}],
+        max_length=_MOST,
+    ),
+]
 
 SerialNumber = Annotated[
     str,
     told("The serial number of another robot or instrument than the record's.", "120-500321", max_length=200),
 ]
+
 Reason = Annotated[str, told("Why; it is kept.", "the motor of joint 4 was changed", max_length=500), AsRead]
+
 Given = Annotated[Name, AsRead]
+
 CAMPAIGN = {
     "format": "truepose-campaign/1",
     "block": [
@@ -31,7 +99,9 @@ CAMPAIGN = {
         {"kind": "poses", "set": "validation", "count": 40},
     ],
 }
+
 TABLE = "target_id,j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg\nA,10,-20,30,0,45,0\n"
+
 _CAMPAIGN_ID = "20261121-170459-3f9a1c07b2e"
 
 
@@ -147,16 +217,22 @@ class Export(Resume):
 
 
 ResumeBody = Annotated[Resume, BodyOf(default_factory=Resume)]
+
 WhyBody = Annotated[Why, BodyOf(default_factory=Why)]
+
 AnswerBody = Annotated[AnswerGiven, BodyOf(default_factory=AnswerGiven)]
+
 ExportBody = Annotated[Export, BodyOf(default_factory=Export)]
+
 LargestDeg = Annotated[
     float, told("A model that turns the flange by more is refused, deg.", 2.0, gt=0.0, le=90.0)
 ]
+
 LargestMm = Annotated[
     float,
     told("A model that shifts the flange by more is refused, mm.", 15.0, gt=0.0, le=1000.0),
 ]
+
 Conditions = Annotated[
     str,
     told(
@@ -166,7 +242,9 @@ Conditions = Annotated[
         max_length=1000,
     ),
 ]
+
 Inverse = Annotated[bool, told("From actual to nominal: targets taught on the real robot.", False)]
+
 KeepRefused = Annotated[bool, told("Go on though some targets stay as they were.", False)]
 
 
@@ -212,12 +290,14 @@ class TargetsToCorrect(Body):
 DatasetId = Annotated[
     str, told("The id of the readings.", "20261121-170459-3f9a1c07b2e", min_length=1, max_length=200)
 ]
+
 AcceptRms = Annotated[
     float,
     told_limit(
         "Limit of the RMS error on readings held out", 0.05, " The verdict is in `result.acceptance`."
     ),
 ]
+
 AcceptMax = Annotated[
     float,
     told_limit("Limit of the largest error on readings held out", 0.15),

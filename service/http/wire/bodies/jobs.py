@@ -1,26 +1,366 @@
-"""The bodies of jobs: what was asked for, and what it came to."""
+"""The bodies of jobs: what was asked for, and what it came to.
+
+The body of a regression, as `--json` of the command line has it. `service.results` makes it; a test compares.
+
+The bodies of selections of poses: what is asked, and the result (`truepose-selection/1`).
+
+The body of an alignment, as `--json` of the command line has it. `service.results` makes it; a test compares.
+
+The bodies of searches of placements of a ballbar's base balls: what is asked, and the result.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
 
 from acquisition import State
-from service.http.wire.bodies.alignments import AlignmentResult
+from calib.data import DEFAULT_GROUPS
+from calib.selection import SHARE
 from service.http.wire.bodies.diagnoses import DiagnosisResult
-from service.http.wire.bodies.placements import PlacementsResult, Progress
 from service.http.wire.bodies.problem import ProblemShown
-from service.http.wire.bodies.regressions import RegressionResult
-from service.http.wire.bodies.results import IdentificationResult
+from service.http.wire.bodies.results import DataShown, Dropped, IdentificationResult, Share, Warnings
 from service.http.wire.bodies.runs import StateCode
-from service.http.wire.bodies.selections import SelectionResult
-from service.http.wire.bodies.told import Answered, Created, Id, told
+from service.http.wire.bodies.told import Answered, Body, Created, Id, Joints, Names, Point, told, told_limit
 from service.http.wire.bodies.validations import ValidationResult
 from service.http.wire.bodies.watches import UpkeepResult, WatchPlanResult, WatchResult
+from service.results.cell.placements import TOGETHER, Order
+
+Number = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
+
+
+def _range(words: str, default: tuple[float, float, float]) -> Any:
+    return told(f"{words}: lowest, highest, step.", list(default), min_length=3, max_length=3)
+
+
+class PlacementsAsked(Body):
+    """The shifts and turns of the base balls to try; the options of `truepose plan-ballbar`."""
+
+    x: Annotated[list[Number], _range("Shift along x of the world, mm", Order.x)] = Field(
+        default_factory=lambda: list(Order.x)
+    )
+    y: Annotated[list[Number], _range("Shift along y of the world, mm", Order.y)] = Field(
+        default_factory=lambda: list(Order.y)
+    )
+    z: Annotated[list[Number], _range("Shift along z of the world, mm", Order.z)] = Field(
+        default_factory=lambda: list(Order.z)
+    )
+    turn: Annotated[list[Number], _range("Turn about the vertical, deg", Order.turn)] = Field(
+        default_factory=lambda: list(Order.turn)
+    )
+    base: Annotated[
+        list[Annotated[str, Field(max_length=100)]] | None,
+        told(
+            "Three or four balls of the cell; left out: its first three.",
+            ["B1", "B2", "B3"],
+            min_length=3,
+            max_length=4,
+        ),
+    ] = None
+    zone: Annotated[
+        list[Number] | None,
+        told(
+            "Centre x, y, z and radius of a sphere, mm, in which the predicted U ranks; left out: poses do.",
+            [300.0, 0.0, 300.0, 200.0],
+            min_length=4,
+            max_length=4,
+        ),
+    ] = None
+    together: Annotated[
+        int,
+        told(
+            "Number of placements of one plan, which complete each other in the zone.", 1, ge=1, le=TOGETHER
+        ),
+    ] = 1
+    offset_deg: Annotated[
+        float,
+        told("From how far below every joint arrives, deg.", Order.offset_deg, ge=0.1, le=30.0),
+    ] = Order.offset_deg
+    show: Annotated[
+        int, told("Number of placements that are proven and listed.", Order.show, ge=1, le=50)
+    ] = Order.show
+
+
+class Placed(Answered):
+    """One placement of the base balls."""
+
+    shift_mm: Annotated[Point, told("Shift from the cell file, mm.", [50.0, 0.0, 0.0])]
+    turn_deg: Annotated[float, told("Turn about the vertical, deg.", 15.0)]
+    nests_mm: Annotated[dict[str, Point], told("The balls there, world, mm.", {"B1": [350.0, 0.0, 20.0]})]
+    poses: Annotated[int, told("Number of stances that the arm reaches.", 61)]
+    configurations: Annotated[int, told("Number of configurations in which it does.", 124)]
+    by_branch: Annotated[dict[str, int], told("Number of them by branch of the arm.", {"front/up": 46})]
+    max_u_mm: Annotated[float | None, told("Largest predicted U (k = 2) in the zone, mm.", 0.021)]
+
+
+class PlacementsResult(Answered):
+    """The result of a search (`truepose-placements/1`)."""
+
+    format: Annotated[Literal["truepose-placements/1"], told("The format.", "truepose-placements/1")]
+    cell: Annotated[str, told("Name of the cell.", "lrmate-ballbar")]
+    robot: Annotated[str, told("Name of the robot.", "fanuc-lrmate200ic")]
+    base: Annotated[Names, told("The balls.", ["B1", "B2", "B3"])]
+    stances: Annotated[int, told("Number of stances of the legs.", 144)]
+    placements: Annotated[int, told("Number of placements that were tried.", 5832)]
+    zone_mm: Annotated[list[float] | None, told("The zone, mm, where one was given.", None)]
+    best: Annotated[list[Placed], told("The best, first.", [])]
+    plan: Annotated[list[Placed], told("Those that complete each other, in order.", [])]
+
+
+class Progress(Answered):
+    """How far a search is."""
+
+    done: Annotated[int, told("Number of placements looked at.", 1200)]
+    total: Annotated[int, told("Number of placements in all.", 5832)]
+
+
+class Clocks(Answered):
+    """Two clocks put on one; u: one standard deviation."""
+
+    offset_s: Annotated[float, told("The tracker's clock less the robot's, s.", 0.412)]
+    u_offset_s: Annotated[float, told("Its uncertainty, s.", 0.0004)]
+    rate_ppm: Annotated[float, told("How much faster the tracker's runs, ppm.", 12.1)]
+    u_rate_ppm: Annotated[float, told("Its uncertainty, ppm.", 0.5)]
+    at_tracker_s: Annotated[float, told("When that offset holds, s.", 300.0)]
+    offset_by_speeds_s: Annotated[float, told("The offset by the speeds alone, s.", 0.41)]
+
+
+class Jump(Answered):
+    """A jump of a clock."""
+
+    step_s: Annotated[float, told("Its size, s.", 0.1)]
+    u_step_s: Annotated[float, told("Its uncertainty, s.", 0.001)]
+    at_tracker_s: Annotated[float, told("When, s.", 212.0)]
+
+
+class Gap(Answered):
+    """A gap of a stream."""
+
+    begin_s: Annotated[float, told("From, s.", 12.0)]
+    end_s: Annotated[float, told("To, s.", 12.4)]
+    lost: Annotated[int, told("Number of samples that are missing.", 4)]
+
+
+class StreamShown(Answered):
+    """A stream."""
+
+    samples: Annotated[int, told("Number of samples.", 12500)]
+    used: Annotated[int, told("Number of those that were used.", 12480)]
+    period_s: Annotated[float, told("Between two of them, s.", 0.008)]
+    begin_s: Annotated[float, told("The first, s.", 0.0)]
+    end_s: Annotated[float, told("The last, s.", 100.0)]
+    lost: Annotated[int, told("Number of samples that are missing.", 4)]
+    gaps: Annotated[list[Gap], told("Where samples are missing.", [])]
+
+
+class BothStreams(Answered):
+    """The streams by device."""
+
+    robot: Annotated[StreamShown, told("The robot's.", {"samples": 12500})]
+    tracker: Annotated[StreamShown, told("The instrument's.", {"samples": 1000})]
+
+
+class SpeedBand(Answered):
+    """Errors between two speeds."""
+
+    slowest: Annotated[float, told("From, mm/s.", 0.0)]
+    fastest: Annotated[float, told("To, mm/s.", 5.0)]
+    count: Annotated[int, told("Number of samples.", 400)]
+    nominal_along_rms: Annotated[float, told("Of the nominal arm, along the motion, mm.", 1.1)]
+    nominal_across_rms: Annotated[float, told("Of the nominal arm, across the motion, mm.", 1.0)]
+    static_along_rms: Annotated[float, told("Its static part, along, mm.", 0.9)]
+    static_across_rms: Annotated[float, told("Its static part, across, mm.", 0.9)]
+    along_mean: Annotated[float, told("Left by the motion, along, mm; below 0: points come late.", -0.2)]
+    along_rms: Annotated[float, told("Left by the motion, along, mm.", 0.3)]
+    across_rms: Annotated[float, told("Left by the motion, across, mm.", 0.1)]
+    across_max: Annotated[float, told("Left by the motion, across, the largest, mm.", 0.4)]
+    lag_ms: Annotated[float, told("By how much points come late, ms.", 3.1)]
+
+
+class AlignmentResult(Answered):
+    """Two streams on one clock (`truepose-alignment/1`)."""
+
+    format: Annotated[Literal["truepose-alignment/1"], told("The format.", "truepose-alignment/1")]
+    dataset_id: Annotated[
+        str, told("The id of the data set that it made.", "20261121-170459-3f9a1c07b2e")
+    ] = ""
+    simulated: Annotated[bool, told("Whether either stream came from a simulator.", True)] = False
+    robot: Annotated[str, told("The robot file's name.", "ur5")]
+    tool_mm: Annotated[list[float], told("The target on the flange as stated, mm.", [0.0, 0.0, 100.0])]
+    tool_found_mm: Annotated[list[float], told("The target on the flange as found, mm.", [0.1, 0.0, 100.2])]
+    clocks: Annotated[Clocks, told("The clocks.", {"offset_s": 0.412})]
+    jump: Annotated[Jump | None, told("A jump of a clock, where there is one.", None)]
+    streams: Annotated[BothStreams, told("What the streams hold.", {})]
+    gross_errors: Annotated[int, told("Number of points that do not belong.", 0)]
+    slower_than_mm_s: Annotated[float, told("Slower is a standstill, mm/s.", 1.0)]
+    standstills: Annotated[int, told("Number of standstills.", 38)]
+    waypoints: Annotated[int, told("Number of places where the robot stood.", 38)]
+    still_samples: Annotated[int, told("Number of samples at rest.", 760)]
+    rows: Annotated[int, told("Number of rows of the data set.", 38)]
+    validation: Annotated[int, told("Number of those that only judge.", 8)]
+    moving_error: Annotated[list[SpeedBand], told("The error by speed.", [])]
+    warnings: Warnings
+
+
+class SelectionAsked(Body):
+    """Which calibration poses to measure in the cell of this service; every member may be left out."""
+
+    count: Annotated[int, told("Number of poses to select.", 50, ge=1, le=2000)] = 50
+    candidates: Annotated[int, told("Number of candidates, drawn at random.", 5000, ge=1, le=50_000)] = 5000
+    groups: Annotated[
+        list[Annotated[str, Field(max_length=100)]],
+        told("What the model will free.", list(DEFAULT_GROUPS), max_length=50),
+    ] = Field(default_factory=lambda: list(DEFAULT_GROUPS))
+    targets: Annotated[
+        list[Annotated[str, Field(max_length=100)]],
+        told("Names of targets measured at every pose; left out: all of the cell.", ["T1"], max_length=50),
+    ] = Field(default_factory=list)
+    offset_deg: Annotated[
+        float,
+        told("From where every joint arrives, deg.", -5.0, ge=-30.0, le=30.0, allow_inf_nan=False),
+    ] = -5.0
+    share: Annotated[
+        float,
+        told("Share of the poses that may fill the joints' ranges.", SHARE, ge=0.0, le=1.0),
+    ] = SHARE
+    wanted_u_mm: Annotated[
+        float,
+        told_limit("The predicted U that is wanted", 0.1),
+    ] = 0.0
+    seed: Annotated[int, told("Draws the candidates and the starts; no unit.", 1, ge=0, le=2**53)] = 1
+
+
+class Observability(Answered):
+    """The observability indices of the scaled columns."""
+
+    O1: Annotated[float | None, told("No unit.", 0.9)]
+    O2: Annotated[float | None, told("No unit.", 0.02)]
+    O3: Annotated[float | None, told("No unit.", 0.1)]
+    O4: Annotated[float | None, told("No unit.", 0.002)]
+    O5: Annotated[float | None, told("No unit.", 0.3)]
+
+
+class Expected(Answered):
+    """The standard error that is expected of a parameter."""
+
+    name: Annotated[str, told("Its name.", "theta2")]
+    std: Annotated[float | None, told("Its standard error, in `unit`.", 0.0005)]
+    unit: Annotated[str, told("The unit of std.", "deg")]
+
+
+class UncertaintyCurve(Answered):
+    """The predicted expanded uncertainty of positions over the number of poses, worst direction, k = 2."""
+
+    poses: Annotated[list[int], told("Numbers of poses.", [40, 45, 50])]
+    max_u_mm: Annotated[list[float | None], told("The largest, mm.", [0.21, 0.2, 0.19])]
+    mean_u_mm: Annotated[list[float | None], told("The mean, mm.", [0.11, 0.1, 0.1])]
+    max_u_of_model_mm: Annotated[
+        list[float | None], told("The largest of the model alone, mm.", [0.2, 0.19, 0.18])
+    ]
+    enough: Annotated[int | None, told("From this number of poses on more are hardly worth it.", 45)]
+    wanted_u_mm: Annotated[float | None, told("What was wanted, mm.", None)]
+    reached_with: Annotated[int | None, told("Number of poses that reach it.", None)]
+
+
+class SelectionResult(Answered):
+    """The poses that were chosen, for a block with `select = "list"`, and what they promise."""
+
+    format: Annotated[Literal["truepose-selection/1"], told("The format.", "truepose-selection/1")]
+    cell: Annotated[str, told("The cell.", "irb120-cell")]
+    robot: Annotated[str, told("The robot file's name.", "abb-irb120")]
+    targets: Annotated[list[str], told("Names of targets.", ["T1"])]
+    groups: Annotated[list[str], told("What the model will free.", ["base", "geometry"])]
+    seed: Annotated[int, told("What everything was drawn from; no unit.", 1)]
+    candidates: Annotated[int, told("Number of candidates that were found.", 5000)]
+    poses_deg: Annotated[list[Joints], told("The poses, deg: `joints_deg` of a block.", [[12.0, 45.0]])]
+    filling: Annotated[list[int], told("Numbers of those that fill the joints' ranges.", [3, 17])]
+    observability: Annotated[Observability, told("The indices.", {"O1": 0.9})]
+    efficiency: Share
+    efficiency_without_filling: Share
+    bound_gap: Annotated[float | None, told("How sharp the bound is, a ratio.", 1e-4)]
+    parameters: Annotated[list[Expected], told("Every parameter.", [])]
+    dropped: Annotated[list[Dropped], told("Parameters that such poses do not determine.", [])]
+    uncertainty: Annotated[UncertaintyCurve, told("What more or fewer poses are worth.", {"enough": 45})]
+    warnings: Warnings
+
+
+class ByAxis(Answered):
+    """An error by axis, um."""
+
+    x: Annotated[float | None, told("Along x, um.", 31.0)]
+    y: Annotated[float | None, told("Along y, um.", 29.0)]
+    z: Annotated[float | None, told("Along z, um.", 35.0)]
+    mean: Annotated[float | None, told("Mean of the three, um.", 31.7)]
+
+
+class ErrorsByAxis(Answered):
+    """Errors by axis, um."""
+
+    mae: Annotated[ByAxis, told("Mean absolute, um.", {"mean": 31.7})]
+    rmse: Annotated[ByAxis, told("Root mean square, um.", {"mean": 40.2})]
+
+
+class RegressionChoice(Answered):
+    """The constants that were chosen."""
+
+    gamma: Annotated[float, told("Weight of the errors, no unit.", 100.0)]
+    share: Annotated[float, told("lambda of the paper, no unit.", 0.5, alias="lambda")]
+    left_out_rms_mm: Annotated[float, told("RMS on what was left out, mm.", 0.05)]
+
+
+class RegressionRow(Answered):
+    """A predictor of the comparison."""
+
+    name: Annotated[str, told("Its name.", "level 3")]
+    in_sample: Annotated[ErrorsByAxis, told("On the readings that it was fitted to, um.", {})]
+    by_waypoint: Annotated[ErrorsByAxis, told("On waypoints that were left out, um.", {})]
+    regression: Annotated[RegressionChoice | None, told("Where one took part.", None)]
+
+
+class TurnedWrist(Answered):
+    """The correction of a regression where nothing was measured."""
+
+    name: Annotated[str, told("Its name.", "mls-svr on residuals of level 3")]
+    joint: Annotated[int, told("Number of the joint that is turned.", 4)]
+    turned_deg: Annotated[float, told("By, deg.", 90.0)]
+    mean_mm: Annotated[float, told("Mean distance from the model, mm.", 0.3)]
+    max_mm: Annotated[float, told("Largest distance from the model, mm.", 1.1)]
+    within_region: Share
+
+
+class RegressionQuestion(Answered):
+    """The regression that was asked for."""
+
+    name: Annotated[str, told("In words.", "mls-svr on residuals of level 3")]
+    on: Annotated[Literal["residuals", "positions"], told("What it learns.", "residuals")]
+    level: Annotated[int | None, told("Level of the model, 2 or 3; no unit.", 3)]
+    features: Annotated[str, told("Its features.", "closed-form")]
+    kernel: Annotated[Literal["linear", "rbf"], told("Its kernel.", "linear")]
+    columns: Annotated[int, told("Number of columns.", 120)]
+    independent_columns: Annotated[int, told("Number of independent ones.", 96)]
+
+
+class RegressionResult(Answered):
+    """MLS-SVR beside the models (`truepose-regression/1`)."""
+
+    format: Annotated[Literal["truepose-regression/1"], told("The format.", "truepose-regression/1")]
+    data: Annotated[DataShown, told("The readings.", {"readings": 300})]
+    method: Annotated[Literal["mls-svr"], told("The method.", "mls-svr")]
+    asked: Annotated[RegressionQuestion, told("The options of the question.", {"on": "residuals"})]
+    samples: Annotated[int, told("Number of samples.", 180)]
+    waypoints: Annotated[int, told("Number of waypoints.", 60)]
+    table_um: Annotated[list[RegressionRow], told("Errors of every predictor, um.", [])]
+    turned_wrist: Annotated[list[TurnedWrist], told("Far from the readings.", [])]
+    findings: Annotated[list[str], told("In sentences.", [])]
+    warnings: Warnings = Field(default_factory=list)
+
 
 JobKind = Literal[
     "identification", "diagnosis", "alignment", "regression", "validation", "selection", "placement", "watch_plan",
     "watch", "upkeep",
 ]  # fmt: skip
+
 Result = (
     IdentificationResult
     | DiagnosisResult
