@@ -54,6 +54,6 @@ def keep(
     from dataclasses import asdict
 
     from fleet.outbox import Cell
-    from service.results.keeping import keep_results
+    from service.results.robots import keep_results
 
     return [asdict(each) for each in keep_results(address, record, Cell(cell, "", simulated), done)]

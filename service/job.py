@@ -221,8 +221,7 @@ def alignment(folder: Path, order: dict[str, Any], name: str) -> None:
     from service.files import as_json
     from service.kept_dataset import CSV, keep_dataset
     from service.report.figures.motion import motion_picture
-    from service.results.files.alignment import aligned_of, document
-    from service.results.files.alignment_order import Order
+    from service.results.files.alignment import Order, aligned_of, document
 
     result = aligned_of(folder / ROBOT, folder / TRACKER, Order(**{**order, "tool": tuple(order["tool"])}))
     replace_file(folder / PICTURE, motion_picture(result))

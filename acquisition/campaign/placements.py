@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.campaign.blocks.block import DECIMALS
-from acquisition.cell.carried import carries, moved, point, taken
-from acquisition.cell.cell import Cell
+from acquisition.cell.cell import Cell, carries, moved, point, taken
 from acquisition.cell.obstacles import Array, Obstacle, between_lines
 from acquisition.cell.reach import configurations
 from acquisition.cell.transit import may_visit

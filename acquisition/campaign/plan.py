@@ -5,11 +5,23 @@ block calls for. World nests are visits without joints and come first. A shuffle
 blocks; what has an order of its own (sweeps, repeats) stays together. With one SMR every pose is visited once a
 target, all poses of one target together, so that the SMR is moved as seldom as possible. Nothing is mixed across a
 new station of the instrument. Angles deg.
+
+The check of a whole plan before the first motion: limits, and what arm and tool may not touch.
+
+A pose that fails refuses the campaign (exit code 5) and is named; nothing has moved. The approach point is a
+pose like any other: 5 deg beside a legal pose it can leave the limits or touch the table. From every pose there must be
+a clear path to the approach point of the next; what is driven in another order is looked at again before it is driven.
+
+The duration of a campaign from its plan: moves at the cell's speeds, settling, readings, the warm-up before.
+
+A move takes as long as its widest joint or the flange needs, plus what starting and stopping cost. What devices and
+people add is not known beforehand: `seconds_left` scales the plan by how the readings so far came on. Times s of the
+campaign, angles deg, lengths mm.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Literal
@@ -20,11 +32,21 @@ from acquisition.campaign.blocks.block import DECIMALS, Approach, Block, Joints,
 from acquisition.campaign.campaign import Campaign
 from acquisition.campaign.poses import draw_poses
 from acquisition.cell.cell import Cell
+from acquisition.cell.transit import Transit, clear_moves
+from acquisition.errors import NoClearWay, UnsafePlan
+from calib.arm import forward
+from calib.array import Array
 from drivers.errors import ConfigError
 
 __all__ = ["DECIMALS", "Visit", "make_plan"]
 
 Kind = Literal["nest", "pose"]
+
+START_AND_STOP_S = 0.3  # of a move
+
+READING_S = 1.0  # beam and reply, beside the samples
+
+SAMPLES_PER_S = 1000.0
 
 
 @dataclass(frozen=True)
@@ -204,3 +226,135 @@ def _one_target_each(visits: list[Visit], cell: Cell) -> Iterator[list[Visit]]:
         ]
         if group:
             yield group
+
+
+def check_plan(cell: Cell, visits: Sequence[Visit]) -> None:
+    """Check every pose of a plan. Raises UnsafePlan naming the first that may not be driven, and why."""
+    stops = [stop for visit in visits if visit.kind == "pose" for stop in visit.stops]
+    if not stops:
+        return
+    home = cell.robot.home_deg
+    if home is not None and (contact := cell.clearance.at(np.array([home]))[0]) is not None:
+        raise _unsafe(f"home_deg of the cell file: {contact}")
+    for what, joints in (
+        ("", np.array([visit.joints_deg for visit in stops])),
+        ("the approach point of ", np.array([visit.approach_deg for visit in stops])),
+    ):
+        _within_limits(cell, stops, joints, what)
+        for visit, angles, contact in zip(stops, joints, cell.clearance.at(joints), strict=True):
+            if contact is not None:
+                raise _unsafe(f"{what}{visit.name} ({cell.robot.said(angles)}): {contact}")
+    _moves(cell, stops)
+
+
+def _moves(cell: Cell, stops: Sequence[Visit]) -> None:
+    poses = np.array([visit.joints_deg for visit in stops])
+    approaches = np.array([visit.approach_deg for visit in stops])
+    for visit, contact in zip(stops, cell.clearance.contacts(approaches, poses), strict=True):
+        if contact is not None:
+            raise _unsafe(
+                f"the last move to {visit.name} ({cell.robot.said(visit.joints_deg)}): {contact.during}"
+            )
+    transit = Transit(cell)
+    for i in np.flatnonzero(~clear_moves(cell, poses[:-1], approaches[1:])).tolist():
+        try:
+            transit.path(poses[i], approaches[i + 1])
+        except NoClearWay as error:
+            there = f"{stops[i + 1].name} ({cell.robot.said(poses[i + 1])})"
+            raise _unsafe(f"between {stops[i].name} and {there}: {error.message}") from error
+
+
+def _unsafe(what: str) -> UnsafePlan:
+    return UnsafePlan(what, command="check")
+
+
+def _within_limits(cell: Cell, stops: Sequence[Visit], joints: np.ndarray, what: str) -> None:
+    low, high = np.array(cell.robot.limits_deg).T
+    outside = ~((joints >= low) & (joints <= high))  # NaN is outside
+    if outside.any():
+        i, k = (int(index) for index in np.argwhere(outside)[0])
+        raise UnsafePlan(
+            f"{what}{stops[i].name}: {cell.robot.named(k)} at {joints[i, k]:g} {cell.robot.model.units[k]}, "
+            f"allowed {low[k]:g} to {high[k]:g}",
+            command="check",
+        )
+
+
+class Forecast:
+    """Expected time until each reading of a pose is done, in the order of the plan."""
+
+    def __init__(self, before_s: float, readings_s: Array) -> None:
+        self._done_s = before_s + np.concatenate([[0.0], np.cumsum(readings_s)])
+        self._before_s = before_s
+
+    @classmethod
+    def of(cls, cell: Cell, campaign: Campaign, visits: Sequence[Visit]) -> Forecast:
+        """The forecast of a whole plan. The robot is taken to be in its first pose already."""
+        posed = [visit for visit in visits if visit.kind == "pose"]
+        gate = campaign.warm_up
+        before = campaign.warm_up_s + (0.0 if gate is None else (gate.over - 1) * gate.every_s)
+        reading = READING_S + campaign.samples / SAMPLES_PER_S
+        if not posed:
+            return cls(before, np.full(sum(len(visit.targets) for visit in visits if visit.counted), reading))
+        path, firsts, speeds = [posed[0].joints_deg], [], []
+        for visit in posed:
+            firsts.append(len(path) - 1)
+            path += [visit.approach_deg, visit.joints_deg, *visit.waypoints]
+            speeds += [*[cell.robot.speed_deg_s] * 2, *[_speed(cell, campaign, visit)] * len(visit.waypoints)]
+        moves = np.add.reduceat(_moves_s(cell, np.array(path), np.array(speeds)), firsts)
+        moves += [_rests_s(campaign, visit) for visit in posed]
+        settling = [campaign.settle_of(visit.block).seconds for visit in posed]
+        arriving = dict(zip((visit.number for visit in posed), moves + np.array(settling), strict=True))
+        seconds: list[float] = []
+        for visit in visits:
+            if visit.counted:
+                first = float(arriving.get(visit.number, 0.0)) + reading
+                seconds += [first, *[reading] * (len(visit.targets) - 1)]
+        return cls(before, np.array(seconds))
+
+    @property
+    def total_s(self) -> float:
+        """Seconds from the start to the last reading."""
+        return float(self._done_s[-1])
+
+    def seconds_left(
+        self, done: int, done_at_start: int = 0, elapsed_s: float = 0.0, share: float = 0.0
+    ) -> float:
+        """Seconds left after `done` readings, of which some were done when this execution began `elapsed_s` ago.
+
+        share: of the reading in hand that is over, where that shows: a path says it at every waypoint, also one that is
+        driven again.
+        """
+        last = len(self._done_s) - 1
+        done, begun = min(done, last), min(done_at_start, last)
+        in_hand = float(self._done_s[min(done + 1, last)] - self._done_s[done])
+        left = self.total_s - float(self._done_s[done]) - share * in_hand
+        if done <= begun and share > 0.0:
+            return left
+        if done <= begun:
+            return max(0.0, left + self._before_s - elapsed_s)
+        expected = self._before_s + float(self._done_s[done] - self._done_s[begun])
+        return left * elapsed_s / expected if elapsed_s > 0.0 else left
+
+
+def _rests_s(campaign: Campaign, visit: Visit) -> float:
+    """The seconds that a path rests in its waypoints."""
+    path = campaign.path_of(visit.block)
+    return 0.0 if path is None or not visit.waypoints else path.rest_s * (len(visit.waypoints) + 1)
+
+
+def _speed(cell: Cell, campaign: Campaign, visit: Visit) -> float:
+    """The speed at which the robot drives through the waypoints of a visit, deg/s."""
+    path = campaign.path_of(visit.block)
+    return cell.robot.speed_deg_s if path is None or path.speed_deg_s is None else path.speed_deg_s
+
+
+def _moves_s(cell: Cell, path: Array, speed_deg_s: Array) -> Array:
+    """(n - 1,) s along joint angles (n, N) at the speeds (n - 1,) of the leading joint."""
+    slides = np.array([kind == "slides" for kind in cell.robot.model.kinds])
+    moved = np.abs(np.diff(path, axis=0))
+    joints = np.where(slides, 0.0, moved).max(axis=1) / speed_deg_s
+    flange = forward(cell.robot.model, cell.robot.model_angles(path))[:, :3, 3]
+    straight = np.linalg.norm(np.diff(flange, axis=0), axis=1) / cell.robot.speed_mm_s
+    slowest = np.maximum(joints, straight)
+    return np.where(slowest > 0.0, slowest + START_AND_STOP_S, 0.0)

@@ -2,33 +2,72 @@
 
 Lengths mm, angles deg, speeds mm/s and deg/s; joints deg, and mm where they slide. Everything is checked here, by file
 and key, so that the rest of the program can believe a `Cell`.
+
+The test that the instrument is where it was: three nests measured twice, judged by the noise they must have.
+
+Each nest moved by d_i between the two; a reading has the instrument's declared covariance S_i, and seating the
+SMR anew adds u^2 I. If nothing moved,
+
+    T = sum_i d_i^T [2 (S_i + u^2 I)]^-1 d_i
+
+is chi-squared with 3 degrees of freedom a nest. Beyond its `FALSE_ALARM` quantile the instrument has a new
+station and the world frame is made anew; up to it the old one stays, so that noise alone does not move it.
+Source: the usual test for a change with known covariance (Johnson & Wichern, ch. 5).
+
+The lengths to which a ballbar can be built: its body and any of its extension bars, each at most once.
+
+A QC20-W of 100 mm with bars of 50, 150 and 300 mm reads 100, 150, 250, 300 ... 600 mm, give or take its stroke: 150 mm
+along the tool triangle, 300 mm along the base triangle and the legs. Source: Nubiola, thesis, section 4.2.
+
+Fixtures that carry a ball of the base, its cup or its post: they are where the ball is. Lengths mm.
+
+The identity of a device against the cell file: its maker and model, as it reports them itself.
+
+Makers write one model in many spellings ("IRB 120-3/0.6", "LR Mate 200iC"); here the name of the robot file must be
+found in what the controller says, whatever signs lie between its letters, and must end there: an IRB 1200 is no IRB
+120. A protocol that reports no model proves nothing, and nothing is held against it. A robot file of the user's own
+may bear any name; there the maker alone counts.
 """
 
 from __future__ import annotations
 
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tomli_w
+from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from acquisition.cell.arm import TOOL_RADIUS_MM, Arm
 from acquisition.cell.clearance import Clearance
-from acquisition.cell.obstacles import Obstacle, Table, read_fixtures
-from acquisition.cell.position_uncertainty import stated
+from acquisition.cell.obstacles import Array, Box, Obstacle, Post, Table, read_fixtures
+from acquisition.cell.position_uncertainty import MADE_MM, TAUGHT_MM, stated
 from acquisition.cell.robot_section import RobotSection, read_options, read_robot, read_url
 from acquisition.errors import as_config_error
-from calib.arm import Load
+from calib.arm import Load, built_in_robots
+from calib.data import Noise
 from calib.text import TomlTable, Vector, parse_toml, read_toml
-from drivers import InstrumentDriver, instrument_driver
+from drivers import INSTRUMENTS, InstrumentDriver, instrument_driver
 from drivers.errors import ConfigError
+from drivers.interfaces import Identity
 
 FORMAT = "truepose-cell/1"
+
+SEAT_MM = 0.005  # centring and seat of an SMR in its nest; makers state 2.5 to 12 um for the centring
+
+FALSE_ALARM = 1e-3
+
+_STRAY = 3.0  # standard deviations by which two balls may be apart from what the cell file says
+
+CARRIES_MM = 30.0  # a fixture that comes so near to the centre of a ball carries it
 
 
 @dataclass(frozen=True)
@@ -246,3 +285,192 @@ def _tool(table: TomlTable, nests: Mapping[str, Vector]) -> ToolSection:
         cog_mm=table.vector("cog_mm") if weighed else None,
         u_mm=stated(table, "targets_u_mm", targets),
     )
+
+
+def moved_by(
+    before_mm: Mapping[str, Sequence[float]], now_mm: Mapping[str, Sequence[float]], noise: NoiseFigures
+) -> tuple[float, float] | None:
+    """Distance, mm, by which nests of the same names, both in the instrument's frame, are off (the largest), and T in
+    units of its limit. None within the noise: beyond it they or the instrument moved, and a drift counts as a move."""
+    names = list(before_mm)
+    before = np.array([before_mm[name] for name in names], dtype=np.float64)
+    moved = np.array([now_mm[name] for name in names], dtype=np.float64) - before
+    each = covariance_of(before, noise)
+    distance = float(np.einsum("ni,nij,nj->", moved, np.linalg.inv(2.0 * each), moved))
+    limit = float(chdtri(3 * len(names), FALSE_ALARM))
+    return (float(np.linalg.norm(moved, axis=1).max()), distance / limit) if distance > limit else None
+
+
+def covariance_of(points: NDArray[np.float64], noise: NoiseFigures) -> NDArray[np.float64]:
+    """(n, 3, 3) mm2: of nests (n, 3) in the instrument's frame, read once, the SMR seated anew."""
+    tracker = Noise(
+        "tracker",
+        range_mm=noise.range_mm,
+        range_ppm=noise.range_ppm,
+        transverse_mm=noise.transverse_mm,
+        transverse_ppm=noise.transverse_ppm,
+    )
+    return tracker.of_points(points, np.full_like(points, np.nan)) + SEAT_MM**2 * np.eye(3)
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A ballbar as a person has built it, lengths mm."""
+
+    body_mm: float
+    extensions_mm: tuple[float, ...]
+
+    @property
+    def length_mm(self) -> float:
+        """The length from ball to ball in the middle of the stroke."""
+        return self.body_mm + sum(self.extensions_mm)
+
+    def in_words(self) -> str:
+        """The sentence that says to a person how to build the bar."""
+        if not self.extensions_mm:
+            return f"the ballbar of {self.length_mm:g} mm, without extension bars"
+        bars = " and ".join(f"{each:g}" for each in self.extensions_mm)
+        many = "bars" if len(self.extensions_mm) > 1 else "bar"
+        return (
+            f"the ballbar of {self.length_mm:g} mm: {self.body_mm:g} mm and the extension {many} of {bars} mm"
+        )
+
+
+def bars_of(cell: Cell) -> tuple[Bar, ...]:
+    """Every bar that can be built in this cell, the one of the legs first, then by the number of extensions."""
+    declared, legs = cell.instrument.declared, cell.instrument.nominal_mm
+    kit = [
+        Bar(declared.body_mm, some)
+        for count in range(len(declared.extensions_mm) + 1)
+        for some in combinations(declared.extensions_mm, count)
+    ]
+    for_legs = next((bar for bar in kit if bar.length_mm == legs), Bar(legs, ()))
+    return (for_legs, *(bar for bar in kit if bar != for_legs))
+
+
+def apart_mm(cell: Cell, one: str, other: str) -> float:
+    """Distance of two balls of the base, or two of the tool, by the cell file, mm."""
+    places = cell.nests if one in cell.nests else cell.tool.targets
+    return float(np.linalg.norm(np.subtract(places[one], places[other])))
+
+
+def bar_between(cell: Cell, one: str, other: str) -> Bar | None:
+    """The bar that fits between two balls of one body, as well as the cell file knows them; None where none does."""
+    apart = apart_mm(cell, one, other)
+    known, assumed = {**cell.nests_u_mm, **cell.tool.u_mm}, TAUGHT_MM if one in cell.nests else MADE_MM
+    stray = float(np.hypot(known.get(one, assumed), known.get(other, assumed)))
+    reach = (cell.instrument.declared.stroke_mm or 0.0) + _STRAY * stray
+    best = min(bars_of(cell), key=lambda bar: abs(bar.length_mm - apart))
+    return best if abs(best.length_mm - apart) <= reach else None
+
+
+def bar_for(cell: Cell, target: str, base_target: str) -> Bar:
+    """The bar for a planned reading: of a leg, or between two balls of one body."""
+    leg = (target in cell.nests) != (base_target in cell.nests)
+    between = None if leg else bar_between(cell, target, base_target)
+    return bars_of(cell)[0] if between is None else between
+
+
+def carries(fixture: Obstacle, balls: Array) -> bool:
+    """Whether a fixture carries one of the balls (n, 3)."""
+    points = np.repeat(balls[:, None], 2, axis=1)
+    return bool((np.linalg.norm(fixture.towards(points), axis=1) < CARRIES_MM).any())
+
+
+def moved(fixture: Obstacle, pose: Array) -> Obstacle:
+    """A post where the motion (4, 4) takes it; a box becomes the upright box about its corners."""
+    if isinstance(fixture, Post):
+        start, end = taken(np.array([fixture.from_mm, fixture.to_mm]), pose)
+        return replace(fixture, from_mm=point(start), to_mm=point(end))
+    if isinstance(fixture, Box):
+        corners = np.array(np.meshgrid(*zip(fixture.low_mm, fixture.high_mm, strict=True))).reshape(3, -1).T
+        there = taken(corners, pose)
+        return replace(fixture, low_mm=point(there.min(axis=0)), high_mm=point(there.max(axis=0)))
+    return fixture
+
+
+def with_nests(cell: Cell, nests_mm: Mapping[str, Vector]) -> Cell:
+    """The cell with some of its nests elsewhere, each with the fixtures that carry it."""
+    fixtures = list(cell.fixtures)
+    for name, place in nests_mm.items():
+        pose = np.eye(4)
+        pose[:3, 3] = np.subtract(place, cell.nests[name])
+        ball = np.array([cell.nests[name]])
+        fixtures = [
+            moved(now, pose) if carries(was, ball) else now
+            for was, now in zip(cell.fixtures, fixtures, strict=True)
+        ]
+    return replace(cell, nests={**cell.nests, **nests_mm}, fixtures=tuple(fixtures))
+
+
+def taken(points: Array, pose: Array) -> Array:
+    """Points (n, 3) where the motion (4, 4) takes them."""
+    return points @ pose[:3, :3].T + pose[:3, 3]
+
+
+def point(place: Array) -> Vector:
+    """A place (3,) as a cell has it, to a tenth of a micrometre."""
+    x, y, z = (round(float(c), 4) for c in place)
+    return x, y, z
+
+
+class OtherDevice(ConfigError):
+    """The device at the address is not the one that the cell file names."""
+
+    code = 6102
+    advice = "Correct model, driver or url in the cell file, or connect the device that it names."
+
+
+@dataclass(frozen=True)
+class Match:
+    """`agrees` None: the device does not report enough to say. `text`: what was compared."""
+
+    agrees: bool | None
+    text: str
+
+
+def match_robot(cell: Cell, who: Identity) -> Match:
+    """The controller's own words against `[robot] model`."""
+    robot = cell.robot.model
+    if cell.robot.declared.by_hand:
+        return Match(None, f"{robot.name} by the cell file; nobody but its type plate says so")
+    if _plain(who.maker) != _plain(robot.maker):
+        return Match(False, f"{who.maker} answers, the cell file names {robot.name} of {robot.maker}")
+    if not who.model:
+        return Match(None, f"{robot.name} by the cell file; this dialect does not report the model")
+    if is_model(robot.name, robot.maker, who.model):
+        return Match(True, f"{who.model}: that is {robot.name}")
+    if robot.name not in built_in_robots():
+        return Match(None, f"{who.model} answers; {robot.name} is a robot file of your own")
+    return Match(False, f"{who.model} answers, the cell file names {robot.name}")
+
+
+def match_instrument(cell: Cell, who: Identity) -> Match:
+    """The maker that the instrument or its bridge reports, against the one that the driver is for."""
+    driver = cell.instrument.driver
+    wanted, reported = cell.instrument.declared.maker, _plain(who.maker)
+    if cell.instrument.declared.by_hand:
+        return Match(None, "read by a person: nobody but its type plate says what it is")
+    if _plain(wanted) in reported:
+        return Match(True, f"{who.maker}, for which the driver '{driver}' is made")
+    if any(_plain(each.maker) in reported for each in INSTRUMENTS.values() if each.maker):
+        return Match(False, f"{who.maker} {who.model} answers, the driver '{driver}' is for {wanted}")
+    return Match(None, f"the maker is reported as {who.maker!r}, the driver '{driver}' is for {wanted}")
+
+
+def check_identity(cell: Cell, role: str, who: Identity) -> None:
+    """Refuse another device before anything moves. `role`: robot or instrument. Raises OtherDevice."""
+    match = match_robot(cell, who) if role == "robot" else match_instrument(cell, who)
+    if match.agrees is False:
+        raise OtherDevice(match.text, device=role, command="identify")
+
+
+def is_model(name: str, maker: str, model: str) -> bool:
+    """Whether a controller's `model` means the robot `name` (with or without its maker in front)."""
+    letters = _plain(name).removeprefix(_plain(maker))
+    pattern = r"[\W_]*".join(letters)
+    return re.search(rf"(?<![a-z0-9]){pattern}(?![a-z0-9])", model.casefold()) is not None
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"[\W_]+", "", text.casefold())

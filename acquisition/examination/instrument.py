@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
-from acquisition.cell.cell import Cell
-from acquisition.cell.identity import match_instrument
+from acquisition.cell.cell import Cell, match_instrument
 from acquisition.examination.finding import Chart
 from acquisition.examination.meeting import Place, compare_clocks, examine_device, read_clock
 from calib.units import percent

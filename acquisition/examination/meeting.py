@@ -16,7 +16,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 
-from acquisition.cell.identity import Match, OtherDevice
+from acquisition.cell.cell import Match, OtherDevice
 from acquisition.examination.finding import Chart
 from drivers.errors import AcquisitionError, LinkError, ProtocolError, SafetyStop
 from drivers.interfaces import Attended, Device, Identity, weakness_of

@@ -11,8 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from acquisition.cell.cell import Cell
-from acquisition.cell.identity import OtherDevice, match_robot
+from acquisition.cell.cell import Cell, OtherDevice, match_robot
 from acquisition.examination.finding import Chart
 from acquisition.examination.meeting import Place, compare_clocks, examine_device, read_clock
 from calib.units import percent

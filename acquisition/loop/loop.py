@@ -36,11 +36,11 @@ from acquisition.cell.transit import may_visit
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import UnsafePlan
 from acquisition.loop.follow_up_campaign import campaign_table, in_cell
-from acquisition.record.event import Event
 from acquisition.record.export import export, table_of
 from acquisition.record.individuals import Individual, individuals_of, series_among
 from acquisition.record.merge import Part, frame_of_part, merge
 from acquisition.record.states import State
+from acquisition.record.store import Event
 from acquisition.record.verification import (
     JudgedLandings,
     Verification,

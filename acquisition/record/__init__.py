@@ -1,13 +1,12 @@
 """The record of a campaign: durable, sealed row by row, and what is read from it."""
 
 from acquisition.record.database import FILE, sha256_of
-from acquisition.record.event import Event
 from acquisition.record.export import export, export_events, planned_header
 from acquisition.record.individuals import Acceptance, individual_of
 from acquisition.record.merge import export_together
 from acquisition.record.rescue import rescue, salvage
 from acquisition.record.states import State
-from acquisition.record.store import Store
+from acquisition.record.store import Event, Store
 from acquisition.record.streams import export_streams
 from acquisition.record.verification import Verification
 

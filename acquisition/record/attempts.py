@@ -10,9 +10,8 @@ from typing import Any
 
 from acquisition.campaign.plan import Visit
 from acquisition.cell.world_frame import WorldFrame
-from acquisition.record.planned import Planned
 from acquisition.record.states import State
-from acquisition.record.store import Store
+from acquisition.record.store import Planned, Store
 from drivers.errors import AcquisitionError
 from drivers.interfaces import JointReading, LengthReading, PointReading, PoseReading, Prompt, Reading
 

@@ -8,28 +8,34 @@ were several of either, each pair is a series of its own. What their wires could
 Distances between two balls of one body have no joints.
 A record in which a row no longer agrees with its checksum is refused. `export_events` writes what happened as JSON
 lines.
+
+The data set of a record in memory: the cells as they are written, and what the header says of all of them.
 """
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import tomli_w
+
 from acquisition.cell.cell import Cell, cell_of_record
 from acquisition.cell.position_uncertainty import MADE_MM, TAUGHT_MM
 from acquisition.errors import RecordError
-from acquisition.record.data_table import DataTable
 from acquisition.record.individuals import ROLES, Individual, Individuals, header_table, series_of
 from acquisition.record.readings import Numbers, Reading, readings_of, spans_of
 from acquisition.record.store import Store
 from acquisition.record.touches import taught_of
-from calib.data import DEFAULT_GROUPS, OTHER
-from calib.text import Vector, replace_file
+from calib.convert import Table
+from calib.data import DEFAULT_GROUPS, OTHER, Dataset, dataset_of, header_of
+from calib.text import Columns, Vector, replace_file
 
 _WEAKNESSES = """
 SELECT json_extract(data, '$.role') AS role, json_extract(data, '$.weakness') AS weakness FROM event
@@ -43,9 +49,11 @@ SELECT who FROM (SELECT by AS who, utc FROM command UNION ALL
                  SELECT answered_by, answered_utc FROM prompt WHERE answered_by IS NOT NULL)
 WHERE who <> '' AND who NOT LIKE 'watchdog of %' GROUP BY who ORDER BY min(utc)
 """
+
 _TO_COME = """
 SELECT count(*) FROM pose WHERE kind = 'pose' AND replaced_by IS NULL AND status IN ('planned', 'deferred')
 """
+
 _MEASURED = "SELECT min(began_utc), max(ended_utc) FROM attempt WHERE kind = 'measure' AND status = 'good'"
 
 
@@ -267,3 +275,39 @@ def _header(
             {"link": load.link, "mass_kg": load.mass_kg, "cog_mm": list(load.cog_mm)} for load in cell.loads
         ],
     }
+
+
+@dataclass(frozen=True)
+class DataTable:
+    """Columns named as the data-set format names them (all of one length), and the table of the header.
+
+    name: the record, as refusals name it.
+    """
+
+    name: str
+    columns: dict[str, list[str]]
+    header: dict[str, Any]
+
+    @property
+    def rows(self) -> list[dict[str, str]]:
+        """The cells of every row by the name of their column."""
+        return [
+            dict(zip(self.columns, cells, strict=True)) for cells in zip(*self.columns.values(), strict=True)
+        ]
+
+    def dataset(self) -> Dataset:
+        """The data set for a calibration. Raises DataError as for its files, which need not have been written."""
+        path, table = Path(self.name) / "data.csv", self._as_written
+        lines = list(enumerate(zip(*self.columns.values(), strict=True), start=2))  # below the names
+        cells = Columns(path, list(self.columns), lines, hashlib.sha256(table.text.encode()).hexdigest())
+        return dataset_of(cells, header_of(self.header, path.with_suffix(".toml"), table.header))
+
+    def write(self, out: Path) -> Path:
+        """Write `OUT.csv` and `OUT.toml`, each whole or not at all. Returns the path of the CSV. Raises OSError."""
+        out = out.with_suffix(".csv")
+        self._as_written.write(out)
+        return out
+
+    @property
+    def _as_written(self) -> Table:
+        return Table(self.columns, tomli_w.dumps(self.header))

@@ -22,8 +22,7 @@ import numpy as np
 from acquisition.cell.cell import Cell, cell_of_record
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import OtherIndividual, RecordError
-from acquisition.record.data_table import DataTable
-from acquisition.record.export import table_of
+from acquisition.record.export import DataTable, table_of
 from acquisition.record.individuals import (
     ROLES,
     Acceptance,

@@ -1,22 +1,34 @@
 """The one reader of a record: what was measured at the poses of its plan, one frozen row a reading.
 
 Data set, verification and drift are functions of these rows. Lengths mm, angles deg, times s on the record's clock.
+
+Drift seen live: how far the reference pose is now from where it was first, and the most it has ever been.
+
+In the world frame; with one SMR each target is compared with its own first reading. What was measured while warming
+up, or put aside, does not count. Lengths mm.
 """
 
 from __future__ import annotations
 
 import json
 import sqlite3
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
+import numpy as np
+
+from acquisition.cell.workspace import targets_at
 from acquisition.record.store import Store
 
 Numbers = tuple[float, ...]
 
 _AT_POSES = "pose.kind = 'pose'"
+
 _BETWEEN = "pose.kind = 'nest' AND pose.base_target IS NOT NULL AND attempt.arrival IS NULL"
+
 # A ball of the tool that a person has jogged into a cup: no joints were planned, those read are of its arrival.
 _TOUCHES = "pose.kind = 'nest' AND pose.base_target IS NOT NULL AND attempt.arrival IS NOT NULL"
+
 _ROWS = """
 SELECT attempt.*, pose.set_name, pose.target, pose.base_target, pose.joints_deg, pose.sides, pose.approach_deg,
        pose.reason, pose.replaced_by, arrival.read_deg AS reached_deg
@@ -114,3 +126,41 @@ def _reading(row: sqlite3.Row, *, by_hand: bool = False) -> Reading:
         counts=row["status"] == "good" and row["replaced_by"] is None,
         reason=row["reason"],
     )
+
+
+@dataclass(frozen=True)
+class Drift:
+    """The drift in `readings` reference readings: `now_mm` (x, y, z) of the last, its length `off_mm`, the largest."""
+
+    readings: int
+    now_mm: tuple[float, float, float]
+    off_mm: float
+    most_mm: float
+    t_s: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """The values for JSON."""
+        return asdict(self)
+
+
+def drift_of(store: Store) -> Drift | None:
+    """The drift so far; None before a second reading of the reference pose."""
+    first: dict[str, np.ndarray] = {}
+    drifts: list[tuple[float, np.ndarray]] = []
+    rows = [row for row in readings_of(store, "reference") if row.counts]
+    for row in rows:
+        point = np.array(row.world)
+        if (
+            store.driven_by_hand
+        ):  # never twice in the same place: what the nominal robot does from one to the other
+            at = targets_at(store.cell, np.array([row.joints]))[0]
+            point = point - at[list(store.cell.tool.targets).index(row.target)]
+        if row.target in first:
+            drifts.append((row.t_s, point - first[row.target]))
+        else:
+            first[row.target] = point
+    if not drifts:
+        return None
+    lengths = [float(np.linalg.norm(moved)) for _, moved in drifts]
+    t_s, (x, y, z) = drifts[-1]
+    return Drift(len(rows), (float(x), float(y), float(z)), lengths[-1], max(lengths), t_s)

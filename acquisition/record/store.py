@@ -3,6 +3,10 @@
 Intent before act: an attempt is written before the robot moves or the instrument measures, and closed by its
 outcome. One transaction a change, with its events; listeners hear of an event only after it is
 durable. No reading that was acknowledged is ever lost; at most the one in flight is repeated, and it is known.
+
+Planned readings of a record, as its rows of `pose` hold them.
+
+An event of a record: what happened, and at which moment.
 """
 
 from __future__ import annotations
@@ -12,10 +16,11 @@ import sqlite3
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal
 
@@ -25,14 +30,15 @@ from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import RecordTaken, damaged
 from acquisition.record import seal
 from acquisition.record.database import Database
-from acquisition.record.event import Event, Moment
 from acquisition.record.path_progress import streams_kept
-from acquisition.record.planned import Planned, planned_of
 from acquisition.record.states import LEFT_BEHIND, State, check_transition
 
 Point = tuple[float, ...]
+
 COUNTED = "(kind = 'pose' OR base_target IS NOT NULL)"  # of planned readings: as `Visit.counted`
+
 _OF_NESTS = "(kind = 'nest' AND base_target IS NULL)"
+
 _STATES = frozenset(state.value for state in State)
 
 
@@ -396,3 +402,57 @@ class Store:
         """Measure every nest once more that was measured."""
         nests = self._planned(f"{_OF_NESTS} AND status = 'measured' ORDER BY id", ())
         self.measure_again([each.id for each in nests], reason)
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A planned reading: a target in a visit, and what became of it."""
+
+    id: int
+    visit: Visit
+    target: str
+    status: str
+    base_target: str | None = None  # of a distance
+
+
+def planned_of(rows: Iterable[sqlite3.Row]) -> list[Planned]:
+    """The planned readings of rows of `pose`; those of one visit follow one another and share it."""
+    out: list[Planned] = []
+    for _, group in groupby(rows, key=lambda row: row["visit"]):
+        readings = list(group)
+        row, targets = readings[0], tuple(each["target"] for each in readings)
+        joints, sides, approach = (
+            tuple(json.loads(row[key])) for key in ("joints_deg", "sides", "approach_deg")
+        )
+        place = (row["visit"], row["name"], row["kind"], row["set_name"], row["block"])
+        bases = tuple(each["base_target"] for each in readings if each["base_target"] is not None)
+        waypoints = tuple(map(tuple, json.loads(row["waypoints"] or "[]")))
+        visit = Visit(*place, targets, joints, sides, approach, bases, waypoints)
+        out += [
+            Planned(each["id"], visit, each["target"], each["status"], each["base_target"])
+            for each in readings
+        ]
+    return out
+
+
+@dataclass(frozen=True)
+class Event:
+    """An event; `id` grows without end and is the version of the record."""
+
+    id: int
+    utc: float
+    t_s: float | None
+    kind: str
+    data: Mapping[str, Any]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The event for JSON lines and server-sent events."""
+        return {"id": self.id, "utc": self.utc, "t_s": self.t_s, "kind": self.kind, "data": dict(self.data)}
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Now: on the calendar (s since 1970) and in the campaign (s; None before its start)."""
+
+    utc: float
+    t_s: float | None = None

@@ -16,13 +16,11 @@ from itertools import combinations
 
 import numpy as np
 
-from acquisition.cell.carried import point
-from acquisition.cell.cell import Cell
+from acquisition.cell.cell import Cell, point
 from acquisition.cell.position_uncertainty import TAUGHT_MM
 from acquisition.cell.workspace import targets_at
-from acquisition.record.planned import Planned
 from acquisition.record.readings import spans_of, touches_of
-from acquisition.record.store import Store
+from acquisition.record.store import Planned, Store
 from calib.arm import WorldFrame, of_base_points, with_sides
 from calib.array import Array
 from calib.text import Vector

@@ -1,6 +1,6 @@
 """A run of a campaign: the devices moved and asked, one durable reading at a time. It begins with `Run`."""
 
-from acquisition.campaign.forecast import Forecast
+from acquisition.campaign.plan import Forecast
 from acquisition.run.clock import Clock, ScaledClock
 from acquisition.run.foresight import forecast_of
 from acquisition.run.interrupt import pausing_on_interrupt

@@ -13,8 +13,7 @@ from acquisition.campaign.plan import Visit
 from acquisition.cell.transit import Transit
 from acquisition.errors import Displaced
 from acquisition.record.attempts import Attempts
-from acquisition.record.planned import Planned
-from acquisition.record.store import Store
+from acquisition.record.store import Planned, Store
 from acquisition.run.orders.control import Control
 from acquisition.run.rig.rig import Rig
 from acquisition.run.rig.settling import until_still

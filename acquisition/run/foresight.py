@@ -10,7 +10,7 @@ from concurrent.futures import Future
 from pathlib import Path
 
 from acquisition.campaign.campaign import campaign_of_record
-from acquisition.campaign.forecast import Forecast
+from acquisition.campaign.plan import Forecast
 from acquisition.cell.cell import cell_of_record
 from acquisition.record.store import Store
 

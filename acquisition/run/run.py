@@ -18,17 +18,14 @@ from dataclasses import asdict
 from pathlib import Path
 
 from acquisition.campaign.campaign import Campaign, campaign_of_record
-from acquisition.campaign.check import check_plan
-from acquisition.campaign.plan import Visit, make_plan
-from acquisition.cell.cell import Cell, cell_of_record
+from acquisition.campaign.plan import Visit, check_plan, make_plan
+from acquisition.cell.cell import Cell, cell_of_record, check_identity
 from acquisition.cell.devices import Devices
-from acquisition.cell.identity import check_identity
 from acquisition.errors import NotResumed, StorageError
 from acquisition.record.attempts import Attempts
-from acquisition.record.event import Event, Moment
 from acquisition.record.individuals import Acceptance, Individual, Individuals, individual_of
 from acquisition.record.states import State
-from acquisition.record.store import Store
+from acquisition.record.store import Event, Moment, Store
 from acquisition.run.clock import Clock, ScaledClock
 from acquisition.run.execution import Execution
 from acquisition.run.foresight import Foresee, at_once

@@ -23,13 +23,11 @@ from collections.abc import Callable, Sequence
 
 from acquisition.campaign.blocks.ballbar_geometry import BallbarGeometry
 from acquisition.campaign.campaign import Campaign
-from acquisition.cell.bars import Bar, bar_for, bars_of
-from acquisition.cell.cell import Cell
+from acquisition.cell.cell import Bar, Cell, bar_for, bars_of
 from acquisition.cell.transit import Transit
 from acquisition.errors import NothingNew, NothingWhereItShouldBe, OtherBalls, WronglySeated
 from acquisition.record.attempts import Attempts
-from acquisition.record.planned import Planned
-from acquisition.record.store import Store
+from acquisition.record.store import Planned, Store
 from acquisition.run.arrivals import Arrival, Arrivals
 from acquisition.run.ballbar.distances import BallbarChecks
 from acquisition.run.ballbar.placing import Placing

@@ -7,11 +7,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from acquisition.campaign.forecast import Forecast
+from acquisition.campaign.plan import Forecast
 from acquisition.record.attempts import Attempts
 from acquisition.record.database import is_owned
-from acquisition.record.drift import drift_of
 from acquisition.record.path_progress import share_of_path
+from acquisition.record.readings import drift_of
 from acquisition.record.states import LEFT_BEHIND, State
 from acquisition.record.store import Store
 from acquisition.run.clock import Clock

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from acquisition.record.planned import Planned
-from acquisition.record.store import Store
+from acquisition.record.store import Planned, Store
 from acquisition.run.outcome import not_resumed
 
 _OPEN, _DONE = ("planned", "deferred"), ("measured", "skipped")

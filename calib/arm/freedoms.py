@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm.jacobian import joint_scale, nominal_jacobian
+from calib.arm.kinematics import joint_scale, nominal_jacobian
 from calib.arm.robot import Robot
 from calib.array import Array
 

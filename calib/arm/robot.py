@@ -4,13 +4,17 @@ Read from `calib/arm/robots/NAME.toml` (`format = "truepose-robot/1"`) or from a
 conventions: modified DH (Craig), `Rx(alpha) Ry(beta) Tx(a) Rz(theta) Tz(d)`, and standard DH,
 `Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)`; beta is Hayati's twist between axes that are meant to be parallel.
 A joint that turns adds to theta, one that slides to d.
+
+The hash of a robot: of all numbers on which its motion depends, and of no description.
 """
 
 from __future__ import annotations
 
+import hashlib
 import itertools
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -18,33 +22,51 @@ from typing import Any, Literal
 import numpy as np
 
 from calib.arm.capsules import Capsule, default_capsules, parse_capsules
-from calib.arm.joint_kinds import FACTORS, UNITS, JointKind, external_of, kind_of, limits_of
-from calib.arm.joint_matrix import JointMatrix, parse_joint_matrix
+from calib.arm.joint_kinds import (
+    FACTORS,
+    UNITS,
+    JointKind,
+    JointMatrix,
+    external_of,
+    kind_of,
+    limits_of,
+    parse_joint_matrix,
+)
 from calib.arm.loads import FARTHEST_MM, Load, parse_loads
 from calib.array import Array
 from calib.errors import DataError
 from calib.text.flags import refuse_flags
-from calib.text.toml_text import read_toml
-from calib.text.unknown_keys import did_you_mean, refuse_unknown
+from calib.text.toml_table import did_you_mean, read_toml, refuse_unknown
 from calib.units import DEG
 
 FORMAT = "truepose-robot/1"
+
 BUILT_IN = Path(__file__).parent / "robots"
 
 MOST_JOINTS = 20
+
 MOST_TURN = 1e4 * DEG
+
 """No joint turns further: what does was given in another unit."""
 
 Convention = Literal["mdh", "dh"]
+
 BasePlacement = Literal["plain", "thesis"]
 
 _KEYS = (
     *("format", "name", "maker", "convention", "base", "parallel_axes", "source", "link", "loads"),
     *("loads_estimated", "joint_matrices", "controller_world_mm", "capsule"),
 )
+
 _NO_ROOM = 0.1  # deg or mm between the limits of a joint that follows others
+
 _LEANS = 10.0 * DEG
+
 """Axes that lean by more are not meant to be parallel."""
+
+DESCRIPTION = ("name", "maker", "source", "capsules")
+
+"""Keys of a robot that are words, or its capsules, and move nothing."""
 
 
 @dataclass(frozen=True)
@@ -391,3 +413,15 @@ def _refuse_impossible_kinds(robot: Robot, path: Path) -> None:
         raise DataError(
             "is 'thesis', which needs a first joint that turns.", do="Use 'plain'.", file=path, key="base"
         )
+
+
+def robot_hash(robot: Robot) -> str:
+    """SHA-256 of all numbers on which a robot's motion depends; without slides the same as in older versions.
+
+    Estimated loads count as none: a better estimate makes no other robot, and models from before it stay valid.
+    """
+    table = {key: value for key, value in asdict(robot).items() if key not in DESCRIPTION}
+    if table.pop("loads_estimated"):
+        table["loads"] = ()
+    table = {key: value for key, value in table.items() if key not in ("slides", "external") or value}
+    return hashlib.sha256(json.dumps(table, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

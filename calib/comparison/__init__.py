@@ -1,7 +1,18 @@
 """Comparison of regression and identification on the same readings, in one table."""
 
-from calib.comparison.away import TURN, Away, away
-from calib.comparison.comparison import DIAGNOSIS, NOMINAL, Comparison, Plan, Scored, compare, mae, rmse
+from calib.comparison.comparison import (
+    DIAGNOSIS,
+    NOMINAL,
+    TURN,
+    Away,
+    Comparison,
+    Plan,
+    Scored,
+    away,
+    compare,
+    mae,
+    rmse,
+)
 
 __all__ = [
     "DIAGNOSIS",

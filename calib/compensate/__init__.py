@@ -1,13 +1,10 @@
 """Compensation: `correct` computes joint targets with which the real robot reaches the pose of the nominal one."""
 
-from calib.compensate.actual import nominal_of
-from calib.compensate.bounds import Bounds, refuse_unlikely
-from calib.compensate.calibrated import Calibrated
+from calib.compensate.calibrated import Calibrated, Usable, usable
 from calib.compensate.carried import Carried, carried, constant_slots, joint_origins, poses_with
 from calib.compensate.controller import model_sides, sides_that_move
-from calib.compensate.correct import correct, inverse_poses
+from calib.compensate.correct import Bounds, correct, inverse_poses, nominal_of, refuse_unlikely
 from calib.compensate.correction import REASONS, Correction, Status
-from calib.compensate.for_use import Usable, usable
 
 __all__ = [
     "REASONS",

@@ -5,11 +5,19 @@ nominal base frame, the identified base is part of the error; where the base was
 placements), the world is arbitrary, and the identified base frame takes its place: its parameters are left out.
 A regression based on the model shifts every target by the error that it predicts for its own point; it corrects no
 orientation.
+
+The part of a model that can be used for corrections: without carried terms whose conditions only a campaign has.
+
+A function of time is known while the readings are taken, and not afterwards; the last move is not known of a target.
+Such terms are left out, and the other parameters adapted to first order (`calib.model.model`). The loss is the
+distance between both models over random poses within the joint limits, at random times of the campaign:
+
+    loss = |p_whole(q, t) - p_usable(q, t)|
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +26,22 @@ from calib.arm.kinematics import Frames
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.errors import DataError
-from calib.fit.uncertainty import predict_with_covariance
-from calib.model.model import Design, RobotModel
-from calib.model.reduced import without
-from calib.model.stated import FLANGE, StatedConditions, conditions_at, series_of
+from calib.fit.identification import predict_with_covariance
+from calib.fit.statistics import ErrorStatistics, distances, statistics_of
+from calib.model.carried_regressors import OfTime
+from calib.model.effect import Effect
+from calib.model.model import FLANGE, Design, RobotModel, StatedConditions, conditions_at, series_of, without
 from calib.regression.regression import Regression, world_points
 
 CORRECTED_OWNERS = ("robot", "mounting")
+
 _BEYOND = 1e-6  # of the width of the measured range: rounding of a target at its border
+
+_SAMPLES = 500
+
+_NAMED = 6  # terms named in one line; the document names all
+
+_SECONDS, _AIR_C = 3600.0, 20.0  # for named effects of time and temperature where none is stated
 
 
 def corrects(model: RobotModel, series: str) -> Array:
@@ -48,7 +64,7 @@ class Calibrated:
     """The calibrated robot at stated conditions, with the base as the nominal frame where the fit placed it.
 
     estimate: (m,) of the model, zero where a parameter is the instrument's or only says where the base was put, and
-    for carried terms that follow what is known only during a campaign (`calib.compensate.for_use` adapts the others).
+    for carried terms that follow what is known only during a campaign (this module adapts the others).
     """
 
     def __init__(
@@ -121,3 +137,67 @@ def poses_of(frames: Frames, n: int) -> Array:
     poses[:, :3, 3] = np.broadcast_to(frames.p, (3, n)).T
     poses[:, 3, 3] = 1.0
     return poses
+
+
+@dataclass(frozen=True)
+class Usable:
+    """A model for corrections, its estimate (m,) and covariance (m, m) in internal units; left_out: carried terms that
+    it lacks; loss: mm, what leaving them out costs, None if nothing was left out."""
+
+    model: RobotModel
+    estimate: Array
+    covariance: Array
+    left_out: tuple[Effect, ...]
+    loss: ErrorStatistics | None
+
+    @property
+    def in_words(self) -> tuple[str, ...]:
+        """What was left out, and its cost, as sentences; empty if nothing was left out."""
+        if self.loss is None:
+            return ()
+        names = ", ".join(effect.label for effect in self.left_out[:_NAMED])
+        more = len(self.left_out) - _NAMED
+        return (
+            f"Carried terms that the correction leaves out: {names}{f' and {more} more' if more > 0 else ''}. Without "
+            f"them positions change by {self.loss.rms:.3f} mm RMS, {self.loss.max:.3f} mm at most, at {self.loss.n} "
+            "random poses and times of the campaign.",
+        )
+
+
+def usable(
+    model: RobotModel,
+    estimate: Array,
+    covariance: Array,
+    stated: StatedConditions,
+    *,
+    named_only: bool = False,
+    coupling: str = "none",
+) -> Usable:
+    """The model, estimate (m,) and covariance (m, m), without carried terms that cannot be used; named_only: without
+    any. stated: loads, gravity and air for the loss."""
+    left_out = tuple(e for e in model.effects if e.is_carried and (named_only or not e.is_usable))
+    less, values, spread = without(model, estimate, covariance, left_out)
+    if not left_out:
+        return Usable(less, values, spread, (), None)
+    robot, rng, series = model.robot, np.random.default_rng(1), stated.series or next(iter(model.targets))
+    joints, before = (
+        robot.model_angles(rng.uniform(robot.lower, robot.upper, (_SAMPLES, robot.joints)), coupling)
+        for _ in range(2)
+    )
+    clocks = {"time": (_SECONDS, _SECONDS)} | {
+        term.regressor.clock: (term.regressor.times[0], term.regressor.times[-1])
+        for effect in left_out
+        for term in effect.terms
+        if isinstance(term.regressor, OfTime)
+    }
+    air = _AIR_C if np.isnan(stated.temperature_c) else stated.temperature_c
+    conditions = replace(
+        conditions_at(model, joints, replace(stated, series=series, temperature_c=air)),
+        previous=before,
+        **{clock: rng.uniform(*ends, _SAMPLES) for clock, ends in clocks.items()},
+    )
+    whole, part = (
+        Design(in_base(each), conditions).predict(x * corrects(each, series))
+        for each, x in ((model, estimate), (less, values))
+    )
+    return Usable(less, values, spread, left_out, statistics_of(distances(whole, part)))

@@ -21,8 +21,7 @@ from calib.arm.robot import Robot
 from calib.array import Array
 from calib.compensate.calibrated import Calibrated, poses_of
 from calib.fit.statistics import ErrorStatistics, statistics_of
-from calib.model.model import RobotModel
-from calib.model.stated import StatedConditions
+from calib.model.model import RobotModel, StatedConditions
 
 _SAMPLES = 1000
 _LEVER_MM = 100.0  # a turn of the flange counts as what it moves a tool of this length

@@ -6,29 +6,40 @@ The controller keeps its nominal model, so it is sent a false target F instead o
 
 until the calibrated robot at IK_nom(F) reaches T. Source: Nubiola, thesis 1.5; Nubiola & Bonev 2014. For a joint
 target q the wanted pose is T = FK_nom(q). FK_cal: `calib.compensate.calibrated`, under stated conditions
-(`calib.model.stated`). An arm with fewer than six freedoms (`calib.arm.freedoms`) is asked for the pose nearest
+(`calib.model.model`). An arm with fewer than six freedoms (`calib.arm.freedoms`) is asked for the pose nearest
 to T that it can reach; the rest of the pose error stays and is reported.
 
 Anderson's mixing, batched: fewer rounds to the same fixed point. Source: Walker & Ni 2011.
+
+The inverse direction: joints of the nominal robot in the poses that the real robot takes, actual to nominal.
+
+For targets that were taught on the real robot and shall be shown, or programmed on, in a world where robots are
+nominal: q_nom = IK_nom(FK_cal(q)). What `calib.compensate.correct` makes of q_nom is q again.
+
+Bounds on a correction: a larger one means a wrong model, not a wrong robot.
+
+Identified robots differ from nominal by some tenths of a degree and some millimetres; 10 deg in a joint means a file
+that was changed, a model of another robot, or a failed fit. What is compared is where the flange is, with
+the model and without, all over the joint ranges: single parameters may be large and cancel, as the UR's d_2 and d_3.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.arm.freedoms import SINGULAR, Freedoms
-from calib.arm.inverse_kinematics.near import nominal_inverse
-from calib.arm.jacobian import joint_scale, nominal_jacobian
+from calib.arm.inverse_kinematics.solutions import nominal_inverse
+from calib.arm.kinematics import joint_scale, nominal_jacobian
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.compensate.calibrated import Calibrated
-from calib.compensate.correction import Correction, Status
-from calib.compensate.misses import LANDED_MM, LANDED_RAD, Misses
-from calib.model.model import RobotModel
-from calib.model.stated import FLANGE, StatedConditions, nominal_poses, series_of, tool_point
+from calib.compensate.correction import LANDED_MM, LANDED_RAD, Correction, Misses, Status
+from calib.errors import DataError
+from calib.model.model import FLANGE, RobotModel, StatedConditions, nominal_poses, series_of, tool_point
 from calib.regression.regression import Regression
 from calib.units import DEG
 
@@ -36,6 +47,10 @@ MOST_ITERATIONS = 16  # all of 1000 poses of Nubiola's robot land within so many
 
 # Tenths of a degree are usual, more near a singular wrist; beyond this the branch is left
 FARTHEST = 30.0 * DEG  # of a slide as much of `LEVER_MM`
+
+_SAMPLES = 200
+
+_SECONDS, _AIR_C = 3600.0, 20.0  # for effects of time and temperature where none is stated
 
 
 def correct(
@@ -185,3 +200,97 @@ class Memory:
         self._steps[rows, 0], self._shifted[rows, 0] = step, shifted
         self._known += 1
         return out
+
+
+def nominal_of(
+    model: RobotModel,
+    estimate: Array,
+    joints: Array,
+    stated: StatedConditions,
+    *,
+    target: str = FLANGE,
+    limits: Array | None = None,
+    coupling: str = "none",
+    regression: Regression | None = None,
+) -> Correction:
+    """Joints (n, N) at which the nominal robot is in the pose that the real one takes at `joints` (n, N), rad.
+
+    Arguments, refusals and errors raised are those of `correct`.
+    """
+    robot = model.robot
+    joints, limits = checked(robot, joints, limits)
+    tool = tool_point(model, series_of(model, stated), target)
+    arm = Freedoms.of(robot, limits, coupling, tool)
+    known = np.flatnonzero(np.all(np.isfinite(joints), axis=1))
+    calibrated = Calibrated(model, estimate, stated, target, regression)
+    reached = calibrated.poses(joints[known])
+    found, misses = np.full_like(joints, np.nan), Misses.unknown(len(joints))
+    found[known] = nominal_inverse(robot, reached, joints[known], tool, arm)
+    misses.take(known, arm, robot, found[known], tool, nominal_poses(model, found[known], tool), reached)
+    refusals = refused(robot, arm, joints, found, misses, limits, coupling, tool, regression, joints[None])
+    done = misses.correction(found, refusals, np.isfinite(misses.landed).astype(np.int64), arm)
+    return replace(done, beyond=calibrated.beyond(joints))
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The largest rotation, deg, and the largest shift, mm, of the flange that a model may cause."""
+
+    turn_deg: float = 2.0
+    shift_mm: float = 15.0
+
+
+def refuse_unlikely(
+    model: RobotModel,
+    estimate: Array,
+    stated: StatedConditions,
+    bounds: Bounds,
+    *,
+    coupling: str = "none",
+    file: Path | str | None = None,
+) -> None:
+    """Raise DataError, naming the parameter with the largest share, where a model corrects beyond `bounds`.
+
+    estimate: (m,) internal units. Conditions that are not stated are those of a usual room.
+    """
+    robot = model.robot
+    counted = np.random.default_rng(1).uniform(robot.lower, robot.upper, (_SAMPLES, robot.joints))
+    joints = robot.model_angles(counted, coupling)
+    nominal = nominal_poses(model, joints, np.zeros(3))
+    stated = replace(
+        stated,
+        time_s=_SECONDS if np.isnan(stated.time_s) else stated.time_s,
+        temperature_c=_AIR_C if np.isnan(stated.temperature_c) else stated.temperature_c,
+    )
+    for series in model.targets:
+
+        def off(values: Array, series: str = series) -> tuple[float, float]:
+            """Largest shift, mm, and turn, deg."""
+            poses = Calibrated(model, values, replace(stated, series=series)).poses(joints)
+            shift = np.linalg.norm(poses[:, :3, 3] - nominal[:, :3, 3], axis=1)
+            # |R - R0| = 2 sqrt(2) sin(angle / 2) in the norm of Frobenius
+            apart = np.linalg.norm(poses[:, :3, :3] - nominal[:, :3, :3], axis=(1, 2)) / np.sqrt(8.0)
+            return float(shift.max()), float(2.0 * np.arcsin(np.minimum(apart, 1.0)).max() / DEG)
+
+        shift, turn = off(estimate)
+        if shift <= bounds.shift_mm and turn <= bounds.turn_deg:
+            continue
+        beyond = [
+            # rounded up: what exceeds a limit must not look as if it met it
+            f"{np.ceil(size * 10**digits) / 10**digits:.{digits}f} {unit}, more than {limit:g} {unit}"
+            for size, digits, unit, limit in (
+                (shift, 1, "mm", bounds.shift_mm),
+                (turn, 2, "deg", bounds.turn_deg),
+            )
+            if size > limit
+        ]
+        share = [
+            max(np.divide(off(alone), (bounds.shift_mm, bounds.turn_deg))) for alone in np.diag(estimate)
+        ]
+        raise DataError(
+            f"corrects the robot by up to {' and '.join(beyond)}; most of it by this parameter.",
+            do="Use a model of this robot as it was written. Where the robot is really so far off, allow more: "
+            "--largest-correction DEG MM, over HTTP largest_deg and largest_mm.",
+            file=file,
+            key=model.parameters[int(np.argmax(share))].name,
+        )

@@ -1,7 +1,7 @@
 """From the six legs of a ballbar hexapod to points: the poses solved by direct kinematics, as a data set of its own.
 
 Every visit of the robot in which all six legs were measured becomes three points, the balls of the tool, by the
-closed form of `calib.arm.hexapod_pose`. The sides of the triangles are those that the ballbar measured, else those of
+closed form of `calib.arm.hexapod`. The sides of the triangles are those that the ballbar measured, else those of
 the stated positions; of the assembly modes it is the one nearest to where the nominal robot is. The frame is that
 of the stated base balls, over which the measured triangle is laid. `identify` fits such points as it fits a tracker's;
 fitting the legs themselves also uses visits where some were out of stroke, and what ties the three balls together.
@@ -18,8 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm.hexapod import LEGS
-from calib.arm.hexapod_pose import HexapodPoses, solve_pose
+from calib.arm.hexapod import LEGS, HexapodPoses, solve_pose
 from calib.arm.start import align
 from calib.array import Array
 from calib.convert.table import Table
@@ -203,7 +202,7 @@ def _design(legs: Iterable[tuple[str, str]]) -> tuple[tuple[str, ...], tuple[str
 
 
 def _lengths(dataset: Dataset, visit: _Visit) -> tuple[list[float], list[float]]:
-    """The twelve lengths of a visit in the order of `calib.arm.hexapod_pose.LENGTHS`, and their uncertainty, mm."""
+    """The twelve lengths of a visit in the order of `calib.arm.hexapod.LENGTHS`, and their uncertainty, mm."""
     header = dataset.header
     declared = np.where(np.isfinite(dataset.u_length), dataset.u_length, header.noise.length_mm)
     legs = [(float(dataset.lengths[row]), float(declared[row])) for row in visit.rows]

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from calib.convert.table import Table
 from calib.errors import DataError
-from calib.text.csv_text import rows_of
+from calib.text.columns import rows_of
 from calib.text.text_file import read_text
 from calib.text.toml_table import FARTHEST_MM
 

@@ -16,8 +16,8 @@ from scipy.spatial import KDTree
 
 from calib.array import Array
 from calib.errors import DataError
-from calib.text.files import replace_file
-from calib.text.formula import no_formula
+from calib.text.columns import no_formula
+from calib.text.text_file import replace_file
 
 Holdout = Literal["auto", "random", "block", "none"]
 BLOCKS = 20

@@ -2,8 +2,17 @@
 
 from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
-from calib.data.groups import DEFAULT_GROUPS, GROUPS, LEVELS
-from calib.data.header import ABSOLUTE_ACCURACY, LEAST, Header, header_of, read_header, read_noise
+from calib.data.header import (
+    ABSOLUTE_ACCURACY,
+    DEFAULT_GROUPS,
+    GROUPS,
+    LEAST,
+    LEVELS,
+    Header,
+    header_of,
+    read_header,
+    read_noise,
+)
 from calib.data.hypotheses import FEWEST as FEWEST_MEANT
 from calib.data.hypotheses import Hypothesis, Meaning, explained, of_points, of_robot
 from calib.data.joints_misread import of_directions, of_joints

@@ -1,6 +1,8 @@
 """The header of a data set, `NAME.toml`: robot, instrument, world, noise, targets. Refuses impossible values.
 
 When the readings of a data set were taken, and by whom.
+
+The groups of parameters of a base model by their names in `[model] fit`, and the levels.
 """
 
 from __future__ import annotations
@@ -14,14 +16,33 @@ from pathlib import Path
 from typing import Any, Literal
 
 from calib.arm.robot import Load, Robot, built_in_robots, load_robot, parse_loads, robot_from
-from calib.data.groups import DEFAULT_GROUPS, GROUPS, LEVELS
 from calib.data.noise import Kind, Noise
 from calib.errors import DataError
-from calib.text.toml_table import TomlTable, Vector
-from calib.text.toml_text import read_toml
+from calib.text.toml_table import TomlTable, Vector, read_toml
 from calib.units import DEG
 
 KEYS = {"began", "ended", "operators", "campaigns"}
+
+GROUPS = (
+    "base",
+    "geometry",
+    "parallel_twist",
+    "compliance",
+    "tool",
+    "joint_offsets",
+    "encoder_scale",
+    "length_zero",
+)
+
+DEFAULT_GROUPS = ("base", "geometry", "parallel_twist", "compliance")
+
+LEVELS = {
+    1: ("base", "joint_offsets", "encoder_scale"),
+    2: ("base", "geometry", "parallel_twist"),
+    3: DEFAULT_GROUPS,
+}
+
+"""Levels of calibration: 1 joints, 2 geometry, 3 what is not geometry too. Source: Roth, Mooring and Ravani 1987."""
 
 
 @dataclass(frozen=True)

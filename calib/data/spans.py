@@ -5,7 +5,7 @@
                  B1           B2            299.9974     two balls of the base
 
 A ballbar measures them by itself. They have no joint angles, and they tie the positions of the balls to each other in
-every fit (`calib.model.ties`). Source: Nubiola, thesis, section 4.2.
+every fit (`calib.model.model`). Source: Nubiola, thesis, section 4.2.
 """
 
 from __future__ import annotations

@@ -24,9 +24,9 @@ from calib.data.dataset import Dataset
 from calib.diagnose.dictionary import CONDITIONS, Entry, OfClock, bound, held, step_at
 from calib.diagnose.pursuit import HOLDS, LEASH, Choice, Chosen, parts, pursue
 from calib.diagnose.structure import TOGETHER, Structure
+from calib.fit.held_out import all_readings
 from calib.fit.identification import Identification
 from calib.fit.identify import carry, leaving_out
-from calib.fit.left_out import all_readings
 from calib.fit.readings import Readings
 from calib.model.carried_regressors import OfTime
 from calib.model.effect import Effect, Owner, Parameter, Term

@@ -36,10 +36,10 @@ from calib.data.dataset import Dataset
 from calib.effects import Survey, by_axis
 from calib.effects.transmission import BANDS, HIGHEST, curve_of, gear_orders, half_octave, periodic
 from calib.fit import robust
+from calib.fit.held_out import all_readings
 from calib.fit.identification import Identification
 from calib.fit.identify import Progress, carry, leaving_out, silent
 from calib.fit.least_squares import LEAST_NOISE, usual_sizes
-from calib.fit.left_out import all_readings
 from calib.fit.readings import Readings, linearised
 from calib.model.effect import Effect
 from calib.model.model import Design, RobotModel

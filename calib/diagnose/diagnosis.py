@@ -59,12 +59,10 @@ from calib.effects import Survey, offers
 from calib.errors import DataError
 from calib.fit import robust
 from calib.fit.again import fit_again
-from calib.fit.held_out import errors_on
-from calib.fit.held_out_faults import HeldOutFaults, held_out_faults
+from calib.fit.held_out import HeldOutFaults, all_readings, errors_on, held_out_faults
 from calib.fit.identification import Identification
 from calib.fit.identify import Progress, carry, fit, identify, silent, within_type
 from calib.fit.least_squares import Dropped, Linearisation, find_dependent, solve
-from calib.fit.left_out import all_readings
 from calib.fit.of_type import Beside, TypePrior, centred
 from calib.fit.placing import base_model_of, place_nominal
 from calib.fit.readings import Readings, readings_of

@@ -25,7 +25,6 @@ from calib.fit.least_squares import jacobian
 from calib.fit.readings import Readings
 from calib.model.carried_regressors import QUANTITIES, Held, HeldPair, OfTime
 from calib.model.effect import Effect
-from calib.model.gravity_regressors import Torque, TorqueCubed, TorqueSign
 from calib.model.model import Design, RobotModel
 from calib.model.regressors import (
     Cosine,
@@ -38,6 +37,9 @@ from calib.model.regressors import (
     StepAt,
     Temperature,
     Time,
+    Torque,
+    TorqueCubed,
+    TorqueSign,
     WarmUp,
 )
 

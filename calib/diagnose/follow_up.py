@@ -31,8 +31,7 @@ from calib.effects import kind_of
 from calib.effects.kind import SECOND_TARGET, distinguishing
 from calib.fit.identification import Identification
 from calib.model.base_model import COMPLIANCE
-from calib.model.model import Design
-from calib.model.stated import StatedConditions, conditions_at
+from calib.model.model import Design, StatedConditions, conditions_at
 from calib.units import DEG, to_display
 
 _MOST = 5  # sentences

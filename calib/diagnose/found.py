@@ -39,8 +39,7 @@ from calib.fit.identification import Identification
 from calib.fit.readings import linearised, readings_of
 from calib.fit.statistics import ErrorStatistics, statistics_of
 from calib.model.effect import Effect
-from calib.model.model import Design
-from calib.model.reduced import conditional
+from calib.model.model import Design, conditional
 from calib.scan.families import Harmonics, Shapes, Steps
 from calib.scan.scores import ABSORBED, CLAIM, Family, Scores, Space, bounds_of, impossible
 from calib.units import to_display

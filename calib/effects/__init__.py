@@ -14,8 +14,7 @@ from typing import Any
 
 from calib.arm.robot import Robot
 from calib.effects import elasticity, geometry, instrument, slides, thermal, transmission
-from calib.effects.kind import Kind
-from calib.effects.row import Entry, Offers, Row
+from calib.effects.kind import Entry, Kind, Offers, Row
 from calib.effects.survey import Survey, compliance_of
 from calib.errors import DataError
 from calib.model.effect import Effect

@@ -10,12 +10,18 @@ from collections.abc import Mapping
 import numpy as np
 
 from calib.arm.robot import Load, Robot
-from calib.effects.kind import OTHER_LOAD, Kind
-from calib.effects.row import Entry, Row
+from calib.effects.kind import OTHER_LOAD, Entry, Kind, Row
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
-from calib.model.gravity_regressors import LoadTorque, Moment, MomentBehind, Overturning, Torque, TorqueCubed
-from calib.model.regressors import Regressor
+from calib.model.regressors import (
+    LoadTorque,
+    Moment,
+    MomentBehind,
+    Overturning,
+    Regressor,
+    Torque,
+    TorqueCubed,
+)
 from calib.scan.families import Candidate
 from calib.units import to_display
 

@@ -12,8 +12,7 @@ from functools import partial
 import numpy as np
 
 from calib.array import Array
-from calib.effects.kind import LATER, OTHER_STATION, SECOND_TARGET, Kind
-from calib.effects.row import Entry, Row
+from calib.effects.kind import LATER, OTHER_STATION, SECOND_TARGET, Entry, Kind, Row
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
 from calib.model.regressors import Constant, CreepBetween, OnTarget, Regressor, StepAt

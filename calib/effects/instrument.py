@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib.effects.kind import OTHER_STATION, OTHER_WARMTH, Kind
-from calib.effects.row import Entry
+from calib.effects.kind import OTHER_STATION, OTHER_WARMTH, Entry, Kind
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
 from calib.model.regressors import Beam, Time, ToAnchor

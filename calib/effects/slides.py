@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from calib.effects.kind import OTHER_LOAD, OTHER_SIDE, OTHER_WARMTH, Kind
-from calib.effects.row import Entry, Row
+from calib.effects.kind import OTHER_LOAD, OTHER_SIDE, OTHER_WARMTH, Entry, Kind, Row
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, Written, effect
-from calib.model.gravity_regressors import Torque
-from calib.model.regressors import JointAngle, Side
-from calib.model.slide_regressors import HalfCosines, HalfSines, WarmTravel
+from calib.model.regressors import HalfCosines, HalfSines, JointAngle, Side, Torque, WarmTravel
 from calib.scan.families import Candidate
 
 _LEAST_FORCE = 1.0  # N

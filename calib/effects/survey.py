@@ -14,9 +14,8 @@ from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.fit.identification import Identification
 from calib.model.effect import Effect
-from calib.model.gravity_regressors import Torque
 from calib.model.model import RobotModel
-from calib.model.regressors import Regressor
+from calib.model.regressors import Regressor, Torque
 
 _LEAST_MOMENT = 20.0  # N.mm: 2 um at 100 mm by a gear of 1e-6 rad/(N.mm); friction and cables do more
 

@@ -10,8 +10,7 @@ from functools import partial
 import numpy as np
 
 from calib.arm.robot import Robot
-from calib.effects.kind import OTHER_WARMTH, Kind
-from calib.effects.row import Entry, Row
+from calib.effects.kind import OTHER_WARMTH, Entry, Kind, Row
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
 from calib.model.regressors import Constant, Regressor, Temperature, WarmUp

@@ -10,12 +10,10 @@ from functools import partial
 import numpy as np
 
 from calib.array import Array
-from calib.effects.kind import OTHER_SIDE, Kind
-from calib.effects.row import Entry, Row
+from calib.effects.kind import OTHER_SIDE, Entry, Kind, Row
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, Written, effect
-from calib.model.gravity_regressors import TorqueSign
-from calib.model.regressors import Cosine, GearCurve, JointAngle, LastMove, LoadedSide, Side, Sine
+from calib.model.regressors import Cosine, GearCurve, JointAngle, LastMove, LoadedSide, Side, Sine, TorqueSign
 from calib.scan.families import Candidate, Harmonics
 from calib.units import DEG, to_display
 

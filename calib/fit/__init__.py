@@ -1,16 +1,21 @@
 """The fit: base placed, parameters of the base model by robust least squares, and their uncertainty."""
 
 from calib.fit.circle_points import FEWEST, LEAST_RANGE
-from calib.fit.held_out import errors_on, length_differences
-from calib.fit.held_out_faults import HeldOutFault, HeldOutFaults
-from calib.fit.identification import Identification
+from calib.fit.held_out import (
+    HeldOutFault,
+    HeldOutFaults,
+    LeftOut,
+    all_readings,
+    errors_on,
+    left_out,
+    length_differences,
+)
+from calib.fit.identification import Identification, expanded, radius_95
 from calib.fit.identify import identify, silent
-from calib.fit.left_out import LeftOut, all_readings, left_out
 from calib.fit.offsets import Offset, judge_points, offsets_of
 from calib.fit.placing import base_model_of, place_nominal
 from calib.fit.readings import Readings, readings_of
 from calib.fit.statistics import ErrorStatistics, statistics_of, worse
-from calib.fit.uncertainty import expanded, radius_95
 from calib.fit.uncertainty_map import UncertaintyMap, uncertainty_map
 
 __all__ = [

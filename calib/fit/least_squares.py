@@ -4,7 +4,7 @@ minimise  sum_i w_i |W_i (measured_i - predicted_i(x))|^2  +  s^2 sum_j ((x_j - 
           +  s^2 sum_k t_k(x)^2
 
 mean_j is zero, nominal, unless robots of the type share another (`calib.fit.of_type`); t_k are the distances between
-balls of one body (`calib.model.ties`), measurements like a declared position.
+balls of one body (`calib.model.model`), measurements like a declared position.
 
 s is the noise scale: where the readings are noisier than declared the prior counts for more against them, where
 they are better than declared for less, so that readings without noise come back as they are (a prior that is a
@@ -28,9 +28,8 @@ from calib.arm.kinematics import Frames
 from calib.array import Array
 from calib.data.conditions import row_keys
 from calib.fit.ending import Ending
-from calib.model.model import Design, RobotModel
+from calib.model.model import Design, RobotModel, ties
 from calib.model.observations import Observations
-from calib.model.ties import ties
 
 MAX_ITERATIONS = 50
 CONVERGED = 0.02  # length of a step in standard errors of the estimate

@@ -25,14 +25,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import chdtrc, stdtrit
 
-from calib.arm.robot import Robot
-from calib.arm.robot_hash import robot_hash
+from calib.arm.robot import Robot, robot_hash
 from calib.array import Array
 from calib.errors import DataError
 from calib.fit.least_squares import Dropped, Linearisation
 from calib.model.effect import Effect, Parameter
-from calib.model.expected import Expected
-from calib.model.model import RobotModel
+from calib.model.model import Expected, RobotModel
 
 OUTSIDE = 0.01  # chance that any parameter of a robot of the type is called outside it
 TOGETHER = 0.001  # chance that all of them together are

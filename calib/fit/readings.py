@@ -15,8 +15,7 @@ from calib.data.dataset import Dataset
 from calib.data.noise import whitener
 from calib.fit.least_squares import Linearisation, jacobian
 from calib.model.model import Design, RobotModel
-from calib.model.observations import Observations
-from calib.model.shared import Shared
+from calib.model.observations import Observations, Shared
 
 
 @dataclass(frozen=True)

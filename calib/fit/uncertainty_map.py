@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from calib.arm.kinematics import forward
 from calib.array import Array
-from calib.fit.identification import Identification
-from calib.fit.uncertainty import expanded, radius_95
-from calib.model.stated import StatedConditions, conditions_at
+from calib.fit.identification import Identification, expanded, radius_95
+from calib.model.model import StatedConditions, conditions_at
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,11 @@ from calib.data.read import dataset_of
 from calib.errors import DataError
 from calib.foreign.files.layout import Layout
 from calib.foreign.map.map_file import FileMap, Map, refuse_other
-from calib.foreign.proposal.evidence import Fit, fit_of
-from calib.foreign.proposal.proposal import tables_of
-from calib.foreign.readings.data_set import table_of
+from calib.foreign.proposal.proposal import Fit, fit_of, tables_of
 from calib.foreign.readings.one_file import readings_of
+from calib.foreign.readings.readings import table_of
 from calib.text.columns import Columns
-from calib.text.toml_text import parse_toml
+from calib.text.toml_table import parse_toml
 from calib.units import DEG
 
 _ANOTHER = 0.1  # share of the extent of the points by which no nominal arm misses what it was measured at

@@ -1,12 +1,18 @@
 """The model of a robot: effects on the slots of its kinematic chain, their regressors, and the predicted readings."""
 
 from calib.model.axis import Axis, Drawn
-from calib.model.check import check_effect
 from calib.model.effect import Effect, Term, effect
-from calib.model.model import Design, RobotModel
-from calib.model.reduced import named_only
+from calib.model.model import (
+    FLANGE,
+    Design,
+    RobotModel,
+    StatedConditions,
+    check_effect,
+    conditions_at,
+    named_only,
+    series_of,
+)
 from calib.model.regressors import InSeries, OnTarget, Regressor, ToAnchor
-from calib.model.stated import FLANGE, StatedConditions, conditions_at, series_of
 
 __all__ = [
     "FLANGE",

@@ -12,8 +12,7 @@ from functools import lru_cache
 
 from calib.arm.robot import Robot
 from calib.model.effect import Effect, effect
-from calib.model.gravity_regressors import Torque
-from calib.model.regressors import Constant, InSeries, JointAngle, OnTarget, Regressor, ToAnchor
+from calib.model.regressors import Constant, InSeries, JointAngle, OnTarget, Regressor, ToAnchor, Torque
 
 COMPLIANCE = "1e-6 rad/(N.mm)"
 """Unit of the compliance of a gear."""

@@ -2,10 +2,38 @@
 
 `RobotModel` is constant. `Design` binds it to the conditions of n readings, with every regressor evaluated once;
 it turns an estimate (m,) in internal units into slot values, frames, and Jacobian columns.
+
+Effects that were found in other robots of the type: they share half of the chance of a false effect.
+
+A search that may err once in so many tries (`calib.scan.scores`) can spend them as it likes, as long as the shares
+were fixed before the readings and add up to one: a place with share w counts for 1 / w tries. So what is frequent in a
+type needs less evidence, everything else twice as much, and claims on robots that lack nothing stay as rare.
+Source: Genovese, Roeder and Wasserman 2006 (weighted p-values).
+
+Ties between the positions of balls of one body by the measured distances between them.
+
+    residual  (L - |p - q|) / u,      derivative  e.(dp - dq) / u,   e the unit vector from q to p
+
+p and q are the positions of the two balls as the model has them: nominal and, where they are parameters, their
+estimate. The arm takes no part. Lengths mm.
+
+A model without some of its effects, with all other parameters adapted as a new fit would, to first order.
+
+With x the estimate, C its covariance and e the parameters of the effects, x - C_e C_ee^-1 x_e is the estimate under the
+condition that these effects are zero, and C - C_e C_ee^-1 C_e' its covariance.
+
+`check_effect`: the conformance check that every effect must pass, of the library or of another package.
+
+The conditions for which a correction holds, and the robot's conditions at any joint angles under them.
+
+A corrected target is valid only for the approach, temperature and time for which it was computed. Conditions that
+follow from the joints (gravity torque, the joints before the last move) are computed for every pose of the iteration;
+stated ones (side of approach, temperature, time, "after the last step") stay.
 """
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -14,15 +42,42 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm.kinematics import Chain, Frames, Placement, nominal_values, propagate
-from calib.arm.robot import Robot
+from calib.arm.kinematics import BESIDE, Chain, Frames, Placement, forward, nominal_values, propagate, statics
+from calib.arm.robot import Load, Robot
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.data.spans import Span
 from calib.model.effect import Effect, Owner, Parameter
-from calib.model.expected import Expected
+from calib.model.observations import Observations
 from calib.model.regressors import GearCurve
-from calib.units import to_internal
+from calib.units import DEG, FACTORS, to_internal
+
+_DIFFERENCE = 1e-4  # of the expected size: far above rounding, far below curvature
+
+_TOLERANCE = 1e-5
+
+FLANGE = ""
+
+"""The tool point of the flange itself; no target can have this name."""
+
+AFTER_EVERYTHING = 1e12
+
+"""Rank of a reading behind every step of the campaign."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """An effect by its label and shape, and its share of all tries."""
+
+    label: str
+    shape: Mapping[str, float]
+    share: float
+
+    @property
+    def place(self) -> Effect:
+        """The effect without its parameters: enough to find its place in a scan."""
+        return Effect(self.label, "transmission", "robot", "", (), (), self.shape)
+
 
 ALL_OWNERS: tuple[Owner, ...] = ("robot", "mounting", "instrument")
 
@@ -227,3 +282,208 @@ def _of_series(constants: Mapping[str, Array], size: int, conditions: Conditions
     if len(matrices) > 1:
         matrices = matrices[conditions.series]
     return matrices.transpose(1, 2, 0)
+
+
+def ties(model: RobotModel, estimate: Array) -> tuple[Array, Array]:
+    """Whitened residual (q,) of the distances between balls of a model, and its derivative of the prediction (q, m)."""
+    residual = np.zeros(len(model.spans))
+    columns = np.zeros((len(model.spans), len(model.parameters)))
+    several = len(model.targets) > 1
+    for row, span in enumerate(model.spans):
+        places = model.targets[span.series] if span.series else model.anchors
+        suffix = f"[{span.series}]" if span.series and several else ""
+        between, moves = np.zeros(3), np.zeros((3, len(model.parameters)))
+        for name, sign in ((span.one, 1.0), (span.other, -1.0)):
+            between += sign * np.array(places[name])
+            for k, axis in enumerate("xyz"):
+                position = model.index.get(f"{name}{suffix}.{axis}", model.index.get(f"{name}.{axis}"))
+                if position is not None:
+                    between[k] += sign * estimate[position]
+                    moves[k, position] = sign
+        apart = float(np.linalg.norm(between))
+        residual[row] = (span.length_mm - apart) / span.u_mm
+        columns[row] = between @ moves / (max(apart, 1e-12) * span.u_mm)
+    return residual, columns
+
+
+Reduced = tuple[RobotModel, Array, Array]
+
+"""Model, estimate (m,) and covariance (m, m) in internal units."""
+
+
+def conditional(
+    model: RobotModel, estimate: Array, covariance: Array, effects: Collection[Effect]
+) -> tuple[Array, Array]:
+    """Estimate (m,) and covariance (m, m) of a whole model under the condition that some effects are zero."""
+    gone = [i for effect in effects for i in model.positions(effect)]
+    live = [i for i in gone if covariance[i, i] > 0.0]
+    scale = np.sqrt(np.diag(covariance)[live])
+    within = covariance[np.ix_(live, live)] / np.outer(scale, scale)
+    pull = np.linalg.lstsq(within, covariance[live] / scale[:, None], rcond=None)[0] / scale[:, None]
+    estimate, covariance = estimate - estimate[live] @ pull, covariance - covariance[:, live] @ pull
+    estimate[gone], covariance[gone], covariance[:, gone] = 0.0, 0.0, 0.0
+    return estimate, covariance
+
+
+def without(model: RobotModel, estimate: Array, covariance: Array, effects: Collection[Effect]) -> Reduced:
+    """The model without some effects; estimate and covariance (m,), (m, m) in internal units become smaller."""
+    if not effects:
+        return model, estimate, covariance
+    estimate, covariance = conditional(model, estimate, covariance, effects)
+    less = model.without(*(effect.label for effect in effects))
+    kept = [model.index[p.name] for p in less.parameters]
+    return less, estimate[kept], covariance[np.ix_(kept, kept)]
+
+
+def named_only(model: RobotModel, estimate: Array, covariance: Array) -> Reduced:
+    """The model without its carried terms."""
+    return without(model, estimate, covariance, [e for e in model.effects if e.is_carried])
+
+
+def check_effect(effect: Effect, model: RobotModel, conditions: Conditions) -> None:
+    """Check one effect on a model (without it) and some conditions.
+
+    Checked: label, meaning and units are there; it does nothing at zero; its columns are the derivative of the
+    exact chain (central differences, relative 1e-5); it survives JSON. Raises AssertionError naming what fails.
+    """
+    assert effect.label, "the effect has no label"
+    assert not any(c.isspace() for c in effect.label), f"{effect.label!r}: a label has no spaces"
+    assert effect.meaning.endswith("."), (
+        f"{effect.label}: its meaning is one sentence and ends in a full stop"
+    )
+    assert effect.parameters, f"{effect.label}: it has no parameter"
+    for parameter in effect.parameters:
+        assert parameter.unit in FACTORS, f"{parameter.name}: unknown unit {parameter.unit!r}"
+        assert parameter.size is None or parameter.size > 0.0, (
+            f"{parameter.name}: its size must be above zero"
+        )
+    shown = {parameter.short for parameter in effect.parameters}
+    assert effect.group == "base model" or len(shown) == len(effect.parameters), (
+        f"{effect.label}: two parameters are shown under one name"
+    )
+    assert {t.parameter for t in effect.terms} == {p.name for p in effect.parameters}, (
+        f"{effect.label}: terms and parameters do not name each other"
+    )
+    unknown = {t.slot for t in effect.terms} - {*model.chain.slots, *BESIDE}
+    assert not unknown, f"{effect.label}: no such slot: {', '.join(sorted(unknown))}"
+    assert Effect.from_json(json.loads(json.dumps(effect.to_json()))) == effect, (
+        f"{effect.label}: JSON changes it"
+    )
+
+    plain = Design(model, conditions)
+    extended = Design(model.append(effect), conditions)
+    at_zero = np.zeros(len(extended.model.parameters))
+    before = plain.predict(at_zero[: len(plain.model.parameters)])
+    assert np.array_equal(before, extended.predict(at_zero)), f"{effect.label}: it acts although it is zero"
+
+    frames = extended.frames(at_zero)
+    observed = _everything(frames, len(conditions))
+    jacobian = extended.columns(observed.columns(frames, extended.slots))
+    for position in extended.model.positions(effect):
+        parameter = extended.model.parameters[position]
+        step = _DIFFERENCE * to_internal(1.0 if parameter.size is None else parameter.size, parameter.unit)
+        moved = at_zero.copy()
+        moved[position] = step
+        ahead, behind = (observed.residual(extended.frames(x)) for x in (moved, -moved))
+        difference = (behind - ahead).ravel() / (2.0 * step)
+        scale = max(float(np.max(np.abs(difference))), 1e-12)
+        error = float(np.max(np.abs(jacobian[:, position] - difference))) / scale
+        assert error < _TOLERANCE, f"{parameter.name}: its column errs by {error:.1e} against differences"
+        assert scale > 1e-12, f"{parameter.name}: it moves nothing under these conditions"
+
+
+def _everything(frames: Frames, n: int) -> Observations:
+    """Point, orientation and distance of every reading, as the frames have them, with unit weights."""
+    points = np.broadcast_to(frames.p, (3, n))
+    lengths = np.linalg.norm(points - frames.anchor, axis=0)
+    weights = np.broadcast_to(np.eye(7)[:, :, None], (7, 7, n))
+    return Observations(points, frames.rotation.transpose(1, 2, 0), lengths, weights, np.full(n, 7))
+
+
+@dataclass(frozen=True)
+class StatedConditions:
+    """Conditions that hold for every target of a correction.
+
+    side: per joint +1 from below (angle growing), -1 from above, one for each joint or one for all; approach: how
+    far before the target the last move begins, rad, one for all joints or one for each; temperature_c: air; time_s:
+    since the start of the campaign (NaN: not stated; effects that need it then refuse); loads: None for the robot's
+    own; gravity in the base frame, m/s2; series: which set-up of base and tool, None for the only one.
+    """
+
+    side: tuple[float, ...] | float = 1.0
+    approach: tuple[float, ...] | float = 5.0 * DEG
+    temperature_c: float = np.nan
+    time_s: float = np.nan
+    order: float = AFTER_EVERYTHING
+    loads: tuple[Load, ...] | None = None
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    series: str | None = None
+
+
+def series_of(model: RobotModel, stated: StatedConditions) -> str:
+    """The series that is meant. Raises ValueError when it is unknown, or not named and there are several."""
+    names = tuple(model.targets)
+    if stated.series is None and len(names) == 1:
+        return names[0]
+    if stated.series not in names:
+        raise ValueError(f"series {stated.series!r} is not one of {', '.join(names)}")
+    return stated.series
+
+
+def tool_point(model: RobotModel, series: str, target: str) -> Array:
+    """(3,) nominal tool point in the flange frame, mm. Raises ValueError for an unknown target."""
+    if target == FLANGE:
+        return np.zeros(3)
+    known = model.targets[series]
+    if target not in known:
+        raise ValueError(f"target {target!r} is not one of {', '.join(known)}")
+    return np.array(known[target], dtype=np.float64)
+
+
+def nominal_poses(model: RobotModel, joints: Array, tool: Array) -> Array:
+    """(n, 4, 4) poses of the nominal robot's tool point, base frame, mm; joints (n, N) rad, tool (3,) mm."""
+    poses = forward(model.robot, joints)
+    poses[:, :3, 3] += poses[:, :3, :3] @ tool
+    return poses
+
+
+def conditions_at(
+    model: RobotModel, joints: Array, stated: StatedConditions, target: str = FLANGE
+) -> Conditions:
+    """The conditions of n poses of the robot at model angles `joints` (n, N), rad, as stated.
+
+    Raises ValueError for an unknown series or target, or sides that are not one a joint.
+    """
+    n, count = joints.shape
+    series = series_of(model, stated)
+    side = np.asarray(stated.side, dtype=np.float64)
+    if side.shape not in ((), (count,)) or not np.all(np.isin(side, (-1.0, 1.0))):
+        raise ValueError(f"side is {stated.side!r}; give +1 or -1, for all joints or for each of {count}")
+    sides = np.broadcast_to(side, (n, count)).copy()
+    tool = tool_point(model, series, target)
+    target_names = (FLANGE, *model.targets[series])
+    loading = statics(model.robot, joints, stated.loads, stated.gravity)
+    place = model.placements.get(series, np.eye(4))
+    return Conditions(
+        joints=joints,
+        earlier=np.zeros_like(joints),
+        previous=joints - sides * np.asarray(stated.approach) * model.robot.steps,
+        side=sides,
+        torque=loading.torque,
+        moment=loading.moment,
+        overturning=loading.overturning,
+        unit_load=loading.unit_load,
+        time=np.full(n, stated.time_s),
+        order=np.full(n, stated.order),
+        temperature=np.full(n, stated.temperature_c),
+        point=nominal_poses(model, joints, tool)[:, :3, 3] @ place[:3, :3].T + place[:3, 3],
+        series=np.full(n, tuple(model.targets).index(series)),
+        target=np.full(n, target_names.index(target)),
+        anchor=np.full(n, -1),
+        waypoint=np.full(n, -1),
+        visit=np.arange(n),
+        series_names=tuple(model.targets),
+        target_names=target_names,
+        axis_names=model.robot.axes,
+        unit_names=model.robot.units,
+    )

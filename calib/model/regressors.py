@@ -3,6 +3,10 @@
 A regressor is a small frozen object with `evaluate(conditions) -> (n,)` (or a plain 1.0 for a constant). Its
 fields are its shape: joint, harmonic order, change point, time constant. Joints count from 1. Where a picture of it
 has an axis of its own it says which (`drawn_over`).
+
+Regressors of joints that slide: smooth curves over the travel, and the travel times the warmth of the air.
+
+Regressors of gravity: torques about the joints and moments that bend the arm, with the loads of the readings.
 """
 
 from __future__ import annotations
@@ -16,17 +20,166 @@ from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.model.axis import Axis, unit_of
 from calib.model.carried_regressors import Held, HeldPair, OfTime
-from calib.model.gravity_regressors import (
-    LoadTorque,
-    Moment,
-    MomentBehind,
-    Overturning,
-    Torque,
-    TorqueCubed,
-    TorqueSign,
-)
-from calib.model.slide_regressors import HalfCosines, HalfSines, WarmTravel
 from calib.units import DEG
+
+
+@dataclass(frozen=True)
+class Torque:
+    """Gravity torque about a joint, N.mm."""
+
+    joint: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        return conditions.torque[:, self.joint - 1]
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The torque itself."""
+        return Axis(f"gravity torque of joint {self.joint}, N·m", self.evaluate(conditions) / 1000.0)
+
+
+@dataclass(frozen=True)
+class TorqueCubed:
+    """Third power of the gravity torque about a joint, (N.mm)^3."""
+
+    joint: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) (N.mm)^3."""
+        return conditions.torque[:, self.joint - 1] ** 3
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The torque, of which it is a function."""
+        return Torque(self.joint).drawn_over(conditions)
+
+
+@dataclass(frozen=True)
+class TorqueSign:
+    """Sign of the gravity torque about a joint, smoothed as tanh(torque / width); width in N.mm."""
+
+    joint: int
+    width: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) from -1 to 1."""
+        return np.tanh(conditions.torque[:, self.joint - 1] / self.width)
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The torque, of which it is a function."""
+        return Torque(self.joint).drawn_over(conditions)
+
+
+@dataclass(frozen=True)
+class LoadTorque:
+    """Torque about a joint of a load on the last link: mass_kg, and x, y, z its mass x centre in that link, kg mm."""
+
+    joint: int
+    mass_kg: float
+    x: float
+    y: float
+    z: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        return conditions.unit_load[:, self.joint - 1] @ np.array([self.mass_kg, self.x, self.y, self.z])
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Gravity moment at a joint about one axis (0, 1, 2) of the frame just before it turns."""
+
+    joint: int
+    axis: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        return conditions.moment[:, self.joint - 1, self.axis]
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The moment itself."""
+        return Axis(f"gravity moment at joint {self.joint}, N·m", self.evaluate(conditions) / 1000.0)
+
+
+@dataclass(frozen=True)
+class MomentBehind:
+    """Gravity moment at a joint about the x axis behind it, which has turned by theta + `zero` (rad) about z."""
+
+    joint: int
+    zero: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        theta, moment = conditions.joints[:, self.joint - 1] + self.zero, conditions.moment[:, self.joint - 1]
+        return np.cos(theta) * moment[:, 0] + np.sin(theta) * moment[:, 1]
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The moment itself."""
+        return Axis(f"gravity moment at joint {self.joint}, N·m", self.evaluate(conditions) / 1000.0)
+
+
+@dataclass(frozen=True)
+class Overturning:
+    """Gravity moment of the whole arm about one axis (0, 1, 2) of the base."""
+
+    axis: int
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) N.mm."""
+        return conditions.overturning[:, self.axis]
+
+
+@dataclass(frozen=True)
+class HalfSines:
+    """Sine of `count` half waves over the travel of a joint that slides, from low to high, mm."""
+
+    joint: int
+    count: int
+    low: float
+    high: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) from -1 to 1."""
+        return np.sin(_phase(self, conditions))
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The place along the axis."""
+        return Axis.angle(self.joint, conditions)
+
+
+@dataclass(frozen=True)
+class HalfCosines:
+    """Cosine of `count` half waves over the travel of a joint that slides, from low to high, mm."""
+
+    joint: int
+    count: int
+    low: float
+    high: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) from -1 to 1."""
+        return np.cos(_phase(self, conditions))
+
+    def drawn_over(self, conditions: Conditions) -> Axis:
+        """The place along the axis."""
+        return Axis.angle(self.joint, conditions)
+
+
+@dataclass(frozen=True)
+class WarmTravel:
+    """Place of a joint that slides, mm, times the air temperature above `reference_c`, K."""
+
+    joint: int
+    reference_c: float
+
+    def evaluate(self, conditions: Conditions) -> Array:
+        """(n,) mm K."""
+        return conditions.joints[:, self.joint - 1] * (conditions.temperature - self.reference_c)
+
+
+def _phase(wave: HalfSines | HalfCosines, conditions: Conditions) -> Array:
+    """(n,) rad, from 0 at the low end of the travel to pi times the number of half waves at the high one."""
+    along = (conditions.joints[:, wave.joint - 1] - wave.low) / (wave.high - wave.low)
+    return np.pi * wave.count * along
 
 
 class Regressor(Protocol):

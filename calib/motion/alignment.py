@@ -25,8 +25,7 @@ from calib.array import Array
 from calib.data import FEWEST_MEANT, Hypothesis, Meaning, explained, of_joints, of_points, of_robot
 from calib.errors import DataError
 from calib.motion.arm import Arm
-from calib.motion.clocks import Clocks, common_grain, correlated, no_faster, speeds_of
-from calib.motion.jump import step_in
+from calib.motion.clocks import Clocks, common_grain, correlated, no_faster, speeds_of, step_in
 from calib.motion.solve import Solve, weights
 from calib.motion.streams import JointStream, PointStream
 

@@ -11,6 +11,8 @@ offsets differ by no more than the gap is long, and to the side that it allows, 
 samples were lost. A clock that was set back makes times that decrease: those streams are refused when they are read.
 
 The correlation of the speeds of two streams, by the lag between them.
+
+The jump of a clock that was set while both were running: their offset, along a recording, has a step.
 """
 
 from __future__ import annotations
@@ -23,7 +25,6 @@ from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.errors import DataError
-from calib.motion.jump import step_in
 from calib.motion.streams import JointStream, PointStream, covered
 from calib.units import percent
 
@@ -60,6 +61,14 @@ SURE = 0.9
 """A likeness from which on two stretches show the same moves."""
 
 _ROUNDING = 1e-9  # of the transform, as a share of the largest sum of squares
+
+_SIGMA = 6.0
+
+_BESIDE, _FEWEST = 6, 3  # offsets to either side of a step that are compared
+
+_OF_MEDIAN = 1.2533  # standard error of a median beside that of a mean
+
+_LEAST_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -284,3 +293,35 @@ def peak(values: Array, best: int, lags: NDArray[np.int64]) -> float:
     left, top, right = values[best - 1 : best + 2]
     curve = left - 2.0 * top + right
     return float(lags[best]) + (0.5 * (left - right) / curve if curve < 0.0 else 0.0)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of `size` s among offsets, at index `cut`; level: the offset before it, s."""
+
+    cut: int
+    size: float
+    level: float
+
+
+def step_in(offsets: Array, least: float) -> Step | None:
+    """The clearest step among offsets (b,) of equal stretches of a recording, s; None where there is none.
+
+    Medians of some offsets before and after are compared, the slope of all between them taken off; a step is more than
+    `least` seconds and six standard errors. Scatter and slope are those from one offset to the next (their medians), so
+    neither a few wild offsets nor a second step hide the first one.
+    """
+    if len(offsets) < 2 * _FEWEST:
+        return None
+    difference = np.diff(offsets)
+    slope = float(np.median(difference))
+    scatter = max(1.4826 * float(np.median(np.abs(difference - slope))) / np.sqrt(2.0), _LEAST_S)
+    strongest, best = _SIGMA, None
+    for cut in range(_FEWEST, len(offsets) - _FEWEST + 1):
+        before, after = offsets[max(cut - _BESIDE, 0) : cut], offsets[cut : cut + _BESIDE]
+        level = float(np.median(before))
+        size = float(np.median(after)) - level - 0.5 * (len(before) + len(after)) * slope
+        u = scatter * _OF_MEDIAN * float(np.sqrt(1.0 / len(before) + 1.0 / len(after)))
+        if abs(size) > max(least, strongest * u):
+            strongest, best = abs(size) / u, Step(cut, size, level)
+    return best

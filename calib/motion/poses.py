@@ -26,7 +26,7 @@ from scipy.spatial import KDTree
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.convert.table import Table
-from calib.data.groups import DEFAULT_GROUPS
+from calib.data.header import DEFAULT_GROUPS
 from calib.data.noise import Noise
 from calib.errors import DataError
 from calib.motion.alignment import Aligned

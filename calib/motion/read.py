@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from calib.arm.robot import Robot, refuse_slides
 from calib.array import Array
 from calib.errors import DataError
-from calib.foreign.files.dates import STAMP, seconds_of
+from calib.foreign.files.number import STAMP, seconds_of
 from calib.foreign.map.entry import DATE, LENGTHS, Column, parse_map
 from calib.motion.streams import MEND_TIMES, JointStream, PointStream
 from calib.text.columns import Columns

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm.robot_hash import robot_hash
+from calib.arm.robot import robot_hash
 from calib.array import Array
 from calib.compensate import Bounds
 from calib.errors import DataError

@@ -3,16 +3,24 @@
 Every parameter with value, standard error, unit, nominal value and owner; the effects with their slots and
 regressors; covariance; hashes of the data, of the robot and of the whole file; for which approach and temperature it
 holds; the held-out error.
+
+A model file with updated parameters: the old file with a few new values and their origin.
+
+What was not looked at again (data, conditions, held-out error, regression) stays as it was; `updates` says what is
+newer, oldest first; `measured` is that of the readings it was updated by.
 """
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from calib.arm.robot_hash import robot_hash
+from calib.arm.robot import robot_hash
 from calib.array import Array
 from calib.diagnose.diagnosis import Diagnosis
 from calib.fit.identification import Identification
@@ -21,11 +29,15 @@ from calib.regression.regression import Regression
 from calib.saved.left_open import KEY, LeftOpen
 from calib.saved.model_checks import content_hash
 from calib.saved.regression import document_of
+from calib.text.json_text import read_json
 from calib.text.program import written_by
+from calib.text.text_file import replace_file
 from calib.units import FACTORS, to_display
 
 FORMAT = "truepose-model/1"
+
 WITH_CARRIED = "truepose-model/2"
+
 """The format of a model with carried terms: versions that do not know these refuse it, and so do their fleet servers,
 which read no effects."""
 
@@ -141,3 +153,30 @@ def _nominal(model: RobotModel, name: str) -> float | None:
         if name.startswith(kind) and name[len(kind) :].isdigit():
             return values[int(name[len(kind) :]) - 1] / FACTORS[unit]
     return 0.0 if name.startswith("beta") else None
+
+
+def save_update(
+    path: Path,
+    baseline: Path,
+    model: RobotModel,
+    estimate: Array,
+    covariance: Array,
+    update: Mapping[str, Any],
+) -> None:
+    """Write the model of `baseline` with another estimate (m,) and covariance (m, m), internal units.
+
+    model: the baseline's, with an effect more or none. update: plain values that say what changed and by which
+    readings. Raises DataError where the baseline cannot be read, OSError.
+    """
+    old = read_json(baseline)
+    document = {
+        **old,
+        "program": written_by(),
+        **({"measured": {"began": began, "ended": began}} if (began := update.get("measured")) else {}),
+        "parameters": parameters_of(model, estimate, np.sqrt(np.diag(covariance))),
+        "effects": [effect.to_json() for effect in model.effects],
+        "covariance_internal_units": triangle(covariance),
+        "updates": [*old.get("updates", []), {**update, "baseline_sha256": old.get("content_sha256", "")}],
+    }
+    document["content_sha256"] = content_hash(document)
+    replace_file(path, json.dumps(document, indent=1, allow_nan=False) + "\n")

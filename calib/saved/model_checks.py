@@ -16,8 +16,7 @@ from typing import Any, get_args
 import numpy as np
 
 from calib.arm.kinematics import BESIDE, Chain
-from calib.arm.robot import Robot
-from calib.arm.robot_hash import DESCRIPTION
+from calib.arm.robot import DESCRIPTION, Robot
 from calib.array import Array
 from calib.errors import DataError
 from calib.fit.least_squares import Dropped

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from calib.arm.capsules import parse_capsules
-from calib.arm.joint_matrix import JointMatrix
+from calib.arm.joint_kinds import JointMatrix
 from calib.arm.kinematics import statics
 from calib.arm.robot import (
     Load,
@@ -24,8 +24,8 @@ from calib.arm.robot import (
     load_robot,
     parse_loads,
     refuse_impossible,
+    robot_hash,
 )
-from calib.arm.robot_hash import robot_hash
 from calib.array import Array
 from calib.compensate import Bounds, Usable, refuse_unlikely, usable
 from calib.data.dataset import Dataset
@@ -36,9 +36,7 @@ from calib.fit.identification import Identification
 from calib.fit.least_squares import Dropped
 from calib.fit.statistics import ErrorStatistics, worse
 from calib.model.effect import Effect
-from calib.model.model import RobotModel
-from calib.model.reduced import without
-from calib.model.stated import StatedConditions
+from calib.model.model import RobotModel, StatedConditions, without
 from calib.regression.regression import Regression
 from calib.saved.document import FORMAT, WITH_CARRIED, model_document, scope_of
 from calib.saved.left_open import KEY, LeftOpen
@@ -55,8 +53,8 @@ from calib.saved.model_checks import (
     rigid,
 )
 from calib.saved.regression import refuse_unlikely_shift, regression_of
-from calib.text.files import replace_file
 from calib.text.json_text import read_json
+from calib.text.text_file import replace_file
 from calib.text.toml_table import FARTHEST_MM, Vector
 
 SIMULATED = "SIMULATED: the model was identified from a simulated robot and instrument; it says nothing of a real one."

@@ -10,9 +10,8 @@ import numpy as np
 
 from calib.arm.robot import Robot
 from calib.errors import DataError
-from calib.regression.features import evaluate, products_of
 from calib.regression.mls_svr import Gaussian, Kernel, Linear, MlsSvr
-from calib.regression.regression import Regression, Wanted
+from calib.regression.regression import Regression, Wanted, evaluate, products_of
 from calib.saved.model_checks import numbers_of
 from calib.text.toml_table import FARTHEST_MM
 

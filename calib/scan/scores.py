@@ -44,9 +44,8 @@ from calib.array import Array
 from calib.fit.identification import Identification
 from calib.fit.least_squares import jacobian, orthonormal
 from calib.model.effect import Effect
-from calib.model.model import Design
+from calib.model.model import Design, ties
 from calib.model.regressors import Regressor
-from calib.model.ties import ties
 from calib.units import to_internal
 
 CLAIM = 0.002  # chance that a complete data set yields a claim
@@ -370,7 +369,7 @@ class Scores:
     def multiplicity(self, index: int, place: int) -> float:
         """Number of tries that a place counts for: all families x the places of its scan that are as likely as it.
 
-        Where robots of the type were found to have effects, half of the tries is theirs (`calib.model.expected`).
+        Where robots of the type were found to have effects, half of the tries is theirs (`calib.model.model`).
         """
         alike = len(self.families) * self.families[index].alike(place)
         if not self.shares:

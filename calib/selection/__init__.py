@@ -1,8 +1,18 @@
 """The selection of poses to measure: D-optimal among candidates, with its bound and the predicted uncertainty."""
 
-from calib.selection.choose import SHARE, Choice, choose, observability
+from calib.selection.choose import (
+    SHARE,
+    STEP,
+    WORTH,
+    BesideType,
+    Choice,
+    Curve,
+    beside_type,
+    choose,
+    curve_of,
+    observability,
+)
 from calib.selection.exchange import select
-from calib.selection.fewer import STEP, WORTH, BesideType, Curve, beside_type, curve_of
 from calib.selection.information import Candidates, Setup, candidates_of
 from calib.selection.lengths import Balls, Lengths, uncertainty_of
 

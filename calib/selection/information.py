@@ -14,14 +14,13 @@ import numpy as np
 
 from calib.arm.robot import Load, Robot
 from calib.array import Array
-from calib.data.groups import DEFAULT_GROUPS, GROUPS
+from calib.data.header import DEFAULT_GROUPS, GROUPS
 from calib.data.noise import Noise
 from calib.errors import DataError
 from calib.fit.least_squares import Dropped, triangular_factor
 from calib.model import base_model
 from calib.model.effect import Parameter
-from calib.model.model import Design, RobotModel
-from calib.model.stated import StatedConditions, conditions_at
+from calib.model.model import Design, RobotModel, StatedConditions, conditions_at
 from calib.units import to_internal
 
 _SERIES = "selection"

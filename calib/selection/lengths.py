@@ -15,14 +15,12 @@ import numpy as np
 
 from calib.arm.robot import Load, Robot
 from calib.array import Array
-from calib.data.groups import DEFAULT_GROUPS
+from calib.data.header import DEFAULT_GROUPS
+from calib.fit.identification import expanded, predict_with_covariance
 from calib.fit.least_squares import jacobian
-from calib.fit.uncertainty import expanded, predict_with_covariance
 from calib.model import base_model
-from calib.model.model import Design, RobotModel
-from calib.model.observations import Observations
-from calib.model.shared import Shared
-from calib.model.stated import StatedConditions, conditions_at
+from calib.model.model import Design, RobotModel, StatedConditions, conditions_at
+from calib.model.observations import Observations, Shared
 
 _SERIES = "plan"
 Point = tuple[float, float, float]

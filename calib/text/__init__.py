@@ -1,15 +1,18 @@
 """Text and tables from files and requests: read within bounds, refused in sentences, written whole or not at all."""
 
-from calib.text.columns import Columns
-from calib.text.csv_text import LONGEST_LINE, MOST_COLUMNS, other_mark, rows_of
-from calib.text.files import note_files, replace_file
-from calib.text.formula import meant_by, no_formula
+from calib.text.columns import LONGEST_LINE, MOST_COLUMNS, Columns, meant_by, no_formula, other_mark, rows_of
 from calib.text.json_text import parse_json, read_json
 from calib.text.program import written_by
-from calib.text.text_file import decoded, read_bytes, read_text
-from calib.text.toml_table import TomlTable, Vector, turns_writing
-from calib.text.toml_text import parse_toml, read_toml
-from calib.text.unknown_keys import did_you_mean, refuse_unknown
+from calib.text.text_file import decoded, note_files, read_bytes, read_text, replace_file
+from calib.text.toml_table import (
+    TomlTable,
+    Vector,
+    did_you_mean,
+    parse_toml,
+    read_toml,
+    refuse_unknown,
+    turns_writing,
+)
 from calib.text.xml_text import parse_xml, read_xml
 
 __all__ = [

@@ -1,11 +1,21 @@
-"""The cells of a table by column, with the line of every row, so that a refusal can name its place."""
+"""The cells of a table by column, with the line of every row, so that a refusal can name its place.
+
+The reader of CSV: rows with their line numbers; the lengths of lines and the number of columns are bounded.
+
+Cells that a spreadsheet would evaluate as formulas, escaped so that it does not.
+
+Source: OWASP, CSV injection: a cell that begins with = + - @, a tab or an end of line.
+"""
 
 from __future__ import annotations
 
 import copy
+import csv
 import hashlib
+import io
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -14,9 +24,15 @@ from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.errors import DataError
-from calib.text.csv_text import other_mark, refuse_twice, rows_of
-from calib.text.formula import meant_by
 from calib.text.text_file import read_text
+
+LONGEST_LINE = 100_000
+
+MOST_COLUMNS = 1_000
+
+"""A robot of six joints with everything that can be measured has 60."""
+
+_BEGINS = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 class Columns:
@@ -128,3 +144,71 @@ class Columns:
     def refuse(self, row: int, name: str, what: str, do: str) -> DataError:
         """The refusal of one cell, naming its line and column."""
         return DataError(f"column '{name}' {what}.", do=f"{do}.", file=self.path, line=self.lines[row])
+
+
+def rows_of(text: str, file: Path | str, delimiter: str = ",") -> list[tuple[int, list[str]]]:
+    """Line number, from 1, and cells of every row. Raises DataError (file, line) for what is no table."""
+    reader = csv.reader(taken(io.StringIO(text, newline="\n"), file), delimiter=delimiter)
+    out = []
+    try:
+        for row in reader:
+            refuse_wide(len(row), file, reader.line_num)
+            out.append((reader.line_num, row))
+    except csv.Error as error:
+        raise DataError(
+            f"cannot be read ({error}).", do="Correct that line.", file=file, line=reader.line_num
+        ) from error
+    return out
+
+
+def refuse_wide(columns: int, file: Path | str, line: int) -> None:
+    """Raise DataError when a row has more columns than are taken."""
+    if columns > MOST_COLUMNS:
+        raise DataError(
+            f"has {columns} columns; at most {MOST_COLUMNS} are taken.",
+            do="Leave out columns that nobody reads.",
+            file=file,
+            line=line,
+        )
+
+
+def other_mark(names: Sequence[str]) -> str | None:
+    """The word for what separates the cells of a header row, where it is no comma; None where it is."""
+    marks = {";": "semicolons", "\t": "tabs"}
+    return next((word for mark, word in marks.items() if len(names) == 1 and mark in names[0]), None)
+
+
+def refuse_twice(names: Sequence[str], file: Path | str) -> None:
+    """Raise DataError when a column of the header row is there twice."""
+    name, count = Counter(name for name in names if name).most_common(1)[0] if any(names) else ("", 0)
+    if count > 1:
+        raise DataError(f"column '{name}' is there twice.", do="Keep one.", file=file, line=1)
+
+
+def taken(lines: Iterable[str], file: Path | str, do: str = "Correct that line.") -> Iterator[str]:
+    """The lines of a file, none longer than `LONGEST_LINE`. Raises DataError (file, line) for one that is longer."""
+    for number, line in enumerate(lines, start=1):
+        if len(line) > LONGEST_LINE:
+            raise DataError(
+                f"has {len(line)} characters; at most {LONGEST_LINE} are taken.",
+                do=do,
+                file=file,
+                line=number,
+            )
+        yield line
+
+
+def no_formula(text: str) -> str:
+    """The text of a cell that a spreadsheet takes as text: `'` before what it would work out. Numbers stay numbers."""
+    if not text.startswith(_BEGINS):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return f"'{text}"
+    return text
+
+
+def meant_by(cell: str) -> str:
+    """The text that a cell of `no_formula` was written for."""
+    return cell[1:] if cell.startswith("'") and no_formula(cell[1:]) == cell else cell

@@ -2,19 +2,29 @@
 
 All text files are read by `read_text`, which refuses folders, devices, files that are too large or not UTF-8,
 each with the reason. A byte order mark is taken off; lines may end as on any system and end with LF from here on.
+
+Atomic writing of files: a temporary file beside the target is written, synced, then renamed.
 """
 
 from __future__ import annotations
 
 import os
+import secrets
 import stat
+from collections.abc import Callable
 from pathlib import Path
 
 from calib.errors import DataError
 
 MOST_BYTES = 256 * 1024 * 1024
+
 """A million readings have some 200 MB."""
+
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+
+MODE = 0o644  # less what the umask takes away
+
+_noting: Callable[[Path, bytes], object] | None = None
 
 
 def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
@@ -67,3 +77,32 @@ def decoded(data: bytes, file: Path | str) -> str:
 def read_text(path: Path, most: int = MOST_BYTES) -> str:
     """The text of a file. Raises DataError naming the file."""
     return decoded(read_bytes(path, most), path)
+
+
+def note_files(hook: Callable[[Path, bytes], object] | None) -> None:
+    """Call `hook` with every file that is written from now on, and what was written; None: call nothing."""
+    global _noting
+    _noting = hook
+
+
+def replace_file(path: Path, content: str | bytes) -> None:
+    """Write a file whole or not at all, text as UTF-8; of a symlink the file it points to."""
+    data = content if isinstance(content, bytes) else content.encode("utf-8")
+    target = Path(os.path.realpath(path))
+    # A name of its own for every writer: two of them at once do not spoil each other's file.
+    partial = target.with_name(f"{target.stem[:40]}.{secrets.token_hex(6)}.partial")
+    try:
+        with open(partial, "xb", opener=_open) as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(partial, target)
+        if _noting is not None:
+            _noting(target, data)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+def _open(name: str, flags: int) -> int:
+    return os.open(name, flags, MODE)

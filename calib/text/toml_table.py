@@ -4,17 +4,25 @@ Marks that turn the direction of writing: a name that holds one is read otherwis
 
 U+061C, U+200E and U+200F, the embeddings U+202A to U+202E and the isolates U+2066 to U+2069. Source: Unicode Standard
 Annex 9, "Bidirectional Algorithm", section 2.
+
+The reader of all TOML from files and requests: bounded, finite numbers, a few levels.
+
+The refusal of unknown keys: a misspelt one would be ignored and its default used.
 """
 
 from __future__ import annotations
 
 import math
 import re
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeGuard, TypeVar
 
 from calib.errors import DataError
+from calib.text.plain_values import LONGEST_TEXT, refuse_unusual, too_deep
+from calib.text.text_file import read_text
 
 FARTHEST_MM = 1e8
 
@@ -25,6 +33,19 @@ Vector = tuple[float, float, float]
 Word = TypeVar("Word", bound=str)
 
 _TURNS = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+
+MOST_BYTES = 8 * 1024 * 1024
+
+"""A campaign of 5,000 listed poses has half a megabyte."""
+
+_PARTS = 40
+
+# Python's reader takes time and memory with the square of the parts of a key: a.a.a.a...
+_LONG_KEY = re.compile(
+    rf"(?<![\w-])(?:(?:[\w-]++|\"[^\"\n]*+\"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_PARTS}}}", re.ASCII
+)
+
+_NEAR = 0.6  # likeness, of 1, from which a key may be meant
 
 
 class TomlTable:
@@ -161,3 +182,70 @@ def _range(low: float, high: float) -> str:
 def turns_writing(text: str) -> bool:
     """Whether a text holds such a mark."""
     return _TURNS.search(text) is not None
+
+
+def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
+    """Text and table of a TOML file. Raises DataError naming file, and line or key."""
+    text = read_text(path, MOST_BYTES)
+    return text, parse_toml(text, path)
+
+
+def parse_toml(text: str, file: Path | str) -> dict[str, Any]:
+    """The table of TOML text. Raises DataError for what is not TOML, or holds unusual values."""
+    if len(text) > MOST_BYTES:
+        raise DataError(f"is larger than {MOST_BYTES // 2**20} MB.", do="Check the file.", file=file)
+    if found := _LONG_KEY.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise DataError(
+            f"a key has more than {_PARTS} parts.", do="Correct that place.", file=file, line=line
+        )
+    try:
+        table = tomllib.loads(text)
+    except RecursionError as error:
+        raise too_deep(file) from error
+    except tomllib.TOMLDecodeError as error:
+        raise DataError(f"is not valid TOML ({error}).", do="Correct that place.", file=file) from error
+    except ValueError as error:
+        raise DataError(
+            "holds an integer of thousands of digits.", do="Give a number of 64 bits.", file=file
+        ) from error
+    refuse_unusual(table, file, longest=LONGEST_TEXT)
+    return table
+
+
+def refuse_unknown(
+    values: Mapping[str, Any],
+    known: Iterable[str],
+    file: Path | str,
+    prefix: str = "",
+    meant: Mapping[str, str] | None = None,
+) -> None:
+    """Raise DataError for the first key of a table that is not among `known`, naming the nearest that is.
+
+    prefix: the key of the table itself, with its full stop; meant: words of other formats and the key they stand for.
+    """
+    allowed = sorted(known)
+    for key in values:
+        if key not in allowed:
+            near = [meant[key]] if meant and key in meant else get_close_matches(key, allowed, 1, _NEAR)
+            hint = f"Did you mean '{near[0]}'? " if near else ""
+            raise DataError(
+                "is not known here.", do=f"{hint}There are {', '.join(allowed)}.", file=file, key=prefix + key
+            )
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The names that hold this one, else the three that are most like it, as a question with a blank behind, or ''."""
+    plain = {each: _plain(each) for each in known}
+    near = [each for each, word in plain.items() if _plain(name) and _plain(name) in word]
+    near = near or [
+        each
+        for word in get_close_matches(_plain(name), plain.values(), 3, _NEAR)
+        for each, other in plain.items()
+        if other == word
+    ]
+    return f"Did you mean {' or '.join(repr(each) for each in near[:3])}? " if near else ""
+
+
+def _plain(name: str) -> str:
+    return "".join(letter for letter in name.lower() if letter.isalnum())

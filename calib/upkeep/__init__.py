@@ -1,8 +1,7 @@
 """Control charts of a parameter's history, and the date of the next check."""
 
 from calib.upkeep.chart import ControlChart, Signal, chart_of
-from calib.upkeep.check import Check
-from calib.upkeep.due import Drift, Due, InUse, Method, Staircase, next_due
+from calib.upkeep.due import Check, Drift, Due, InUse, Method, Staircase, next_due
 
 __all__ = [
     "Check",

@@ -25,7 +25,7 @@ from scipy import stats
 
 from calib.array import Array
 from calib.errors import DataError
-from calib.upkeep.check import Check, in_order
+from calib.upkeep.due import Check, in_order
 
 RATE = 0.01
 """Signals of a steady parameter, a value."""

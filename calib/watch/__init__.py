@@ -4,18 +4,13 @@ from calib.watch.baseline import too_few_poses
 from calib.watch.cause import in_display
 from calib.watch.history import append, baseline_hash, read_history
 from calib.watch.judge import RATE, Verdict, judge
-from calib.watch.missed import Missed, missed
 from calib.watch.nests import NestLimit, nest_limit
 from calib.watch.planning.plan import Plan, judged, plan
-from calib.watch.planning.planned import planned
-from calib.watch.planning.proposals import Proposal, proposals
-from calib.watch.planning.rounds import REPEATS, TIMES
-from calib.watch.planning.sizes import Shown, Smallest, seen_from
-from calib.watch.planning.stroke import within_stroke
-from calib.watch.planning.visits import Visits
-from calib.watch.planning.wanted import ALONE, SEEN, WANTED
+from calib.watch.planning.planned import Visits, planned, within_stroke
+from calib.watch.planning.rounds import REPEATS, TIMES, Proposal, proposals
+from calib.watch.planning.sizes import ALONE, SEEN, WANTED, Shown, Smallest, seen_from
 from calib.watch.refusals import missing, refuse_copies, refuse_unlike
-from calib.watch.seen import Seen
+from calib.watch.seen import Missed, Seen, missed
 from calib.watch.thermal import Upkept, cause_to_update, keep_up, later, updated, warms_up
 from calib.watch.worth import DOUBTFUL, times_as_uncertain
 

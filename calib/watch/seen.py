@@ -10,10 +10,28 @@ noise with the robot's repeatability. All rows are whitened by the noise as in a
 Readings in a frame of their own, laid over what the baseline predicts: the rigid motion that fits them best.
 
 The rest of the frame is small then, and free by its derivative (`calib.watch.seen`). Source: Kabsch 1976.
+
+The uncertainty of a world frame that is set up anew on its nests before every campaign.
+
+A frame by 3-2-1 (`calib.arm.world_frame`) on nests that are measured with the covariances N_i each is off by a shift
+and a turn with
+
+    covariance sum J_i N_i J_i',    J_i: what an error of nest i does to them,
+
+and so is the one of the calibration. Both together are what a watch may be off by with nothing changed. A frame that
+is fitted to its nests would be less so: about z by 2.7 times in the variance on the corners of a square.
+
+The error of the corrected robot at the check poses, with its U, to be compared with the permitted error.
+
+    rms^2 = sum e_i^2 / n,    u(rms)^2 = sum g_i' N_i g_i + (J' g)' F (J' g),    g_i = e_i d_i / (n rms)
+
+d_i: direction of the error e_i; N_i: what the instrument scatters by; F: covariance of its frame, J: what that moves.
+The robot's own repeatability and what the model lacks are errors, and in no U.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -24,19 +42,23 @@ from scipy.spatial.transform import Rotation
 
 from calib.arm.kinematics import Frames
 from calib.arm.start import align
+from calib.arm.world_frame import by_three_two_one, frame_of
 from calib.array import Array
 from calib.data.dataset import Dataset
+from calib.data.noise import Noise
 from calib.effects import Survey, changes, compliance_of
+from calib.errors import DataError
 from calib.fit.least_squares import jacobian
 from calib.fit.readings import Readings, readings_of
-from calib.model.effect import Effect
+from calib.model.effect import Effect, effect
 from calib.model.model import Design, RobotModel
+from calib.model.regressors import Constant
 from calib.saved import SavedModel
-from calib.watch.baseline import Baseline, in_series, root_of
-from calib.watch.frame import frame_covariance, frame_effect
-from calib.watch.lack import scatter_beyond
+from calib.watch.baseline import Baseline, in_series, root_of, scatter_beyond
 
 _FEWEST = 3
+
+_STEP_MM = 1e-3  # by which a nest is moved to see what its errors do
 
 
 @dataclass(frozen=True)
@@ -237,3 +259,77 @@ def placed(dataset: Dataset, model: RobotModel, estimate: Array) -> Dataset:
     x, y, z = (turn.apply(noise.station_mm) + shift).tolist()
     header = replace(dataset.header, noise=replace(noise, station_mm=(x, y, z)))
     return replace(dataset, header=header, points=points, orientation=orientation)
+
+
+def frame_effect() -> Effect:
+    """The instrument's frame shifted, mm, and turned about the model's station, deg."""
+    acts = {
+        axis: ("mm" if len(axis) == 1 else "deg", None, [(f"frame.{axis}", Constant())])
+        for axis in ("x", "y", "z", "rx", "ry", "rz")
+    }
+    return effect("frame", "instrument", "instrument", "The frame is set up anew.", acts)
+
+
+def frame_covariance(
+    nests: Mapping[str, tuple[float, float, float]], noise: Noise, centre: tuple[float, float, float]
+) -> Array:
+    """(6, 6) of shift, mm, and turn about `centre`, rad, of a frame on the first three of some nests; zero without
+    three. Raises DataError where these lie in a line."""
+    if len(nests) < 3:
+        return np.zeros((6, 6))
+    try:
+        frame_of(np.array(list(nests.values())[:3]))
+    except ValueError as error:
+        raise DataError(
+            f"are nests in a line ({', '.join(list(nests)[:3])}), which span no frame.",
+            do="Name first three nests that do not lie in a line.",
+            key="nests",
+        ) from error
+    places, about = np.array(list(nests.values())[:3]), np.array(centre)
+    covariance = noise.of_points(places, np.full(places.shape, np.nan))
+    off = np.zeros((6, 3, 3))
+    for nest, axis in np.ndindex(3, 3):
+        measured = places.copy()
+        measured[nest, axis] += _STEP_MM
+        frame = by_three_two_one(measured, places)
+        turn = Rotation.from_matrix(frame.rotation).as_rotvec()
+        off[:, nest, axis] = np.concatenate([frame.to_world(about) - about, turn]) / _STEP_MM
+    return np.einsum("ani,nij,bnj->ab", off, covariance, off)
+
+
+@dataclass(frozen=True)
+class Missed:
+    """RMS and largest of n errors, mm: of positions, or of distances where no point was measured; u: expanded
+    uncertainty U (k = 2) of the RMS."""
+
+    n: int
+    rms: float
+    max: float
+    u: float
+
+
+def missed(seen: Seen, dataset: Dataset) -> Missed:
+    """The errors of the readings of a watch against its baseline."""
+    rows = seen.readings.rows
+    design = Design(seen.model, seen.readings.conditions)
+    frames = design.frames(seen.plain, {*design.slots})
+    pointed = dataset.pointed[rows]
+    off = dataset.points[rows].T - frames.p  # (3, n), NaN where a distance was measured
+    lengths = dataset.lengths[rows] - np.linalg.norm(frames.p - frames.anchor, axis=0) - frames.length_zero
+    errors = np.where(pointed, np.linalg.norm(off, axis=0), np.abs(lengths))
+    n, rms = len(errors), float(np.sqrt(np.mean(errors**2)))
+    if rms == 0.0:
+        return Missed(n, 0.0, 0.0, 0.0)
+    noise = dataset.header.noise
+    g = np.where(pointed, off, 0.0) / (n * rms)
+    of_points = noise.of_points(dataset.points[rows][pointed], dataset.u_point[rows][pointed])
+    variance = float(np.einsum("in,nij,jn->", g[:, pointed], of_points, g[:, pointed]))
+    others = RobotModel(seen.model.robot, (frame_effect(),), seen.model.targets, anchors=seen.model.anchors)
+    by_frame = Design(others, seen.readings.conditions)
+    moved = by_frame.point_columns(design.frames(seen.plain, {*design.slots, *by_frame.slots}))
+    turn = moved.T @ g.reshape(-1)
+    variance += float(turn @ frame_covariance(dataset.header.nests, noise, seen.model.station) @ turn)
+    given = dataset.u_length[rows]
+    of_lengths = np.where(np.isfinite(given), given, noise.length_mm)
+    variance += float(np.sum((errors * of_lengths / (n * rms))[~pointed] ** 2))
+    return Missed(n, rms, float(errors.max()), 2.0 * float(np.sqrt(variance)))

@@ -16,8 +16,7 @@ from calib.data.header import Header
 from calib.model.model import Design
 from calib.saved import SavedModel
 from calib.units import DEG
-from calib.watch.planning.planned import planned
-from calib.watch.planning.visits import Visits
+from calib.watch.planning.planned import Visits, planned
 
 DOUBTFUL = 1.2
 """Times the uncertainty of a recalibration, beyond which an update is said to be worth less than one."""

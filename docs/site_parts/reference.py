@@ -8,8 +8,7 @@ from typing import Any
 
 from calib.effects import LIBRARY
 from service.commands import app, load
-from service.http.access.roles import Tokens
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings, Tokens
 from service.http.app import create_app
 
 COLUMNS = 78  # of a terminal of 80

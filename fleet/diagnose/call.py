@@ -16,9 +16,8 @@ import sqlalchemy as sa
 from sqlalchemy import exc
 
 from calib.errors import DataError
-from fleet.diagnose.batch import Order
-from fleet.diagnose.source import Source
-from fleet.diagnose.tally import Tally
+from fleet.diagnose.batch import Order, Source
+from fleet.diagnose.run import Tally
 from fleet.errors import StoreGone
 from fleet.store import Store, utc_now
 

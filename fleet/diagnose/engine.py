@@ -16,7 +16,7 @@ from dask import config
 from distributed import Client, LocalCluster, Security
 
 from calib.errors import DataError
-from fleet.diagnose.errors import EngineGone
+from fleet.diagnose.batch import EngineGone
 
 LOOPBACK = "127.0.0.1"
 _TLS = "DASK_DISTRIBUTED__COMM__TLS__"

@@ -14,8 +14,8 @@ from fleet.store.document import (
     Said,
     utc_now,
 )
+from fleet.store.engine import READER, WRITER, migrate
 from fleet.store.rows import ERROR, dataset_content, dataset_texts
-from fleet.store.schema import READER, WRITER, migrate
 from fleet.store.standing import Baseline, Standing
 from fleet.store.store import Store
 from fleet.store.work import Job, Result, Work

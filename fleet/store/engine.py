@@ -1,4 +1,14 @@
-"""The database of a store: an SQLite file or a PostgreSQL, the same from here on; its errors as refusals of ours."""
+"""The database of a store: an SQLite file or a PostgreSQL, the same from here on; its errors as refusals of ours.
+
+The version of a store: which migrations it has seen, and what is done where they are not those of this program.
+
+The rights of users of a PostgreSQL: roles without a login, which its administrator gives to users.
+
+    truepose_reader   reads everything
+    truepose_writer   reads, puts documents and results in, claims jobs; changes and deletes no document
+
+Whoever runs the migrations owns the tables. An SQLite file has no roles: who may open it may write it.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +20,34 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import sqlalchemy as sa
+from alembic import command
+from alembic.config import Config
+from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
 from sqlalchemy import event, exc
 
 from fleet.errors import StoreError, StoreFull, StoreGone
+from fleet.store import tables
 
 WRITES = {"writes": True}
+
 """Execution option of a connection that writes: SQLite then waits for other writers before it begins, not after."""
+
 BUSY_S = 30.0  # how long another program may hold an SQLite file
+
 _AGAIN_S = 0.05
+
 _MISSING = "Install it with: pip install 'truepose[fleet]'"
+
+_SCRIPTS = Path(__file__).parent / "migrations"
+
+_VERSIONS = "alembic_version"
+
+_LOCK = 0x74727565  # of PostgreSQL: two migrations at once wait for each other
+
+READER, WRITER = "truepose_reader", "truepose_writer"
+
+_CHANGED = (tables.claim.name,)  # what a writer may change: who works on what
 
 
 def engine_of(url: str, *, forever: bool = False) -> sa.Engine:
@@ -104,9 +133,13 @@ def refusals(engine: sa.Engine) -> Iterator[None]:
 
 
 _LATER = "Look at the database and at the network to it, then ask again; nothing was kept."
+
 _FULL = ("disk is full", "No space left", "could not extend file", "disk I/O error")
+
 _RIGHTS = ("readonly database", "permission denied", "must be owner")
+
 _NO_DATABASE = ("not a database", "malformed")
+
 _NOBODY = ("authentication failed", "does not exist", "no pg_hba.conf entry", "no password supplied")
 
 
@@ -162,3 +195,96 @@ def _refusal(error: exc.DBAPIError, place: str) -> StoreError:
 def _first_line(error: BaseException | None) -> str:
     lines = str(error).strip().splitlines()
     return lines[0] if lines else "no reason given"
+
+
+def migrate(url: str, *, roles: bool = False) -> tuple[str, str]:
+    """Bring the tables of a store to this program's version, or make them; the version before ("" for none) and after.
+
+    All or nothing. roles: make the roles of a PostgreSQL as well; those that are there get their rights in any case.
+    Raises StoreError, StoreGone.
+    """
+    engine = engine_of(url, forever=True)  # a step may go through every row
+    try:
+        with refusals(engine), engine.connect().execution_options(**WRITES) as connection, connection.begin():
+            versions = carried_over(connection, engine)
+            give_rights(connection, engine, make=roles)
+            return versions
+    finally:
+        engine.dispose()
+
+
+def carried_over(connection: sa.Connection, engine: sa.Engine) -> tuple[str, str]:
+    """Migrate within the transaction of a connection; versions before and after. Raises StoreError."""
+    if engine.dialect.name == "postgresql":
+        connection.execute(sa.text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
+    before = version(connection, engine)
+    if before != newest():
+        config = _config()
+        config.attributes["connection"] = connection
+        command.upgrade(config, "head")
+    return before, newest()
+
+
+def version(connection: sa.Connection, engine: sa.Engine) -> str:
+    """The version of a store, "" for an empty database. Raises StoreError for a newer one and another's database."""
+    names = set(sa.inspect(connection).get_table_names())
+    if _VERSIONS not in names:
+        if names:
+            raise StoreError(
+                f"holds tables of something else ('{min(names)}').",
+                do="Give a file or database of its own.",
+                file=shown(engine.url),
+            )
+        return ""
+    found = MigrationContext.configure(connection).get_current_revision() or ""
+    known = {script.revision for script in _scripts().walk_revisions()}
+    if found and found not in known:
+        raise StoreError(
+            f"was written by a newer version of this program (its tables are '{found}', those known here end with "
+            f"'{newest()}').",
+            do="Update TruePose on this computer; nothing was changed.",
+            file=shown(engine.url),
+        )
+    return found
+
+
+def newest() -> str:
+    """The version of this program's tables."""
+    return _scripts().get_current_head() or ""
+
+
+def _scripts() -> ScriptDirectory:
+    return ScriptDirectory.from_config(_config())
+
+
+def _config() -> Config:
+    config = Config()
+    config.set_main_option("script_location", str(_SCRIPTS).replace("%", "%%"))
+    config.set_main_option("path_separator", "os")
+    return config
+
+
+def give_rights(connection: sa.Connection, engine: sa.Engine, *, make: bool) -> None:
+    """Give the roles their rights in this database, and make those that are missing (`make`). Raises StoreError."""
+    if engine.dialect.name != "postgresql":
+        if make:
+            raise StoreError(
+                "is an SQLite file, which has no roles.",
+                do="Leave --roles out; the rights of the file decide who may write.",
+                file=shown(engine.url),
+            )
+        return
+    known = set(connection.execute(sa.text("SELECT rolname FROM pg_roles")).scalars())
+    for role in (READER, WRITER):
+        if make and role not in known:
+            connection.execute(sa.text(f"CREATE ROLE {role} NOLOGIN"))
+            known.add(role)
+    schema = connection.execute(sa.text("SELECT quote_ident(current_schema())")).scalar_one()
+    for role in {READER, WRITER} & known:
+        connection.execute(sa.text(f"GRANT USAGE ON SCHEMA {schema} TO {role}"))
+        connection.execute(sa.text(f"GRANT SELECT ON ALL TABLES IN SCHEMA {schema} TO {role}"))
+    if WRITER in known:
+        names = ", ".join(table.name for table in tables.METADATA.sorted_tables)
+        connection.execute(sa.text(f"GRANT INSERT ON {names} TO {WRITER}"))
+        connection.execute(sa.text(f"GRANT UPDATE ON {', '.join(_CHANGED)} TO {WRITER}"))
+        connection.execute(sa.text(f"GRANT USAGE ON ALL SEQUENCES IN SCHEMA {schema} TO {WRITER}"))

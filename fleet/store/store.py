@@ -13,11 +13,19 @@ from fleet.errors import StoreError, StoreGone
 from fleet.store import tables
 from fleet.store.adding import Overtaken, added, already
 from fleet.store.document import Added, Document, Entry, Kind, Known, Named, Point, RobotKey, Said
-from fleet.store.engine import WRITES, engine_of, reading, refusals, shown, writing
+from fleet.store.engine import (
+    WRITES,
+    carried_over,
+    engine_of,
+    newest,
+    reading,
+    refusals,
+    shown,
+    version,
+    writing,
+)
 from fleet.store.rows import rows_of
-from fleet.store.schema import carried_over, newest, version
-from fleet.store.standing import Standing, standings
-from fleet.store.trends import points_of
+from fleet.store.standing import Standing, points_of, standings
 from fleet.store.work import Work
 
 _TRIES = 20  # of a batch of which another program has just added a part

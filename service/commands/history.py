@@ -1,11 +1,14 @@
-"""`truepose history`: the documents of robots over the years, their trends, control charts and next checks."""
+"""`truepose history`: the documents of robots over the years, their trends, control charts and next checks.
+
+The store that a command asks: its address, or the file of this cell.
+"""
 
 from __future__ import annotations
 
 import socket
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,23 +19,58 @@ from fleet.outbox import Cell, read_data, read_result
 from fleet.store import Document, utc_now
 from service import exit_codes, wording
 from service.commands import options
-from service.commands.stores import StoreOption, opened
 from service.files import STANDARD_OUTPUT
 from service.printed import history_tables
 from service.printed.terminal import Terminal
 from service.private import owner_only
 from service.results import history as results
-from service.results.hours import read_hours
-from service.results.records import read_record
+from service.results.history import read_hours
+from service.results.robots import read_record
+
+if TYPE_CHECKING:
+    from fleet.store import Store  # it loads the database library, which not every command needs
 
 app = typer.Typer(help="Keep the results of robots over the years: trends, causes, dates of the next checks.")
 
 Serial = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the robot.")]
+
 Model = Annotated[
     str | None, typer.Option("--model", metavar="NAME", help="Its type, where several have that number.")
 ]
+
 _RECORD = "record.sqlite3"
+
 _DAYS, _HOURS = (180.0, 7.0, 1825.0), (2000.0, 100.0, 20_000.0)  # first, shortest, longest interval
+
+VARIABLE = "TRUEPOSE_STORE"
+
+DEFAULT = Path("truepose-record") / "history.sqlite3"  # beside what `truepose serve` keeps
+
+_FILE = "sqlite:///"
+
+_ADDRESS = "sqlite:///FILE or postgresql://USER@HOST/NAME"
+
+StoreOption = Annotated[
+    str | None,
+    typer.Option(
+        "--store",
+        metavar="URL",
+        envvar=VARIABLE,
+        show_envvar=False,
+        help=f"{_ADDRESS}; or in {VARIABLE}, which other users do not see. Default: {DEFAULT.as_posix()}.",
+    ),
+]
+
+_PLANT: dict[str, Any] = {
+    "metavar": "URL",
+    "envvar": VARIABLE,
+    "show_envvar": False,
+    "help": f"{_ADDRESS}; or in {VARIABLE}, which other users do not see.",
+}
+
+StoreArgument = Annotated[str, typer.Argument(**_PLANT)]
+
+PlantStore = Annotated[str, typer.Option("--store", **_PLANT)]
 
 
 class Way(StrEnum):
@@ -249,3 +287,22 @@ def _documents(file: Path, cell: Cell) -> list[Document]:
             file=file,
         )
     return found
+
+
+def opened(address: str | None, *, make: bool = False) -> Store:
+    """The store at an address, or this cell's; `make` it where there is none. Raises DataError."""
+    from fleet.store import Store
+
+    own = f"sqlite:///{DEFAULT.absolute()}"
+    if make:
+        if address is None:
+            DEFAULT.parent.mkdir(exist_ok=True)
+    else:
+        file = Path((address or own).removeprefix(_FILE))
+        if (address or own).startswith(_FILE) and not file.exists():
+            raise DataError(
+                "there is no history here yet.",
+                do="Name a store with --store URL, or begin one: truepose history add FILE...",
+                file=file if address else DEFAULT,
+            )
+    return Store.open(address or own)

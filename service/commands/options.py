@@ -20,8 +20,7 @@ from calib.text import note_files
 from service import exit_codes, written
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed.terminal import Terminal
-from service.results.judgement.acceptance import NAMES, Acceptance, Limits
-from service.results.judgement.zones import read_zones
+from service.results.judgement.acceptance import NAMES, Acceptance, Limits, read_zones
 
 Data = Annotated[
     Path, typer.Argument(metavar="DATA.csv", help="Data set; its header DATA.toml lies beside it.")

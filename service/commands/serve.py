@@ -22,13 +22,21 @@ from filelock import FileLock, Timeout
 
 from calib.errors import DataError
 from service import exit_codes
-from service.commands import serving, stores
+from service.commands import history, serving
 from service.json_log import json_log
-from service.private import note_if_others_read, owner_only, refuse_foreign
-from service.token_file import NAME, VARIABLE, chosen_token, lasting_tokens, tokens_until_the_end
+from service.private import (
+    NAME,
+    VARIABLE,
+    chosen_token,
+    lasting_tokens,
+    note_if_others_read,
+    owner_only,
+    refuse_foreign,
+    tokens_until_the_end,
+)
 
 if TYPE_CHECKING:
-    from service.http.access.settings import Settings
+    from service.http.access.roles import Settings
 
 _APP = "service.http.app"
 _ADDRESS = r"https?://\S+, process \d+\n"
@@ -58,7 +66,7 @@ def serve(
         str | None,
         typer.Option(
             metavar="URL",
-            help=f"Store of the history of robots, as of 'truepose history'; or in {stores.VARIABLE}, which is not "
+            help=f"Store of the history of robots, as of 'truepose history'; or in {history.VARIABLE}, which is not "
             "heeded with --simulate. Default: a file in DIR.",
         ),
     ] = None,
@@ -101,7 +109,7 @@ def serve(
             from service.simulated_cell import simulated_cell
 
             simulated = stack.enter_context(simulated_cell(the_cell))
-        from service.http.access.settings import Settings
+        from service.http.access.roles import Settings
         from service.http.app import create_app
         from service.http.server import run_server
 
@@ -118,7 +126,7 @@ def serve(
             cell=the_cell,
             simulated=simulated,
             host=host,
-            store=store or (None if simulate else os.environ.get(stores.VARIABLE)),
+            store=store or (None if simulate else os.environ.get(history.VARIABLE)),
             permitted_mm=permitted,
         )
         text = _for_programs if json else _for_people

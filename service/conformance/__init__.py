@@ -13,8 +13,7 @@ from service.conformance.bench import (
     SimulatedRobot,
     StepsClock,
 )
-from service.conformance.broken import Broken
-from service.conformance.rig import SLACK_S, Rig
+from service.conformance.common import SLACK_S, Broken, Rig
 from service.conformance.suite import Finding, Promise, bench_of, promises_of, tried, tried_once
 
 __all__ = [

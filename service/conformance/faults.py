@@ -18,8 +18,7 @@ from drivers import (
     ProtocolError,
     Unmeasurable,
 )
-from service.conformance.broken import Broken, hold, refused
-from service.conformance.rig import SLACK_S, Rig
+from service.conformance.common import SLACK_S, Broken, Rig, hold, refused
 
 # What the fault may end in where it hits; a right reading is always allowed as well, unless listed in LOUD.
 CLASSES: dict[str, tuple[type[AcquisitionError], ...]] = {

@@ -24,8 +24,7 @@ from drivers import (
 from mocks.faultproxy import FaultProxy
 from service.conformance import common
 from service.conformance.bench import InstrumentBench, SimulatedInstrument, StepsClock
-from service.conformance.broken import hold, refused
-from service.conformance.rig import Rig
+from service.conformance.common import Rig, hold, refused
 
 SAMPLES = 10
 

@@ -27,8 +27,7 @@ from drivers import (
 from mocks.faultproxy import FaultProxy
 from service.conformance import common
 from service.conformance.bench import RobotBench, SimulatedRobot
-from service.conformance.broken import Broken, hold, refused
-from service.conformance.rig import Rig
+from service.conformance.common import Broken, Rig, hold, refused
 
 FAST, SLOW = 1e5, 2.0  # deg/s: at once, and slowly enough for a busy machine to stop it on its way
 POSES = 10

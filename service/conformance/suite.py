@@ -20,8 +20,7 @@ from drivers import ConfigError, installed
 from mocks.faultproxy import FAULTS, REQUEST_FAULTS
 from service.conformance import faults, instrument, robot
 from service.conformance.bench import InstrumentBench, RobotBench, StepsClock
-from service.conformance.broken import Broken, hold
-from service.conformance.rig import Rig
+from service.conformance.common import Broken, Rig, hold
 
 GROUP = "truepose.benches"
 LIMIT_S = 120.0  # beyond what the deadlines of ten questions allow, for one promise

@@ -17,8 +17,8 @@ from calib.errors import DataError
 from calib.fit import ErrorStatistics
 from calib.saved import SIMULATED, SavedModel
 from service.exports.formats import FORMATS, Export
+from service.programs.compensation import of_carried
 from service.programs.conditions import stated_conditions
-from service.programs.summary import of_carried
 
 FORMAT = "truepose-model-export/1"
 _DRAWN = 1000

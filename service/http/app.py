@@ -12,7 +12,7 @@ from fastapi import FastAPI
 from service.http.access.account import Account, Counted
 from service.http.access.gate import Gate
 from service.http.access.lanes import Lanes
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings
 from service.http.routes import (
     campaign_file_routes,
     campaign_routes,

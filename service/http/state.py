@@ -17,7 +17,7 @@ import acquisition
 from acquisition import Cell, Devices, open_devices
 from service.http.access.audit import Audit
 from service.http.access.motion_lease import MotionLease
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings
 from service.http.runs.book import Book
 from service.http.runs.glances import Glances
 from service.http.runs.loops import Loops

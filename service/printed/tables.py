@@ -18,8 +18,8 @@ from calib.units import percent
 from service import wording
 from service.results.judgement.acceptance import NAMES, RULE, Acceptance
 from service.results.models import positions
+from service.results.models.documents import Patched
 from service.results.models.parameters import Row, rows_of
-from service.results.models.patched import Patched
 
 _SHOWN = 24  # effects listed on a terminal; the report and the JSON hold all
 _LEFT_OUT = 20  # readings left out that are listed on a terminal

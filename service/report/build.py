@@ -22,7 +22,7 @@ from calib.fit import ErrorStatistics, Identification, errors_on, left_out, stat
 from calib.model import Effect, RobotModel
 from calib.saved import SavedModel, save_model
 from service import wording
-from service.report import paper, scope
+from service.report import certificate, scope
 from service.report.figures import drawing, errors, panels, scatter
 from service.report.figures.residuals import Sample
 from service.report.sections import (
@@ -39,8 +39,8 @@ from service.report.sections.findings import DRAWN, effects_of, power_of, struct
 from service.results.judgement.acceptance import NAMES, RULE, Acceptance
 from service.results.judgement.validated import Validated
 from service.results.models import positions
+from service.results.models.documents import Patched
 from service.results.models.parameters import Row, rows_of
-from service.results.models.patched import Patched
 
 _LEFT_OUT_SHOWN = 30  # readings, largest errors first
 _ABSENT: Mapping[str, Any] = {
@@ -308,7 +308,7 @@ def _render(
         held_count=int(dataset.validation_rows.sum()),
         holdout=wording.holdout_in_words(dataset.header.holdout),
         error_kind=wording.error_kind(dataset),
-        paper=paper.paper_of(dataset, document, model_sha256),
+        paper=certificate.paper_of(dataset, document, model_sha256),
         closing=wording.CLOSING,
         drawn=DRAWN,
         most_dots=scatter.MOST_DOTS,

@@ -3,16 +3,23 @@
 Written after the schema of the PTB, version 3.3.0, with quantities in D-SI 2.2. What a data set does not know,
 laboratory, customer and who is responsible, is told by `About`; it is not a certificate of an accredited laboratory
 unless one issues it. Sources: PTB, dcc.xsd v3.3.0 (structure, order, enumerations); D-SI 2.2 (quantities, units).
+
+The marks of a report that can be filed and signed: its number, who measured and when, program and hashes.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from datetime import UTC, date, datetime
+from functools import cache
 from importlib import metadata
+from importlib.resources import files
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -22,12 +29,15 @@ from acquisition.record import individual_of
 from calib.data import Dataset
 from calib.errors import DataError
 from service import wording
-from service.report.paper import number_of, program_hash
+from service.report.scope import devices_of
 from service.results.judgement.acceptance import RULE
 
 SCHEMA, SI = "https://ptb.de/dcc", "https://ptb.de/si"
+
 VERSION = "3.3.0"
+
 _INSTANCE = "http://www.w3.org/2001/XMLSchema-instance"
+
 UNITS: Mapping[str, str] = {
     "": r"\one",
     "mm": r"\milli\metre",
@@ -41,10 +51,22 @@ UNITS: Mapping[str, str] = {
     "mm/h": r"\milli\metre\hour\tothe{-1}",
     "deg/h": r"\degree\hour\tothe{-1}",
 }
+
 """Units of files and screens in the notation of D-SI; a quantity in another unit is written as text."""
+
 CONFORMITY = {"accepted": "pass", "rejected": "fail", "not_decided": "noPass"}
+
 COVERAGE, PROBABILITY = 2.0, 0.95
+
 _NOT_TEXT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+_ROOMS = ("service", "acquisition", "drivers", "calib")
+
+_DIGITS = 12
+
+_MISSING = "not recorded in the data set"
+
+_OF_THE_RUN = ("seconds",)  # keys of a result that differ each time it is worked out
 
 
 @dataclass(frozen=True)
@@ -214,6 +236,7 @@ _ERRORS = {
     "error_identified_mm": "Identified model",
     "error_after_mm": "Model with the effects found",
 }
+
 _FIGURES = {
     "rms": "RMS error",
     "mean": "Mean error",
@@ -346,3 +369,66 @@ def _child(parent: ElementTree.Element, space: str, name: str, text: str | None)
     if text is not None:
         element.text = " ".join(_NOT_TEXT.sub("?", text).split())  # the schema allows no outer blanks
     return element
+
+
+def number_of(document: Mapping[str, Any], program: str) -> str:
+    """The number of a report, "TP-1a2b-3c4d-5e6f", from its result and the hash of the program: the same readings and
+    the same program give the same number."""
+    rest = {key: value for key, value in document.items() if key not in _OF_THE_RUN}
+    text = json.dumps([program, rest], sort_keys=True, separators=(",", ":"), allow_nan=False)
+    digits = hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
+    return "-".join(("TP", *(digits[i : i + 4] for i in range(0, _DIGITS, 4))))
+
+
+def hash_of(folders: Iterable[Path]) -> str:
+    """SHA-256 of the sources in folders: the names and bytes of their Python files and templates, in order."""
+    digest = hashlib.sha256()
+    for folder in folders:
+        for path in sorted(p for p in folder.rglob("*") if p.suffix in (".py", ".j2", ".toml")):
+            digest.update(f"{folder.name}/{path.relative_to(folder).as_posix()}\0".encode())
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+@cache
+def program_hash() -> str:
+    """SHA-256 of the program that runs."""
+    return hash_of(Path(str(files(room))) for room in _ROOMS)
+
+
+def paper_of(dataset: Dataset, document: Mapping[str, Any], model_sha256: str | None) -> dict[str, Any]:
+    """The number of the report and its lines (what, value, whether the value is a hash). model_sha256: of the saved
+    model, None where there is none."""
+    program = program_hash()
+    return {
+        "number": number_of(document, program),
+        "lines": [
+            *((what, how, False) for what, how in (*_measured(dataset), *_devices(dataset))),
+            ("Program", f"TruePose {metadata.version('truepose')}", False),
+            ("SHA-256 of the program", program, True),
+            ("SHA-256 of the data set with its header", dataset.sha256, True),
+            (
+                "SHA-256 of the model (content_sha256 of its file)",
+                model_sha256 or "none: the fit did not converge",
+                model_sha256 is not None,
+            ),
+        ],
+    }
+
+
+def _devices(dataset: Dataset) -> list[tuple[str, str]]:
+    return devices_of(dataset) or [("Serial numbers", _MISSING)]
+
+
+def _merged(campaigns: int) -> str:
+    return f", {campaigns} campaigns merged" if campaigns > 1 else ""
+
+
+def _measured(dataset: Dataset) -> list[tuple[str, str]]:
+    occasion = dataset.header.occasion
+    if occasion is None:
+        return [("Measured", _MISSING), ("Operators", _MISSING)]
+    return [
+        ("Measured", f"{occasion.began} to {occasion.ended}{_merged(occasion.campaigns)}"),
+        ("Operators", ", ".join(occasion.operators) or _MISSING),
+    ]

@@ -1,25 +1,49 @@
-"""The history of a robot: what was measured and said of it, the trend of a parameter, when the next check is due."""
+"""The history of a robot: what was measured and said of it, the trend of a parameter, when the next check is due.
+
+Hours of use: what the counters of robots showed, from a table that a person or a PLC keeps.
+
+Between two readings of a counter the robot is taken to have been used evenly; before the first and after the last
+nobody knows.
+
+The state of a robot by its history: what the last watch says, that a change is due now, and dates nobody can
+believe.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from datetime import datetime
-from itertools import groupby
+from datetime import UTC, datetime, timedelta
+from itertools import groupby, pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from calib.errors import DataError
+from calib.text import read_text, rows_of
 from calib.upkeep import Check, ControlChart, Due, Method, chart_of, next_due
 from fleet.store import ERROR, LONGEST, Added, Document, Entry, Known, Point, RobotKey, Said, Standing, Store
-from service.results.hours import Hours
-from service.results.robot_state import due_now
 
 FORMAT = "truepose-history/1"
+
 MOST = 100_000  # documents of one robot
+
 _TOO_FEW = "One value makes no chart."
+
+COLUMNS = ["serial", "at", "hours"]
+
+CHANGED = ("changed", "ambiguous", "unexplained")
+
+"""Verdicts after which somebody has to act, whatever the dates of checks say."""
+
+_EARLIEST = datetime(2001, 1, 1, tzinfo=UTC)
+
+"""Clocks whose battery is empty begin in 1970, 1980 or 2000."""
+
+_AHEAD = timedelta(days=1)
 
 
 def robot_of(store: Store, serial: str, model: str | None) -> RobotKey:
@@ -317,3 +341,73 @@ def due_document(found: Sequence[Next], now: datetime) -> dict[str, Any]:
 def text_of(moment: datetime) -> str:
     """A moment as JSON has it, UTC."""
     return f"{moment:%Y-%m-%dT%H:%M:%SZ}"
+
+
+@dataclass(frozen=True)
+class Hours:
+    """Readings (time, hours) of every serial number, oldest first."""
+
+    readings: Mapping[str, Sequence[tuple[datetime, float]]]
+
+    def at(self, serial: str, moment: datetime) -> float | None:
+        """Hours that a counter showed at a time; None where no readings are around it."""
+        readings = self.readings.get(serial, ())
+        for then, hours in readings:
+            if then == moment:
+                return hours
+        for (a, before), (b, after) in pairwise(readings):
+            if a < moment < b:
+                return before + (after - before) * ((moment - a) / (b - a))
+        return None
+
+
+def read_hours(path: Path) -> Hours:
+    """Read `serial,at,hours`; times as 2026-03-02 or 2026-03-02T09:15, UTC. Raises DataError naming the line."""
+    rows = rows_of(read_text(path), path)
+    if not rows or rows[0][1] != COLUMNS:
+        raise DataError(
+            f"has no columns {','.join(COLUMNS)}.", do="Name them in its first line.", file=path, line=1
+        )
+    found: dict[str, list[tuple[datetime, float]]] = defaultdict(list)
+    for line, cells in rows[1:]:
+        try:
+            serial, at, hours = cells
+            moment, count = datetime.fromisoformat(at), float(hours)
+        except ValueError as error:
+            raise DataError(
+                f"is no reading of a counter ({error}).",
+                do="Write e.g. 120-4711,2026-03-02,1840.",
+                file=path,
+                line=line,
+            ) from error
+        found[serial].append((moment if moment.tzinfo else moment.replace(tzinfo=UTC), count))
+    return Hours({serial: sorted(readings) for serial, readings in found.items()})
+
+
+def state_of(standing: Standing) -> str:
+    """The state of a robot by now: that of the last watch, unless it is retired or a model is newer."""
+    watched, model = standing.watched, standing.baseline
+    if standing.known.retired:
+        return "retired"
+    if watched is None:
+        return "not_watched"
+    if model is not None and model.measured_at > watched.measured_at:
+        return "recalibrated"
+    return watched.verdict if watched.verdict in ("unchanged", *CHANGED) else "not_watched"
+
+
+def due_now(standing: Standing) -> Due | None:
+    """A robot that has changed is due since the watch that says so; None for any other state."""
+    watched = standing.watched
+    if watched is None or state_of(standing) not in CHANGED:
+        return None
+    return Due(
+        watched.measured_at, f"Now: the last watch found it {watched.verdict}. {watched.advice}".strip()
+    )
+
+
+def doubtful_date(known: Known, now: datetime) -> datetime | None:
+    """A date among the documents of a robot that only a wrong clock can have written; None where there is none."""
+    if known.last > now + _AHEAD:
+        return known.last
+    return known.first if known.first < _EARLIEST else None

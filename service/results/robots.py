@@ -2,31 +2,67 @@
 
 Every function opens the store at an address, asks and closes it: it is called in a process that may wait for
 a database.
+
+The record of a campaign as documents of a fleet: its readings as a data set, and what was measured when by whom.
+
+The findings of a service, brought into its history: runs that succeeded, diagnoses, watches, upkeeps.
+
+The files of the record are the truth and nothing else is needed: what has not been kept is looked for again, and the
+store keeps the same content once.
 """
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
+import acquisition
+from acquisition import State, read_status
 from calib.errors import DataError
+from calib.text import written_by
 from calib.upkeep import Drift, Method, Staircase
+from drivers.errors import AcquisitionError
+from fleet.errors import StoreError
 from fleet.outbox import Cell, read_data, read_result
-from fleet.store import RobotKey, Said, Standing, Store, utc_now
+from fleet.store import Document, RobotKey, Said, Standing, Store, utc_now
+from service import refusals
+from service.files import as_json
 from service.kept_dataset import CSV, TOML, refuse_paths
 from service.plain import finite
 from service.results import history
-from service.results.robot_state import CHANGED, doubtful_date, due_now, state_of
+from service.results.history import CHANGED, doubtful_date, due_now, state_of
 
 Way = Literal["staircase", "drift"]
+
 MOST = 1000
+
 """Robots of a list."""
+
 ERRORS = 24
+
 """Values of a line's small picture."""
+
+FORMAT = "truepose-campaign-record/1"
+
+Outcome = Literal["new", "known", "conflict", "refused"]
+
+_FILES = {
+    "diagnoses": ("result.json", "model.json"),
+    "loops": ("result.json", "model.json"),
+    "watches": ("result.json", "model.json"),
+    "upkeeps": ("result.json",),  # whose parameters are those of its model
+}
+
+RESULT = "result.json"
+
+_RECORD = "record.sqlite3"
+
+Reader = Callable[[Path, Cell], Sequence[Document]]
 
 
 @dataclass(frozen=True)
@@ -241,3 +277,87 @@ def _urgency(line: dict[str, Any]) -> tuple[int, float, str, str]:
         due["date"] or "",
         line["serial"],
     )
+
+
+def read_record(path: Path, cell: Cell) -> list[Document]:
+    """The documents of a record that is finished; none of another. Raises DataError."""
+    folder = path.parent
+    try:
+        status = read_status(folder)
+        if status.state != State.SUCCEEDED.value:
+            return []
+        with TemporaryDirectory(prefix="truepose-fleet-") as place:
+            found = read_data(acquisition.export(folder, Path(place) / "data.csv"), cell)
+    except DataError as error:  # of a file that nobody sees
+        raise DataError(error.what, do=error.do, file=folder, key=error.key) from error
+    except AcquisitionError as error:
+        raise DataError(refusals.cause(error), do=refusals.remedy(error), file=folder) from error
+    summary = {
+        "format": FORMAT,
+        "program": written_by(),
+        "id": status.id,
+        "name": status.name,
+        "state": status.state,
+        "readings": status.done,
+        "skipped": status.skipped,
+        "simulated": status.simulated,
+        "datasets": [each.hash for each in found],
+    }
+    about = [
+        replace(each, kind="campaign", identity=f"campaign {status.id}", content=as_json(summary).encode())
+        for each in found
+    ]
+    return [*found, *about]
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The outcome for a file, by its path below the record. documents: hashes; robot_id: of the robot; because: why it
+    was refused, or what it contradicts; empty otherwise."""
+
+    path: str
+    state: Outcome
+    documents: tuple[str, ...] = ()
+    robot_id: str = ""
+    because: str = ""
+
+
+def keep_results(address: str, record: Path, cell: Cell, done: Collection[str]) -> list[Kept]:
+    """Keep every result of a record that is not among `done`, paths below it. Raises StoreError: what was kept before
+    is known again the next time."""
+    out: list[Kept] = []
+    with Store.open(address) as store:
+        for path, reader in _results(record):
+            name = path.relative_to(record).as_posix()
+            if name not in done and (kept := _keep(store, path, name, reader, cell)) is not None:
+                out.append(kept)
+    return out
+
+
+def _results(record: Path) -> Iterator[tuple[Path, Reader]]:
+    """The files that may be kept, and how each is read. A result is written last: with it everything is there."""
+    for folder, names in _FILES.items():
+        for place in sorted(record.glob(f"{folder}/*/")):
+            if (place / RESULT).is_file():
+                yield from ((place / name, read_result) for name in names if (place / name).is_file())
+    for place in sorted(record.glob(f"runs/*/{_RECORD}")):
+        yield place, read_record
+
+
+def _keep(store: Store, path: Path, name: str, reader: Reader, cell: Cell) -> Kept | None:
+    """The outcome for one file; None for what is not finished."""
+    try:
+        found = reader(path, cell)
+        if not found:
+            return None
+        added = store.add_all(list(found))
+    except StoreError:
+        raise
+    except (DataError, OSError) as error:
+        return Kept(name, "refused", because=str(error).replace(str(path), name))
+    hashes, robot = tuple(each.hash for each in added), id_of(found[0].robot)
+    others = [hash for each in added for hash in each.other_hashes]
+    if others:
+        return Kept(name, "conflict", hashes, robot, f"It contradicts the document {others[-1]}.")
+    state = "new" if any(each.state == "new" for each in added) else "known"
+    return Kept(name, state, hashes, robot)

@@ -1,4 +1,7 @@
-"""Thermal upkeep, for the command line (`truepose-upkeep/1`): what the readings say of the warmth of the arm."""
+"""Thermal upkeep, for the command line (`truepose-upkeep/1`): what the readings say of the warmth of the arm.
+
+The origin of a verdict: by it a store knows of which robot it is, and from when.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +17,11 @@ from calib.data import Dataset
 from calib.errors import DataError
 from calib.fit import silent
 from calib.saved import SavedModel, save_update
+from calib.text import written_by
 from calib.units import to_display
 from calib.watch import Upkept
 from service import exit_codes
 from service.plain import finite
-from service.results.origin import origin_of
 
 FORMAT = "truepose-upkeep/1"
 
@@ -178,3 +181,15 @@ def on_its_clock(saved: SavedModel, dataset: Dataset, model: Path, running_s: fl
 
 def _shown(value: float, unit: str) -> float:
     return to_display(float(value), unit)
+
+
+def origin_of(dataset: Dataset) -> dict[str, Any]:
+    """Program, robot, devices and time of readings, as far as their header says."""
+    header, occasion = dataset.header, dataset.header.occasion
+    return {
+        "program": written_by(),
+        "robot": header.robot.name,
+        "device": [dict(each) for each in header.devices],
+        "measured": None if occasion is None else {"began": occasion.began, "ended": occasion.ended},
+        "simulated": header.simulated,
+    }

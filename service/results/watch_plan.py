@@ -33,7 +33,7 @@ from calib.saved import SavedModel
 from calib.units import DEG
 from calib.watch import NestLimit, Plan, Proposal, Visits
 from service.plain import finite
-from service.results.watch_words import in_words
+from service.results.watched import in_words
 
 
 @dataclass(frozen=True)

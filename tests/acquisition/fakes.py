@@ -20,8 +20,7 @@ from acquisition.cell.cell import Cell, cell_from
 from acquisition.cell.devices import Devices
 from acquisition.cell.workspace import targets_at
 from acquisition.cell.world_frame import WorldFrame
-from acquisition.record.event import Moment
-from acquisition.record.store import Store
+from acquisition.record.store import Moment, Store
 from drivers.errors import MotionStopped, NotArmed, OutOfRange, TargetNotSeen
 from drivers.interfaces import (
     Answer,

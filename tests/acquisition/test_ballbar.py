@@ -13,11 +13,11 @@ import pytest
 
 from acquisition import Event, Run, export
 from acquisition.campaign import make_plan
-from acquisition.campaign.check import check_plan
+from acquisition.campaign.plan import check_plan
 from acquisition.cell import targets_at
 from acquisition.errors import NotResumed, RecordError
 from acquisition.record import export_together
-from acquisition.record.planned import Planned
+from acquisition.record.store import Planned
 from acquisition.run.prompts.hands import Hands
 from calib import identify, read_dataset
 from drivers import Answer, ConfigError, LinkLost, NotReady, OutOfRange

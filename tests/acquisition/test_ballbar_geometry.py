@@ -16,9 +16,8 @@ import pytest
 
 from acquisition import Event, export
 from acquisition.campaign import make_plan
-from acquisition.campaign.check import check_plan
-from acquisition.campaign.forecast import Forecast
-from acquisition.cell.bars import bar_between, bars_of
+from acquisition.campaign.plan import Forecast, check_plan
+from acquisition.cell.cell import bar_between, bars_of
 from acquisition.record.readings import readings_of
 from acquisition.run import PROMPT
 from acquisition.run.ballbar.distances import STAGE_1, BallbarChecks

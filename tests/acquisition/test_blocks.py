@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from acquisition import Cell, Run, export
 from acquisition.campaign import Visit, make_plan
 from acquisition.campaign.blocks.sphere import cap
-from acquisition.campaign.check import check_plan
+from acquisition.campaign.plan import check_plan
 from acquisition.cell import targets_at
 from acquisition.cell.workspace import facing
 from acquisition.errors import UnsafePlan

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from acquisition.errors import Misplaced, NothingNew, TurnedOtherwise, WronglySeated
 from acquisition.record import export
-from acquisition.record.event import Event
+from acquisition.record.store import Event
 from calib.arm import forward
 from calib.data import read_dataset
 from drivers.errors import AcquisitionError, Busy, EnableLost, LinkLost, WrongMode

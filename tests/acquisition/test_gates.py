@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from acquisition import Devices, Event, Outcome, Run, export
 from acquisition.campaign.blocks.block import Settle
 from acquisition.campaign.campaign import campaign_of_record
-from acquisition.record.drift import Drift, drift_of
+from acquisition.record.readings import Drift, drift_of
 from acquisition.run.rig.settling import TRIES, until_still
 from calib import read_dataset
 from drivers import Answer, ConfigError, JointReading, NoisyMeasurement, NoOperator, PointReading, Prompt

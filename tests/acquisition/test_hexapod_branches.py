@@ -13,7 +13,7 @@ import pytest
 from acquisition.campaign.plan import make_plan
 from acquisition.cell.cell import read_cell
 from calib.arm import forward
-from calib.validation.groups import branches as branches_of
+from calib.validation.judge import branches as branches_of
 from drivers.errors import ConfigError
 from tests.acquisition.fakes import BALLBAR, a_campaign, a_cell
 

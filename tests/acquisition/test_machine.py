@@ -24,7 +24,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from acquisition.errors import NotResumed
 from acquisition.record.database import FILE
-from acquisition.record.event import Event
+from acquisition.record.store import Event
 from acquisition.run.run import Run
 from drivers.errors import (
     BeamBroken,

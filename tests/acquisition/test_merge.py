@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import RecordError
-from acquisition.record.data_table import DataTable
+from acquisition.record.export import DataTable
 from acquisition.record.merge import Part, merge
 from calib.data.header import Occasion
 from calib.data.read import read_dataset

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from acquisition.campaign import Visit, draw_poses, make_plan, setup_of
-from acquisition.campaign.check import check_plan
+from acquisition.campaign.plan import check_plan
 from acquisition.cell.workspace import facing
 from calib import forward
 from calib.selection import candidates_of

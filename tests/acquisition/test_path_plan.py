@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from acquisition import Campaign, Cell, campaign_from, checked_plan, read_cell
-from acquisition.campaign.forecast import Forecast
+from acquisition.campaign.plan import Forecast
 from acquisition.errors import UnsafePlan
 from acquisition.record import Store
 from acquisition.run.rig.recorder import Feed

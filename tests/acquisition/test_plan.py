@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.campaign.check import check_plan
-from acquisition.campaign.plan import Visit, make_plan
+from acquisition.campaign.plan import Visit, check_plan, make_plan
 from acquisition.cell.workspace import targets_at
 from acquisition.errors import UnsafePlan
 from calib.arm.kinematics import forward

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acquisition.cell.cell import NoiseFigures
-from acquisition.cell.station import FALSE_ALARM, SEAT_MM, moved_by
+from acquisition.cell.cell import FALSE_ALARM, SEAT_MM, NoiseFigures, moved_by
 
 NESTS = {"N1": (2400.0, 900.0, -350.0), "N2": (1800.0, 900.0, -350.0), "N3": (2400.0, 300.0, -350.0)}
 NOISE = NoiseFigures()

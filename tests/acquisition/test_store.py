@@ -21,8 +21,8 @@ from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import IllegalTransition, StorageError
 from acquisition.record import FILE, Store
 from acquisition.record.attempts import Attempts
-from acquisition.record.planned import Planned
 from acquisition.record.states import TRANSITIONS, check_transition
+from acquisition.record.store import Planned
 from acquisition.run.status import status_of
 from drivers import JointReading, LinkLost, PointReading, Prompt
 from tests.acquisition.fakes import a_campaign, a_cell, new_store

@@ -11,12 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.campaign.check import check_plan
-from acquisition.campaign.plan import make_plan
+from acquisition.campaign.plan import check_plan, make_plan
 from acquisition.cell.transit import Transit, clear_moves, home_of, may_visit
 from acquisition.cell.workspace import is_allowed, lowest_of
 from acquisition.errors import NoClearWay, UnsafePlan
-from acquisition.record.event import Event
+from acquisition.record.store import Event
 from drivers.errors import ConfigError
 from drivers.interfaces import Answer, Prompt
 from tests.acquisition.fakes import SeatingOperator, a_campaign, a_cell

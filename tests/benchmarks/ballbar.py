@@ -35,7 +35,7 @@ from calib.arm.start import align
 from calib.convert import IMPORTERS
 from calib.fit import base_model_of, place_nominal
 from calib.model import RobotModel
-from calib.validation.groups import branches
+from calib.validation.judge import branches
 from mocks.world import ArmState
 from tests.benchmarks.clock import line
 from tests.benchmarks.nests import Truth, example, header_of, legs_of, predicted_mm, sides_of, truth_of

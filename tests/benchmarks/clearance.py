@@ -9,8 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from acquisition.campaign.check import check_plan
-from acquisition.campaign.plan import make_plan
+from acquisition.campaign.plan import check_plan, make_plan
 from tests.acquisition.arm_reference import looked_at
 from tests.acquisition.fakes import a_campaign, a_cell
 from tests.benchmarks.clock import line, seconds

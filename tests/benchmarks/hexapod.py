@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib.arm.hexapod_pose import MODES, solve_pose
+from calib.arm.hexapod import MODES, solve_pose
 from tests.benchmarks.clock import line, seconds
 
 WANTED_PER_S = 100_000

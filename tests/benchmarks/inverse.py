@@ -16,7 +16,7 @@ import numpy as np
 from calib import Robot, StatedConditions, correct, forward, inverse_kinematics, load_robot
 from calib.arm import BRANCHES
 from calib.array import Array
-from calib.validation.groups import branches
+from calib.validation.judge import branches
 from tests.benchmarks.clock import line, seconds
 from tests.benchmarks.peers.environment import Absent, Peer
 from tests.calib.errant import only_geometry

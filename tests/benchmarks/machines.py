@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 import truepose
 from calib import Dataset, Robot, read_dataset
-from calib.arm.jacobian import LEVER_MM, joint_scale
+from calib.arm.kinematics import LEVER_MM, joint_scale
 from calib.array import Array
 from calib.units import DEG
 from tests.calib.chain import chain, six

@@ -16,8 +16,7 @@ from calib.arm.robot import load_robot
 from calib.array import Array
 from calib.data.noise import Noise
 from calib.selection import Setup, candidates_of, choose
-from calib.selection.bound import optimum
-from calib.selection.exchange import SelectionState, best_of_starts, log_det
+from calib.selection.exchange import SelectionState, best_of_starts, log_det, optimum
 from calib.selection.pose_rows import PoseRows
 from calib.units import DEG
 from tests.benchmarks.clock import line, seconds

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib.arm.jacobian import nominal_jacobian
+from calib.arm.kinematics import nominal_jacobian
 from calib.arm.robot import Robot
 from calib.array import Array
 

@@ -14,7 +14,7 @@ import pytest
 from calib import DataError, Dataset, SavedModel, identify, load_model, save_model
 from calib.compensate import Bounds, correct, refuse_unlikely
 from calib.fit import Identification, radius_95
-from calib.fit.uncertainty import expanded, predict_with_covariance
+from calib.fit.identification import expanded, predict_with_covariance
 from calib.model import Design, conditions_at, named_only
 from calib.model.carried_regressors import Held, HeldPair
 from calib.prior.lesson import Member

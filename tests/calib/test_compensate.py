@@ -17,7 +17,7 @@ from calib.arm.inverse_kinematics import nominal_inverse
 from calib.array import Array
 from calib.compensate import Status
 from calib.model import FLANGE, RobotModel, conditions_at
-from calib.model.stated import nominal_poses
+from calib.model.model import nominal_poses
 from tests.calib.chain import chain
 from tests.calib.errant import (
     ROBOT,

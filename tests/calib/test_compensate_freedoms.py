@@ -12,7 +12,7 @@ import pytest
 
 from calib import Robot, StatedConditions, correct, load_robot
 from calib.arm.freedoms import Freedoms
-from calib.arm.jacobian import joint_scale, nominal_jacobian
+from calib.arm.kinematics import joint_scale, nominal_jacobian
 from calib.array import Array
 from calib.compensate import Status, nominal_of
 from calib.data import DEFAULT_GROUPS

@@ -8,7 +8,7 @@ import pytest
 
 from calib.arm.robot import built_in_robots, load_robot
 from calib.errors import DataError
-from calib.text.unknown_keys import did_you_mean
+from calib.text.toml_table import did_you_mean
 
 
 @pytest.mark.parametrize(

@@ -46,8 +46,7 @@ from calib.effects.transmission import (
 )
 from calib.fit import base_model_of
 from calib.model import Design, Effect, Regressor, RobotModel, effect
-from calib.model.gravity_regressors import Torque
-from calib.model.regressors import Constant
+from calib.model.regressors import Constant, Torque
 from calib.units import DEG
 from mocks.campaign import Campaign
 from mocks.world import LAWS, displacement, scaled

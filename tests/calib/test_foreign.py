@@ -20,8 +20,7 @@ from calib.data import dataset_of, header_of
 from calib.data.plausible import remarks
 from calib.foreign import converted, data_set_of, propose, read_map, text_of
 from calib.foreign.files.number import Notation, notation_of
-from calib.foreign.map.map_file import Map
-from calib.foreign.map.rotations import sequence_of
+from calib.foreign.map.map_file import Map, sequence_of
 from calib.foreign.readings.matching import matched
 from calib.foreign.readings.readings import Readings
 from calib.text import Columns, parse_toml

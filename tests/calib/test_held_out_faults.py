@@ -10,7 +10,7 @@ import pytest
 
 from calib.data import Dataset
 from calib.diagnose import Diagnosis, diagnose
-from calib.fit.held_out_faults import held_out_faults
+from calib.fit.held_out import held_out_faults
 from service.wording import verdict_in_words
 from tests.calib.campaigns import simulate
 

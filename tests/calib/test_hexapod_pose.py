@@ -12,8 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from calib.arm.hexapod import stances
-from calib.arm.hexapod_pose import LENGTHS, MODES, solve_pose
+from calib.arm.hexapod import LENGTHS, MODES, solve_pose, stances
 from tests.calib.test_hexapod import BASE, TOOL
 
 VECTORS = Path(__file__).parents[1] / "vectors"

@@ -1,5 +1,5 @@
 """Inverse kinematics in closed form. These would catch: a branch that is missed or named otherwise than
-`calib.validation.groups` names it, joints that do not stand in the pose, a pose out of reach or singular that is not
+`calib.validation.judge` names it, joints that do not stand in the pose, a pose out of reach or singular that is not
 said to be, a turn beyond a limit, a structure taken for one it is not, and rows that influence each other.
 """
 
@@ -19,7 +19,7 @@ from calib.arm.inverse_kinematics.six_axes import structure_of
 from calib.arm.inverse_kinematics.zero_pose import ZeroPose
 from calib.arm.robot import Convention
 from calib.array import Array
-from calib.validation.groups import branches
+from calib.validation.judge import branches
 from tests.calib.chain import chain
 
 NAMES = ("abb-irb120", "fanuc-lrmate200ic", "ur5", "ur10")

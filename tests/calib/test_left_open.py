@@ -23,8 +23,8 @@ from calib.saved.left_open import LeftOpen
 from calib.units import DEG
 from calib.watch import Seen, judge, updated
 from calib.watch.cause import fitted
-from calib.watch.frame import frame_covariance
 from calib.watch.judge import odds_of
+from calib.watch.seen import frame_covariance
 from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
 from mocks.world import World
 from mocks.world.dataset import header_of, row_of

@@ -12,7 +12,7 @@ from calib.fit import identify
 from calib.saved import as_saved
 from calib.units import DEG
 from calib.watch import Seen, missed
-from calib.watch.frame import frame_covariance
+from calib.watch.seen import frame_covariance
 from tests.benchmarks.coverage import KINDS, simulate
 
 DRAWS = 200

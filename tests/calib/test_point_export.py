@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from calib.errors import DataError
-from calib.foreign.files.dates import seconds_of
+from calib.foreign.files.number import seconds_of
 from calib.foreign.map.entry import Column, parse_map
 from calib.motion.read import read_export, read_points
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from calib import Dataset, Diagnosis, identify, load_robot
-from calib.arm.robot_hash import robot_hash
+from calib.arm.robot import robot_hash
 from calib.diagnose import Found as Named
 from calib.diagnose import diagnose
 from calib.diagnose.diagnosis import in_type

@@ -15,7 +15,7 @@ from calib.arm.inverse_kinematics import BRANCHES, inverse_kinematics
 from calib.arm.kinematics import Chain, Placement, forward, nominal_values, propagate
 from calib.arm.robot import Robot, built_in_robots, load_robot
 from calib.array import Array
-from calib.validation.groups import branches
+from calib.validation.judge import branches
 from tests.calib.published_arms import PUBLISHED
 
 OF_THESES = {"abb-irb120", "ur10", "ur5"}  # published as DH tables, and tested against vectors of theirs

@@ -22,12 +22,9 @@ from calib.data.dataset import Dataset
 from calib.data.read import read_dataset
 from calib.errors import DataError
 from calib.fit.identify import identify
-from calib.model.model import Design
-from calib.model.stated import StatedConditions
-from calib.regression.choose import choose, folds_of, widths
-from calib.regression.features import SETS, evaluate, independent, products_of, usual
-from calib.regression.mls_svr import Gaussian, Kernel, Linear, fit
-from calib.regression.regression import Region, Wanted
+from calib.model.model import Design, StatedConditions
+from calib.regression.mls_svr import Gaussian, Kernel, Linear, choose, fit, folds_of, widths
+from calib.regression.regression import SETS, Region, Wanted, evaluate, independent, products_of, usual
 from calib.saved.model_checks import content_hash
 from calib.saved.model_file import load_model, save_model
 from service.results.models.regression_document import findings

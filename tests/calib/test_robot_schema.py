@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import tomli_w
 
-from calib.arm import joint_kinds, joint_matrix, robot
+from calib.arm import joint_kinds, robot
 from calib.arm.robot import BUILT_IN, built_in_robots, load_robot
 from calib.errors import DataError
 from calib.robot_file import SCHEMA
@@ -41,7 +41,7 @@ def test_the_schema_is_one_and_has_every_key_of_the_reader() -> None:
     limits = {f"{end}_{unit}" for end in ("min", "max") for unit in ("deg", "mm")}
     assert set(properties["link"]["items"]["properties"]) == set(joint_kinds._KEYS) | limits
     matrices = properties["joint_matrices"]["additionalProperties"]["properties"]
-    assert set(matrices) == set(joint_matrix.KEYS)
+    assert set(matrices) == set(joint_kinds.KEYS)
 
 
 @pytest.mark.parametrize("name", built_in_robots())

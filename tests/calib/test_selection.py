@@ -12,8 +12,15 @@ from hypothesis import strategies as st
 from calib.array import Array
 from calib.errors import DataError
 from calib.selection import observability, select
-from calib.selection.bound import optimum
-from calib.selection.exchange import Indices, SelectionState, exchange, greedy, log_det, without_least
+from calib.selection.exchange import (
+    Indices,
+    SelectionState,
+    exchange,
+    greedy,
+    log_det,
+    optimum,
+    without_least,
+)
 from calib.selection.pose_rows import PoseRows
 
 SEEDS = st.integers(0, 10_000)

@@ -14,9 +14,8 @@ from calib.data import Noise
 from calib.fit import expanded
 from calib.model import Design, conditions_at
 from calib.selection import Curve, Setup, candidates_of, curve_of
-from calib.selection.bound import optimum
 from calib.selection.coverage import cells_of, filling, missing
-from calib.selection.exchange import best_of_starts, log_det
+from calib.selection.exchange import best_of_starts, log_det, optimum
 from calib.selection.pose_rows import PoseRows
 from calib.units import DEG
 

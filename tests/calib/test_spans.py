@@ -16,7 +16,7 @@ import pytest
 
 from calib import DataError, Dataset, Identification, identify, read_dataset
 from calib.fit import offsets_of
-from calib.model.ties import ties
+from calib.model.model import ties
 from service.results.models.positions import by_the_bar
 from tests.benchmarks.nests import example, header_of, legs_of, truth_of
 from tests.calib.campaigns import Row, write_files

@@ -16,7 +16,7 @@ from calib.arm.robot import Load, Robot, load_robot
 from calib.array import Array
 from calib.data.read import read_dataset
 from calib.fit.placing import base_model_of
-from calib.model.stated import StatedConditions, conditions_at
+from calib.model.model import StatedConditions, conditions_at
 from mocks.campaign import make_campaign
 from mocks.world import ROBOTS
 from tests.calib.campaigns import dataset_of, move_rows, write_files

@@ -11,12 +11,11 @@ from pathlib import Path
 import pytest
 
 from calib.errors import DataError
-from calib.text.columns import Columns
-from calib.text.csv_text import LONGEST_LINE, MOST_COLUMNS, rows_of
+from calib.text.columns import LONGEST_LINE, MOST_COLUMNS, Columns, rows_of
 from calib.text.json_text import parse_json
 from calib.text.plain_values import DEEPEST
 from calib.text.text_file import read_bytes, read_text
-from calib.text.toml_text import parse_toml
+from calib.text.toml_table import parse_toml
 
 REFUSED: dict[str, tuple[Callable[[str, str], object], str, str]] = {
     "json: digits": (parse_json, '{"a": ' + "9" * 400 + "}", "400 digits"),

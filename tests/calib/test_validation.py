@@ -32,9 +32,8 @@ from calib.validation import (
     refuse_incomparable,
     refuse_other_robot,
 )
-from calib.validation.groups import by_distance, grouped, groupings
 from calib.validation.holdout import without
-from calib.validation.judge import rotation_vectors
+from calib.validation.judge import by_distance, grouped, groupings, rotation_vectors
 from mocks.campaign import make_campaign
 from tests.calib.campaigns import dataset_of, exact, move_rows, with_points, write_files
 from tests.calib.cells import NOISE, Cell

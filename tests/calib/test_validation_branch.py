@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from calib import forward, load_robot
 from calib.array import Array
 from calib.units import DEG
-from calib.validation.groups import branches
+from calib.validation.judge import branches
 
 
 class TestBranches:

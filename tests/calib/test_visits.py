@@ -27,8 +27,7 @@ from calib.fit.identify import fit
 from calib.fit.least_squares import jacobian
 from calib.fit.readings import linearised
 from calib.model import Design
-from calib.model.observations import Observations
-from calib.model.shared import Shared
+from calib.model.observations import Observations, Shared
 from calib.scan import Candidate, Harmonics, Space, Steps
 from tests.benchmarks.diagnosis_complete import campaign as complete_campaign
 from tests.benchmarks.nests import LEG_SIGMA_MM, example, header_of, legs_of, truth_of

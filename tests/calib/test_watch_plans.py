@@ -28,7 +28,7 @@ from calib.watch import (
     proposals,
     within_stroke,
 )
-from calib.watch.lack import scatter_beyond
+from calib.watch.baseline import scatter_beyond
 from calib.watch.planning.rounds import Rounds, Ways
 from tests.benchmarks.coverage import KINDS, RANGE, ROBOT, Kind, header_of, simulate
 from tests.calib.machines import machine

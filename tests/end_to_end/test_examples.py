@@ -13,10 +13,10 @@ import pytest
 import tomli_w
 
 from acquisition import Campaign, Cell, Run, campaign_from, checked_plan, export, read_campaign, read_cell
-from acquisition.campaign.forecast import Forecast
+from acquisition.campaign.plan import Forecast
 from acquisition.cell import cell_from
 from acquisition.record import Store
-from acquisition.record.drift import drift_of
+from acquisition.record.readings import drift_of
 from calib import Dataset, identify, read_dataset
 from calib.diagnose import diagnose
 from calib.fit import errors_on, offsets_of

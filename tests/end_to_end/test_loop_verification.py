@@ -20,7 +20,7 @@ from acquisition.loop.loop import APPROACH_DEG, campaign_of, clear
 from acquisition.loop.rehearsal import campaign_table
 from acquisition.record import Store
 from acquisition.record.attempts import Attempts
-from acquisition.record.event import Moment
+from acquisition.record.store import Moment
 from acquisition.record.verification import (
     JudgedLandings,
     Landings,

@@ -18,7 +18,7 @@ import pytest
 from acquisition import Cell, Run, campaign_from, export
 from acquisition.cell import cell_from
 from acquisition.record import Store
-from acquisition.record.drift import drift_of
+from acquisition.record.readings import drift_of
 from calib import read_dataset
 from calib.diagnose import diagnose
 from calib.text import read_toml

@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 
-from acquisition.cell.cell import Cell, cell_from
-from acquisition.cell.identity import OtherDevice, check_identity, is_model
+from acquisition.cell.cell import Cell, OtherDevice, cell_from, check_identity, is_model
 from drivers import (
     AcquisitionError,
     ConfigError,

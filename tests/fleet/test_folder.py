@@ -19,7 +19,7 @@ from acquisition import Run
 from drivers.interfaces import Identity
 from fleet.outbox import FILE, Cell, Outbox, collect, read_data
 from fleet.store import Document, RobotKey, dataset_texts
-from service.results.records import read_record
+from service.results.robots import read_record
 from tests.acquisition.fakes import Bench, JumpingClock, a_campaign, a_cell, devices_of
 from tests.fleet.test_outbox import NOW
 

@@ -15,8 +15,7 @@ from alembic.runtime.migration import MigrationContext
 
 from fleet.errors import StoreError
 from fleet.store import READER, WRITER, Job, Store, migrate, tables
-from fleet.store.engine import engine_of
-from fleet.store.schema import newest
+from fleet.store.engine import engine_of, newest
 from tests.fleet.documents import BEGAN, ROBOT, model
 from tests.fleet.postgres import Cluster
 

@@ -24,11 +24,10 @@ from calib.data.read import read_dataset
 from calib.errors import DataError
 from calib.fit.identify import identify
 from calib.foreign import converted, propose, read_map, text_of
-from calib.model.stated import StatedConditions
+from calib.model.model import StatedConditions
 from calib.motion.read import read_joints, read_points
-from calib.regression.features import evaluate, turns
 from calib.regression.mls_svr import Linear, fit
-from calib.regression.regression import Regression, Wanted
+from calib.regression.regression import Regression, Wanted, evaluate, turns
 from calib.robot_file import import_dh, import_urdf
 from calib.saved.model_file import SavedModel, load_model, save_model
 from calib.watch import read_history

@@ -21,8 +21,7 @@ from calib import identify, read_dataset, save_model
 from calib.text import replace_file
 from mocks.campaign import make_campaign
 from service.files import as_json
-from service.http.access.roles import Tokens
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings, Tokens
 from service.http.app import create_app
 from service.http.wire.problems import MEDIA_TYPE
 from service.job_folder import JOB, MODEL, RESULT

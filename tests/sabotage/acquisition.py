@@ -258,14 +258,14 @@ CHANGES = (
         ("tests/acquisition/test_nests.py", *_STORE, *_SEQUENCER),
     ),
     Change(
-        "acquisition/campaign/check.py",
+        "acquisition/campaign/plan.py",
         '("the approach point of ", np.array([visit.approach_deg for visit in stops])),',
         '("the approach point of ", np.array([visit.joints_deg for visit in stops])),',
         "approach points are not held against limits and table",
         _PLAN,
     ),
     Change(
-        "acquisition/campaign/check.py",
+        "acquisition/campaign/plan.py",
         "cell.clearance.contacts(approaches, poses)",
         "cell.clearance.contacts(poses, poses)",
         "the last part of the way to a pose may pass through a box",
@@ -286,7 +286,7 @@ CHANGES = (
         ("tests/acquisition/test_clearance.py", "tests/acquisition/test_transit.py"),
     ),
     Change(
-        "acquisition/cell/station.py",
+        "acquisition/cell/cell.py",
         "np.linalg.inv(2.0 * each)",
         "np.linalg.inv(0.1 * each)",
         "noise is taken for a new station of the instrument",

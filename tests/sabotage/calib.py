@@ -104,7 +104,7 @@ CHANGES = (
         _REGRESSION,
     ),
     Change(
-        "calib/regression/choose.py",
+        "calib/regression/mls_svr.py",
         "bool(gains.sum() > _SURE * spread)",
         "True",
         "a regression on residuals stays though it gains nothing",
@@ -139,14 +139,14 @@ CHANGES = (
         OFFSETS,
     ),
     Change(
-        "calib/arm/hexapod_pose.py",
+        "calib/arm/hexapod.py",
         "t3 = trilaterated(t2, second, t1, t23, r23, t31, s3)",
         "t3 = trilaterated(t2, second, t1, t23, r23, t31, -s3)",
         "two assembly modes of the hexapod are exchanged",
         _HEXAPOD,
     ),
     Change(
-        "calib/arm/hexapod_pose.py",
+        "calib/arm/hexapod.py",
         "rows[:, :, each, _ENDS[:, 1]] = -span",
         "rows[:, :, each[3:], _ENDS[3:, 1]] = -span[:, :, 3:]",
         "the base triangle of the hexapod is exact in its uncertainty",
@@ -174,7 +174,7 @@ CHANGES = (
         ("tests/calib/test_dataset.py", *FIT),
     ),
     Change(
-        "calib/text/csv_text.py",
+        "calib/text/columns.py",
         "out.append((reader.line_num, row))",
         "out.append((reader.line_num - 1, row))",
         "a refusal names the line before the damaged one",
@@ -216,7 +216,7 @@ CHANGES = (
         COMPENSATE,
     ),
     Change(
-        "calib/arm/jacobian.py",
+        "calib/arm/kinematics.py",
         "    turn = wanted[:, :3, :3] @ reached[:, :3, :3].transpose(0, 2, 1)",
         "    turn = reached[:, :3, :3] @ wanted[:, :3, :3].transpose(0, 2, 1)",
         "orientations are corrected away from where they should be",

@@ -188,7 +188,7 @@ CHANGES = (
         _SAVED,
     ),
     Change(
-        "calib/saved/updated.py",
+        "calib/saved/document.py",
         '        "updates": [*old.get("updates", []), {**update',
         '        "updates": [{**update',
         "an update of a model forgets the earlier ones",

@@ -28,7 +28,7 @@ CHANGES = (
         VISITS,
     ),
     Change(
-        "calib/model/shared.py",
+        "calib/model/observations.py",
         "h = 1.0 / (grown * (grown + 1.0))",
         "h = 1.0 / grown**2",
         "readings of a visit are whitened by their inverse covariance, not its root",
@@ -70,7 +70,7 @@ CHANGES = (
         ("tests/calib/test_spans.py",),
     ),
     Change(
-        "calib/model/ties.py",
+        "calib/model/model.py",
         "moves[k, position] = sign",
         "moves[k, position] = 1.0",
         "the second ball of a distance moves it as the first does",
@@ -161,7 +161,7 @@ CHANGES = (
         _EFFECTS,
     ),
     Change(
-        "calib/model/stated.py",
+        "calib/model/model.py",
         "        previous=joints - sides * np.asarray(stated.approach) * model.robot.steps,",
         "        previous=joints + sides * np.asarray(stated.approach) * model.robot.steps,",
         "a correction holds for the other side of approach",
@@ -203,14 +203,14 @@ CHANGES = (
         ("tests/calib/test_scores.py", "tests/calib/test_diagnose.py", "tests/calib/test_diagnose_sets.py"),
     ),
     Change(
-        "calib/fit/uncertainty.py",
+        "calib/fit/identification.py",
         "    return 2.0 * np.sqrt(np.maximum(largest, 0.0))",
         "    return np.sqrt(np.maximum(largest, 0.0))",
         "an expanded uncertainty is the standard one",
         ("tests/calib/test_figures.py",),
     ),
     Change(
-        "calib/selection/bound.py",
+        "calib/selection/exchange.py",
         " + m * float(np.log(excess))",
         "",
         "the bound of a selection is no bound",

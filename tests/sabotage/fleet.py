@@ -52,14 +52,14 @@ CHANGES = (
         _CHANGES,
     ),
     Change(
-        "fleet/diagnose/source.py",
+        "fleet/diagnose/batch.py",
         " + _own_robot(header, path.parent)",
         "",
         "fleet diagnose: another robot file of one's own gives the old result",
         _SOURCE,
     ),
     Change(
-        "fleet/diagnose/source.py",
+        "fleet/diagnose/batch.py",
         "    _refuse_own_robot(header)\n",
         "",
         "fleet diagnose: a header that was sent opens a file of this computer",
@@ -73,7 +73,7 @@ CHANGES = (
         _TALLY,
     ),
     Change(
-        "fleet/diagnose/tally.py",
+        "fleet/diagnose/run.py",
         " - self.twice - len(self.failed)",
         " - len(self.failed)",
         "fleet diagnose: what two have computed is still to come at the end",

@@ -68,7 +68,7 @@ TARGETS = (
         ),
     ),
     Target(
-        "calib/model/shared.py",
+        "calib/model/observations.py",
         ("tests/calib/test_visits.py", "tests/calib/test_observations.py"),
     ),
     Target(
@@ -92,7 +92,7 @@ SAME: dict[tuple[str, str], str] = {
     ("drivers/link.py", "sock.settimeout(0) -> pass"): "select has said that there is something to read",
     ("drivers/link.py", "left <= 0 -> (left < 0)"): "a clock that is read at the very instant",
     (
-        "calib/model/shared.py",
+        "calib/model/observations.py",
         "0.0 -> 1.0",
     ): "line 44: readings that share nothing are carried along, with a scatter of zero: only slower",
     (

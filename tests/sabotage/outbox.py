@@ -89,7 +89,7 @@ CHANGES = (
         _FOLDER,
     ),
     Change(
-        "service/results/records.py",
+        "service/results/robots.py",
         "        if status.state != State.SUCCEEDED.value:",
         "        if not status:",
         "outbox: a record is sent before its end",

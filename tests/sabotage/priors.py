@@ -58,7 +58,7 @@ CHANGES = (
         _PRIOR,
     ),
     Change(
-        "calib/selection/fewer.py",
+        "calib/selection/choose.py",
         "fine = curve_of(candidates, selection, 1, known, beyond=1.0)",
         "fine = curve_of(candidates, selection, 1, None, beyond=1.0)",
         "the number of poses is that without the prior",

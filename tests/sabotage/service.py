@@ -222,7 +222,7 @@ CHANGES = (
         ("tests/service/test_programs_makers.py",),
     ),
     Change(
-        "service/results/judgement/zones.py",
+        "service/results/judgement/acceptance.py",
         "        return np.all((points >= self.low) & (points <= self.high), axis=1)",
         "        return np.all((points > self.low) & (points <= self.high), axis=1)",
         "what lies on the lower face of a zone is judged by no zone",

@@ -88,21 +88,21 @@ CHANGES = (
         _STORE,
     ),
     Change(
-        "fleet/store/schema.py",
+        "fleet/store/engine.py",
         "    if found and found not in known:",
         "    if False:",
         "a store of a newer program is opened",
         _SCHEMA,
     ),
     Change(
-        "fleet/store/schema.py",
+        "fleet/store/engine.py",
         "        if names:\n",
         "        if False:\n",
         "tables are made beside those of something else",
         _SCHEMA,
     ),
     Change(
-        "fleet/store/schema.py",
+        "fleet/store/engine.py",
         'f"GRANT INSERT ON {names} TO {WRITER}"',
         'f"GRANT INSERT, DELETE ON {names} TO {WRITER}"',
         "a writer may delete documents",
@@ -130,7 +130,7 @@ CHANGES = (
         _STORE,
     ),
     Change(
-        "fleet/store/trends.py",
+        "fleet/store/standing.py",
         ".order_by(p.robot, p.name, p.measured_at, p.document)",
         ".order_by(p.robot, p.name, p.document)",
         "a trend is in the order in which documents came",
@@ -158,7 +158,7 @@ CHANGES = (
         (*_HISTORY, *_GONE),
     ),
     Change(
-        "calib/watch/missed.py",
+        "calib/watch/seen.py",
         "variance += float(turn @",
         "variance += 0.0 * float(turn @",
         "U of the error at check poses forgets the frame",

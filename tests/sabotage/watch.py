@@ -102,7 +102,7 @@ CHANGES = (
         _UPKEEP,
     ),
     Change(
-        "calib/watch/lack.py",
+        "calib/watch/baseline.py",
         "noise.of_each_joint(model.robot.kinds) ** 2",
         "noise.repeatability**2 * np.ones(len(joints))",
         "the declared scatter of slides is taken for what the model lacks",
@@ -116,7 +116,7 @@ CHANGES = (
         _PLANS,
     ),
     Change(
-        "calib/watch/planning/visits.py",
+        "calib/watch/planning/planned.py",
         "self.sides * (-1.0) ** k",
         "self.sides * 1.0",
         "every round of a watch comes from the same sides",

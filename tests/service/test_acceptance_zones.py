@@ -18,8 +18,7 @@ from calib.data import Dataset, read_dataset
 from calib.fit import Identification, errors_on, identify
 from calib.validation import targets_in_base
 from service.cli import main
-from service.results.judgement.acceptance import Limits, decide
-from service.results.judgement.zones import Zone, read_zones
+from service.results.judgement.acceptance import Limits, Zone, decide, read_zones
 from tests.service.campaigns import write_data
 from tests.service.certificates import MEASURED
 

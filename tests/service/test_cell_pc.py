@@ -22,8 +22,7 @@ from typing import Any
 import pytest
 
 from service.client import Client, Refused
-from service.http.access.roles import Tokens
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings, Tokens
 from service.http.app import create_app
 from tests.drivers.nobody import nobody_listens
 from tests.drivers.waiting import PATIENCE_S, until

@@ -17,8 +17,7 @@ from fastapi.testclient import TestClient
 
 from calib.units import FACTORS
 from service.cli import main
-from service.http.access.roles import Tokens
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings, Tokens
 from service.http.app import create_app
 from service.report.certificate import UNITS, About
 from tests.service.campaigns import write_data

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from calib.text.files import replace_file
+from calib.text.text_file import replace_file
 
 
 def test_a_symlink_stays_one_and_its_target_is_written(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.http.access.lanes import BODY_BYTES
-from service.http.access.settings import UPLOAD_BYTES
+from service.http.access.roles import UPLOAD_BYTES
 from tests.service.test_http_support import ROOT, TOKEN, Served, problem, served
 
 CELL = ROOT / "examples" / "irb120_faro" / "cell.toml"

@@ -15,8 +15,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from service.http.access.roles import Tokens
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings, Tokens
 from service.http.app import create_app
 from service.http.routes.json_route import AT_ONCE
 from tests.fuzz.formats import EXAMPLES

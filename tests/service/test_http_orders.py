@@ -20,8 +20,7 @@ from fastapi.testclient import TestClient
 from acquisition import read_cell
 from service import job_folder
 from service.cli import main
-from service.http.access.roles import Tokens
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings, Tokens
 from service.http.app import create_app
 from service.http.wire.bodies.jobs import SelectionResult
 from service.http.wire.bodies.validations import ValidationResult

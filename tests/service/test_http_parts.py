@@ -19,8 +19,7 @@ from acquisition.errors import StorageError
 from calib.text import no_formula
 from drivers.errors import ConfigError
 from service.http.access.gate import Gate
-from service.http.access.roles import Tokens
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings, Tokens
 from service.http.wire.bodies.asked import TakeLease
 from service.http.wire.problems import Problem, not_found
 from service.http.work.idempotency import JOURNAL, Keys, fingerprint, reply

@@ -20,8 +20,7 @@ from acquisition.loop.loop import measure
 from drivers import ConfigError
 from service.http.runs import loop_work
 from service.http.runs.book import Book
-from service.http.runs.loop_status import LoopStatus
-from service.http.runs.loop_work import ABOUT, LoopWork
+from service.http.runs.loop_work import ABOUT, LoopStatus, LoopWork
 from service.http.runs.loops import CUT_OFF, Loops
 from service.http.wire.problems import Problem
 from service.http.work import workers

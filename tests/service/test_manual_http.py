@@ -9,8 +9,7 @@ from typing import Any, cast
 import httpx2
 
 from acquisition import Cell, Devices, open_devices
-from service.http.access.roles import Tokens
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings, Tokens
 from service.http.app import create_app
 from service.http.wire.paths import PREFIX
 from service.simulated_cell import SimulatedDevices

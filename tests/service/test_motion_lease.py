@@ -20,8 +20,7 @@ import acquisition
 from acquisition.errors import StorageError
 from service.http.access.audit import FILE, Audit
 from service.http.access.motion_lease import MotionLease
-from service.http.access.roles import Tokens
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings, Tokens
 from service.http.state import Service
 from service.http.wire.problems import Problem
 from tests.changing_files import looked_at

@@ -25,8 +25,7 @@ from acquisition.campaign.campaign import _KEYS
 from calib.diagnose.diagnosis import Verdict
 from service import job, job_folder
 from service.exports import FORMATS
-from service.http.access.roles import Tokens
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings, Tokens
 from service.http.app import create_app
 from service.http.wire.bodies import CampaignTable, EventKind, ExportKind, ModelShown, asked
 from service.http.wire.bodies.diagnoses import DiagnosisResult

@@ -16,8 +16,7 @@ from calib.data import read_dataset
 from calib.fit import identify
 from calib.saved import save_model
 from service import job_folder
-from service.http.access.roles import Tokens
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings, Tokens
 from service.http.app import create_app
 from tests.service.campaigns import write_data
 from tests.service.own_robots import NAME, own_cell, with_own_robot

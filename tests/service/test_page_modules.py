@@ -76,7 +76,7 @@ def test_the_emergency_stop_is_said_first_and_nothing_twice() -> None:
 
 
 def test_drift_counts_no_reading_that_was_measured_again() -> None:
-    """As `acquisition.record.drift` does: what was read while the arm warmed up is neither nought nor drift."""
+    """As `acquisition.record.readings` does: what was read while the arm warmed up is neither nought nor drift."""
     cold, warm, later = (
         {"pose": n, "set": "reference", "target": "T1", "world_mm": [0.1 * n, 0, 0]} for n in (1, 2, 4)
     )

@@ -16,9 +16,9 @@ from calib import SavedModel, StatedConditions, forward, load_model, load_robot
 from calib.arm import BRANCHES
 from calib.arm.inverse_kinematics import nominal_inverse
 from calib.array import Array
-from calib.fit.uncertainty import predict_with_covariance
+from calib.fit.identification import predict_with_covariance
 from calib.model import conditions_at
-from calib.validation.groups import branches
+from calib.validation.judge import branches
 from mocks.campaign import Campaign, make_campaign, write_campaign
 from mocks.world import ArmState
 from service.cli import main

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.model.stated import StatedConditions
+from calib.model.model import StatedConditions
 from service.programs import KnownFrames, compensate, named_frames, read_program, rewritten, write_text
 from service.programs.compensation import CORRECTED, EMPTY
 from tests.service.robot_programs import EXT, LS, RAPID, SCRIPT, TABLE, model_of

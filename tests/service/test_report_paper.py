@@ -10,7 +10,7 @@ import pytest
 
 from calib import DataError, read_dataset
 from service.cli import main
-from service.report.paper import hash_of, number_of, paper_of
+from service.report.certificate import hash_of, number_of, paper_of
 from tests.service.campaigns import write_data
 
 MEASURED = '\n[measured]\nbegan = "2026-03-02 09:15 UTC"\nended = "2026-03-02 11:40 UTC"\noperators = ["anna", "<b>"]\n'

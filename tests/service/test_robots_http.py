@@ -19,8 +19,7 @@ from fastapi.testclient import TestClient
 
 from calib import identify, read_dataset, save_model, watch
 from fleet.store import dataset_texts
-from service.http.access.roles import Tokens
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings, Tokens
 from service.http.app import create_app
 from service.http.wire.bodies.robots import Robots, RobotShown, Trends
 from service.http.wire.bodies.watches import RATE, WatchPlanResult, WatchResult

@@ -20,8 +20,7 @@ import pytest
 from calib.errors import DataError
 from service.cli import main
 from service.http.access.roles import Role, Tokens, viewer_may
-from service.private import make_secret, owner_only
-from service.token_file import lasting_tokens, tokens_until_the_end
+from service.private import lasting_tokens, make_secret, owner_only, tokens_until_the_end
 from tests.changing_files import looked_at
 from tests.drivers.waiting import PATIENCE_S
 from tests.service.test_http import CAMPAIGN, CELL

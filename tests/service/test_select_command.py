@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from acquisition import read_campaign, read_cell
-from acquisition.campaign.check import check_plan
-from acquisition.campaign.plan import make_plan
+from acquisition.campaign.plan import check_plan, make_plan
 from calib.array import Array
 from calib.selection import Candidates, Setup
 from service.cli import main

@@ -23,8 +23,7 @@ from starlette.types import Message, Receive, Scope, Send
 
 from acquisition import Cell, Devices, Outcome, Run, State
 from service.http.access.lanes import AT_ONCE, ORDINARY, UPLOADS, Lanes
-from service.http.access.roles import Tokens
-from service.http.access.settings import Settings
+from service.http.access.roles import Settings, Tokens
 from service.http.app import create_app
 from service.http.runs import book
 from service.http.state import ORDERS, Service

@@ -10,7 +10,7 @@ import pytest
 
 from acquisition import Run, read_campaign, read_cell, read_status
 from acquisition.campaign import make_plan
-from acquisition.campaign.check import check_plan
+from acquisition.campaign.plan import check_plan
 from calib import identify, load_model, read_dataset, save_model
 from calib.saved.model_checks import content_hash
 from service.cli import main

@@ -16,8 +16,7 @@ from itertools import combinations
 from pathlib import Path
 
 from acquisition.campaign.blocks.block import BlockVisit, Site
-from acquisition.cell.bars import bar_between
-from acquisition.cell.cell import Cell
+from acquisition.cell.cell import Cell, bar_between
 from calib.text import TomlTable
 from drivers.errors import ConfigError
 

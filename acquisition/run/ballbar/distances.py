@@ -17,9 +17,8 @@ import numpy as np
 from acquisition.cell.cell import Cell
 from acquisition.errors import OtherBalls
 from acquisition.record.individuals import Individuals, series_among
-from acquisition.record.planned import Planned
 from acquisition.record.readings import spans_of
-from acquisition.record.store import Store
+from acquisition.record.store import Planned, Store
 from calib.model import Design, StatedConditions, conditions_at
 from calib.saved import SavedModel, load_model
 from drivers.interfaces import LengthReading

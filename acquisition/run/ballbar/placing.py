@@ -19,12 +19,10 @@ from acquisition.campaign.blocks.hexapod import Hexapod
 from acquisition.campaign.blocks.sphere import Sphere
 from acquisition.campaign.campaign import Campaign
 from acquisition.campaign.plan import Visit, site_of
-from acquisition.cell.carried import with_nests
-from acquisition.cell.cell import Cell
+from acquisition.cell.cell import Cell, with_nests
 from acquisition.cell.reach import configurations
 from acquisition.errors import CupsDisagree
-from acquisition.record.planned import Planned
-from acquisition.record.store import Store
+from acquisition.record.store import Planned, Store
 from acquisition.record.touches import Taught, block_of_touches, taught_of
 from calib.arm import forward, nearest_branch
 from calib.errors import DataError

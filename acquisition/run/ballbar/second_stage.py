@@ -27,8 +27,7 @@ from acquisition.cell.workspace import Array
 from acquisition.errors import RecordError, StorageError
 from acquisition.record.export import table_of
 from acquisition.record.individuals import Individuals, series_among
-from acquisition.record.planned import Planned
-from acquisition.record.store import Store
+from acquisition.record.store import Planned, Store
 from acquisition.run.ballbar.distances import STAGE_1
 from calib.compensate import correct
 from calib.errors import DataError

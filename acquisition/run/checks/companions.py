@@ -10,9 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from acquisition.record.planned import Planned
 from acquisition.record.readings import readings_of
-from acquisition.record.store import Store
+from acquisition.record.store import Planned, Store
 from calib.array import Array
 
 CHANGED_MM = 1.0  # no tool bends so far, and SMRs of two sizes differ by 3 mm or more

@@ -13,7 +13,7 @@ import numpy as np
 from acquisition.cell.cell import Cell
 from acquisition.cell.workspace import Array, targets_at
 from acquisition.errors import Misplaced, NothingNew, WronglySeated
-from acquisition.record.planned import Planned
+from acquisition.record.store import Planned
 from drivers.interfaces import LengthReading, PointReading
 
 _SURELY_MOVED_MM = 0.5  # by the nominal robot, which knows a step of some millimetres to a hundredth

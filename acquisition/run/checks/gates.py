@@ -20,8 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.campaign.campaign import Campaign, NestCheck, WarmUp
-from acquisition.record.planned import Planned
-from acquisition.record.store import Store
+from acquisition.record.store import Planned, Store
 from acquisition.run.orders.control import Control
 
 _FIRST_VISIT = """

@@ -12,12 +12,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from acquisition.cell import world_frame
-from acquisition.cell.cell import Cell
-from acquisition.cell.station import covariance_of, moved_by
+from acquisition.cell.cell import Cell, covariance_of, moved_by
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import NestsDisagree
-from acquisition.record.planned import Planned
-from acquisition.record.store import Store
+from acquisition.record.store import Planned, Store
 from calib.fit import judge_points
 
 

@@ -13,10 +13,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from acquisition.cell.bars import Bar, bar_for
-from acquisition.cell.cell import Cell
+from acquisition.cell.cell import Bar, Cell, bar_for
 from acquisition.cell.picture import scene
-from acquisition.record.planned import Planned
+from acquisition.record.store import Planned
 from acquisition.run.prompts.picture import Ask, Picture
 from drivers.interfaces import Answer
 

@@ -18,7 +18,7 @@ from acquisition.cell.transit import home_of
 from acquisition.cell.workspace import Array, targets_at
 from acquisition.errors import TouchedElsewhere
 from acquisition.record.attempts import Attempts
-from acquisition.record.planned import Planned
+from acquisition.record.store import Planned
 from acquisition.record.touches import is_touch
 from acquisition.run.prompts.picture import WORDS_ALONE, Ask, Picture
 from acquisition.run.rig.rig import Rig

@@ -9,8 +9,7 @@ from __future__ import annotations
 from acquisition.campaign.campaign import Campaign
 from acquisition.cell.transit import Transit
 from acquisition.record.attempts import Attempts
-from acquisition.record.planned import Planned
-from acquisition.record.store import Store
+from acquisition.record.store import Planned, Store
 from acquisition.run.orders.control import Control, Pausing, Stopping
 from acquisition.run.rig.recorder import Recorder
 from acquisition.run.rig.rig import Rig

@@ -4,8 +4,13 @@ In closed form: six axes with a wrist in a point or three parallel axes (UR), SC
 axes with shoulder and wrist in a point. By a search over one joint: wrists that are not in a point. On a track each.
 """
 
-from calib.arm.inverse_kinematics.near import nominal_inverse
-from calib.arm.inverse_kinematics.solutions import BRANCHES, SINGULAR_SINE, Reached, Solutions
+from calib.arm.inverse_kinematics.solutions import (
+    BRANCHES,
+    SINGULAR_SINE,
+    Reached,
+    Solutions,
+    nominal_inverse,
+)
 from calib.arm.inverse_kinematics.solve import Arm, arm_of, inverse_kinematics
 from calib.arm.inverse_kinematics.turns import nearest_branch, nearest_turns, within_limits
 

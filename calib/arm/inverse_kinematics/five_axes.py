@@ -16,9 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arm.inverse_kinematics.columns import columns, turn_back
-from calib.arm.inverse_kinematics.solutions import WITHOUT_WRIST, Reached, Solutions
-from calib.arm.inverse_kinematics.two_links import TwoLinks
+from calib.arm.inverse_kinematics.solutions import WITHOUT_WRIST, Reached, Solutions, columns, turn_back
+from calib.arm.inverse_kinematics.turns import TwoLinks
 from calib.arm.inverse_kinematics.zero_pose import ZeroPose, meeting, parallel, square
 from calib.array import Array
 

@@ -18,9 +18,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm.inverse_kinematics.columns import Mask, Vector, turn_back, wrapped
-from calib.arm.inverse_kinematics.solutions import BRANCHES, REACHED, SINGULAR_SINE, Reached, Solutions
-from calib.arm.inverse_kinematics.two_links import TwoLinks
+from calib.arm.inverse_kinematics.solutions import (
+    BRANCHES,
+    REACHED,
+    SINGULAR_SINE,
+    Mask,
+    Reached,
+    Solutions,
+    Vector,
+    turn_back,
+    wrapped,
+)
+from calib.arm.inverse_kinematics.turns import TwoLinks
 from calib.arm.inverse_kinematics.zero_pose import (
     MEETING_MM,
     ZeroPose,

@@ -17,10 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arm.inverse_kinematics.columns import Mask, Vector
-from calib.arm.inverse_kinematics.solutions import BRANCHES, Reached, Solutions
-from calib.arm.inverse_kinematics.three_turns import axes_of_turns, three_turns, tilt_of
-from calib.arm.inverse_kinematics.two_links import FRONT, UP, bent
+from calib.arm.inverse_kinematics.solutions import BRANCHES, Mask, Reached, Solutions, Vector
+from calib.arm.inverse_kinematics.turns import FRONT, UP, axes_of_turns, bent, three_turns, tilt_of
 from calib.arm.inverse_kinematics.zero_pose import MEETING_MM, ZeroPose, meeting, square, turns_about
 from calib.array import Array
 

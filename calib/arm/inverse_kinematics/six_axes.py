@@ -29,10 +29,8 @@ from typing import Literal
 
 import numpy as np
 
-from calib.arm.inverse_kinematics.columns import columns, turn_back
-from calib.arm.inverse_kinematics.solutions import BRANCHES, Reached, Solutions
-from calib.arm.inverse_kinematics.three_turns import axes_of_turns, three_turns, tilt_of
-from calib.arm.inverse_kinematics.two_links import TwoLinks
+from calib.arm.inverse_kinematics.solutions import BRANCHES, Reached, Solutions, columns, turn_back
+from calib.arm.inverse_kinematics.turns import TwoLinks, axes_of_turns, three_turns, tilt_of
 from calib.arm.inverse_kinematics.zero_pose import MEETING_MM, SQUARE, ZeroPose, meeting, parallel
 from calib.array import Array
 

@@ -1,7 +1,7 @@
 """The branches of an arm's configuration by name, and the solutions of a batch of poses in them.
 
 front / back, up / down and noflip / flip are the signs of what vanishes where the shoulder, the elbow and the wrist
-are singular, as `calib.validation.groups` finds them for given joints of six axes:
+are singular, as `calib.validation.judge` finds them for given joints of six axes:
 
     front   the wrist centre lies on the side of axis 1 on which it lies at the zero pose
     up      the forearm turns from the upper arm in the positive sense of axis 2
@@ -10,6 +10,16 @@ are singular, as `calib.validation.groups` finds them for given joints of six ax
 An arm without a wrist that bends (palletizers, five axes) has no third word. Of seven axes, front is an axis 3 that
 turns from axis 1 in the positive sense of axis 2, up the same of axes 3, 5 and 4, noflip of axes 5, 7 and 6. A SCARA is
 `right` where its forearm turns from its upper arm anticlockwise, seen from above, as a person's right arm, else `left`.
+
+Vectors as three arrays of components, so that every product runs over all branches and poses at once.
+
+Inverse kinematics of the nominal robot near a pose that it is in: Newton's method on the exact chain, batched.
+
+    J(q) dq = twist from FK(q) to the wanted pose,   q <- q + dq
+
+seeded at the joints in hand, so that the branch (flip, front/back, up/down) is kept, and within the freedoms that the
+arm has (`calib.arm.freedoms`): what it cannot move or turn is left. Rotations weigh with `LEVER_MM`, which makes
+the columns of J comparable.
 """
 
 from __future__ import annotations
@@ -21,7 +31,9 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm.inverse_kinematics.columns import wrapped
+from calib.arm.freedoms import Freedoms
+from calib.arm.kinematics import LEVER_MM, joint_scale, nominal_jacobian, pose_difference
+from calib.arm.robot import Robot
 from calib.array import Array
 
 BRANCHES = tuple(
@@ -31,7 +43,16 @@ BRANCHES = tuple(
 WITHOUT_WRIST = tuple(f"{f}/{u}" for f in ("front", "back") for u in ("up", "down"))
 
 SINGULAR_SINE = 1e-6
+
 """Sine of the angle, or reach over the arm's length, below which a pose is reported as singular."""
+
+Mask = NDArray[np.bool_]
+
+Vector = tuple[Array, Array, Array]
+
+ITERATIONS = 12
+
+_REACHED = 1e-13  # rad: the step that no longer changes anything
 
 
 class Reached(StrEnum):
@@ -47,6 +68,7 @@ class Reached(StrEnum):
 
 
 REACHED = tuple(Reached)
+
 UNREACHABLE = (REACHED.index(Reached.TOO_NEAR), REACHED.index(Reached.TOO_FAR), REACHED.index(Reached.TILTED))
 
 
@@ -93,3 +115,50 @@ class Solutions:
     def all_of(self, row: int) -> tuple[Reached, ...]:
         """The outcome for one pose in all branches."""
         return tuple(REACHED[state] for state in self.state[row])
+
+
+def columns(vectors: Array) -> Vector:
+    """Components of (n, 3) vectors, each (n,)."""
+    x, y, z = np.ascontiguousarray(vectors.T)
+    return x, y, z
+
+
+def turn_back(v: Vector, angle: Array, plane: tuple[int, int]) -> Vector:
+    """Components of v after a rotation by -angle that leads the first axis of the plane to the second."""
+    i, j = plane
+    c, s = np.cos(angle), np.sin(angle)
+    out = list(np.broadcast_arrays(*v, angle)[:3])
+    out[i], out[j] = c * v[i] + s * v[j], c * v[j] - s * v[i]
+    return out[0], out[1], out[2]
+
+
+def in_axes(rotation: Array, v: Vector) -> Vector:
+    """Components of v in other axes: the rows of `rotation`."""
+    x, y, z = (row[0] * v[0] + row[1] * v[1] + row[2] * v[2] for row in rotation)
+    return x, y, z
+
+
+def wrapped(joints: Array, turns: tuple[bool, ...]) -> Array:
+    """(..., N) joints with the angles between -pi and pi."""
+    return joints - 2.0 * np.pi * np.round(np.where(turns, joints, 0.0) / (2.0 * np.pi))
+
+
+def nominal_inverse(
+    robot: Robot, poses: Array, seed: Array, tool: Array, freedoms: Freedoms | None = None
+) -> Array:
+    """(n, N) model joints, rad or mm, that bring the nominal tool point to `poses` (n, 4, 4), mm, near `seed` (n, N).
+
+    freedoms: of the arm, default all six with every joint free. Where a pose is out of reach the result is the nearest
+    that Newton's method came to: the caller checks.
+    """
+    arm = Freedoms(np.diag(joint_scale(robot)), 6, places=True, turns=3) if freedoms is None else freedoms
+    joints, scale = seed.copy(), joint_scale(robot)
+    for _ in range(ITERATIONS):
+        reached, jacobian = nominal_jacobian(robot, joints, tool)
+        error = pose_difference(poses, reached)
+        error[:, 3:] *= LEVER_MM
+        step, _ = arm.step(jacobian, error)
+        joints = joints + step
+        if np.max(np.abs(step / scale), initial=0.0) < _REACHED:
+            break
+    return joints

@@ -30,7 +30,7 @@ from calib.arm.inverse_kinematics.offset_wrist import OffsetWrist
 from calib.arm.inverse_kinematics.seven_axes import SevenAxes
 from calib.arm.inverse_kinematics.six_axes import SixAxes
 from calib.arm.inverse_kinematics.solutions import Reached, Solutions
-from calib.arm.inverse_kinematics.two_links import bent
+from calib.arm.inverse_kinematics.turns import bent
 from calib.arm.inverse_kinematics.zero_pose import MEETING_MM, ZeroPose, parallel, turns_about
 from calib.arm.robot import Robot
 from calib.array import Array

@@ -1,19 +1,38 @@
 """The choice among the configurations of a pose: whole turns within the limits, and the branch near a seed.
 
 The angles may be a model's or a controller's: joint matrices of whole numbers carry whole turns into whole turns.
+
+Three axes that turn a tool about a point, each square to the next: a wrist, or the shoulder of seven axes.
+
+Axis 1 square to axis 2, axis 3 parallel to it: what all jointed arms have before their wrists.
+
+With E = (z_1 x z_2, z_1, z_2) at the zero pose every rotation of the first three joints is a rotation in a plane.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.arm.inverse_kinematics.solutions import SINGULAR_SINE, Mask, Vector, in_axes
+from calib.arm.inverse_kinematics.zero_pose import MEETING_MM, ZeroPose
 from calib.array import Array
 
 TURN = 2.0 * np.pi
+
 EDGE = 1e-9  # rad: an angle on the limit itself is within it
+
+ROUNDING = 1e-12
+
+"""Relative: by so much a cosine may exceed one in a pose just reached, and a sine be zero that leaves a joint free."""
+
+# The axes of the branches come first, then the poses: (front, up, ..., n).
+FRONT = np.array([1.0, -1.0]).reshape(2, 1, 1, 1)
+
+UP = np.array([1.0, -1.0]).reshape(1, 2, 1, 1)
 
 
 def nearest_turns(
@@ -50,3 +69,116 @@ def nearest_branch(configurations: Array, seed: Array) -> NDArray[np.int64]:
     away = np.where(np.isfinite(away), away, np.inf)
     best = np.argmin(away, axis=-1)
     return np.where(np.isfinite(np.min(away, axis=-1)), best, -1)
+
+
+def axes_of_turns(first: Array, middle: Array) -> Array:
+    """(3, 3) rows middle x first, middle, first: the axes in which `three_turns` reckons."""
+    return np.stack([np.cross(middle, first), middle, first])
+
+
+def tilt_of(rows: Array, last: Array) -> float:
+    """Angle of the last axis from the first about the middle one at the zero pose, rad."""
+    return float(np.arctan2(last @ rows[0], last @ rows[2]))
+
+
+def three_turns(
+    rows: Array, tilt: float, last: Vector, middle: Vector, sign: Array, free: Array
+) -> tuple[Array, Array, Array, Mask]:
+    """The three angles, from where they have turned the last and the middle axis of the zero pose; where singular.
+
+    sign: +1 or -1, the side to which the last axis turns from the first. free: the first angle where first and last
+    axis are in line.
+    """
+    x, y, z = in_axes(rows, last)
+    across = np.hypot(x, y)
+    first = np.where(across < ROUNDING, free, np.arctan2(sign * y, sign * x))
+    psi = np.arctan2(sign * across, z)
+    c, s = np.cos(first), np.sin(first)
+    rx, ry, rz = in_axes(rows, middle)
+    rx, ry = c * rx + s * ry, c * ry - s * rx
+    third = np.arctan2(np.sin(psi) * rz - np.cos(psi) * rx, ry)
+    return first, psi - tilt, third, across < SINGULAR_SINE
+
+
+@dataclass(frozen=True)
+class TwoLinks:
+    """Shoulder, upper arm and forearm at the zero pose; vectors (3,), mm.
+
+    base: rows z_1 x z_2, z_1, z_2. origin: a point of axis 1. offset: from it to axis 2, in the axes E. upper_arm,
+    forearm: from axis 2 to 3 and from axis 3 to the end of the forearm, in the plane across axis 2, as angle and
+    length, rad and mm. front: sign of the reach at the zero pose. across: mm by which the centre, which only the first
+    three joints carry across, lies off the plane through axis 1 that axis 2 is square to.
+    """
+
+    base: Array
+    origin: Array
+    offset: Array
+    upper_arm: tuple[float, float]
+    forearm: tuple[float, float]
+    front: float
+    across: float
+
+    @classmethod
+    def of(cls, zero: ZeroPose, centre: Array, end: Array) -> TwoLinks:
+        """Raises DataError where two of the axes coincide."""
+        axes, points = zero.axes, zero.points
+        base = np.stack([np.cross(axes[0], axes[1]), axes[0], axes[1]])
+        upper_arm, forearm = (_polar(base @ span) for span in (points[2] - points[1], end - points[2]))
+        if min(upper_arm[1], forearm[1]) <= MEETING_MM:
+            raise zero.refused("two of the axes 2, 3 and 4 coincide")
+        reach = float(base[0] @ (centre - points[0]))
+        return cls(
+            base=base,
+            origin=points[0],
+            offset=base @ (points[1] - points[0]),
+            upper_arm=upper_arm,
+            forearm=forearm,
+            front=-1.0 if reach < -MEETING_MM else 1.0,
+            across=float(base[2] @ (centre - points[0])),
+        )
+
+    def shoulder(self, centre: Vector, free: Array) -> tuple[Array, Mask, Mask]:
+        """theta_1 (2, 1, 1, n); where the pose is too near to axis 1; where the centre lies above it.
+
+        centre: from `origin` in the axes E. free: theta_1 where it is not determined.
+        """
+        size = np.hypot(centre[0], centre[2])
+        short = (size - abs(self.across)) * (size + abs(self.across))
+        scale = self.upper_arm[1] + self.forearm[1]
+        near = short < -ROUNDING * scale**2
+        reach = FRONT * self.front * np.sqrt(np.maximum(short, 0.0))
+        theta_1 = np.arctan2(centre[0], centre[2]) - np.arctan2(reach, self.across)
+        above = np.abs(reach) < SINGULAR_SINE * scale
+        undetermined = size < ROUNDING * scale
+        return np.where(undetermined, free, theta_1), near, above & ~near
+
+    def from_axis_2(self, point: Vector) -> tuple[Array, Array]:
+        """A point given from `origin` in the axes E, as seen from axis 2 in the plane across it."""
+        return point[0] - self.offset[0], point[1] - self.offset[1]
+
+    def elbow(self, end: tuple[Array, Array]) -> tuple[Array, Array, Mask, Mask]:
+        """theta_2 and the turn of forearm against upper arm; where that is out of reach; where stretched."""
+        (angle_upper, upper), (angle_fore, fore) = self.upper_arm, self.forearm
+        between, lead, far, stretched = bent(end, upper, fore, UP)
+        theta_2 = np.arctan2(end[1], end[0]) - lead - angle_upper
+        return theta_2, between - angle_fore + angle_upper, far, stretched
+
+
+def bent(end: tuple[Array, Array], upper: float, fore: float, sign: Array) -> tuple[Array, Array, Mask, Mask]:
+    """Two links of lengths `upper` and `fore`, mm, that end at a point of their plane.
+
+    Angles from upper to fore, with the sign asked for, and from upper to the end; where it is out of reach; where
+    the links are in line.
+    """
+    x, y = end
+    cosine = (x * x + y * y - upper * upper - fore * fore) / (2.0 * upper * fore)
+    far = np.abs(cosine) > 1.0 + ROUNDING
+    sine = sign * np.sqrt(np.maximum((1.0 - cosine) * (1.0 + cosine), 0.0))
+    between = np.arctan2(sine, cosine)
+    lead = np.arctan2(fore * sine, upper + fore * cosine)
+    return between, lead, far, (np.abs(sine) < SINGULAR_SINE) & ~far
+
+
+def _polar(in_base: Array) -> tuple[float, float]:
+    """Angle and length of a vector in the plane across axis 2, from its components in the axes E."""
+    return float(np.arctan2(in_base[1], in_base[0])), float(np.hypot(in_base[0], in_base[1]))

@@ -2,6 +2,9 @@
 
 All numbers of a table together show which mark is which. If they do not (`1,234` may be 1.234 or 1234), the caller has
 to give it.
+
+Times of day as instruments and robots write them: ISO 8601, MM/DD/YYYY HH:MM:SS with a fraction, AM or PM, or
+DD.MM.YYYY HH:MM:SS.
 """
 
 from __future__ import annotations
@@ -10,12 +13,18 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 _SPACES = " \u00a0\u202f\u2009'’"  # as put between thousands, the usual blank among them
+
 _DIGITS = rf"\d+(?:[{_SPACES}]\d{{3}})*"
+
 _NUMBER = re.compile(rf"[-+−]?(?:{_DIGITS}[.,\d]*|[.,]\d+)(?:[eE][-+−]?\d{{1,3}})?")
+
 _SUFFIX = re.compile(r"\s?(°|deg|rad|mm|m|um|µm|μm|in|\")$")
+
 _GROUPED = re.compile(r"[1-9]\d{0,2}")
+
 NOT_MEASURED = (
     "",
     "-",
@@ -32,9 +41,27 @@ NOT_MEASURED = (
     "no point",
     "x",
 )
+
 """What cells hold, in lower case, where nothing was measured."""
+
 _LONGEST = 60
+
 _SPACE = str.maketrans("−", "-", _SPACES)
+
+_ISO = re.compile(r"(\d{4})-(\d\d?)-(\d\d?)[T ](\d\d?):(\d\d):(\d\d)(\.\d{1,9})?\s?(?:Z|[+-]\d\d:?\d\d)?")
+
+_SLASHED = re.compile(r"(\d\d?)/(\d\d?)/(\d{4})[T ](\d\d?):(\d\d):(\d\d)(\.\d{1,9})?(?:\s?([AaPp])[Mm])?")
+
+_DOTTED = re.compile(r"(\d\d?)\.(\d\d?)\.(\d{4})[T ,]\s?(\d\d?):(\d\d):(\d\d)([.,]\d{1,9})?")
+
+STAMP = re.compile(f"(?:{_ISO.pattern})|(?:{_SLASHED.pattern})")
+
+_DATE_LIKE = re.compile(
+    r"\d{1,4}[\s./-]*(?:jan|feb|mar|mär|apr|may|mai|jun|jul|aug|sep|oct|okt|nov|dec|dez)[a-zä]*[\s./-]*\d*"
+    r"|(?:jan|feb|mar|mär|apr|may|mai|jun|jul|aug|sep|oct|okt|nov|dec|dez)[a-zä]*[\s./-]+\d{1,4}"
+    r"|\d{1,4}[./-]\d{1,2}[./-]\d{1,4}.*",
+    re.IGNORECASE,
+)
 
 
 @dataclass(frozen=True)
@@ -133,3 +160,30 @@ def _may_be_thousands(cell: str, mark: str) -> bool:
     """Whether a cell with one mark, and no other, may be a number beyond a thousand: `12,345`."""
     whole, _, rest = cell.partition(mark)
     return bool(_GROUPED.fullmatch(whole)) and len(rest) == 3 and rest.isdigit()
+
+
+def looks_like_date(text: str) -> bool:
+    """Whether a cell is a date in some form, as spreadsheets make of 1.5 or 3-4."""
+    return bool(_DATE_LIKE.fullmatch(text.strip()[:40]))
+
+
+def seconds_of(text: str) -> float | None:
+    """Seconds from 1970 by the clock that was read, whatever its zone; None for what is no date with a time of day."""
+    half = ""
+    if match := _ISO.fullmatch(text):
+        year, month, day, hour, minute, second, fraction = match.groups()
+    elif match := _SLASHED.fullmatch(text):
+        month, day, year, hour, minute, second, fraction, half = match.groups()
+    elif match := _DOTTED.fullmatch(text):
+        day, month, year, hour, minute, second, fraction = match.groups()
+        fraction = (fraction or "").replace(",", ".")
+    else:
+        return None
+    hours = int(hour)
+    if half:
+        hours = hours % 12 + (12 if half in "Pp" else 0)
+    try:
+        whole = datetime(int(year), int(month), int(day), hours, int(minute), int(second), tzinfo=UTC)
+    except ValueError:  # digits that are no date
+        return None
+    return whole.timestamp() + float(fraction or 0.0)

@@ -15,7 +15,7 @@ from pathlib import Path
 from calib.errors import DataError
 from calib.foreign.files.labelled import Labelled, labelled
 from calib.foreign.files.number import is_number
-from calib.text.csv_text import refuse_wide, rows_of, taken
+from calib.text.columns import refuse_wide, rows_of, taken
 from calib.text.text_file import decoded, read_bytes
 
 SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "blanks": " "}

@@ -16,7 +16,7 @@ from typing import Any
 from calib.errors import DataError
 from calib.foreign.files.packed import MOST_CELLS, UNREADABLE, refuse_bomb
 from calib.foreign.files.sheet import Row, Sheet
-from calib.text.csv_text import MOST_COLUMNS
+from calib.text.columns import MOST_COLUMNS
 from calib.text.text_file import read_bytes
 
 _MOST_BYTES = 64 * 1024 * 1024

@@ -4,6 +4,12 @@ belong together.
 It is proposed once (`calib.foreign.proposal`), kept, and used for every further file that is made alike: the names
 of the columns that it was made for are in it, and a file with other names is refused with the difference. `?` marks
 what is undecided.
+
+Conventions by which three numbers are an orientation, by the names that people know them by.
+
+`intrinsic-XYZ` turns about the axes as they have turned, `fixed-XYZ` about those that stay; the three columns are in
+the order in which the convention is written. Sources: KUKA (A, B, C about Z, Y', X''), Fanuc (W, P, R about fixed X,
+Y, Z), Staubli (Rx, Ry, Rz about X, Y', Z''), UR (a rotation vector, about its direction by its length).
 """
 
 from __future__ import annotations
@@ -15,21 +21,28 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomli_w
+from scipy.spatial.transform import Rotation
 
+from calib.array import Array
 from calib.errors import DataError
 from calib.foreign.files.layout import Layout
 from calib.foreign.files.sheet import SEPARATORS
-from calib.foreign.map.rotations import FOR_PEOPLE, sequence_of
-from calib.text.toml_table import TomlTable
-from calib.text.toml_text import read_toml
+from calib.text.toml_table import TomlTable, read_toml
 
 FORMAT = "truepose-map/1"
+
 UNDECIDED = "?"
+
 BY = ("name", "order", "time")
+
 MATRIX = tuple(f"rot_{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
+
 """Quantities of a rotation matrix, row by row."""
+
 _TEXT = ("id", "pose", "series", "set", "target", "status", "waypoint", "visit")
+
 _NUMBER = (
     "time",
     "t_air",
@@ -45,9 +58,13 @@ _NUMBER = (
     "rot_z",
     *MATRIX,
 )
+
 _TOGETHER = (("x", "y", "z"), ("rot_1", "rot_2", "rot_3"), ("rot_w", "rot_x", "rot_y", "rot_z"), MATRIX)
+
 _NUMBERED = re.compile(r"(j|e|read|prev|approach)([1-9]\d?)")
+
 UNITLESS = ("rot_w", "rot_x", "rot_y", "rot_z")
+
 _FILE = (
     "names",
     "sheet",
@@ -61,6 +78,32 @@ _FILE = (
     "rotation",
     "status_ok",
 )
+
+NAMED = {
+    "kuka-abc": "ZYX",
+    "fanuc-wpr": "xyz",
+    "staubli": "XYZ",
+    "roll-pitch-yaw": "xyz",
+}
+
+VECTOR = "rotation-vector"
+
+USUAL = ("kuka-abc", "fanuc-wpr", "staubli", VECTOR)
+
+"""Conventions that are asked about, each rotation once: `roll-pitch-yaw` is `fanuc-wpr` by another name."""
+
+_SEQUENCE = re.compile(r"(intrinsic|fixed)-([XYZ])([XYZ])([XYZ])")
+
+ANGLES_OF = {
+    "abc": ("kuka-abc", "the names A, B, C are KUKA's"),
+    "wpr": ("fanuc-wpr", "the names W, P, R are Fanuc's"),
+}
+
+NAME_OF = {("rpy", "fanuc-wpr"): "roll-pitch-yaw"}
+
+"""Family of angles and convention -> its name for these."""
+
+FOR_PEOPLE = (*USUAL, "roll-pitch-yaw", "intrinsic-ZYX (any three axes)", "fixed-XYZ (any three axes)")
 
 
 @dataclass(frozen=True)
@@ -233,3 +276,31 @@ def refuse_other(each: FileMap, layout: Layout, map_path: Path | str) -> None:
 def _some(names: Sequence[str]) -> str:
     shown = ", ".join(f"'{name}'" for name in names[:6])
     return shown + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+
+
+def sequence_of(convention: str) -> str | None:
+    """The sequence as scipy has it, `VECTOR` for a rotation vector; None for what is no convention."""
+    if convention == VECTOR:
+        return VECTOR
+    if convention in NAMED:
+        return NAMED[convention]
+    match = _SEQUENCE.fullmatch(convention)
+    if match is None or match[2] == match[3] or match[3] == match[4]:
+        return None
+    axes = match[2] + match[3] + match[4]
+    return axes if match[1] == "intrinsic" else axes.lower()
+
+
+def quaternions(numbers: Array, convention: str) -> Array:
+    """(n, 4) scalar first, of numbers (n, 3), rad, by a convention; NaN where one is. Raises KeyError for no
+    convention."""
+    sequence = sequence_of(convention)
+    if sequence is None:
+        raise KeyError(convention)
+    out = np.full((len(numbers), 4), np.nan)
+    given = np.isfinite(numbers).all(axis=1)
+    if given.any():
+        of = numbers[given]
+        turn = Rotation.from_rotvec(of) if sequence == VECTOR else Rotation.from_euler(sequence, of)
+        out[given] = turn.as_quat(scalar_first=True)
+    return out

@@ -1,7 +1,11 @@
-"""The state of one table while its columns are assigned: the map so far, the findings and the open questions."""
+"""The state of one table while its columns are assigned: the map so far, the findings and the open questions.
+
+Columns of words and conditions: names of poses and targets, time, temperature, status, set.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -10,13 +14,43 @@ import numpy as np
 from calib.array import Array
 from calib.errors import DataError
 from calib.foreign.files.layout import Layout
-from calib.foreign.files.number import Notation
-from calib.foreign.map.map_file import UNDECIDED, FileMap
-from calib.foreign.map.rotations import sequence_of
+from calib.foreign.files.number import Notation, is_number, seconds_of
+from calib.foreign.map.map_file import UNDECIDED, FileMap, sequence_of
+from calib.foreign.meanings.words import Meaning
 
 Answers = Mapping[str, str]
+
 LEAVE = "leave"
+
 Set = tuple[str, ...]
+
+_GOOD = {
+    "ok",
+    "valid",
+    "good",
+    "gültig",
+    "gueltig",
+    "gut",
+    "1",
+    "true",
+    "yes",
+    "ja",
+    "io",
+    "i.o.",
+    "pass",
+    "measured",
+    "gemessen",
+}
+
+_BAD = {"nok", "invalid", "bad", "ungültig", "0", "false", "no", "nein", "nio", "n.i.o.", "lost", "fail", "failed",
+"error",
+        "rejected", "not measured", "fehler"}  # fmt: skip
+
+_OTHER_DEGREES = re.compile(r"(?:[\[(_\s/°]|deg)(?:f|k|fahrenheit|kelvin)\b", re.IGNORECASE)
+
+_WARMEST_C = 60.0  # air in which nobody calibrates
+
+_SETS = {"calibration", "reference", "repeat", "validation"}
 
 
 @dataclass(frozen=True)
@@ -116,3 +150,87 @@ class Assigned:
 def occurrence(name: str) -> str:
     _, mark, number = name.rpartition("#")
     return f"#{number}" if mark and number.isdigit() else ""
+
+
+def names_of_rows(to: Assigned, meanings: Mapping[str, Meaning]) -> None:
+    cells = to.layout.cells
+    for name, meaning in meanings.items():
+        if name in to.found or not any(cells[name]):
+            continue
+        kind, filled = meaning.kind, [cell for cell in cells[name] if cell]
+        if kind in ("id", "target") and any(is_number(cell) and not cell.isdecimal() for cell in filled):
+            continue  # measured numbers are no names
+        if kind == "time" and "time" not in to.columns:
+            _time(to, name, meaning, filled)
+        elif kind == "temperature" and "t_air" not in to.columns and np.isfinite(to.values([name])).all():
+            if _OTHER_DEGREES.search(name) or np.max(np.abs(to.values([name]))) > _WARMEST_C:
+                to.aside(
+                    name,
+                    "a temperature that is not in degC as its name or its numbers show: convert it first",
+                )
+                continue
+            to.columns["t_air"] = f"{name}[c]"
+            to.take(name, "temperature of the air", "c")
+        elif (
+            kind == "target"
+            and "target" not in to.columns
+            and not to.targets
+            and len(filled) == len(cells[name])
+        ):
+            to.columns["target"] = name
+            to.take(name, "target")
+        elif kind == "set" and set(filled) <= _SETS:
+            to.columns["set"] = name
+            to.take(name, "set")
+        elif kind == "status":
+            _status(to, name)
+        elif kind in ("series", "waypoint", "visit") and kind not in to.columns:
+            to.columns[kind] = name
+            to.take(name, kind)
+        elif kind == "id" and len(filled) == len(cells[name]):
+            unique = len(set(filled)) == len(filled)
+            key = "id" if unique and "id" not in to.columns else "pose"
+            if key not in to.columns:
+                to.columns[key] = name
+                to.take(name, "name of the reading" if key == "id" else "name of the pose")
+
+
+def _time(to: Assigned, name: str, meaning: Meaning, filled: Sequence[str]) -> None:
+    if all(seconds_of(cell) is not None for cell in filled) and len(filled) == len(to.layout.rows):
+        to.columns["time"] = f"{name}[date]"
+        to.take(name, "time", "date", "its cells are dates with a time of day")
+    elif np.isfinite(to.values([name])).all() and meaning.unit in ("s", "ms", "us", "min"):
+        to.columns["time"] = f"{name}[{meaning.unit}]"
+        to.take(name, "time", meaning.unit)
+    elif np.isfinite(to.values([name])).all() and (
+        of := dict(zip(to.layout.names, to.layout.units, strict=False)).get(name)
+    ):
+        to.columns["time"] = f"{name}[{of}]"
+        to.take(name, "time", of, "the row of units")
+    else:
+        to.aside(name, 'a time without unit or date; a map may name it: time = "...[s]"')
+
+
+def _status(to: Assigned, name: str) -> None:
+    words = dict.fromkeys(cell for cell in to.layout.cells[name])
+    good = [word for word in words if word.lower() in _GOOD]
+    unknown = [word for word in words if word.lower() not in _GOOD | _BAD]
+    if unknown and not (unknown == [""] and not good):
+        shown = ", ".join(f"'{word}'" for word in list(words)[:8])
+        text = (
+            f"Column '{name}' holds {shown}. Which of these mean that a reading counts "
+            "(with commas between; 'all' to leave the column aside)?"
+        )
+        answer = to.ask(Question(f"{to.prefix}status", text, ()))
+        if answer == "all":
+            to.aside(name, "as answered")
+            return
+        good = [word.strip() for word in answer.split(",")]
+        if answer == UNDECIDED:
+            to.columns["status"] = UNDECIDED
+            return
+    elif unknown:  # empty where nothing was wrong
+        good = [""]
+    to.columns["status"] = name
+    to.status_ok = tuple(word for word in good if word)
+    to.take(name, "status", "", f"counts where it is {' or '.join(map(repr, good))}")

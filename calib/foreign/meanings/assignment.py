@@ -25,12 +25,9 @@ from calib.data.plausible import READ_APART, turned_apart
 from calib.foreign.files.layout import Layout
 from calib.foreign.files.number import Notation, notation_of, suffix_of
 from calib.foreign.files.unit_words import unit_of
-from calib.foreign.map.entry import ANGLES, LENGTHS
-from calib.foreign.map.map_file import MATRIX, UNDECIDED
-from calib.foreign.map.rotations import ANGLES_OF, NAME_OF, USUAL
-from calib.foreign.map.sizes import FEW, HUGE_MM, LARGE_DEG, MOST_RAD, SMALL_MM
-from calib.foreign.meanings.assigned import LEAVE, Answers, Assigned, Question, Set, occurrence
-from calib.foreign.meanings.names_of_rows import names_of_rows
+from calib.foreign.map.entry import ANGLES, FEW, HUGE_MM, LARGE_DEG, LENGTHS, MOST_RAD, SMALL_MM
+from calib.foreign.map.map_file import ANGLES_OF, MATRIX, NAME_OF, UNDECIDED, USUAL
+from calib.foreign.meanings.assigned import LEAVE, Answers, Assigned, Question, Set, names_of_rows, occurrence
 from calib.foreign.meanings.unnamed import unnamed
 from calib.foreign.meanings.words import Meaning, Role, meaning_of
 from calib.units import DEG

@@ -12,13 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from calib.array import Array
 from calib.errors import DataError
-from calib.foreign.files.dates import looks_like_date, seconds_of
 from calib.foreign.files.layout import Layout
-from calib.foreign.files.number import NOT_MEASURED, Notation
-from calib.foreign.map.entry import ANGLES, DATE, Column, column_of
-from calib.foreign.map.map_file import MATRIX, UNITLESS, FileMap, Map
-from calib.foreign.map.rotations import quaternions
-from calib.foreign.map.sizes import refuse_angles, refuse_points
+from calib.foreign.files.number import NOT_MEASURED, Notation, looks_like_date, seconds_of
+from calib.foreign.map.entry import ANGLES, DATE, Column, column_of, refuse_angles, refuse_points
+from calib.foreign.map.map_file import MATRIX, UNITLESS, FileMap, Map, quaternions
 from calib.foreign.readings.matching import matched
 from calib.foreign.readings.readings import Readings, joined
 

@@ -13,7 +13,7 @@ That is good on the average over causes, and a wrist is the worst of them. So th
 
     sum over causes of (needed / has)^2
 
-has: the non-centrality of a cause of the size that should be seen (`calib.watch.planning.wanted`), needed: that with
+has: the non-centrality of a cause of the size that should be seen (`calib.watch.planning.sizes`), needed: that with
 which it is seen. The cause that is missed by most counts most.
 """
 
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from calib.array import Array
 from calib.units import to_internal
 from calib.watch.baseline import root_of
-from calib.watch.planning.wanted import needed, of_one_unit, wanted_of
+from calib.watch.planning.sizes import needed, of_one_unit, wanted_of
 from calib.watch.seen import Seen
 
 _NOTICED = 0.1  # of the usual size

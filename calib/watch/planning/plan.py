@@ -15,13 +15,12 @@ from calib.data.header import Header
 from calib.errors import DataError
 from calib.saved import SavedModel
 from calib.units import DEG
+from calib.watch.baseline import scatter_beyond
 from calib.watch.judge import RATE, odds_of
-from calib.watch.lack import scatter_beyond
 from calib.watch.planning.choose import choose
-from calib.watch.planning.planned import planned
+from calib.watch.planning.planned import Visits, planned
 from calib.watch.planning.rounds import Rounds, Tried, Ways, fewest, wanted
 from calib.watch.planning.sizes import Shown, shown
-from calib.watch.planning.visits import Visits
 from calib.watch.seen import Seen
 
 FEWEST = 4

@@ -1,8 +1,19 @@
-"""Readings that could be taken: the data set that a baseline would predict in some visits."""
+"""Readings that could be taken: the data set that a baseline would predict in some visits.
+
+Check poses of a ballbar: joints at which the baseline has every leg as long as the bar.
+
+A stance is drawn for the nominal robot, which misses it by millimetres; the bar shows one. With the model that the
+calibration found the joints are moved until the legs have their length, by Gauss-Newton on the exact chain:
+
+    dq = J+ (length - predicted),    J (6, N): u . dp/dq of each leg, u the unit vector from its ball on the base
+
+Visits that a watch could make: where the robot rests, from where it comes, and what is read there.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +26,19 @@ from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.data.header import Header
 from calib.errors import DataError
-from calib.model.model import Design
-from calib.model.stated import conditions_at
+from calib.model.model import Design, conditions_at
 from calib.saved import SavedModel
-from calib.watch.planning.visits import Visits
 
 VISIT_S = 60.0
+
 """How long a visit takes, s: ten poses are ten minutes."""
+
+_STEPS = 6
+
+Read = tuple[tuple[str, str], ...]
+
+"""What is read in a visit: targets of the tool, each with the base target to which its distance is measured, or "" for
+its point."""
 
 
 def planned(saved: SavedModel, header: Header, visits: Visits) -> Dataset:
@@ -90,3 +107,70 @@ def _dataset(header: Header, conditions: Conditions, points: Array, frames: Fram
         u_length=nothing,
         sha256="",
     )
+
+
+def within_stroke(
+    saved: SavedModel, header: Header, visits: Visits, length_mm: float
+) -> tuple[Visits, Array]:
+    """The visits with joints at which their legs, as many in each, have a length; and (V,) by how much the worst leg
+    of each still differs, mm."""
+    robot, count = saved.model.robot, len(visits)
+    off: Array = np.full(count, np.inf)
+    for _ in range(_STEPS):
+        would = planned(saved, header, visits)
+        frames = Design(saved.model, would.conditions).frames(saved.estimate, robot.joint_slots)
+        towards = frames.p - frames.anchor
+        towards = towards / np.linalg.norm(towards, axis=0)
+        columns = np.einsum("an,jan->nj", towards, frames.velocities(robot.joint_slots))
+        missing = (length_mm - would.lengths).reshape(count, -1)
+        off = np.max(np.abs(missing), axis=1)
+        moves = np.linalg.pinv(columns.reshape(count, -1, robot.joints))
+        visits = replace(visits, joints=visits.joints + np.einsum("vjl,vl->vj", moves, missing))
+    return visits, off
+
+
+@dataclass(frozen=True)
+class Visits:
+    """V visits: joints (V, N), rad or mm; sides (V, N), +1 from below, -1 from above; reach (V,), rad: length of the
+    last move; read: of each visit what is read."""
+
+    joints: Array
+    sides: Array
+    reach: Array
+    read: tuple[Read, ...]
+
+    @classmethod
+    def of_points(cls, joints: Array, sides: Array, reach: Array, targets: Sequence[str]) -> Visits:
+        """Points of the same targets in every visit."""
+        return cls(joints, sides, reach, (tuple((name, "") for name in targets),) * len(joints))
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    @property
+    def readings(self) -> int:
+        """Number of readings."""
+        return sum(len(each) for each in self.read)
+
+    def take(self, index: Sequence[int] | NDArray[np.int64]) -> Visits:
+        """Some of the visits."""
+        some = np.asarray(index, dtype=np.int64)
+        return Visits(
+            self.joints[some], self.sides[some], self.reach[some], tuple(self.read[i] for i in some)
+        )
+
+    def read_again(self, times: int) -> Visits:
+        """The visits with every reading repeated so many times in each rest of the robot."""
+        return replace(
+            self, read=tuple(tuple(pair for pair in each for _ in range(times)) for each in self.read)
+        )
+
+    def again(self, times: int) -> Visits:
+        """Every visit so many times, every other time from the opposite sides; the whole round before the next."""
+        rounds = [replace(self, sides=self.sides * (-1.0) ** k) for k in range(times)]
+        return Visits(
+            np.concatenate([each.joints for each in rounds]),
+            np.concatenate([each.sides for each in rounds]),
+            np.concatenate([each.reach for each in rounds]),
+            self.read * times,
+        )

@@ -4,6 +4,8 @@ named alone.
 Seen: the alarm is raised in 95 of 100 watches, by the cause's own chi-squared at the limit that all questions share.
 Named alone: in 80 of 100, counted in draws. Of several parameters of one unit, such as the three directions of a tool,
 the direction is the one that is seen worst.
+
+The sizes that a watch should see, and how much readings must say of a cause for that.
 """
 
 from __future__ import annotations
@@ -12,17 +14,28 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
+from scipy.special import chndtrinc
 
 from calib.array import Array
 from calib.model.effect import Effect
+from calib.units import to_internal
 from calib.watch.judge import RATE, odds_of
 from calib.watch.odds import Columns, Odds
-from calib.watch.planning.wanted import ALONE, needed, of_one_unit, wanted_of
 from calib.watch.seen import Seen
 
 _TIMES = (1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)  # of the smallest size, at which names are counted
+
 _DRAWS = 400
+
 _NOTHING = 1e-12  # non-centrality of one unit
+
+SEEN, ALONE = 0.95, 0.80
+
+"""Shares of watches in which a cause is to be seen, and to be named alone."""
+
+WANTED = {"joint_step": 0.01, "backlash": 0.01, "tool_shift": 0.1, "base_shift": 0.1}
+
+"""Sizes that a watch should see, by the name of the cause, deg and mm: a tenth of what a new arm is off by."""
 
 
 @dataclass(frozen=True)
@@ -126,3 +139,23 @@ def _alone(odds: Odds, index: int, moved: Array, noise: Array) -> float | None:
         if np.mean(named.alone & (named.best == index)) >= ALONE:
             return times
     return None
+
+
+def wanted_of(cause: Effect) -> float | None:
+    """The size at which a cause should be seen, deg or mm; None where none is stated."""
+    stated = WANTED.get(cause.label.partition(":")[0])
+    return stated if cause.parameters[0].unit in ("deg", "mm") else None
+
+
+def of_one_unit(cause: Effect, columns: Array) -> Array:
+    """(q, w) columns of the parameters of a cause that have the unit of its first one, of one unit each; columns
+    (q, p): of all its parameters, internal units."""
+    unit = cause.parameters[0].unit
+    same = [k for k, p in enumerate(cause.parameters) if p.unit == unit]
+    return columns[:, same] * to_internal(1.0, unit)
+
+
+def needed(freedom: int, p_limit: float) -> float:
+    """The non-centrality with which chi-squared exceeds the limit of a p-value in the share `SEEN` of all cases."""
+    limit = stats.chi2.isf(p_limit, freedom)
+    return float(chndtrinc(limit, freedom, 1.0 - SEEN))

@@ -1,4 +1,4 @@
-"""The environment that Alembic runs: the steps on the connection that `fleet.store.schema` hands over, in its
+"""The environment that Alembic runs: the steps on the connection that `fleet.store.engine` hands over, in its
 transaction."""
 
 from __future__ import annotations

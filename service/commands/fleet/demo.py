@@ -26,8 +26,7 @@ from service import exit_codes
 from service.child import python
 from service.ending import Ending, until_asked
 from service.names import new_id
-from service.private import owner_only
-from service.token_file import lasting_tokens
+from service.private import lasting_tokens, owner_only
 
 POSES, JUDGED = 30, 12  # of a campaign
 TIME_SCALE = 500.0

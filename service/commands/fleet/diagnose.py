@@ -13,7 +13,7 @@ from fleet.diagnose import EngineGone
 from fleet.errors import StoreGone
 from service import exit_codes
 from service.commands import options
-from service.commands.stores import VARIABLE, PlantStore
+from service.commands.history import VARIABLE, PlantStore
 from service.files import STANDARD_OUTPUT
 from service.printed.fleet_tables import FleetProgress, shown
 from service.printed.terminal import Terminal

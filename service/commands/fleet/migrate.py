@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from fleet.store import READER, WRITER, migrate
-from service.commands.stores import StoreArgument
+from service.commands.history import StoreArgument
 from service.printed.terminal import Terminal
 
 

@@ -20,7 +20,7 @@ from service.ending import Ending, until_asked
 from service.files import STANDARD_OUTPUT
 from service.printed.terminal import Terminal, duration
 from service.private import owner_only, read_secret
-from service.results.records import read_record
+from service.results.robots import read_record
 
 Folder = Annotated[
     Path, typer.Argument(metavar="FOLDER", help="Folder with models, watches, data sets and records.")

@@ -12,11 +12,10 @@ import typer
 
 from service import exit_codes
 from service.commands import serving
+from service.commands.history import PlantStore
 from service.commands.serve import refuse_host
-from service.commands.stores import PlantStore
 from service.json_log import json_log
-from service.private import owner_only
-from service.token_file import lasting_tokens
+from service.private import lasting_tokens, owner_only
 
 
 @owner_only()

@@ -17,10 +17,10 @@ from service.printed.terminal import Terminal
 from service.programs import (
     KnownFrames,
     compensate,
+    compensation,
     named_frames,
     pulses_of,
     read_program,
-    summary,
     write_text,
 )
 from service.programs.compensation import REFUSED
@@ -105,22 +105,22 @@ def compensate_command(
             )
         written = keep_refused or not refused
         document = {
-            "format": summary.FORMAT,
+            "format": compensation.FORMAT,
             "model": str(model),
             "robot": saved.model.robot.name,
             "program": str(program),
             "out": str(out) if written else None,
             "direction": "actual to nominal" if inverse else "nominal to actual",
             "conditions": stated.document,
-            **summary.document(done),
-            **summary.of_carried(usable),
+            **compensation.document(done),
+            **compensation.of_carried(usable),
             "warnings": notes,
         }
         options.write_result(document, json, terminal)
         if written:
             write_text(out, done.text)
         terminal.rest()
-        for each in summary.shown(done):
+        for each in compensation.shown(done):
             terminal.out.print(each)
         if any(outcome.left for outcome in done.outcomes) and not known.tools:
             terminal.note(
@@ -137,6 +137,6 @@ def compensate_command(
                 file=program,
                 line=refused[0].target.line,
             )
-        terminal.out.print(f"{out}: {summary.in_words(done)}. Holds for: {stated.in_words}.")
+        terminal.out.print(f"{out}: {compensation.in_words(done)}. Holds for: {stated.in_words}.")
     if refused:
         raise typer.Exit(exit_codes.NOT_MET)

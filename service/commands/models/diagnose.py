@@ -24,7 +24,7 @@ from service.printed import tables, type_tables
 from service.printed.terminal import Terminal
 from service.results.judgement.acceptance import Acceptance, decide, judged_as
 from service.results.models import documents
-from service.results.models.patched import Patched
+from service.results.models.documents import Patched
 from service.results.models.predictions import predictions_csv
 
 

@@ -1,6 +1,8 @@
 """The two roles: a viewer reads everything, pauses and stops; an operator does everything.
 
 It is decided by method and path in one place, so that a route somebody adds is the operator's until it is listed here.
+
+The settings that the service was started with.
 """
 
 from __future__ import annotations
@@ -9,10 +11,14 @@ import hmac
 import re
 from dataclasses import dataclass, field
 from enum import Enum
+from pathlib import Path
 
+from acquisition import Cell
 from service.http.wire.paths import PREFIX
+from service.simulated_cell import SimulatedDevices
 
 _READS = ("GET", "HEAD")
+
 _COMES_TO_REST = re.compile(rf"{PREFIX}/(runs|loops)/[^/]+/(pause|stop)")
 
 
@@ -43,3 +49,25 @@ class Tokens:
 def viewer_may(method: str, path: str) -> bool:
     """Whether a request, or an operation of the description, is open to a viewer."""
     return method in _READS or (method == "POST" and _COMES_TO_REST.fullmatch(path) is not None)
+
+
+UPLOAD_BYTES = 32 * 1024 * 1024  # 100,000 readings have some 20 MB
+
+
+@dataclass(frozen=True)
+class Settings:
+    """`record`: the folder that holds everything. `token_file`: where the tokens are kept.
+
+    `simulated` None: the real devices of `cell`. `store`: address of the history, None for a file of the record;
+    `permitted_mm`: position error, RMS, by which dates of checks are reckoned.
+    """
+
+    record: Path
+    tokens: Tokens
+    token_file: Path | None = None
+    cell: Cell | None = None
+    simulated: SimulatedDevices | None = None
+    host: str = "127.0.0.1"
+    upload_bytes: int = UPLOAD_BYTES
+    store: str | None = field(default=None, repr=False)
+    permitted_mm: float | None = None

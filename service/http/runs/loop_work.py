@@ -5,6 +5,8 @@ and nothing else may move it. What takes long is computed in a worker process of
 
 While it is paused it keeps what it knows and its clock, and goes on where it was. It does not outlive the service:
 the runs do, the loop is begun anew.
+
+The status of a closed loop, as `loop.json` and the interface have it.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +27,15 @@ from calib.text import replace_file
 from drivers.errors import AcquisitionError
 from service.files import as_json
 from service.http.runs.book import BEGIN_S, SERVICE_ENDS, Book
-from service.http.runs.loop_status import LoopStatus
 from service.http.wire import problems
 from service.http.wire.problems import Problem
 from service.http.work.workers import Workers
 from service.refusals import REFUSALS
 
 ABOUT = "loop.json"
+
 FAULT = "A fault of this program has ended the loop; its runs are kept."
+
 STOPPED = "Stopped on request."
 
 
@@ -231,3 +234,31 @@ class LoopWork:
             self._ending = self._ending or why
             self._changed.notify_all()
         self._worker.close()
+
+
+@dataclass(frozen=True)
+class LoopStatus:
+    """One moment of a loop; a change makes another one, with the next `version`.
+
+    steps: what it has done, the last in hand; runs: of which `run_id` is in hand; problem: what it failed or rests for.
+    """
+
+    id: str
+    name: str
+    created_utc: str
+    simulated: bool
+    state: State
+    dry_run: bool = False
+    version: int = 1
+    reason: str = ""
+    step: str = ""
+    steps: tuple[str, ...] = ()
+    run_id: str | None = None
+    runs: tuple[str, ...] = ()
+    dataset_id: str | None = None
+    problem: dict[str, Any] | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """The status as plain values, for JSON."""
+        shown = asdict(self) | {"steps": list(self.steps), "runs": list(self.runs)}
+        return shown | {"state": self.state.value, "state_code": self.state.code}

@@ -20,8 +20,7 @@ from drivers.errors import AcquisitionError
 from service.files import as_json
 from service.http.runs.book import Book
 from service.http.runs.dry_runs import readings_of
-from service.http.runs.loop_status import LoopStatus
-from service.http.runs.loop_work import ABOUT, LoopWork
+from service.http.runs.loop_work import ABOUT, LoopStatus, LoopWork
 from service.http.wire.bodies import Answered, LoopKept
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found

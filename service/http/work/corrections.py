@@ -1,4 +1,7 @@
-"""Correcting the targets, or the program, of a request with a model that was found; called in a worker process."""
+"""Correcting the targets, or the program, of a request with a model that was found; called in a worker process.
+
+A model in another program's format, for a request; called in a worker process.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +16,17 @@ from calib.compensate import Bounds, Usable
 from calib.errors import DataError
 from calib.saved import SavedModel, load_model
 from calib.text import meant_by
+from service.exports import written
 from service.http.work.campaigns import refuse_null
 from service.plain import finite
-from service.programs import Compensation, KnownFrames, compensate, named_frames, summary
+from service.programs import Compensation, KnownFrames, compensate, compensation, named_frames
 from service.programs.compensation import REFUSED
 from service.programs.conditions import ProgramConditions, stated_conditions
 from service.programs.read import parse
 from service.programs.text import bytes_of, text_of
 
 NAME = Path("targets.csv")  # the table as messages call it
+
 ID = "target_id"
 
 
@@ -76,13 +81,13 @@ def _told(
     order: Mapping[str, Any],
 ) -> dict[str, Any]:
     return {
-        "format": summary.FORMAT,
+        "format": compensation.FORMAT,
         "model": model_id,
         "robot": saved.model.robot.name,
         "direction": "actual to nominal" if order["inverse"] else "nominal to actual",
         "conditions": stated.document,
-        **summary.document(done),
-        **summary.of_carried(usable),
+        **compensation.document(done),
+        **compensation.of_carried(usable),
         "warnings": list(stated.notes),
     }
 
@@ -130,3 +135,10 @@ def _value(name: str, cell: str) -> float | str:
         return meant_by(cell)
     except TypeError:  # a row that is shorter than the header
         return cell
+
+
+def exported(model_file: Path, model_id: str, kind: str, order: Mapping[str, Any]) -> dict[str, Any]:
+    """The document of the answer. `order`: the query of the request. Raises DataError."""
+    saved, usable = for_use(model_file, order)
+    done = written(saved, usable, model_id, kind, order["conditions"], order["robot_hash"] or None)
+    return finite(done.document | {"text": done.text, "about": list(done.about)})

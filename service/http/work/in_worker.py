@@ -26,7 +26,7 @@ def corrected_program(
 
 
 def exported(model_file: Path, model_id: str, kind: str, order: Mapping[str, Any]) -> dict[str, Any]:
-    """Export a model in a worker, as `exporting.exported`."""
-    from service.http.work import exporting
+    """Export a model in a worker, as `corrections.exported`."""
+    from service.http.work import corrections
 
-    return exporting.exported(model_file, model_id, kind, order)
+    return corrections.exported(model_file, model_id, kind, order)

@@ -2,12 +2,17 @@
 
 Values are in the units of files and screens; NaN never occurs (null instead); reading ids that are whole numbers
 are numbers.
+
+The document of `truepose sweeps`: error, reversal and axis of every joint that was turned alone.
+
+The residual map that was asked for, and the error on validation readings without and with it.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -17,16 +22,20 @@ from calib.array import Array
 from calib.data import Dataset
 from calib.diagnose import SEPARATES, CarriedTerm, CarryOver, Diagnosis, FollowUp, Found, Surprise
 from calib.fit import ErrorStatistics, Identification, UncertaintyMap, left_out, uncertainty_map
+from calib.regression import Patch, error_with_patch, error_without_patch, patch_of
+from calib.sweeps import JointSweep
 from calib.text import written_by
 from calib.units import DEG, to_display
 from service import wording
 from service.results import typed
 from service.results.models import positions
 from service.results.models.parameters import high_leverage, rows_of, strong_correlations
-from service.results.models.patched import Patched
 
 IDENTIFICATION_FORMAT = "truepose-identification/1"
+
 DIAGNOSIS_FORMAT = "truepose-diagnosis/1"
+
+FORMAT = "truepose-sweeps/1"
 
 
 def of_identification(
@@ -342,3 +351,59 @@ def _number(value: float) -> float | int | None:
     if isinstance(value, int):
         return value
     return float(value) if math.isfinite(value) else None
+
+
+def document(dataset: Dataset, sweeps: Sequence[JointSweep], remarks: Sequence[str]) -> dict[str, Any]:
+    """The document of `sweeps --json`. Uncertainties are one standard deviation."""
+    return {
+        "format": FORMAT,
+        "data": data_of(dataset),
+        "sweeps": [_sweep(sweep) for sweep in sweeps],
+        "warnings": list(remarks),
+    }
+
+
+def _sweep(sweep: JointSweep) -> dict[str, Any]:
+    axis = sweep.axis
+    return {
+        "joint": sweep.joint,
+        "series": sweep.series,
+        "target": sweep.target,
+        "readings": len(sweep.angle),
+        "from_deg": float(sweep.angle.min()) / DEG,
+        "to_deg": float(sweep.angle.max()) / DEG,
+        "radius_mm": sweep.radius,
+        "error_range_deg": sweep.error_range / DEG,
+        "reversal_deg": None if sweep.reversal is None else sweep.reversal / DEG,
+        "u_reversal_deg": None if sweep.u_reversal is None else sweep.u_reversal / DEG,
+        "axis": None
+        if axis is None
+        else {
+            "angle_deg": axis.angle / DEG,
+            "u_angle_deg": axis.u_angle / DEG,
+            "distance_mm": axis.distance,
+            "u_distance_mm": axis.u_distance,
+        },
+        "places_deg": (sweep.places / DEG).tolist(),
+        "error_deg": (sweep.error / DEG).tolist(),
+        "angle_deg": (sweep.angle / DEG).tolist(),
+        "tangential_deg": (sweep.tangential / DEG).tolist(),
+        "radial_mm": sweep.radial.tolist(),
+        "upwards": sweep.upwards.tolist(),
+    }
+
+
+@dataclass(frozen=True)
+class Patched:
+    """A patch beside the model: never part of it, never an effect."""
+
+    patch: Patch
+    without: ErrorStatistics | None
+    with_it: ErrorStatistics | None
+
+    @classmethod
+    def of(cls, diagnosis: Diagnosis) -> Patched:
+        """The patch of what a diagnosis leaves."""
+        dataset, final = diagnosis.dataset, diagnosis.final
+        patch = patch_of(dataset, final)
+        return cls(patch, error_without_patch(dataset, final), error_with_patch(dataset, final, patch))

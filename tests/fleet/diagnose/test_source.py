@@ -10,9 +10,9 @@ import pytest
 
 from calib.errors import DataError
 from fleet.diagnose import for_workers, in_files, in_store
+from fleet.diagnose.batch import Source, Unseen, opened
 from fleet.diagnose.call import exposed
-from fleet.diagnose.program import fingerprint, release, this_program
-from fleet.diagnose.source import Source, Unseen, opened
+from fleet.diagnose.changes import fingerprint, release, this_program
 from fleet.store import Document, Store, dataset_content
 from tests.fleet.diagnose.sets import good
 from tests.fleet.documents import BEGAN, ROBOT

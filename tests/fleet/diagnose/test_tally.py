@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fleet.diagnose.run import AHEAD, BATCH_S, size_of
-from fleet.diagnose.tally import Tally
+from fleet.diagnose.run import AHEAD, BATCH_S, Tally, size_of
 
 
 @pytest.mark.parametrize("each", [1e-9, 0.01, 1.0, 60.0])

@@ -29,7 +29,6 @@ from service.http.wire.bodies.cell import (
 )
 from service.http.wire.bodies.deletions import Deletions, DeletionShown
 from service.http.wire.bodies.examination import ExaminationShown
-from service.http.wire.bodies.exports import ExportKind, ModelExport
 from service.http.wire.bodies.jobs import (
     AlignmentShown,
     DiagnosisShown,
@@ -44,8 +43,7 @@ from service.http.wire.bodies.jobs import (
     SelectionShown,
     ValidationShown,
 )
-from service.http.wire.bodies.models import ModelShown
-from service.http.wire.bodies.problem import ProblemShown
+from service.http.wire.bodies.results import ModelShown
 from service.http.wire.bodies.runs import (
     EventKind,
     EventShown,
@@ -56,8 +54,8 @@ from service.http.wire.bodies.runs import (
     Runs,
     RunShown,
 )
-from service.http.wire.bodies.targets import CorrectedProgram, CorrectedTargets
-from service.http.wire.bodies.told import Answered
+from service.http.wire.bodies.targets import CorrectedProgram, CorrectedTargets, ExportKind, ModelExport
+from service.http.wire.bodies.told import Answered, ProblemShown
 from service.http.wire.bodies.validations import ValidationAsked
 
 __all__ = [

@@ -17,8 +17,7 @@ from calib.compensate import Bounds
 from service.http.wire.bodies.campaign import Campaign
 from service.http.wire.bodies.targets import TargetRow
 from service.http.wire.bodies.told import AsRead, Body, DescribedAs, Name, told, told_limit
-from service.results.judgement.acceptance import Limits
-from service.results.judgement.zones import FARTHEST, Zone
+from service.results.judgement.acceptance import FARTHEST, Limits, Zone
 
 _LOW, _HIGH = [200.0, -400.0, 0.0], [500.0, -100.0, 300.0]
 

@@ -19,10 +19,20 @@ from acquisition import State
 from calib.data import DEFAULT_GROUPS
 from calib.selection import SHARE
 from service.http.wire.bodies.diagnoses import DiagnosisResult
-from service.http.wire.bodies.problem import ProblemShown
 from service.http.wire.bodies.results import DataShown, Dropped, IdentificationResult, Share, Warnings
 from service.http.wire.bodies.runs import StateCode
-from service.http.wire.bodies.told import Answered, Body, Created, Id, Joints, Names, Point, told, told_limit
+from service.http.wire.bodies.told import (
+    Answered,
+    Body,
+    Created,
+    Id,
+    Joints,
+    Names,
+    Point,
+    ProblemShown,
+    told,
+    told_limit,
+)
 from service.http.wire.bodies.validations import ValidationResult
 from service.http.wire.bodies.watches import UpkeepResult, WatchPlanResult, WatchResult
 from service.results.cell.placements import TOGETHER, Order

@@ -9,8 +9,7 @@ from pydantic import Field
 from acquisition import State
 from drivers.interfaces import Answer
 from service.http.wire.bodies.diagnoses import LoopResult
-from service.http.wire.bodies.problem import ProblemShown
-from service.http.wire.bodies.told import Answered, Created, Id, Name, Simulated, Version, told
+from service.http.wire.bodies.told import Answered, Created, Id, Name, ProblemShown, Simulated, Version, told
 
 RunState = Annotated[State, told("What it does; `state_code` is its number.", "running")]
 StateCode = Annotated[

@@ -1,4 +1,7 @@
-"""The bodies of targets and programs that are corrected with a model."""
+"""The bodies of targets and programs that are corrected with a model.
+
+The body of a model in another program's format (`truepose-model-export/1`).
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,17 @@ from typing import Annotated, Any, Literal, NotRequired
 from pydantic import Field
 from typing_extensions import TypedDict
 
-from service.http.wire.bodies.results import Errors
+from service.http.wire.bodies.results import ERRORS, Errors
 from service.http.wire.bodies.told import Answered, DescribedAs, told
 
 Millimetres = Annotated[float | None, told("A length, mm; null where it is not known.", 0.412)]
+
 Degrees = Annotated[float | None, told("An angle, deg; null where it is not known.", 0.031)]
+
 _Angle = Annotated[float, told("A joint angle as the controller counts it, deg.", 12.0)]
+
 _Place = Annotated[float, told("A coordinate of the tool point in the base frame, mm.", 401.2)]
+
 _Turn = Annotated[float, told("A part of the unit quaternion, w first; no unit.", 0.7071068)]
 
 
@@ -92,6 +99,7 @@ class TargetDone(Answered):
 CarriedLeftOut = Annotated[
     list[str], told("Carried terms that the correction leaves out, by label.", ["carried:d5:time:1"])
 ]
+
 CarriedLoss = Annotated[
     Errors | None,
     told(
@@ -139,3 +147,31 @@ class CorrectedProgram(Corrected):
     program_base64: Annotated[
         str, told("The whole corrected program, byte for byte as base64.", "TU9EVUxFIFdFTEQK")
     ]
+
+
+ExportKind = Literal["ur-yaml", "urdf", "dh-csv", "dh-md", "mastering"]
+
+
+class ModelExport(Answered):
+    """The file's text, and what this format leaves out."""
+
+    format: Annotated[Literal["truepose-model-export/1"], told("The format.", "truepose-model-export/1")]
+    model: Annotated[str, told("The id of the model.", "20261121-170459-3f9a1c07b2e")]
+    robot: Annotated[str, told("The robot file's name.", "abb-irb120")]
+    kind: Annotated[ExportKind, told("As what it is written.", "urdf", alias="as")]
+    text: Annotated[str, told("The whole text of the file.", "<?xml ...")]
+    carries: Annotated[str, told("What the format carries.", "joint origins")]
+    left_out: Annotated[list[str], told("Parameters that it cannot carry.", ["compliance:j2"])]
+    conditions: Annotated[StatedConditions, told("For which it holds.", {"approach_deg": 5.0})]
+    loss_mm: Annotated[
+        Errors, told("The file, read back, against the whole model, at random poses, mm.", ERRORS)
+    ]
+    nominal_mm: Annotated[Errors, told("The nominal robot against the whole model, mm.", ERRORS)]
+    held_out_rms_mm: Annotated[
+        float | None, told("The model's own error on readings held out, RMS, mm.", 0.04)
+    ]
+    predicted_rms_mm: Annotated[float | None, told("Both together, RMS, mm.", 0.05)]
+    carried_left_out: CarriedLeftOut = Field(default_factory=list)
+    carried_loss_mm: CarriedLoss = None
+    about: Annotated[list[str], told("The same in sentences.", [])]
+    warnings: Annotated[list[str], told("What keeps it from meaning what it seems to.", [])]

@@ -1,4 +1,7 @@
-"""The parts of all bodies: how a field is described, and the strictness of requests and answers."""
+"""The parts of all bodies: how a field is described, and the strictness of requests and answers.
+
+The body of everything that goes wrong.
+"""
 
 from __future__ import annotations
 
@@ -105,17 +108,41 @@ def _as_read(text: str) -> str:
 
 
 AsRead = AfterValidator(_as_read)
+
 """The rule for names and reasons that people read: no control characters, and no mark that turns the direction of
 writing."""
+
 Id = Annotated[str, told("The id of the resource, as its path has it.", "20261121-170459-3f9a1c07b2e")]
+
 Created = Annotated[str, told("When it was made, RFC 3339 UTC.", "2026-11-21T17:04:59.120Z")]
+
 Simulated = Annotated[bool, told("Whether simulators were measured and no real devices.", False)]
+
 Version = Annotated[
     int, told("Grows with every change; send it as `after` to wait for the next. No unit.", 412)
 ]
+
 Names = Annotated[list[str], told("Names.", ["T1", "T2"])]
+
 Point = Annotated[list[float], told("A place x, y, z, mm.", [401.223, 88.102, 310.446])]
+
 Joints = Annotated[
     list[float],
     told("Joint angles as the controller counts them, deg.", [12.0, 45.0, -10.0, 80.0, -35.0, 10.0]),
 ]
+
+
+class ProblemShown(Answered):
+    """RFC 9457, with a sentence on what happened and one on what to do.
+
+    Some have more: `key` or `line` of what was sent, `run_id` of the run that uses the robot, `open_prompt_id`,
+    `holder` of the lease, `retry_after_s`.
+    """
+
+    type: Annotated[str, told("A name of the kind of problem.", "urn:truepose:problem:8102")]
+    title: Annotated[str, told("The words of the HTTP status.", "Conflict")]
+    status: Annotated[int, told("The HTTP status; no unit.", 409)]
+    detail: Annotated[str, told("What happened.", "The motion lease is held by anna.")]
+    code: Annotated[int, told("Number for programs, below 8000 of a device or the record; no unit.", 8102)]
+    operator_text: Annotated[str, told("What happened, for people.", "The motion lease is held by anna.")]
+    what_to_do: Annotated[str, told("One sentence for the person at the cell.", "Ask anna to give it back.")]
