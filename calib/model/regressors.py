@@ -438,45 +438,44 @@ class Temperature:
         return Axis("air temperature, °C", conditions.temperature)
 
 
+# By the names that model files hold, whatever the classes are called
 KINDS = {
-    kind.__name__: kind
-    for kind in (
-        Constant,
-        InSeries,
-        OnTarget,
-        ToAnchor,
-        JointAngle,
-        Torque,
-        TorqueCubed,
-        TorqueSign,
-        LoadTorque,
-        Moment,
-        MomentBehind,
-        Overturning,
-        Beam,
-        LastMove,
-        Cosine,
-        Sine,
-        HalfSines,
-        HalfCosines,
-        WarmTravel,
-        Side,
-        LoadedSide,
-        Time,
-        WarmUp,
-        StepAt,
-        CreepBetween,
-        Temperature,
-        Held,
-        HeldPair,
-        OfTime,
-    )
+    "Constant": Constant,
+    "InSeries": InSeries,
+    "OnTarget": OnTarget,
+    "ToAnchor": ToAnchor,
+    "JointAngle": JointAngle,
+    "Torque": Torque,
+    "TorqueCubed": TorqueCubed,
+    "TorqueSign": TorqueSign,
+    "LoadTorque": LoadTorque,
+    "Moment": Moment,
+    "MomentBehind": MomentBehind,
+    "Overturning": Overturning,
+    "Beam": Beam,
+    "LastMove": LastMove,
+    "Cosine": Cosine,
+    "Sine": Sine,
+    "HalfSines": HalfSines,
+    "HalfCosines": HalfCosines,
+    "WarmTravel": WarmTravel,
+    "Side": Side,
+    "LoadedSide": LoadedSide,
+    "Time": Time,
+    "WarmUp": WarmUp,
+    "StepAt": StepAt,
+    "CreepBetween": CreepBetween,
+    "Temperature": Temperature,
+    "Held": Held,
+    "HeldPair": HeldPair,
+    "OfTime": OfTime,
 }
+_NAMES = {kind: name for name, kind in KINDS.items()}
 
 
 def to_json(regressor: Regressor) -> dict[str, Any]:
     """Plain dictionary of a regressor: its kind and its shape."""
-    return {"kind": type(regressor).__name__, **asdict(regressor)}
+    return {"kind": _NAMES[type(regressor)], **asdict(regressor)}
 
 
 def from_json(table: dict[str, Any]) -> Regressor:
