@@ -9,8 +9,8 @@ from acquisition.cell import Cell, Devices, open_devices, read_cell
 from acquisition.record import Event, State, export, export_events
 from acquisition.run import (
     Clock,
-    Lease,
-    Outcome,
+    ExecutionOutcome,
+    LeaseDeadline,
     Run,
     RunStatus,
     ScaledClock,
@@ -25,8 +25,8 @@ __all__ = [
     "Clock",
     "Devices",
     "Event",
-    "Lease",
-    "Outcome",
+    "ExecutionOutcome",
+    "LeaseDeadline",
     "Run",
     "RunStatus",
     "ScaledClock",

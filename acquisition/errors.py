@@ -8,7 +8,15 @@ from pathlib import Path
 from typing import Unpack
 
 from calib.errors import DataError
-from drivers.errors import AcquisitionError, Busy, ConfigError, NoisyMeasurement, Refused, Unmeasurable, Where
+from drivers.errors import (
+    AcquisitionError,
+    Busy,
+    ConfigError,
+    ErrorPlace,
+    NoisyMeasurement,
+    Refused,
+    Unmeasurable,
+)
 
 
 @contextmanager
@@ -50,7 +58,7 @@ class OtherIndividual(ConfigError):
     )
 
     def __init__(
-        self, message: str, *, serial: str = "", what_to_do: str | None = None, **where: Unpack[Where]
+        self, message: str, *, serial: str = "", what_to_do: str | None = None, **where: Unpack[ErrorPlace]
     ) -> None:
         super().__init__(message, what_to_do=what_to_do, **where)
         self.serial = serial

@@ -8,22 +8,22 @@ function `diagnose` here would hide the subpackage of that name.
 from calib.arm import Robot, forward, inverse_kinematics, load_robot
 from calib.compensate import Correction, correct
 from calib.data import Dataset, read_dataset
-from calib.diagnose import Diagnosis
+from calib.diagnose import DiagnosisFit
 from calib.errors import DataError
-from calib.fit import Identification, identify
+from calib.fit import IdentificationFit, identify
 from calib.model import StatedConditions
-from calib.saved import SavedModel, load_model, save_model
+from calib.saved import CalibratedModel, load_model, save_model
 from calib.selection import choose
 from calib.validation import judge
 
 __all__ = [
+    "CalibratedModel",
     "Correction",
     "DataError",
     "Dataset",
-    "Diagnosis",
-    "Identification",
+    "DiagnosisFit",
+    "IdentificationFit",
     "Robot",
-    "SavedModel",
     "StatedConditions",
     "choose",
     "correct",

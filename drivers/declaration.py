@@ -55,7 +55,7 @@ class RobotDriver:
     takes_reach: `make` takes `reach_mm` as well, and keeps the speed of the path with it.
     details: what a connected robot says of itself beyond the status that it has just answered; raises LinkError.
     clock_s: the controller's own clock, None where the protocol does not say; raises LinkError.
-    streams: its joints can be recorded while it moves (`drivers.interfaces.Streams`).
+    streams: its joints can be recorded while it moves (`drivers.interfaces.Streaming`).
     by_hand: a person drives it, at no address: what they say it shows is what was commanded.
     """
 

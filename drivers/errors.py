@@ -22,7 +22,7 @@ from typing import ClassVar, TypedDict, Unpack
 _ROLES = ("", "robot", "instrument", "operator")
 
 
-class Where(TypedDict, total=False):
+class ErrorPlace(TypedDict, total=False):
     """The place of an error: the device, the command that was under way, the raw reply."""
 
     device: str
@@ -250,7 +250,7 @@ class LeftOut(Refused):
     code = 3010
     advice = "The reading is left out; it can be measured again later."
 
-    def __init__(self, message: str, *, again: bool = False, **where: Unpack[Where]) -> None:
+    def __init__(self, message: str, *, again: bool = False, **where: Unpack[ErrorPlace]) -> None:
         """`again`: the reading is not left out; the previous one is measured again first."""
         super().__init__(message, **where)
         self.again = again

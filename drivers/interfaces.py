@@ -151,7 +151,7 @@ class Answer(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class TypedEntry:
     """Numbers that a person reads off a display and types with CONFIRM.
 
     names: of the numbers, in their order; shown: the expected text of the display, empty where unknown; needed: False
@@ -175,7 +175,7 @@ class Prompt:
     text: str
     expects: tuple[Answer, ...] = field(default=(Answer.CONFIRM, Answer.SKIP, Answer.REDO, Answer.ABORT))
     picture: str | None = None
-    entry: Entry | None = None
+    entry: TypedEntry | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +185,7 @@ class Typed:
     text: str
 
 
-Asking = Callable[[str, Entry, str], str]
+Asking = Callable[[str, TypedEntry, str], str]
 """Puts words, what is to be typed and the name of a picture to a person: what was typed, empty for CONFIRM alone.
 
 Raises LeftOut where they skip it, NoOperator, and what unwinds the caller.
@@ -207,7 +207,7 @@ class Device(Protocol):
 
 
 @runtime_checkable
-class Candid(Protocol):
+class ReportsWeakness(Protocol):
     """A device that says which errors its protocol cannot detect, in a sentence; empty: none. Once connected."""
 
     @property
@@ -216,7 +216,7 @@ class Candid(Protocol):
 
 def weakness_of(device: Device) -> str:
     """The errors that the protocol of a connected device cannot detect, in a sentence; empty: none."""
-    return device.weakness if isinstance(device, Candid) else ""
+    return device.weakness if isinstance(device, ReportsWeakness) else ""
 
 
 @runtime_checkable
@@ -269,7 +269,7 @@ class LengthMeter(Device, Protocol):
 
 
 @runtime_checkable
-class Streams(Protocol):
+class Streaming(Protocol):
     """A robot or an instrument that sends samples while the robot moves (`streams` of its declaration).
 
     The samples of a robot flow beside `move_to`, over a connection of their own; an instrument answers nothing else
@@ -281,7 +281,7 @@ class Streams(Protocol):
 
 
 @runtime_checkable
-class Paced(Protocol):
+class SpeedLimited(Protocol):
     """A robot that can be recorded in motion at a lower speed for a while; never above the speeds it was opened
     with."""
 
@@ -289,14 +289,14 @@ class Paced(Protocol):
 
 
 @runtime_checkable
-class Attended(Protocol):
+class OperatedByPerson(Protocol):
     """A device that a person operates. It asks the person through `ask`."""
 
     def attend(self, ask: Asking) -> None: ...
 
 
 @runtime_checkable
-class Guided(Protocol):
+class HandGuided(Protocol):
     """A robot that a person drives: `move_over` shows the whole path, over postures (deg) to the last one."""
 
     def move_over(self, over_deg: Sequence[Sequence[float]], joints_deg: Sequence[float]) -> JointReading: ...

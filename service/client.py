@@ -32,7 +32,7 @@ _TRIES, _PAUSE_S = 5, 1.0
 _POLL_S = 20
 
 
-class Refused(Exception):
+class ServiceError(Exception):
     """The service refused. `status`: of HTTP; `code`: for programs; `what_to_do`: for the person at the cell."""
 
     def __init__(self, status: int, document: Mapping[str, Any]) -> None:
@@ -43,7 +43,7 @@ class Refused(Exception):
 
 
 @dataclass(frozen=True)
-class Prompt:
+class ClientPrompt:
     """A question to a person, and the answers that can be given. `entry`: the numbers to be typed, where there are."""
 
     id: str
@@ -53,7 +53,7 @@ class Prompt:
 
 
 @dataclass(frozen=True)
-class Run:
+class ClientRun:
     """A run as it was when it was looked at. `document`: all that the service says of it."""
 
     id: str
@@ -63,7 +63,7 @@ class Run:
     done: int
     total: int
     seconds_left: float | None
-    prompt: Prompt | None
+    prompt: ClientPrompt | None
     document: Mapping[str, Any] = field(repr=False)
 
     @property
@@ -72,12 +72,12 @@ class Run:
         return self.state in ENDED
 
     @staticmethod
-    def of(document: Mapping[str, Any]) -> Run:
+    def of(document: Mapping[str, Any]) -> ClientRun:
         asked = document.get("prompt")
         prompt = None
         if asked is not None:
-            prompt = Prompt(asked["id"], asked["text"], tuple(asked["expects"]), asked.get("entry"))
-        return Run(
+            prompt = ClientPrompt(asked["id"], asked["text"], tuple(asked["expects"]), asked.get("entry"))
+        return ClientRun(
             id=document["id"],
             state=document["state"],
             reason=document["reason"],
@@ -90,7 +90,7 @@ class Run:
         )
 
 
-class Limits(TypedDict, total=False):
+class ErrorLimits(TypedDict, total=False):
     """Limits of the error on readings held out, mm: RMS and largest; 0 or left out: no limit.
 
     accept_zones: boxes with limits of their own, as the API has them.
@@ -102,7 +102,7 @@ class Limits(TypedDict, total=False):
 
 
 @dataclass(frozen=True)
-class Job:
+class FinishedJob:
     """A job that is over. `result`: its document; empty where it failed, then `problem` says why."""
 
     id: str
@@ -127,7 +127,7 @@ class Lease:
     holder: str
     secret: str = field(repr=False)
     lost: threading.Event = field(default_factory=threading.Event)
-    why: Refused | None = None
+    why: ServiceError | None = None
 
 
 class Client:
@@ -180,7 +180,7 @@ class Client:
                     headers={"Lease-Id": lease.secret},
                     timeout_s=max(1.0, period),
                 )
-            except Refused as error:
+            except ServiceError as error:
                 lease.why = error
                 lease.lost.set()
                 return
@@ -189,29 +189,29 @@ class Client:
 
     # -- runs ---------------------------------------------------------------------------------------------
 
-    def check(self, campaign: Mapping[str, Any]) -> Run:
+    def check(self, campaign: Mapping[str, Any]) -> ClientRun:
         """A dry run: everything is checked, nothing moves. Raises Refused with the reason."""
-        return Run.of(self.once("/runs", {"campaign": campaign, "dry_run": True}))
+        return ClientRun.of(self.once("/runs", {"campaign": campaign, "dry_run": True}))
 
-    def start(self, campaign: Mapping[str, Any], *, name: str = "", key: str = "") -> Run:
+    def start(self, campaign: Mapping[str, Any], *, name: str = "", key: str = "") -> ClientRun:
         """Measure a campaign: the robot moves, so the lease must be held. key: of your own, to survive a restart."""
-        return Run.of(self.once("/runs", {"campaign": campaign, "dry_run": False, "name": name}, key))
+        return ClientRun.of(self.once("/runs", {"campaign": campaign, "dry_run": False, "name": name}, key))
 
-    def run(self, run_id: str) -> Run:
+    def run(self, run_id: str) -> ClientRun:
         """A run as it is now."""
-        return Run.of(self.ask("GET", f"/runs/{quote(run_id)}"))
+        return ClientRun.of(self.ask("GET", f"/runs/{quote(run_id)}"))
 
-    def watch(self, run_id: str) -> Iterator[Run]:
+    def watch(self, run_id: str) -> Iterator[ClientRun]:
         """The run at every change, until nothing goes on. Waits by long poll; a lost connection is tried again."""
         run = self.run(run_id)
         yield run
         while not run.ended:
             path = f"/runs/{quote(run_id)}?{urlencode({'wait': _POLL_S, 'after': run.version})}"
-            seen, run = run.version, Run.of(self._again("GET", path))
+            seen, run = run.version, ClientRun.of(self._again("GET", path))
             if run.version > seen:
                 yield run
 
-    def answer(self, run: Run, verb: str, *, reason: str = "", typed: str = "") -> Run:
+    def answer(self, run: ClientRun, verb: str, *, reason: str = "", typed: str = "") -> ClientRun:
         """Answer the prompt of a run: confirm, skip, redo, pause or abort. A late or second answer is no error.
 
         typed: the numbers that its `entry` asks for, with confirm.
@@ -220,19 +220,19 @@ class Client:
             return run
         path = f"/runs/{quote(run.id)}/prompts/{quote(run.prompt.id)}/{quote(verb)}"
         try:
-            return Run.of(self.once(path, {"reason": reason} | ({"typed": typed} if typed else {})))
-        except Refused as error:
+            return ClientRun.of(self.once(path, {"reason": reason} | ({"typed": typed} if typed else {})))
+        except ServiceError as error:
             if error.status == 409:
                 return self.run(run.id)  # somebody was quicker
             raise
 
-    def pause(self, run_id: str) -> Run:
+    def pause(self, run_id: str) -> ClientRun:
         """The run rests after the reading in hand."""
-        return Run.of(self.ask("POST", f"/runs/{quote(run_id)}/pause"))
+        return ClientRun.of(self.ask("POST", f"/runs/{quote(run_id)}/pause"))
 
-    def resume(self, run_id: str) -> Run:
+    def resume(self, run_id: str) -> ClientRun:
         """Let a run go on: the robot moves, so the lease must be held."""
-        return Run.of(self.once(f"/runs/{quote(run_id)}/resume", {}))
+        return ClientRun.of(self.once(f"/runs/{quote(run_id)}/resume", {}))
 
     def stop(self, run_id: str) -> Future[list[str]]:
         """Halt the robot now. Returns at once, whatever the network does; needs no lease.
@@ -245,7 +245,7 @@ class Client:
         def order() -> None:
             try:
                 document = self.ask("POST", f"/runs/{quote(run_id)}/stop")
-            except (OSError, Refused) as error:
+            except (OSError, ServiceError) as error:
                 heard.set_exception(error)
             else:
                 heard.set_result([problem["message"] for problem in document.get("problems", [])])
@@ -259,21 +259,23 @@ class Client:
         """The readings of a run as a data set; its id."""
         return self.once(f"/runs/{quote(run_id)}/dataset", {"name": name})["id"]
 
-    def identify(self, dataset_id: str, **limits: Unpack[Limits]) -> Job:
+    def identify(self, dataset_id: str, **limits: Unpack[ErrorLimits]) -> FinishedJob:
         """Identify, and wait for it."""
         return self._job("identifications", dataset_id, limits)
 
-    def diagnose(self, dataset_id: str, **limits: Unpack[Limits]) -> Job:
+    def diagnose(self, dataset_id: str, **limits: Unpack[ErrorLimits]) -> FinishedJob:
         """Identify and find what the model lacks, and wait for it."""
         return self._job("diagnoses", dataset_id, limits)
 
-    def _job(self, kind: str, dataset_id: str, limits: Limits) -> Job:
-        none: Limits = {"accept_rms_mm": 0.0, "accept_max_mm": 0.0, "accept_zones": ()}
+    def _job(self, kind: str, dataset_id: str, limits: ErrorLimits) -> FinishedJob:
+        none: ErrorLimits = {"accept_rms_mm": 0.0, "accept_max_mm": 0.0, "accept_zones": ()}
         document = self.once(f"/{kind}", {"dataset_id": dataset_id, **none, **limits})
         while document["state"] not in ("succeeded", "failed"):
             query = urlencode({"wait": _POLL_S, "after": document["version"]})
             document = self._again("GET", f"/{kind}/{document['id']}?{query}")
-        return Job(document["id"], document["kind"], document["result"] or {}, document["problem"] or {})
+        return FinishedJob(
+            document["id"], document["kind"], document["result"] or {}, document["problem"] or {}
+        )
 
     def report(self, job_id: str) -> bytes:
         """The report of a job, one HTML page."""
@@ -359,7 +361,7 @@ class Client:
         finally:
             link.close()
         if answer.status >= 400:
-            raise Refused(answer.status, _document(data))
+            raise ServiceError(answer.status, _document(data))
         return data
 
 

@@ -12,7 +12,7 @@ from types import FrameType
 _ORDERS = (signal.SIGINT, signal.SIGTERM)
 
 
-class Ending:
+class ShutdownSignal:
     """Whether the command was asked to end."""
 
     def __init__(self, ear: socket.socket) -> None:
@@ -31,7 +31,7 @@ class Ending:
 
 
 @contextmanager
-def until_asked() -> Iterator[Ending]:
+def until_asked() -> Iterator[ShutdownSignal]:
     """Within, in the main thread, SIGINT and SIGTERM only ask the command to end. A second SIGINT interrupts it."""
     ear, bell = socket.socketpair()
     for each in (ear, bell):
@@ -47,7 +47,7 @@ def until_asked() -> Iterator[Ending]:
     bell_before = signal.set_wakeup_fd(bell.fileno(), warn_on_full_buffer=False)
     before = {number: signal.signal(number, heard) for number in _ORDERS}
     try:
-        yield Ending(ear)
+        yield ShutdownSignal(ear)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -10,17 +10,17 @@ from typing import Any
 
 
 def robots(address: str, due: Mapping[str, Any]) -> dict[str, Any]:
-    """All robots; due: that of `DueQuestion`. Raises DataError."""
-    from service.results.robots import DueQuestion, told_robots
+    """All robots; due: that of `DueDateRequest`. Raises DataError."""
+    from service.results.robots import DueDateRequest, told_robots
 
-    return told_robots(address, DueQuestion(**due))
+    return told_robots(address, DueDateRequest(**due))
 
 
 def robot(address: str, name: str, due: Mapping[str, Any], most: int) -> dict[str, Any] | None:
     """One robot, by its id or serial number; None where there is none. Raises DataError."""
-    from service.results.robots import DueQuestion, told_robot
+    from service.results.robots import DueDateRequest, told_robot
 
-    return told_robot(address, name, DueQuestion(**due), most)
+    return told_robot(address, name, DueDateRequest(**due), most)
 
 
 def trends(address: str, name: str, parameter: str | None, most: int) -> dict[str, Any] | None:
@@ -41,10 +41,10 @@ def put(
     address: str, name: str, sent: bytes, header: bytes | None, cell: str, serial: str, simulated: bool
 ) -> dict[str, Any]:
     """Keep a document that somebody sends, with its header where it is a data set; the outcome. Raises DataError."""
-    from fleet.outbox import Cell
+    from fleet.outbox import CellFolder
     from service.results.robots import put as put_document
 
-    return put_document(address, name, sent, header, Cell(cell, serial, simulated))
+    return put_document(address, name, sent, header, CellFolder(cell, serial, simulated))
 
 
 def keep(
@@ -53,7 +53,7 @@ def keep(
     """Keep the results of a record that are not done; what became of each. Raises DataError."""
     from dataclasses import asdict
 
-    from fleet.outbox import Cell
+    from fleet.outbox import CellFolder
     from service.results.robots import keep_results
 
-    return [asdict(each) for each in keep_results(address, record, Cell(cell, "", simulated), done)]
+    return [asdict(each) for each in keep_results(address, record, CellFolder(cell, "", simulated), done)]

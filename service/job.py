@@ -70,8 +70,8 @@ def diagnosis(
 ) -> None:
     """Diagnose, save the model, draw the report. Raises DataError.
 
-    cell: text of the cell that could measure more; limits: those of `Limits`, that the error is held to; save_anyway:
-    whether a model is saved that is worse on held-out readings than the nominal robot.
+    cell: text of the cell that could measure more; limits: those of `AcceptanceLimits`, that the error is held to;
+    save_anyway: whether a model is saved that is worse on held-out readings than the nominal robot.
     """
     from dataclasses import replace
 
@@ -85,11 +85,11 @@ def diagnosis(
     from service.garbage import left_alone
     from service.report import diagnosis_report
     from service.results.cell.arrows import arrows_of
-    from service.results.judgement.acceptance import Limits, decide, judged_as
+    from service.results.judgement.acceptance import AcceptanceLimits, decide, judged_as
     from service.results.models import documents
 
     dataset = read_dataset(data)
-    held_to = Limits.kept(limits)
+    held_to = AcceptanceLimits.kept(limits)
     if held_to is not None:
         held_to.refuse_unjudged(dataset)
     found = diagnose(dataset, progress=lambda step: tell(folder, step))
@@ -122,11 +122,11 @@ def identification(
     from calib.text import replace_file
     from service.files import as_json
     from service.results.cell.arrows import arrows_of
-    from service.results.judgement.acceptance import Limits
-    from service.results.models.identified import Identified
+    from service.results.judgement.acceptance import AcceptanceLimits
+    from service.results.models.identified import IdentificationReport
 
-    held_to = Limits.kept(limits)
-    result = Identified.of(read_dataset(data), say=lambda step: tell(folder, step), limits=held_to)
+    held_to = AcceptanceLimits.kept(limits)
+    result = IdentificationReport.of(read_dataset(data), say=lambda step: tell(folder, step), limits=held_to)
     replace_file(folder / ARROWS, as_json(arrows_of(result.dataset, result.found)))
     if not save_anyway:
         refuse_worse(result.error_nominal, result.error_identified)
@@ -139,9 +139,9 @@ def regression(data: Path, folder: Path, order: dict[str, Any]) -> None:
     """Compare regression with identification, save the model with its regression, draw the report. Raises DataError."""
     from calib.text import replace_file
     from service.files import as_json
-    from service.results.models.regressed import Regressed
+    from service.results.models.regressed import RegressionOutcome
 
-    result = Regressed.of(data, **order)
+    result = RegressionOutcome.of(data, **order)
     sealed = result.save(folder / MODEL)
     replace_file(folder / REPORT, result.report(sealed))
     replace_file(folder / RESULT, as_json(result.document))
@@ -157,17 +157,17 @@ def validation(data: Path, folder: Path, model: str | None, order: dict[str, Any
     from service.garbage import left_alone
     from service.report import validation_report
     from service.results.judgement import validation_document
-    from service.results.judgement.acceptance import Limits
-    from service.results.judgement.validated import Question, Read, Validated
+    from service.results.judgement.acceptance import AcceptanceLimits
+    from service.results.judgement.validated import LoadedModel, Validated, ValidationRequest
 
     dataset = read_dataset(data)
     if model is None:
         document = validation_document.of_hold_outs(dataset, hold_outs(dataset))
     else:
-        limits = Limits.kept(order["limits"])
-        asked = Question(order["placed"], order["everything"], limits=limits)
+        limits = AcceptanceLimits.kept(order["limits"])
+        asked = ValidationRequest(order["placed"], order["everything"], limits=limits)
         saved = load_model(Path(model))
-        found = Validated.of(dataset, Read(saved, Path(model)), asked)
+        found = Validated.of(dataset, LoadedModel(saved, Path(model)), asked)
         document = found.document()
         if not asked.everything:
             with left_alone():
@@ -181,11 +181,11 @@ def selection(folder: Path, cell: str, order: dict[str, Any]) -> None:
     from acquisition.cell import cell_of_record
     from calib.text import replace_file
     from service.files import as_json
-    from service.results.cell.selected import Question, Selected
+    from service.results.cell.selected import Selected, SelectionRequest
 
     for name in ("groups", "targets"):
         order[name] = None if order[name] is None else tuple(order[name])
-    found = Selected.of(cell_of_record(cell, str(folder / JOB)), Question(**order))
+    found = Selected.of(cell_of_record(cell, str(folder / JOB)), SelectionRequest(**order))
     replace_file(folder / POSES, found.csv)
     replace_file(folder / RESULT, as_json(found.document()))
 
@@ -197,7 +197,7 @@ def placement(folder: Path, cell: str, order: dict[str, Any]) -> None:
     from calib.text import replace_file
     from drivers.errors import ConfigError
     from service.files import as_json
-    from service.results.cell.placements import Order, found_for
+    from service.results.cell.placements import PlacementRequest, found_for
 
     def progress(done: int, total: int) -> None:
         replace_file(folder / PROGRESS, as_json({"done": done, "total": total}))
@@ -207,7 +207,7 @@ def placement(folder: Path, cell: str, order: dict[str, Any]) -> None:
 
     try:
         found = found_for(
-            cell_of_record(cell, str(folder / JOB)), Order.of(order), folder / JOB, say, progress
+            cell_of_record(cell, str(folder / JOB)), PlacementRequest.of(order), folder / JOB, say, progress
         )
     except ConfigError as error:
         raise DataError(f"{error.message}.", do=error.what_to_do, key="zone") from error
@@ -221,9 +221,11 @@ def alignment(folder: Path, order: dict[str, Any], name: str) -> None:
     from service.files import as_json
     from service.kept_dataset import CSV, keep_dataset
     from service.report.figures.motion import motion_picture
-    from service.results.files.alignment import Order, aligned_of, document
+    from service.results.files.alignment import AlignmentRequest, aligned_of, document
 
-    result = aligned_of(folder / ROBOT, folder / TRACKER, Order(**{**order, "tool": tuple(order["tool"])}))
+    result = aligned_of(
+        folder / ROBOT, folder / TRACKER, AlignmentRequest(**{**order, "tool": tuple(order["tool"])})
+    )
     replace_file(folder / PICTURE, motion_picture(result))
     kept = keep_dataset(folder.parents[1] / "datasets", lambda at: result.table.write(at / CSV), name)
     replace_file(folder / RESULT, as_json({**document(result), "dataset_id": kept["id"]}))

@@ -40,7 +40,7 @@ class SimulatedDevices:
         return open_devices(
             cell,
             operator=RehearsalOperator() if cell.rehearsed else operator,
-            person=SimulatedPerson(self._port(by_hand[0])) if by_hand else None,
+            person=ManualCellOperator(self._port(by_hand[0])) if by_hand else None,
             robot_url=self._url(cell.robot.driver),
             instrument_url=self._url(cell.instrument.driver),
             hands=SimulatedHands(self.ports[_LAST]),
@@ -55,7 +55,7 @@ class SimulatedDevices:
         return self.ports[driver]
 
 
-class SimulatedPerson:
+class ManualCellOperator:
     """The person who works the devices of a simulated cell that have no driver: drives the arm, reads, and types."""
 
     def __init__(self, port: int) -> None:

@@ -36,13 +36,13 @@ def plan(folder: Path, job: Mapping[str, Any]) -> dict[str, Any]:
     from acquisition.cell import cell_of_record
     from calib.saved import load_model
     from calib.text import parse_toml
-    from service.results.watch_plan import Planned, PlanQuestion
+    from service.results.watch_plan import PlannedWatch, WatchPlanRequest
 
     order, baseline = job["order"], folder / job["baseline"]["file"]
     targets = order.pop("targets")
-    asked = PlanQuestion(**order, targets=tuple(targets) if targets else None)
+    asked = WatchPlanRequest(**order, targets=tuple(targets) if targets else None)
     cell = cell_of_record(job["cell"], str(folder / JOB))
-    found = Planned.of(
+    found = PlannedWatch.of(
         cell, folder / JOB, load_model(baseline), baseline, asked, lambda step: tell(folder, step)
     )
     ((_, text),) = found.files(folder / "watch.toml").items()
@@ -53,15 +53,15 @@ def watch(folder: Path, job: Mapping[str, Any]) -> dict[str, Any]:
     """Judge a data set by the baseline, write the updated model; the verdict. Raises DataError."""
     from calib.data import read_dataset
     from calib.saved import load_model
-    from service.results.watched import JudgeQuestion, Watched
+    from service.results.watched import WatchRequest, WatchResultSummary
 
     order, baseline = job["order"], folder / job["baseline"]["file"]
     means = None
     if order.pop("average"):
         means = folder.parents[1] / MEANS / f"{job['baseline']['sha256']}.jsonl"
         means.parent.mkdir(exist_ok=True)
-    asked = JudgeQuestion(means, folder / MODEL, **order)
-    found = Watched.of(
+    asked = WatchRequest(means, folder / MODEL, **order)
+    found = WatchResultSummary.of(
         read_dataset(Path(job["data"])),
         load_model(baseline),
         baseline,
@@ -76,11 +76,11 @@ def upkeep(folder: Path, job: Mapping[str, Any]) -> dict[str, Any]:
     """Judge how warm the arm is, write the updated model; what was found. Raises DataError."""
     from calib.data import read_dataset
     from calib.saved import load_model
-    from service.results.upkept import Upkeep, UpkeepQuestion
+    from service.results.upkept import ThermalUpdateRequest, ThermalUpdateSummary
 
     baseline = folder / job["baseline"]["file"]
-    asked = UpkeepQuestion(folder / MODEL, **job["order"])
-    found = Upkeep.of(
+    asked = ThermalUpdateRequest(folder / MODEL, **job["order"])
+    found = ThermalUpdateSummary.of(
         read_dataset(Path(job["data"])),
         load_model(baseline),
         baseline,

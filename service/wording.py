@@ -12,11 +12,11 @@ from calib.diagnose import (
     EACH_POSE,
     TOGETHER,
     CarriedTerm,
-    Diagnosis,
-    Found,
+    DiagnosedEffect,
+    DiagnosisFit,
+    HeldOutTest,
+    ResidualStructure,
     Shares,
-    Structure,
-    Surprise,
 )
 from calib.effects import check_of
 from calib.fit import ErrorStatistics, HeldOutFaults
@@ -93,13 +93,13 @@ def millimetres(value: float) -> str:
     return f"{value:.3f}" if abs(value) < 10.0 else f"{value:.2f}"
 
 
-def amplitude(found: Found) -> tuple[str, str, str]:
+def amplitude(found: DiagnosedEffect) -> tuple[str, str, str]:
     """Size of an effect, its expanded uncertainty (k = 2) and unit, as text."""
     value, spread, unit = found.amplitude
     return (*with_uncertainty(value, COVERAGE * spread), unit)
 
 
-def usual_size(found: Found) -> str:
+def usual_size(found: DiagnosedEffect) -> str:
     """The usual size of an effect with its unit; empty if none is known."""
     return "" if found.usual is None else f"{found.usual:.2g} {found.amplitude[2]}"
 
@@ -107,7 +107,7 @@ def usual_size(found: Found) -> str:
 _SHAPES = {"time_constant_s": ("time constant", "s"), "order": ("order", "per turn")}
 
 
-def shape_of(found: Found) -> str:
+def shape_of(found: DiagnosedEffect) -> str:
     """What was scanned, with its uncertainty (k = 2), as text: a time constant, an order, a moment of change."""
     if found.between is not None:
         return f"between readings {found.between[0]} and {found.between[1]} (95\u00a0%)"
@@ -124,14 +124,14 @@ def shape_of(found: Found) -> str:
 IMPOSSIBLE = "This value is physically impossible: another effect is imitated by it."
 
 
-def advice_on(found: Found, *, causes_known: bool) -> str:
+def advice_on(found: DiagnosedEffect, *, causes_known: bool) -> str:
     """What a technician should check; empty where the cause is not known, or the size is usual or not confirmed."""
     if not causes_known or found.impossible or not (found.confirmed and found.beyond_usual):
         return ""
     return check_of(found.effect.label)
 
 
-def unconfirmed(found: Sequence[Found]) -> str:
+def unconfirmed(found: Sequence[DiagnosedEffect]) -> str:
     """One sentence on the effects that are smaller than their uncertainty; empty where there are none."""
     listed = [
         f"{each.effect.label} {value} ± {uncertainty} {unit}"
@@ -142,7 +142,7 @@ def unconfirmed(found: Sequence[Found]) -> str:
     return f"Not confirmed (smaller than the uncertainty U): {'; '.join(listed)}." if listed else ""
 
 
-def sentence_of(found: Found) -> str:
+def sentence_of(found: DiagnosedEffect) -> str:
     """One effect in one sentence: what it means, how large, where it began."""
     value, uncertainty, unit = amplitude(found)
     text = f"{found.effect.meaning.rstrip('.')}: {value} ± {uncertainty} {unit} (k = {COVERAGE:g})"
@@ -151,7 +151,7 @@ def sentence_of(found: Found) -> str:
     return f"{text} {IMPOSSIBLE}" if found.impossible else text
 
 
-def rivals_of(found: Found) -> list[tuple[str, float]]:
+def rivals_of(found: DiagnosedEffect) -> list[tuple[str, float]]:
     """The other explanations of one effect with their weights, heaviest first; those of less than 1 % left out."""
     return [
         (label, w)
@@ -200,7 +200,7 @@ def shares_in_words(shares: Shares, *, causes_known: bool) -> str:
     )
 
 
-def by_group(found: Sequence[Found]) -> list[tuple[str, list[Found]]]:
+def by_group(found: Sequence[DiagnosedEffect]) -> list[tuple[str, list[DiagnosedEffect]]]:
     """The effects by group, in the order of GROUPS; one group without a name where they are few."""
     if len(found) <= MANY:
         return [("", list(found))]
@@ -238,7 +238,7 @@ def share_in_words(share: float) -> str:
     return "less than 0.1\u00a0%" if share < 0.0005 else percent(share, 1)
 
 
-def structure_in_words(left: Structure) -> str:
+def structure_in_words(left: ResidualStructure) -> str:
     """One place where structure is left, and how sure that is."""
     share, sure = share_in_words(left.explained_variance), f"(p {chance(left.p_value)})"
     if left.acts_on == ACTS_ON:
@@ -253,7 +253,7 @@ _OF_TWO = (
 )  # places beside pairs of angles
 
 
-def structure_caption(left: Structure) -> str:
+def structure_caption(left: ResidualStructure) -> str:
     """The caption of the picture of a place of structure."""
     if left.acts_on == ACTS_ON:
         return f"The readings that were left out among the others, over {left.where}: gross errors would lie anywhere."
@@ -283,7 +283,7 @@ def structure_caption(left: Structure) -> str:
     return f"What is left over {left.where}, its three parts {axes}, one dot a reading; {means}."
 
 
-def verdict_in_words(diagnosis: Diagnosis) -> str:
+def verdict_in_words(diagnosis: DiagnosisFit) -> str:
     """The verdict as a plain sentence or two, with what it gains."""
     names = [found.effect.label for found in diagnosis.confirmed]
     listed = effect_names.listed(diagnosis.confirmed)
@@ -360,7 +360,7 @@ def _not_carried(lost: bool, harmful: Sequence[str], count: int) -> str:
     return f"Held-out readings speak against {listed}: {which} their error larger."
 
 
-def _held_out_against(stretch: float | None, surprise: Surprise | None) -> str:
+def _held_out_against(stretch: float | None, surprise: HeldOutTest | None) -> str:
     """A sentence on the held-out error beside what was to be expected; empty where there is nothing to be said."""
     if surprise is not None and surprise.real:
         return (

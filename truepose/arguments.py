@@ -11,12 +11,12 @@ import numpy as np
 
 from calib.array import Array
 from calib.errors import DataError
-from calib.saved import SavedModel
+from calib.saved import CalibratedModel
 
 _MANY = 5  # targets, within so small angles that they look like radians
 
 
-def joints_of(joints_deg: Any, saved: SavedModel) -> Array:
+def joints_of(joints_deg: Any, saved: CalibratedModel) -> Array:
     """(n, N) model joints, rad or mm, of joints as the controller counts them, deg or mm, an array or a DataFrame.
 
     Raises DataError for another shape or numbers that are not finite. Warns of degrees that look like radians.
@@ -76,7 +76,7 @@ def refuse_no_model(model: object, wanted: type) -> None:
         )
 
 
-def angles_of(joints: Array, saved: SavedModel) -> Array:
+def angles_of(joints: Array, saved: CalibratedModel) -> Array:
     """(n, N) joints as the controller counts them, deg or mm, of model joints, rad or mm."""
     robot = saved.model.robot
     return robot.controller_angles(joints, saved.coupling) / robot.joint_units

@@ -13,7 +13,7 @@ import tomli_w
 from calib.data import Dataset, dataset_of, header_of, read_dataset, read_header
 from calib.errors import DataError
 from calib.foreign import converted, data_set_of, read_map
-from calib.text import Columns
+from calib.text import TextTable
 from truepose.frames import frame
 
 if TYPE_CHECKING:
@@ -115,8 +115,8 @@ def read(
     text = table.to_csv(index=False)
     if isinstance(header, Mapping):
         written, path = tomli_w.dumps(dict(header)), _IN_MEMORY.with_suffix(".toml")
-        return Data(dataset_of(Columns.of_text(text, _IN_MEMORY), header_of(header, path, written)))
-    return Data(dataset_of(Columns.of_text(text, _IN_MEMORY), read_header(Path(header))))
+        return Data(dataset_of(TextTable.of_text(text, _IN_MEMORY), header_of(header, path, written)))
+    return Data(dataset_of(TextTable.of_text(text, _IN_MEMORY), read_header(Path(header))))
 
 
 def _several(source: object) -> bool:

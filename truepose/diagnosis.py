@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from calib.diagnose import Diagnosis as Findings
+from calib.diagnose import DiagnosisFit as Findings
 from calib.diagnose import diagnose as search
 from calib.fit import ErrorStatistics, silent
 from calib.prior import load_prior

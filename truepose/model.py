@@ -12,13 +12,13 @@ import numpy as np
 
 from calib.array import Array
 from calib.data import LEVELS
-from calib.diagnose import Diagnosis as Findings
+from calib.diagnose import DiagnosisFit as Findings
 from calib.errors import DataError
-from calib.fit import Identification, errors_on, silent, statistics_of
+from calib.fit import IdentificationFit, errors_on, silent, statistics_of
 from calib.fit import identify as fit
-from calib.model import FLANGE, Design, StatedConditions, conditions_at, series_of
+from calib.model import FLANGE, BoundModel, StatedConditions, conditions_at, series_of
 from calib.prior import load_prior
-from calib.saved import SavedModel, as_saved, load_model, save_model
+from calib.saved import CalibratedModel, as_saved, load_model, save_model
 from calib.units import to_display
 from service.results.models.parameters import absolutes, nominals
 from truepose.arguments import joints_of, number_of
@@ -47,8 +47,8 @@ class Model:
     0.272
     """
 
-    saved: SavedModel
-    fitted: Identification | None = None
+    saved: CalibratedModel
+    fitted: IdentificationFit | None = None
     data: Data | None = None
     findings: Findings | None = None
 
@@ -111,7 +111,7 @@ class Model:
         data = self._data()
         of = data.dataset
         rows = of.usable
-        design = Design(self.saved.model, of.conditions.take(rows))
+        design = BoundModel(self.saved.model, of.conditions.take(rows))
         apart = (
             of.points[rows]
             - np.broadcast_to(design.frames(self.saved.estimate, ()).p, (3, int(rows.sum()))).T
@@ -157,7 +157,7 @@ class Model:
             )
         name = series_of(model, stated)
         targets = {**model.targets, name: {FLANGE: (0.0, 0.0, 0.0), **model.targets[name]}}
-        design = Design(replace(model, targets=targets), conditions_at(model, joints, stated, target))
+        design = BoundModel(replace(model, targets=targets), conditions_at(model, joints, stated, target))
         return np.array(np.broadcast_to(design.frames(self.saved.estimate, ()).p, (3, len(joints))).T)
 
     def stated(

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 _BINS = 30
 
 
-class Picture(Figure):
+class NotebookFigure(Figure):
     """A figure that a notebook shows by itself, whether or not it has chosen a backend of matplotlib."""
 
     def _repr_png_(self) -> bytes:
@@ -24,7 +24,7 @@ class Picture(Figure):
 
 def residuals(found: pandas.DataFrame) -> Figure:
     """The errors of `Model.residuals`: a dot a reading, and their histogram, by set."""
-    drawn = Picture(figsize=(9.0, 3.2), layout="constrained")
+    drawn = NotebookFigure(figsize=(9.0, 3.2), layout="constrained")
     by_reading, histogram = drawn.subplots(1, 2, width_ratios=(2, 1))
     place = {name: number for number, name in enumerate(found.index)}
     for name, part in found.groupby("set"):
@@ -38,7 +38,7 @@ def residuals(found: pandas.DataFrame) -> Figure:
 
 def before_and_after(before: pandas.DataFrame, after: pandas.DataFrame) -> Figure:
     """The errors of two models on the same readings, a dot a reading, the later ones in front."""
-    drawn = Picture(figsize=(9.0, 3.2), layout="constrained")
+    drawn = NotebookFigure(figsize=(9.0, 3.2), layout="constrained")
     axes = drawn.subplots()
     for found, label in ((before, "base model"), (after, "with effects")):
         axes.plot(range(len(found)), found["error_mm"], ".", label=label)

@@ -2,21 +2,21 @@
 
 from acquisition.campaign.blocks.block import DECIMALS
 from acquisition.campaign.campaign import Campaign, campaign_from, read_campaign
-from acquisition.campaign.check_poses import Arrival, drawn_poses, stance_poses, touch_poses
+from acquisition.campaign.check_poses import ApproachRule, drawn_poses, stance_poses, touch_poses
 from acquisition.campaign.observability import setup_of
 from acquisition.campaign.placement_views import placement_picture
-from acquisition.campaign.placements import Hexapod, Placement, Reached, best_first, grid
+from acquisition.campaign.placements import BallPlacement, HexapodSurvey, ReachResult, best_first, grid
 from acquisition.campaign.plan import Visit, make_plan
 from acquisition.campaign.poses import Pose, draw_poses
 
 __all__ = [
     "DECIMALS",
-    "Arrival",
+    "ApproachRule",
+    "BallPlacement",
     "Campaign",
-    "Hexapod",
-    "Placement",
+    "HexapodSurvey",
     "Pose",
-    "Reached",
+    "ReachResult",
     "Visit",
     "best_first",
     "campaign_from",

@@ -27,7 +27,7 @@ __all__ = [
     "Campaign",
     "NestCheck",
     "Settle",
-    "WarmUp",
+    "WarmUpRule",
     "campaign_from",
     "campaign_of_record",
     "read_campaign",
@@ -43,7 +43,7 @@ _DEVICE = ("maker", "model", "serial")
 
 
 @dataclass(frozen=True)
-class WarmUp:
+class WarmUpRule:
     """The arm is warm when its last `over` readings of the reference pose lie within `below_mm` of each other.
 
     They are `every_s` apart; after `at_most_s` a person decides.
@@ -76,7 +76,7 @@ class Campaign:
     samples: int
     retries: int
     warm_up_s: float
-    warm_up: WarmUp | None
+    warm_up: WarmUpRule | None
     nest_check: NestCheck | None
     reference_every: int
     zero_every: int
@@ -167,12 +167,12 @@ def _robot(table: TomlTable) -> dict[str, str]:
     return {key: table.text(key) for key in _DEVICE if key in table.values}
 
 
-def _warm_up(top: TomlTable) -> WarmUp | None:
+def _warm_up(top: TomlTable) -> WarmUpRule | None:
     if "warm_up" not in top.values:
         return None
     table = top.table("warm_up")
     table.only(("below_mm", "over", "every_s", "at_most_s"))
-    return WarmUp(
+    return WarmUpRule(
         below_mm=table.number("below_mm", low=1e-4, high=10.0),
         over=table.whole("over", 3, low=2, high=100),
         every_s=table.number("every_s", 300.0, low=0.0, high=3600.0),

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.campaign.blocks.block import DECIMALS, Approach, Site
-from acquisition.campaign.blocks.hexapod import Hexapod
+from acquisition.campaign.blocks.hexapod import HexapodRecipe
 from acquisition.campaign.poses import Pose, draw_poses
 from acquisition.cell.cell import Cell
 from acquisition.cell.reach import configurations
@@ -29,7 +29,7 @@ _FRUITLESS = 20  # batches of touches without a pose that is clear
 
 
 @dataclass(frozen=True)
-class Arrival:
+class ApproachRule:
     """The arrival at poses. offset_deg: how long the last move is; both: from sides drawn for each joint, else from
     below; opposite: whether the opposite sides must be clear too."""
 
@@ -50,7 +50,12 @@ class Arrival:
 
 
 def drawn_poses(
-    cell: Cell, most: int, fewest: int, targets: Sequence[str], arrival: Arrival, rng: np.random.Generator
+    cell: Cell,
+    most: int,
+    fewest: int,
+    targets: Sequence[str],
+    arrival: ApproachRule,
+    rng: np.random.Generator,
 ) -> tuple[list[Pose], list[Read]]:
     """Up to `most` random poses, `fewest` or more, at each of which all targets are read. Raises ConfigError."""
     found = draw_poses(
@@ -73,13 +78,13 @@ def drawn_poses(
 
 
 def stance_poses(
-    cell: Cell, draws: int, arrival: Arrival, rng: np.random.Generator
+    cell: Cell, draws: int, arrival: ApproachRule, rng: np.random.Generator
 ) -> tuple[list[Pose], list[Read]]:
     """Every stance of the cell's ballbar between its first three balls and targets, in every branch, from `draws`
     choices of sides each. Raises ConfigError where the arm reaches none."""
     targets = tuple(cell.tool.targets)[:3]
     site = Site(cell, 0, 0, targets, Approach(-arrival.offset_deg))
-    every = Hexapod(base=None, count=None, stages=1, configurations="all").visits_at(site)
+    every = HexapodRecipe(base=None, count=None, stages=1, configurations="all").visits_at(site)
     times = draws if arrival.both else 1
     joints = np.repeat([visit.joints_deg for visit in every], times, axis=0)
     sides = arrival.sides(joints.shape, rng)
@@ -89,7 +94,7 @@ def stance_poses(
 
 
 def touch_poses(
-    cell: Cell, most: int, target: str, balls: Sequence[str], arrival: Arrival, rng: np.random.Generator
+    cell: Cell, most: int, target: str, balls: Sequence[str], arrival: ApproachRule, rng: np.random.Generator
 ) -> tuple[list[Pose], list[Read]]:
     """Poses in which a target of the tool sits in balls of the cell, the tool turned anyhow, balls in turn.
 
@@ -124,7 +129,9 @@ def touch_poses(
     return _poses(every, sides, arrival, good), [reads[i] for i in np.flatnonzero(good)]
 
 
-def _poses(joints: Array, sides: NDArray[np.int64], arrival: Arrival, good: NDArray[np.bool_]) -> list[Pose]:
+def _poses(
+    joints: Array, sides: NDArray[np.int64], arrival: ApproachRule, good: NDArray[np.bool_]
+) -> list[Pose]:
     return [
         Pose(tuple(float(q) for q in pose), tuple(int(s) for s in side), arrival.offset_deg)
         for pose, side in zip(joints[good], sides[good], strict=True)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acquisition.campaign.placements import Hexapod, Reached
+from acquisition.campaign.placements import HexapodSurvey, ReachResult
 from acquisition.cell.picture import BASE, as_picture, views
 from acquisition.cell.workspace import Array, targets_at
 from calib.arm import BRANCHES
@@ -17,7 +17,7 @@ from calib.arm import BRANCHES
 COLOURS = {"front/up": "#c2410c", "back/down": "#4c3ba8", "front/down": "#b9770e", "back/up": "#2f7d32"}
 
 
-def placement_picture(hexapod: Hexapod, reached: Sequence[Reached]) -> str:
+def placement_picture(hexapod: HexapodSurvey, reached: Sequence[ReachResult]) -> str:
     """The picture as a text of SVG."""
     rows = []
     for each in reached:
@@ -51,7 +51,7 @@ def placement_picture(hexapod: Hexapod, reached: Sequence[Reached]) -> str:
     )
 
 
-def _places(hexapod: Hexapod, reached: Reached) -> dict[str, Array]:
+def _places(hexapod: HexapodSurvey, reached: ReachResult) -> dict[str, Array]:
     """Middle of the tool balls, (k, 3) mm, by branch of shoulder and elbow, of those that there are."""
     which, branch = np.nonzero(reached.there)
     if not len(which):

@@ -35,7 +35,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Placement:
+class BallPlacement:
     """A shift, mm, and a turn, deg, of the base balls from where the cell file has them."""
 
     shift_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -51,10 +51,10 @@ class Placement:
 
 
 @dataclass(frozen=True)
-class Reached:
+class ReachResult:
     """The reach of the arm at a placement: joints (s, 8, N) deg of s stances by branch, NaN where it does not."""
 
-    placement: Placement
+    placement: BallPlacement
     joints_deg: Array
 
     @property
@@ -87,7 +87,7 @@ class Reached:
         return out
 
 
-class Hexapod:
+class HexapodSurvey:
     """The ballbar hexapod of a cell, wherever its base balls are: on any three of three or more.
 
     Raises ValueError for balls that carry no tool.
@@ -104,15 +104,15 @@ class Hexapod:
         self.stances = Stances(found.flange[out], found.base[out], found.tool[out], found.outward[out])
 
     def survey(
-        self, placements: Sequence[Placement], progress: Callable[[int], None] = lambda _: None
-    ) -> list[Reached]:
+        self, placements: Sequence[BallPlacement], progress: Callable[[int], None] = lambda _: None
+    ) -> list[ReachResult]:
         """The reach of the arm at each placement; `progress` hears how many are done.
 
         Cups are left out here: where they move, a proof takes them along. Raises DataError for a robot without inverse
         kinematics in closed form.
         """
         bare = replace(self.cell, fixtures=tuple(f for f in self.cell.fixtures if not self._carries(f)))
-        out: list[Reached] = []
+        out: list[ReachResult] = []
         for i in range(0, len(placements), _AT_ONCE):
             some = placements[i : i + _AT_ONCE]
             motion = np.stack([each.pose(self._balls.mean(axis=0)) for each in some])
@@ -120,11 +120,11 @@ class Hexapod:
             joints = configurations(bare, flange.reshape(-1, 4, 4))
             joints[~_clear(bare, joints)] = np.nan
             joints = joints.reshape(len(some), -1, *joints.shape[1:])
-            out += [Reached(each, found) for each, found in zip(some, joints, strict=True)]
+            out += [ReachResult(each, found) for each, found in zip(some, joints, strict=True)]
             progress(len(out))
         return out
 
-    def prove(self, reached: Reached, offset_deg: float) -> Reached:
+    def prove(self, reached: ReachResult, offset_deg: float) -> ReachResult:
         """The placement with what may be driven: approach points `offset_deg` away, moves and home clear, legs free."""
         cell = self.moved(reached.placement)
         joints = np.round(reached.joints_deg, DECIMALS)
@@ -135,7 +135,7 @@ class Hexapod:
         joints[which[~good, 0], which[~good, 1]] = np.nan
         return replace(reached, joints_deg=joints)
 
-    def uncertainty(self, reached: Sequence[Reached], places: Array) -> Array:
+    def uncertainty(self, reached: Sequence[ReachResult], places: Array) -> Array:
         """(p,) mm: U of the first tool ball at joint angles `places` (p, N) rad, once six legs of every configuration
         at every placement were measured (`calib.selection.uncertainty_of`)."""
         cell = self.cell
@@ -180,7 +180,7 @@ class Hexapod:
             )
         return robot.model_angles(drawn[inside][:_PLACES])
 
-    def moved(self, placement: Placement) -> Cell:
+    def moved(self, placement: BallPlacement) -> Cell:
         """The cell with its base balls, and what carries them, at a placement."""
         pose = placement.pose(self._balls.mean(axis=0))
         balls = taken(self._balls, pose)
@@ -188,7 +188,7 @@ class Hexapod:
         fixtures = tuple(moved(f, pose) if self._carries(f) else f for f in self.cell.fixtures)
         return replace(self.cell, nests=nests, fixtures=fixtures)
 
-    def same_balls(self, placement: Placement) -> tuple[tuple[float, ...], ...]:
+    def same_balls(self, placement: BallPlacement) -> tuple[tuple[float, ...], ...]:
         """The places of the balls, whichever is which: placements that share it reach the same stances."""
         balls = taken(self._balls, placement.pose(self._balls.mean(axis=0)))
         return tuple(sorted(tuple(ball) for ball in np.round(balls, 1).tolist()))
@@ -223,17 +223,21 @@ class Hexapod:
         return pose @ self.stances.flange
 
 
-def grid(shifts: Sequence[Sequence[float]], turns: Sequence[float]) -> list[Placement]:
+def grid(shifts: Sequence[Sequence[float]], turns: Sequence[float]) -> list[BallPlacement]:
     """Every combination of shifts along x, y, z, mm, and turns, deg; that of the cell file is always among them."""
     x, y, z = shifts
     found = [
-        Placement((float(a), float(b), float(c)), float(t)) for t in turns for c in z for b in y for a in x
+        BallPlacement((float(a), float(b), float(c)), float(t))
+        for t in turns
+        for c in z
+        for b in y
+        for a in x
     ]
-    own = Placement()
+    own = BallPlacement()
     return found if own in found else [own, *found]
 
 
-def best_first(reached: Sequence[Reached]) -> list[Reached]:
+def best_first(reached: Sequence[ReachResult]) -> list[ReachResult]:
     """The placements by poses, then by configurations; among equals those nearest to the cell file's first."""
     return sorted(
         reached,

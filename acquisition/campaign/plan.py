@@ -28,7 +28,7 @@ from typing import Literal
 
 import numpy as np
 
-from acquisition.campaign.blocks.block import DECIMALS, Approach, Block, Joints, Site, Stream
+from acquisition.campaign.blocks.block import DECIMALS, Approach, Block, Joints, RandomStream, Site
 from acquisition.campaign.campaign import Campaign
 from acquisition.campaign.poses import draw_poses
 from acquisition.cell.cell import Cell
@@ -105,7 +105,7 @@ def make_plan(cell: Cell, campaign: Campaign) -> list[Visit]:
     if not cell.instrument.declared.measures_lengths:
         visits = [Visit(0, f"nest {name}", "nest", "nest", -1, (name,)) for name in list(cell.nests)[:3]]
     reference = _reference(cell, campaign) if campaign.reference_every or campaign.warm_up else None
-    order = np.random.default_rng([campaign.seed, Stream.ORDER])
+    order = np.random.default_rng([campaign.seed, RandomStream.ORDER])
     numbers, fitted = range(len(campaign.blocks)), list[Joints]()
     for _, station in groupby(numbers, key=campaign.station_of):
         units = []
@@ -194,7 +194,7 @@ def _targets(cell: Cell, block: Block, number: int) -> tuple[str, ...]:
 
 def _reference(cell: Cell, campaign: Campaign) -> Visit:
     """One pose that shows its targets: with one SMR each of them, else the first."""
-    rng = np.random.default_rng([campaign.seed, Stream.REFERENCE])
+    rng = np.random.default_rng([campaign.seed, RandomStream.REFERENCE])
     approach = Approach(campaign.blocks[0].approach.offset_deg)
     targets = tuple(cell.tool.targets)[: None if cell.instrument.one_smr else 1]
     ((pose, sides, _),) = draw_poses(

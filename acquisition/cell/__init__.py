@@ -2,7 +2,7 @@
 
 from acquisition.cell.cell import Cell, cell_from, cell_of_record, read_cell
 from acquisition.cell.devices import Devices, open_devices
-from acquisition.cell.obstacles import Box, Obstacle, Post, Table
+from acquisition.cell.obstacles import Box, FloorObstacle, Obstacle, Post
 from acquisition.cell.position_uncertainty import unstated_in_words
 from acquisition.cell.transit import Transit, home_of
 from acquisition.cell.workspace import targets_at
@@ -11,9 +11,9 @@ __all__ = [
     "Box",
     "Cell",
     "Devices",
+    "FloorObstacle",
     "Obstacle",
     "Post",
-    "Table",
     "Transit",
     "cell_from",
     "cell_of_record",

@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm import Capsule, Chain, Placement, Robot, nominal_values, propagate
+from calib.arm import BasePoses, Capsule, Chain, Robot, nominal_values, propagate
 
 Array = NDArray[np.float64]
 # Radius of what carries a target, where the cell file does not say; an SMR of 1.5 inches has 19
@@ -27,7 +27,7 @@ TOOL_RADIUS_MM = 25.0
 
 
 @dataclass(frozen=True)
-class Arm:
+class CellArm:
     """The nominal robot's body, then the tool: a capsule from the flange to every target."""
 
     robot: Robot
@@ -37,7 +37,7 @@ class Arm:
     @classmethod
     def of(
         cls, robot: Robot, coupling: str, targets: Mapping[str, tuple[float, float, float]], radius_mm: float
-    ) -> Arm:
+    ) -> CellArm:
         """The arm of `robot` with a tool of so many targets (flange frame)."""
         tool = (
             Capsule(f"the tool at {name}", robot.joints, (0.0, 0.0, 0.0), point, radius_mm)
@@ -48,7 +48,7 @@ class Arm:
     def lines(self, joints_deg: Array) -> Array:
         """(n, c, 2, 3) mm: the centre lines of the c capsules at joint angles (n, N) of the controller."""
         joints = self.robot.model_angles(np.asarray(joints_deg) * self.robot.joint_units, self.coupling)
-        frames = propagate(Chain.of(self.robot), nominal_values(self.robot, joints), Placement(), record=())
+        frames = propagate(Chain.of(self.robot), nominal_values(self.robot, joints), BasePoses(), record=())
         out = np.empty((len(self.capsules), 2, 3, len(joints)))
         for i, capsule in enumerate(self.capsules):
             x, y, z, origin = frames.link_frames[capsule.link - 1]

@@ -46,9 +46,9 @@ import tomli_w
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from acquisition.cell.arm import TOOL_RADIUS_MM, Arm
+from acquisition.cell.arm import TOOL_RADIUS_MM, CellArm
 from acquisition.cell.clearance import Clearance
-from acquisition.cell.obstacles import Array, Box, Obstacle, Post, Table, read_fixtures
+from acquisition.cell.obstacles import Array, Box, FloorObstacle, Obstacle, Post, read_fixtures
 from acquisition.cell.position_uncertainty import MADE_MM, TAUGHT_MM, stated
 from acquisition.cell.robot_section import RobotSection, read_options, read_robot, read_url
 from acquisition.errors import as_config_error
@@ -149,8 +149,8 @@ class Cell:
     def clearance(self) -> Clearance:
         """The obstacles of arm and tool: the table, keep-out boxes and fixtures."""
         robot, tool = self.robot, self.tool
-        arm = Arm.of(robot.model, robot.coupling, tool.targets, tool.radius_mm)
-        return Clearance.of(arm, (Table(robot.table_z_mm), *robot.keep_out, *self.fixtures))
+        arm = CellArm.of(robot.model, robot.coupling, tool.targets, tool.radius_mm)
+        return Clearance.of(arm, (FloorObstacle(robot.table_z_mm), *robot.keep_out, *self.fixtures))
 
     @property
     def unstated(self) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.cell.arm import Arm
+from acquisition.cell.arm import CellArm
 from acquisition.cell.obstacles import Array, Obstacle, Post
 from calib.units import percent
 
@@ -53,12 +53,12 @@ class Contact:
 class Clearance:
     """The clearance of an arm from its obstacles. `pairs` (c, o): whether capsule i may touch obstacle j."""
 
-    arm: Arm
+    arm: CellArm
     obstacles: tuple[Obstacle, ...]
     pairs: Mask
 
     @classmethod
-    def of(cls, arm: Arm, obstacles: Sequence[Obstacle]) -> Clearance:
+    def of(cls, arm: CellArm, obstacles: Sequence[Obstacle]) -> Clearance:
         """The clearance of all pairs but those of the mounting, and of the links from the elbow on against the foot.
 
         What a part of the first two links touches at any angles of joints 1 and 2, over the whole range of the robot,
@@ -207,7 +207,7 @@ def _lowest(lines: Array, across: Array) -> Array:
     return np.einsum("pkj,pj->pk", lines, across).min(axis=1)
 
 
-def _stances(arm: Arm) -> Array:
+def _stances(arm: CellArm) -> Array:
     """(n, N) deg: joints 1 and 2 over the whole range of the robot, the others at nought."""
     robot = arm.robot
     first, second = (

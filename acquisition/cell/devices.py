@@ -13,7 +13,7 @@ from drivers.interfaces import LengthMeter, Operator, PointMeter, RobotArm
 from drivers.link import WireSink
 
 
-class Hands(Protocol):
+class ManualJogging(Protocol):
     """The hands of a person at the arm of a simulated cell; angles of the model, deg."""
 
     def touch(self, target: str, base_target: str, near_deg: Sequence[float]) -> None:
@@ -35,7 +35,7 @@ class Devices:
     robot: RobotArm
     instrument: PointMeter | LengthMeter
     operator: Operator | None = None
-    hands: Hands | None = None
+    hands: ManualJogging | None = None
     person: Operator | None = None
 
 
@@ -43,7 +43,7 @@ def open_devices(
     cell: Cell,
     *,
     operator: Operator | None = None,
-    hands: Hands | None = None,
+    hands: ManualJogging | None = None,
     person: Operator | None = None,
     robot_url: str | None = None,
     instrument_url: str | None = None,

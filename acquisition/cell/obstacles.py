@@ -36,7 +36,7 @@ class Obstacle(Protocol):
 
 
 @dataclass(frozen=True)
-class Table:
+class FloorObstacle:
     """Everything below a height."""
 
     z_mm: float

@@ -21,7 +21,7 @@ _BALL = 5.0
 Pair = tuple[str, str]
 
 
-class Panel:
+class CellView:
     """View. axes (2, 3): directions to the right and upwards; shown (n, 3): points that must be in it."""
 
     def __init__(self, title: str, axes: Array, shown: Array) -> None:
@@ -77,7 +77,7 @@ class Panel:
         )
 
 
-def as_picture(rows: Sequence[Sequence[Panel]], described: str) -> str:
+def as_picture(rows: Sequence[Sequence[CellView]], described: str) -> str:
     """The SVG of some panels, row by row."""
     width, height = _WIDTH * max(map(len, rows)), _HEIGHT * len(rows)
     parts = "".join(panel.svg(i, k) for k, row in enumerate(rows) for i, panel in enumerate(row))
@@ -88,14 +88,14 @@ def as_picture(rows: Sequence[Sequence[Panel]], described: str) -> str:
     )
 
 
-def views(cell: Cell, shown: Array) -> list[Panel]:
+def views(cell: Cell, shown: Array) -> list[CellView]:
     """The two views, from above and from the side, with room for points (n, 3) and the foot of the robot."""
     outwards = np.mean(list(cell.nests.values()), axis=0) * [1.0, 1.0, 0.0]
     far = float(np.linalg.norm(outwards))
     outwards = outwards / far if far > 1.0 else np.array([1.0, 0.0, 0.0])
     side = np.array([outwards, [0.0, 0.0, 1.0]])
     shown = np.vstack([shown, np.zeros((1, 3))])
-    return [Panel("from above", np.eye(3)[:2], shown), Panel("from the side", side, shown)]
+    return [CellView("from above", np.eye(3)[:2], shown), CellView("from the side", side, shown)]
 
 
 def scene(
@@ -127,7 +127,7 @@ def scene(
     return as_picture([panels], f"{' to '.join(now)}" if now else cell.name)
 
 
-def _triangles(panel: Panel, cell: Cell, places: Mapping[str, Array]) -> None:
+def _triangles(panel: CellView, cell: Cell, places: Mapping[str, Array]) -> None:
     for names, colour in ((cell.nests, BASE), (cell.tool.targets, TOOL)):
         corners = [places[name] for name in list(names)[:3] if name in places]
         if len(corners) == 3:

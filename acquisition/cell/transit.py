@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from acquisition.cell.cell import Cell
 from acquisition.cell.clearance import NEAREST_MM, Clearance, Contact
-from acquisition.cell.obstacles import Table
+from acquisition.cell.obstacles import FloorObstacle
 from acquisition.cell.workspace import Array, is_allowed, lowest_of
 from acquisition.errors import NoClearWay
 
@@ -117,9 +117,9 @@ def _rises(room: Clearance, start: Array, goal: Array) -> bool:
 def _not_lower(room: Clearance, lines: Array) -> Clearance:
     """The same clearance, but every part of the arm that is too low now, (c, 2, 3), has the table where it is."""
     bottom = lines[:, :, 2].min(axis=1) - room.arm.radii - NEAREST_MM - _SLACK_MM
-    is_table = np.array([isinstance(obstacle, Table) for obstacle in room.obstacles])
-    heights = [obstacle.z_mm for obstacle in room.obstacles if isinstance(obstacle, Table)]
-    floors = [Table(min(*heights, float(z))) for z in bottom]
-    others = [obstacle for obstacle in room.obstacles if not isinstance(obstacle, Table)]
+    is_table = np.array([isinstance(obstacle, FloorObstacle) for obstacle in room.obstacles])
+    heights = [obstacle.z_mm for obstacle in room.obstacles if isinstance(obstacle, FloorObstacle)]
+    floors = [FloorObstacle(min(*heights, float(z))) for z in bottom]
+    others = [obstacle for obstacle in room.obstacles if not isinstance(obstacle, FloorObstacle)]
     own = np.diag(room.pairs[:, is_table].all(axis=1))
     return Clearance(room.arm, (*others, *floors), np.hstack([room.pairs[:, ~is_table], own]))

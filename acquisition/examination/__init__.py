@@ -16,13 +16,13 @@ from acquisition.cell.cell import Cell
 from acquisition.cell.devices import Devices
 from acquisition.errors import ClockJumped, RobotInUse
 from acquisition.examination.computer import examine_computer, note_low_priority
-from acquisition.examination.finding import Chart, Examination, Finding
+from acquisition.examination.finding import Chart, CheckResult, Examination
 from acquisition.examination.instrument import examine_instrument
 from acquisition.examination.meeting import Place
 from acquisition.examination.robot import examine_robot
 from acquisition.run.orders.mover import Mover
 
-__all__ = ["Examination", "Finding", "examine", "note_low_priority"]
+__all__ = ["CheckResult", "Examination", "examine", "note_low_priority"]
 
 _CALENDAR_STEP_S = 1.0
 

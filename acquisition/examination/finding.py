@@ -23,7 +23,7 @@ _WORST_FIRST = (UNSAFE, WRONG_CELL, NOT_AVAILABLE, FAILED)
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class CheckResult:
     """`device`: robot, instrument or computer. `check`: a stable name within it."""
 
     device: str
@@ -47,7 +47,7 @@ class Chart:
 
     def __init__(self, device: str, progress: Listener) -> None:
         self.device = device
-        self.findings: list[Finding] = []
+        self.findings: list[CheckResult] = []
         self.again: Callable[[], bool] = lambda: False
         self._progress = progress
 
@@ -56,14 +56,14 @@ class Chart:
         self._progress(f"{self.device}: {check}")
 
     def ok(self, check: str, found: str) -> None:
-        self.findings.append(Finding(self.device, check, "ok", found))
+        self.findings.append(CheckResult(self.device, check, "ok", found))
 
     def note(self, check: str, found: str, do: str = "") -> None:
-        self.findings.append(Finding(self.device, check, "note", found, do))
+        self.findings.append(CheckResult(self.device, check, "note", found, do))
 
     def fault(self, check: str, error: AcquisitionError) -> None:
         self.findings.append(
-            Finding(
+            CheckResult(
                 self.device,
                 check,
                 "fault",
@@ -107,15 +107,15 @@ class Examination:
     cell: str
     simulated: bool
     seconds: float
-    findings: Sequence[Finding] = field(default_factory=list)
+    findings: Sequence[CheckResult] = field(default_factory=list)
 
     @property
-    def faults(self) -> list[Finding]:
+    def faults(self) -> list[CheckResult]:
         """The faults: what prevents a campaign."""
         return [finding for finding in self.findings if finding.level == "fault"]
 
     @property
-    def notes(self) -> list[Finding]:
+    def notes(self) -> list[CheckResult]:
         """The notes: what somebody should know."""
         return [finding for finding in self.findings if finding.level == "note"]
 

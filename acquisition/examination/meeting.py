@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from acquisition.cell.cell import Match, OtherDevice
 from acquisition.examination.finding import Chart
 from drivers.errors import AcquisitionError, LinkError, ProtocolError, SafetyStop
-from drivers.interfaces import Attended, Device, Identity, weakness_of
+from drivers.interfaces import Device, Identity, OperatedByPerson, weakness_of
 
 _MOST_TIMES_MORE = 3  # connected after a question without an answer, each of which takes its deadline
 
@@ -92,7 +92,7 @@ def _meet(device: Device, chart: Chart, place: Place, match: Callable[[Identity]
         if who.simulated and not place.simulated:
             chart.note("simulated", "a simulator answers, no device", "Correct the url in the cell file.")
     weakness = weakness_of(device)
-    if weakness and isinstance(device, Attended):
+    if weakness and isinstance(device, OperatedByPerson):
         chart.note("hand", weakness, "Have what is typed read once more before it is confirmed.")
     elif weakness:
         chart.note(

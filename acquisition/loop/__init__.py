@@ -5,7 +5,7 @@ from acquisition.loop.follow_up_campaign import campaign_table, campaign_text, f
 from acquisition.loop.loop import (
     Compute,
     Equipment,
-    FollowedUp,
+    FollowUpResult,
     LoopEnded,
     LoopResult,
     Say,
@@ -18,7 +18,7 @@ from acquisition.loop.rehearsal import targets_csv
 __all__ = [
     "Compute",
     "Equipment",
-    "FollowedUp",
+    "FollowUpResult",
     "LoopEnded",
     "LoopResult",
     "Say",

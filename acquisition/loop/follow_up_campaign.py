@@ -20,14 +20,14 @@ from acquisition.cell.cell import Cell
 from calib.data import Conditions
 from calib.diagnose import APPROACHES, POSES, SEPARATES, FollowUp, Rivals, later_visits, separating
 from calib.errors import DataError
-from calib.fit import Identification
+from calib.fit import IdentificationFit
 from calib.units import DEG
 
 CANDIDATES = 1500
 _SETTINGS: dict[str, Any] = {"settle_s": 4.0, "samples": 100, "retries": 2}
 
 
-def in_cell(cell: Cell, found: Identification, rivals: Rivals) -> FollowUp:
+def in_cell(cell: Cell, found: IdentificationFit, rivals: Rivals) -> FollowUp:
     """The poses that separate rivals best among those that the cell can take.
 
     Raises DataError when robot or targets of the data are not those of the cell, ConfigError when hardly any pose is
@@ -36,7 +36,7 @@ def in_cell(cell: Cell, found: Identification, rivals: Rivals) -> FollowUp:
     return separating(found, rivals, candidates_in(cell, found))
 
 
-def candidates_in(cell: Cell, found: Identification) -> Conditions:
+def candidates_in(cell: Cell, found: IdentificationFit) -> Conditions:
     """Visits that the cell can make: its targets, short and long approaches, both sides, a share of each."""
     names = _targets(cell, found)
     rng = np.random.default_rng(0)
@@ -67,13 +67,13 @@ def candidates_in(cell: Cell, found: Identification) -> Conditions:
     return later_visits(found, np.array(joints) * units, np.array(sides), np.array(approach), targets)
 
 
-def fits(cell: Cell, found: Identification) -> bool:
+def fits(cell: Cell, found: IdentificationFit) -> bool:
     """Whether robot and targets of the data are those of the cell."""
     known = found.model.targets[found.readings.conditions.series_names[-1]]
     return cell.robot.model.name == found.model.robot.name and set(known) <= set(cell.tool.targets)
 
 
-def _targets(cell: Cell, found: Identification) -> list[str]:
+def _targets(cell: Cell, found: IdentificationFit) -> list[str]:
     if cell.robot.model.name != found.model.robot.name:
         raise DataError(
             f"has the robot {cell.robot.model.name}, the data are of {found.model.robot.name}.",

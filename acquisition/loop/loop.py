@@ -38,7 +38,7 @@ from acquisition.errors import UnsafePlan
 from acquisition.loop.follow_up_campaign import campaign_table, in_cell
 from acquisition.record.export import export, table_of
 from acquisition.record.individuals import Individual, individuals_of, series_among
-from acquisition.record.merge import Part, frame_of_part, merge
+from acquisition.record.merge import CampaignPart, frame_of_part, merge
 from acquisition.record.states import State
 from acquisition.record.store import Event
 from acquisition.record.verification import (
@@ -53,14 +53,14 @@ from acquisition.record.verification import (
 )
 from acquisition.run.clock import Clock
 from acquisition.run.foresight import Foresee, at_once
-from acquisition.run.orders.lease import Lease
-from acquisition.run.outcome import Outcome
+from acquisition.run.orders.lease import LeaseDeadline
+from acquisition.run.outcome import ExecutionOutcome
 from acquisition.run.run import Run
 from calib.array import Array
 from calib.compensate import Bounds, Correction, Usable, correct, refuse_unlikely, usable
 from calib.data import Dataset, read_dataset
-from calib.diagnose import Diagnosis, FollowUp, diagnose
-from calib.model import FLANGE, RobotModel, StatedConditions, series_of
+from calib.diagnose import DiagnosisFit, FollowUp, diagnose
+from calib.model import FLANGE, ModelStructure, StatedConditions, series_of
 from calib.saved import refuse_worse
 from calib.units import DEG
 from drivers.errors import ConfigError
@@ -77,11 +77,11 @@ Say = Callable[[str], None]
 
 Listen = Callable[[Run], Callable[[Event], None]]
 
-Resumed = Callable[[Run, Outcome], bool]
+Resumed = Callable[[Run, ExecutionOutcome], bool]
 
 Compute = Callable[..., Any]
 
-Diagnose = Callable[[Path, Say], Diagnosis]
+Diagnose = Callable[[Path, Say], DiagnosisFit]
 
 APPROACH_DEG = -5.0  # from below on every joint (Nubiola 2.5): the condition for which corrections hold
 
@@ -95,7 +95,7 @@ def here(function: Callable[..., Any], *args: object) -> Any:
     return function(*args)
 
 
-def diagnosed(data: Path, say: Say = lambda step: None) -> Diagnosis:
+def diagnosed(data: Path, say: Say = lambda step: None) -> DiagnosisFit:
     """The diagnosis of a data set. Raises DataError."""
     return diagnose(read_dataset(data), progress=say)
 
@@ -108,7 +108,7 @@ def new_run(record: Path, cell: Cell, campaign: Campaign, simulated: bool) -> Ru
 class LoopEnded(Exception):
     """A campaign of the loop was paused, stopped or failed. `outcome` says how; its record can be resumed."""
 
-    def __init__(self, outcome: Outcome) -> None:
+    def __init__(self, outcome: ExecutionOutcome) -> None:
         super().__init__(outcome.reason)
         self.outcome = outcome
 
@@ -130,7 +130,7 @@ class Equipment:
     simulated: bool = False
     guard: Guard = lambda run: nullcontext()
     listen: Listen = lambda run: lambda event: None
-    lease: Callable[[], Lease | None] = lambda: None
+    lease: Callable[[], LeaseDeadline | None] = lambda: None
     create: Create = new_run
     resumed: Resumed = lambda run, outcome: False
     compute: Compute = here
@@ -139,7 +139,7 @@ class Equipment:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredCampaign:
     """A finished campaign: its record, and when it began on the loop's clock, s."""
 
     record: Path
@@ -156,10 +156,10 @@ class Targets:
 
 
 @dataclass(frozen=True)
-class FollowedUp:
+class FollowUpResult:
     """The middle step: what was ambiguous, the poses that were to settle it, and how many readings they brought."""
 
-    before: Diagnosis
+    before: DiagnosisFit
     poses: FollowUp
     readings: int
 
@@ -169,10 +169,10 @@ class LoopResult:
     """The results of a loop. followed_up: None where nothing was ambiguous, or no pose would have helped."""
 
     data: Path
-    diagnosis: Diagnosis
+    diagnosis: DiagnosisFit
     targets: Targets
     verification: Verification
-    followed_up: FollowedUp | None
+    followed_up: FollowUpResult | None
 
 
 def close_loop(
@@ -203,7 +203,7 @@ def close_loop(
         alone = len(diagnosis.dataset)
         data = equipment.compute(join, equipment.cell, first, last, folder)
         before, diagnosis = diagnosis, equipment.diagnose(data, say)
-        followed_up = FollowedUp(before, planned, len(diagnosis.dataset) - alone)
+        followed_up = FollowUpResult(before, planned, len(diagnosis.dataset) - alone)
     refuse_worse(*diagnosis.gain, file=data, use=", then measure again")
     say("campaign 2: driving corrected targets")
     return verify(equipment, campaign, folder, first, last, data, diagnosis, followed_up, poses)
@@ -218,7 +218,7 @@ def check_loop(cell: Cell) -> None:
         )
 
 
-def follow_up_of(cell: Cell, diagnosis: Diagnosis) -> FollowUp | None:
+def follow_up_of(cell: Cell, diagnosis: DiagnosisFit) -> FollowUp | None:
     """The poses of a cell that distinguish the rivals of a diagnosis; None where there are none, or no pose helps.
 
     Raises ConfigError when hardly any pose is clear.
@@ -229,14 +229,14 @@ def follow_up_of(cell: Cell, diagnosis: Diagnosis) -> FollowUp | None:
     return planned if planned.helps else None
 
 
-def join(cell: Cell, first: Measured, later: Measured, folder: Path) -> Path:
+def join(cell: Cell, first: MeasuredCampaign, later: MeasuredCampaign, folder: Path) -> Path:
     """Join a first campaign and its follow-up in one data set, `folder`/data.csv; data1.csv keeps the first alone."""
     world = world_of(first.record)
     alone, added = table_of(first.record), table_of(later.record)
     alone.write(folder / "data1.csv")
     added.write(folder / "data_follow_up.csv")
     own = frame_of_part(later.record, world, cell.nests, individuals_of(first.record))
-    part = Part(added, later.began_s - first.began_s, own)
+    part = CampaignPart(added, later.began_s - first.began_s, own)
     return merge(alone, world, [part]).write(folder / "data.csv")
 
 
@@ -246,7 +246,9 @@ def _rivals_in_words(planned: FollowUp) -> str:
     return pairs[0] + (f" (and {more} other pair{'s' if more > 1 else ''})" if more else "")
 
 
-def measure(equipment: Equipment, campaign: Campaign, record: Path, like: Measured | None = None) -> Measured:
+def measure(
+    equipment: Equipment, campaign: Campaign, record: Path, like: MeasuredCampaign | None = None
+) -> MeasuredCampaign:
     """Measure one campaign from beginning to end, with the robot and the instrument of `like`.
 
     Raises LoopEnded, ConfigError, UnsafePlan, RecordError.
@@ -258,13 +260,13 @@ def measure(equipment: Equipment, campaign: Campaign, record: Path, like: Measur
         outcome = _executed(equipment, run)
         while outcome.state is State.PAUSED and equipment.resumed(run, outcome):
             outcome = _executed(equipment, run)
-        measured = Measured(run.folder, began_s)
+        measured = MeasuredCampaign(run.folder, began_s)
     if outcome.state is not State.SUCCEEDED:
         raise LoopEnded(outcome)
     return measured
 
 
-def _executed(equipment: Equipment, run: Run) -> Outcome:
+def _executed(equipment: Equipment, run: Run) -> ExecutionOutcome:
     with equipment.guard(run):
         return run.execute(
             equipment.devices,
@@ -279,11 +281,11 @@ def verify(
     equipment: Equipment,
     campaign: Campaign,
     folder: Path,
-    first: Measured,
-    last: Measured,
+    first: MeasuredCampaign,
+    last: MeasuredCampaign,
     data: Path,
-    diagnosis: Diagnosis,
-    followed_up: FollowedUp | None,
+    diagnosis: DiagnosisFit,
+    followed_up: FollowUpResult | None,
     poses: int,
 ) -> LoopResult:
     """Drive corrected targets of new poses, and the same uncorrected, and judge where the robot landed.
@@ -333,11 +335,11 @@ def verify(
 
 def _judged(
     equipment: Equipment,
-    second: Measured,
-    first: Measured,
+    second: MeasuredCampaign,
+    first: MeasuredCampaign,
     joints: Array,
     goals: Array,
-    diagnosis: Diagnosis,
+    diagnosis: DiagnosisFit,
     world: WorldFrame,
     devices: Mapping[str, Individual],
 ) -> JudgedLandings:
@@ -350,7 +352,7 @@ def _judged(
 
 
 def new_targets(
-    cell: Cell, seed: int, diagnosis: Diagnosis, stated: StatedConditions, poses: int
+    cell: Cell, seed: int, diagnosis: DiagnosisFit, stated: StatedConditions, poses: int
 ) -> tuple[Array, list[str]]:
     """Joint angles (k, N), deg, of random new poses whose correction can be driven, and why others cannot.
 
@@ -372,7 +374,7 @@ def new_targets(
 
 
 def conditions_soon(
-    equipment: Equipment, dataset: Dataset, first: Measured, last: Measured
+    equipment: Equipment, dataset: Dataset, first: MeasuredCampaign, last: MeasuredCampaign
 ) -> StatedConditions:
     """The conditions at which the next targets will be measured, judged by the campaign before, `last`.
 
@@ -391,7 +393,7 @@ def conditions_soon(
     )
 
 
-def correction(cell: Cell, diagnosis: Diagnosis, goals_deg: Array, stated: StatedConditions) -> Correction:
+def correction(cell: Cell, diagnosis: DiagnosisFit, goals_deg: Array, stated: StatedConditions) -> Correction:
     """Corrections of joint targets (n, N), deg or mm, within the cell's limits with room for the approach.
 
     Targets and corrected joints are the controller's; the sides of `stated` are replaced by those of the approach.
@@ -413,13 +415,13 @@ def correction(cell: Cell, diagnosis: Diagnosis, goals_deg: Array, stated: State
     return replace(done, joints=robot.model.controller_angles(done.joints, robot.coupling))
 
 
-def _used(diagnosis: Diagnosis, coupling: str) -> Usable:
+def _used(diagnosis: DiagnosisFit, coupling: str) -> Usable:
     """The model that corrects, as a saved one would: without terms that follow what only the campaign knew."""
     final = diagnosis.final
     return usable(final.model, final.estimate, final.covariance, StatedConditions(), coupling=coupling)
 
 
-def _landing(model: RobotModel, stated: StatedConditions) -> str:
+def _landing(model: ModelStructure, stated: StatedConditions) -> str:
     """The frame that is brought to its nominal place: the flange, and every target on it.
 
     An arm of fewer than six joints cannot correct every tilt of the flange: there it is the target, where it is the
@@ -443,7 +445,7 @@ def clear(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
     return may_visit(cell, joints, joints + APPROACH_DEG)
 
 
-def follows_conditions(dataset: Dataset, diagnosis: Diagnosis, goals_deg: Array) -> bool:
+def follows_conditions(dataset: Dataset, diagnosis: DiagnosisFit, goals_deg: Array) -> bool:
     """Whether the corrected joints depend on time or temperature more than a little."""
     header = dataset.header
     final = _used(diagnosis, header.coupling)

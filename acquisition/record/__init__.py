@@ -2,20 +2,20 @@
 
 from acquisition.record.database import FILE, sha256_of
 from acquisition.record.export import export, export_events, planned_header
-from acquisition.record.individuals import Acceptance, individual_of
+from acquisition.record.individuals import DeviceAcceptance, individual_of
 from acquisition.record.merge import export_together
 from acquisition.record.rescue import rescue, salvage
 from acquisition.record.states import State
-from acquisition.record.store import Event, Store
+from acquisition.record.store import Event, RecordStore
 from acquisition.record.streams import export_streams
 from acquisition.record.verification import Verification
 
 __all__ = [
     "FILE",
-    "Acceptance",
+    "DeviceAcceptance",
     "Event",
+    "RecordStore",
     "State",
-    "Store",
     "Verification",
     "export",
     "export_events",

@@ -11,7 +11,7 @@ from typing import Any
 from acquisition.campaign.plan import Visit
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.record.states import State
-from acquisition.record.store import Planned, Store
+from acquisition.record.store import PlannedReading, RecordStore
 from drivers.errors import AcquisitionError
 from drivers.interfaces import JointReading, LengthReading, PointReading, PoseReading, Prompt, Reading
 
@@ -21,14 +21,14 @@ VOID = "void"  # the answer of a prompt that nobody waits for any more
 class Attempts:
     """The attempts of one record."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: RecordStore) -> None:
         self._store = store
 
     def begin_arrival(self, visit: Visit) -> int:
         """The robot is about to go to the approach point and on to the pose."""
         return self._begin("arrive", visit.number, None, None)
 
-    def begin_reading(self, planned: Planned, arrival: int | None) -> int:
+    def begin_reading(self, planned: PlannedReading, arrival: int | None) -> int:
         """The instrument is about to measure. `arrival`: the good arrival it relies on; None for a nest."""
         return self._begin("measure", planned.visit.number, planned.id, arrival)
 
@@ -51,7 +51,7 @@ class Attempts:
     def measured(
         self,
         attempt: int,
-        planned: Planned,
+        planned: PlannedReading,
         reading: Reading,
         world: WorldFrame | None,
         as_planned: Sequence[float] | None = None,

@@ -31,11 +31,11 @@ from acquisition.cell.position_uncertainty import MADE_MM, TAUGHT_MM
 from acquisition.errors import RecordError
 from acquisition.record.individuals import ROLES, Individual, Individuals, header_table, series_of
 from acquisition.record.readings import Numbers, Reading, readings_of, spans_of
-from acquisition.record.store import Store
+from acquisition.record.store import RecordStore
 from acquisition.record.touches import taught_of
-from calib.convert import Table
+from calib.convert import ConvertedTable
 from calib.data import DEFAULT_GROUPS, OTHER, Dataset, dataset_of, header_of
-from calib.text import Columns, Vector, replace_file
+from calib.text import TextTable, Vector, replace_file
 
 _WEAKNESSES = """
 SELECT json_extract(data, '$.role') AS role, json_extract(data, '$.weakness') AS weakness FROM event
@@ -62,7 +62,7 @@ def export_events(record_dir: Path, out: Path) -> int:
 
     Raises RecordError, StorageError, OSError.
     """
-    store = Store.open(record_dir, writer=False)
+    store = RecordStore.open(record_dir, writer=False)
     try:
         text, number = io.StringIO(), 0
         while events := store.events(number):
@@ -85,7 +85,7 @@ def export(record_dir: Path, out: Path) -> Path:
 
 def table_of(record_dir: Path) -> DataTable:
     """The data set of a record, finished or not. Raises RecordError (no record, or no reading in it), StorageError."""
-    with Store.reading(record_dir) as store:
+    with RecordStore.reading(record_dir) as store:
         simulated = bool(store.campaign["simulated"])
         rows, spans = readings_of(store), spans_of(store)
         cell = cell_of_record(store.campaign["cell"], str(store.database.path))
@@ -299,7 +299,7 @@ class DataTable:
         """The data set for a calibration. Raises DataError as for its files, which need not have been written."""
         path, table = Path(self.name) / "data.csv", self._as_written
         lines = list(enumerate(zip(*self.columns.values(), strict=True), start=2))  # below the names
-        cells = Columns(path, list(self.columns), lines, hashlib.sha256(table.text.encode()).hexdigest())
+        cells = TextTable(path, list(self.columns), lines, hashlib.sha256(table.text.encode()).hexdigest())
         return dataset_of(cells, header_of(self.header, path.with_suffix(".toml"), table.header))
 
     def write(self, out: Path) -> Path:
@@ -309,5 +309,5 @@ class DataTable:
         return out
 
     @property
-    def _as_written(self) -> Table:
-        return Table(self.columns, tomli_w.dumps(self.header))
+    def _as_written(self) -> ConvertedTable:
+        return ConvertedTable(self.columns, tomli_w.dumps(self.header))

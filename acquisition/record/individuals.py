@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from acquisition.errors import OtherIndividual
-from acquisition.record.store import Store
+from acquisition.record.store import RecordStore
 from drivers.errors import ConfigError
 from drivers.interfaces import Identity
 
@@ -25,7 +25,7 @@ _COMPARED = ("maker", "model", "serial")
 
 
 @dataclass(frozen=True)
-class Acceptance:
+class DeviceAcceptance:
     """A person accepts another device than the record's. `serial`: its model, where it reports no serial number."""
 
     serial: str
@@ -58,7 +58,7 @@ class Individual:
     reason: str = ""
 
     @classmethod
-    def of(cls, role: str, who: Identity, accepted: Acceptance | None = None) -> Individual:
+    def of(cls, role: str, who: Identity, accepted: DeviceAcceptance | None = None) -> Individual:
         """The device that reported `who`; accepted: by whom and why, where it stands beside another."""
         by, reason = ("", "") if accepted is None else (accepted.by, accepted.reason)
         return cls(role, who.maker, who.model, who.serial, who.firmware, who.protocol, by, reason)
@@ -93,7 +93,7 @@ class Individual:
 class Individuals:
     """The individual devices of one record."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: RecordStore) -> None:
         self._store = store
 
     def all(self) -> dict[int, Individual]:
@@ -116,7 +116,7 @@ class Individuals:
         """Allow motion with this device alone, whatever a person accepts: a model of it will judge the readings."""
         self._store.add_event("device_needed", **asdict(individual))
 
-    def met(self, role: str, who: Identity, accepted: Acceptance | None) -> None:
+    def met(self, role: str, who: Identity, accepted: DeviceAcceptance | None) -> None:
         """A device has been connected. Raises OtherIndividual where it is neither the record's nor accepted, or not the
         one that is needed."""
         for needed in map(individual_of, self._store.data_of_events("device_needed")):
@@ -184,7 +184,7 @@ class Individuals:
 
 def individuals_of(record: Path) -> dict[str, Individual]:
     """Robot and instrument that a record met last, by role. Raises RecordError, StorageError."""
-    store = Store.open(record, writer=False)
+    store = RecordStore.open(record, writer=False)
     try:
         return Individuals(store).now()
     finally:

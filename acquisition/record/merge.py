@@ -25,14 +25,14 @@ from acquisition.errors import OtherIndividual, RecordError
 from acquisition.record.export import DataTable, table_of
 from acquisition.record.individuals import (
     ROLES,
-    Acceptance,
+    DeviceAcceptance,
     Individual,
     header_table,
     individual_of,
     individuals_of,
     series_of,
 )
-from acquisition.record.store import Store
+from acquisition.record.store import RecordStore
 from acquisition.record.verification import frame_holds, read_landings, world_of
 
 _POINT = ("x_mm", "y_mm", "z_mm")
@@ -55,7 +55,7 @@ Pair = dict[str, Individual]  # by role; what is not known is left out
 
 
 @dataclass(frozen=True)
-class Part:
+class CampaignPart:
     """A later campaign: its data set, by how much later than the first its clock began, s, and the world
     frame its points were exported in; None where the instrument was moved, and that frame is the one that holds."""
 
@@ -64,7 +64,7 @@ class Part:
     own: WorldFrame | None
 
 
-def export_together(records: Sequence[Path], out: Path, accepted: Acceptance | None = None) -> Path:
+def export_together(records: Sequence[Path], out: Path, accepted: DeviceAcceptance | None = None) -> Path:
     """Write the data set of several records of one cell, the first of which has the clock and the world frame.
 
     The calendar says how much later each of the others began. accepted: another robot, as in `merge`.
@@ -81,7 +81,7 @@ def export_together(records: Sequence[Path], out: Path, accepted: Acceptance | N
         devices = individuals_of(first)
         frames = [frame_of_part(record, world, cell.nests, devices) for record in others]
     parts = [
-        Part(data, _began(record)[0] - began_s, own)
+        CampaignPart(data, _began(record)[0] - began_s, own)
         for record, data, own in zip(others, added, frames, strict=True)
     ]
     return merge(whole, world, parts, accepted).write(out)
@@ -103,7 +103,7 @@ def frame_of_part(
 
 def _began(record: Path) -> tuple[float, Cell]:
     """The start of a record's clock, s on the clock that its cell runs by, and its cell."""
-    store = Store.open(record, writer=False)
+    store = RecordStore.open(record, writer=False)
     try:
         row = store.campaign
         cell = cell_of_record(row["cell"], str(store.database.path))
@@ -113,7 +113,10 @@ def _began(record: Path) -> tuple[float, Cell]:
 
 
 def merge(
-    first: DataTable, world: WorldFrame, parts: Sequence[Part], accepted: Acceptance | None = None
+    first: DataTable,
+    world: WorldFrame,
+    parts: Sequence[CampaignPart],
+    accepted: DeviceAcceptance | None = None,
 ) -> DataTable:
     """One data set: the rows of `first` and of all `parts`, points in the frame `world`.
 
@@ -167,7 +170,7 @@ def _measured(occasions: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:
     }
 
 
-def _brought(part: Part, number: int, world: WorldFrame) -> list[dict[str, str]]:
+def _brought(part: CampaignPart, number: int, world: WorldFrame) -> list[dict[str, str]]:
     """The rows of a part on the clock and in the frame of the first campaign."""
     rows = part.data.rows
     for row in rows:
@@ -195,7 +198,7 @@ def _setup(header: Mapping[str, Any]) -> dict[str, Any]:
 class SeriesOfSets:
     """The series of the data sets joined so far, from their headers. `accepted`: another robot than the first's."""
 
-    def __init__(self, header: Mapping[str, Any], name: str, accepted: Acceptance | None) -> None:
+    def __init__(self, header: Mapping[str, Any], name: str, accepted: DeviceAcceptance | None) -> None:
         self._first, self._accepted = name, accepted
         self._pairs = _pairs_of(header)
         self._names: dict[str, str] = {}  # of series: in the data set joined last -> in the whole

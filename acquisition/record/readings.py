@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.cell.workspace import targets_at
-from acquisition.record.store import Store
+from acquisition.record.store import RecordStore
 
 Numbers = tuple[float, ...]
 
@@ -75,7 +75,7 @@ class Reading:
     reason: str
 
 
-def readings_of(store: Store, set_name: str | None = None) -> list[Reading]:
+def readings_of(store: RecordStore, set_name: str | None = None) -> list[Reading]:
     """Every reading of a record, in the order of measuring; of one set where it is named. Raises StorageError."""
     return [
         _reading(row, by_hand=store.driven_by_hand)
@@ -83,12 +83,12 @@ def readings_of(store: Store, set_name: str | None = None) -> list[Reading]:
     ]
 
 
-def spans_of(store: Store) -> list[Reading]:
+def spans_of(store: RecordStore) -> list[Reading]:
     """Every distance between two balls of one body, in the order of measuring; no joints. Raises StorageError."""
     return [_reading(row) for row in store.database.query(_ROWS.format(which=_BETWEEN), (None,))]
 
 
-def touches_of(store: Store) -> list[Reading]:
+def touches_of(store: RecordStore) -> list[Reading]:
     """Every touch of a cup by a ball of the tool, in the order of measuring: `reached` is where.
 
     Raises StorageError.
@@ -129,7 +129,7 @@ def _reading(row: sqlite3.Row, *, by_hand: bool = False) -> Reading:
 
 
 @dataclass(frozen=True)
-class Drift:
+class ReferenceDrift:
     """The drift in `readings` reference readings: `now_mm` (x, y, z) of the last, its length `off_mm`, the largest."""
 
     readings: int
@@ -143,7 +143,7 @@ class Drift:
         return asdict(self)
 
 
-def drift_of(store: Store) -> Drift | None:
+def drift_of(store: RecordStore) -> ReferenceDrift | None:
     """The drift so far; None before a second reading of the reference pose."""
     first: dict[str, np.ndarray] = {}
     drifts: list[tuple[float, np.ndarray]] = []
@@ -163,4 +163,4 @@ def drift_of(store: Store) -> Drift | None:
         return None
     lengths = [float(np.linalg.norm(moved)) for _, moved in drifts]
     t_s, (x, y, z) = drifts[-1]
-    return Drift(len(rows), (float(x), float(y), float(z)), lengths[-1], max(lengths), t_s)
+    return ReferenceDrift(len(rows), (float(x), float(y), float(z)), lengths[-1], max(lengths), t_s)

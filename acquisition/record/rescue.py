@@ -31,7 +31,7 @@ from acquisition.record.database import FILE, Database, own, refuse_version
 from acquisition.record.export import export
 from acquisition.record.schema import UNSEALED, VERSION
 from acquisition.record.states import State
-from acquisition.record.store import Store
+from acquisition.record.store import RecordStore
 
 Row = dict[str, Any]
 
@@ -252,7 +252,7 @@ def rescue(record: Path, out: Path) -> Rescue:
 def _write(found: Salvage, out: Path, record: Path) -> tuple[str, ...]:
     """Returns what was lost."""
     assert found.campaign is not None
-    store = Store(Database(out, writer=True, new=True))
+    store = RecordStore(Database(out, writer=True, new=True))
     try:
         with store.database.transaction() as db:
             copied = _fill(db, found, found.campaign)

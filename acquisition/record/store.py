@@ -42,7 +42,7 @@ _OF_NESTS = "(kind = 'nest' AND base_target IS NULL)"
 _STATES = frozenset(state.value for state in State)
 
 
-class Store:
+class RecordStore:
     """The one writer of a record. Thread-safe. `moment` gives the time of what is written; `changes`: how many it made.
 
     Every change makes sure that this program still is the record's owner: should the lock fail (a network disk, a
@@ -53,7 +53,7 @@ class Store:
         self.database = database
         self.seals = seal.Seals()
         self._owner = uuid.uuid4().hex
-        self.moment: Callable[[], Moment] = lambda: Moment(time.time())
+        self.moment: Callable[[], EventTime] = lambda: EventTime(time.time())
         self._listeners: list[Callable[[Event], None]] = []
         self._fresh: list[Event] = []
         self._depth = 0  # of changes within each other
@@ -63,7 +63,7 @@ class Store:
     @classmethod
     def create(
         cls, folder: Path, name: str, cell: str, campaign: str, visits: Sequence[Visit], *, simulated: bool
-    ) -> Store:
+    ) -> RecordStore:
         """A new record, in state `ready`. Raises RecordError where there is one, RecordInUse, StorageError."""
         store = cls(Database(folder, writer=True, new=True))
         with store.changing() as db:
@@ -79,7 +79,7 @@ class Store:
         return store
 
     @classmethod
-    def open(cls, folder: Path, *, writer: bool = True) -> Store:
+    def open(cls, folder: Path, *, writer: bool = True) -> RecordStore:
         """An existing record. A record that is to be written is checked first: every row agrees with its checksum.
 
         Looked through without the right to write: whoever may write brings a journal into the file when they close it,
@@ -101,7 +101,7 @@ class Store:
 
     @classmethod
     @contextmanager
-    def reading(cls, folder: Path) -> Iterator[Store]:
+    def reading(cls, folder: Path) -> Iterator[RecordStore]:
         """An existing record, opened to use its readings: every row agrees with its checksum. Raises as `open`."""
         store = cls.open(folder, writer=False)
         try:
@@ -267,11 +267,11 @@ class Store:
 
     # -- plan ---------------------------------------------------------------------------------------------
 
-    def plan(self) -> list[Planned]:
+    def plan(self) -> list[PlannedReading]:
         """Every planned reading that counts, in the order of the plan."""
         return self._planned("TRUE ORDER BY visit, id", ())
 
-    def left(self, status: str, *, nests: bool = False) -> list[Planned]:
+    def left(self, status: str, *, nests: bool = False) -> list[PlannedReading]:
         """The readings with this status in the first visit that has one, of nests or of all else; empty: none has."""
         kind = _OF_NESTS if nests else COUNTED
         same_visit = (
@@ -280,7 +280,7 @@ class Store:
         )
         return [each for each in self._planned(same_visit, (status,)) if each.status == status]
 
-    def _planned(self, where: str, values: Sequence[Any]) -> list[Planned]:
+    def _planned(self, where: str, values: Sequence[Any]) -> list[PlannedReading]:
         rows = self.database.query(f"SELECT * FROM pose WHERE replaced_by IS NULL AND {where}", values)
         return planned_of(rows)
 
@@ -310,7 +310,7 @@ class Store:
             again = [self._replace(db, pose, reason) for pose in poses]
             self.note(db, "measure_again", poses=list(poses), replaced_by=again, reason=reason)
 
-    def replan(self, planned: Sequence[Planned], visit: Visit) -> None:
+    def replan(self, planned: Sequence[PlannedReading], visit: Visit) -> None:
         """Readings of one visit that are not to be had there are planned in another, which has the same of them.
 
         The other may bear the number of the one, if nothing was attempted there.
@@ -405,7 +405,7 @@ class Store:
 
 
 @dataclass(frozen=True)
-class Planned:
+class PlannedReading:
     """A planned reading: a target in a visit, and what became of it."""
 
     id: int
@@ -415,9 +415,9 @@ class Planned:
     base_target: str | None = None  # of a distance
 
 
-def planned_of(rows: Iterable[sqlite3.Row]) -> list[Planned]:
+def planned_of(rows: Iterable[sqlite3.Row]) -> list[PlannedReading]:
     """The planned readings of rows of `pose`; those of one visit follow one another and share it."""
-    out: list[Planned] = []
+    out: list[PlannedReading] = []
     for _, group in groupby(rows, key=lambda row: row["visit"]):
         readings = list(group)
         row, targets = readings[0], tuple(each["target"] for each in readings)
@@ -429,7 +429,7 @@ def planned_of(rows: Iterable[sqlite3.Row]) -> list[Planned]:
         waypoints = tuple(map(tuple, json.loads(row["waypoints"] or "[]")))
         visit = Visit(*place, targets, joints, sides, approach, bases, waypoints)
         out += [
-            Planned(each["id"], visit, each["target"], each["status"], each["base_target"])
+            PlannedReading(each["id"], visit, each["target"], each["status"], each["base_target"])
             for each in readings
         ]
     return out
@@ -451,7 +451,7 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Moment:
+class EventTime:
     """Now: on the calendar (s since 1970) and in the campaign (s; None before its start)."""
 
     utc: float

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from acquisition.cell.cell import Cell, cell_of_record
 from acquisition.errors import RecordError
 from acquisition.record.export import noise_table
-from acquisition.record.store import Store
+from acquisition.record.store import RecordStore
 from calib.text import replace_file
 
 _HEAD = 4  # numbers of a sample before its values
@@ -44,7 +44,7 @@ class Arrived:
 
 
 @dataclass(frozen=True)
-class Stream:
+class RecordedStream:
     """A stream of m samples: device_t_s, arrived_t_s (m,) s, lost, doubted (m,), values (m, k) deg or mm."""
 
     device_t_s: NDArray[np.float64]
@@ -67,7 +67,7 @@ class ExportedPath:
     complete: bool
 
 
-def append(store: Store, attempt: int, parts: Sequence[tuple[str, int, Sequence[Arrived]]]) -> None:
+def append(store: RecordStore, attempt: int, parts: Sequence[tuple[str, int, Sequence[Arrived]]]) -> None:
     """Chunks of an attempt, all in one transaction; each is (role, number of its first sample, samples).
 
     Durable when this returns. Raises StorageError.
@@ -87,7 +87,7 @@ def append(store: Store, attempt: int, parts: Sequence[tuple[str, int, Sequence[
             store.seals.row(db, "chunk", chunk)
 
 
-def read_stream(store: Store, attempt: int, role: str) -> Stream:
+def read_stream(store: RecordStore, attempt: int, role: str) -> RecordedStream:
     """The stream of one role in an attempt, as far as it goes. Raises RecordError where there is nothing."""
     rows = store.database.query(
         "SELECT samples, data FROM chunk WHERE attempt = ? AND role = ? ORDER BY first", (attempt, role)
@@ -95,7 +95,9 @@ def read_stream(store: Store, attempt: int, role: str) -> Stream:
     if not rows:
         raise RecordError(f"{store.database.path}: attempt {attempt} holds no samples of the {role}")
     table = np.vstack([np.frombuffer(row["data"], dtype="<f8").reshape(row["samples"], -1) for row in rows])
-    return Stream(table[:, 0], table[:, 1], table[:, 2].astype(np.int64), table[:, 3] > 0.0, table[:, _HEAD:])
+    return RecordedStream(
+        table[:, 0], table[:, 1], table[:, 2].astype(np.int64), table[:, 3] > 0.0, table[:, _HEAD:]
+    )
 
 
 def export_streams(
@@ -107,7 +109,7 @@ def export_streams(
     the robot that is doubted is left out and leaves a gap, one of the tracker has its status. permit: called with all
     files before any is written. Raises RecordError, StorageError, OSError, and what `permit` raises.
     """
-    with Store.reading(record_dir) as store:
+    with RecordStore.reading(record_dir) as store:
         cell = cell_of_record(store.campaign["cell"], str(store.database.path))
         attempts = store.database.query(_LAST_ATTEMPTS)
         if not attempts:
@@ -144,7 +146,7 @@ def export_streams(
     return cell, done
 
 
-def _robot_text(stream: Stream, simulated: bool) -> str:
+def _robot_text(stream: RecordedStream, simulated: bool) -> str:
     names = [f"j{k}_deg" for k in range(1, stream.values.shape[1] + 1)]
     kept = ~stream.doubted
     rows = zip(
@@ -161,7 +163,7 @@ def _robot_text(stream: Stream, simulated: bool) -> str:
     )
 
 
-def _tracker_text(stream: Stream, simulated: bool) -> str:
+def _tracker_text(stream: RecordedStream, simulated: bool) -> str:
     rows = zip(stream.device_t_s, stream.values, stream.doubted, stream.arrived_t_s, stream.lost, strict=True)
     return _text(
         ["t_s", "x_mm", "y_mm", "z_mm", "status", "arrived_t_s", "lost_before"],

@@ -20,7 +20,7 @@ from acquisition.cell.cell import Cell, point
 from acquisition.cell.position_uncertainty import TAUGHT_MM
 from acquisition.cell.workspace import targets_at
 from acquisition.record.readings import spans_of, touches_of
-from acquisition.record.store import Planned, Store
+from acquisition.record.store import PlannedReading, RecordStore
 from calib.arm import WorldFrame, of_base_points, with_sides
 from calib.array import Array
 from calib.text import Vector
@@ -97,20 +97,20 @@ class Taught:
         return np.array([self.touched_mm[name] for name in self.corners])
 
 
-def is_touch(cell: Cell, planned: Planned) -> bool:
+def is_touch(cell: Cell, planned: PlannedReading) -> bool:
     """Whether a planned reading is a ball of the tool in a cup of the base, to which a person jogs the arm."""
     visit = planned.visit
     return visit.kind == "nest" and planned.target in cell.tool.targets and planned.base_target in cell.nests
 
 
-def block_of_touches(store: Store, cell: Cell) -> list[Planned]:
+def block_of_touches(store: RecordStore, cell: Cell) -> list[PlannedReading]:
     """The planned readings of the first block with touches: touches and sides. Raises StorageError."""
     plan = [planned for planned in store.plan() if planned.visit.kind == "nest"]
     first = min((each.visit.block for each in plan if is_touch(cell, each)), default=None)
     return [each for each in plan if each.visit.block == first]
 
 
-def taught_of(store: Store, cell: Cell) -> Taught | None:
+def taught_of(store: RecordStore, cell: Cell) -> Taught | None:
     """The cups as they were touched last, with the sides measured in the same block; None before all are.
 
     Raises StorageError.

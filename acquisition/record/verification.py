@@ -25,11 +25,11 @@ from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import RecordError
 from acquisition.record.individuals import Individual, Individuals, series_among
 from acquisition.record.readings import readings_of
-from acquisition.record.store import Store
+from acquisition.record.store import RecordStore
 from calib.array import Array
 from calib.data import Conditions, Dataset
-from calib.fit import ErrorStatistics, Identification, statistics_of
-from calib.model import Design, RobotModel, StatedConditions, conditions_at
+from calib.fit import ErrorStatistics, IdentificationFit, statistics_of
+from calib.model import BoundModel, ModelStructure, StatedConditions, conditions_at
 
 FRAME_HOLDS_MM = 1.0  # nests off by more than any drift brings them: somebody moved the instrument
 
@@ -78,7 +78,7 @@ class Verification:
 
 def read_landings(record: Path) -> Landings:
     """The readings of poses of a record. Raises RecordError."""
-    with Store.reading(record) as store:
+    with RecordStore.reading(record) as store:
         rows = [row for row in readings_of(store) if row.counts]
         world, nests = store.world, store.nests_mm()
         robot = cell_of_record(store.campaign["cell"], str(store.database.path)).robot
@@ -102,7 +102,7 @@ def read_landings(record: Path) -> Landings:
 
 def first_reading_s(record: Path) -> float:
     """Time to the middle of the first pose's readings, s, from the first nest on. Raises RecordError."""
-    with Store.reading(record) as store:
+    with RecordStore.reading(record) as store:
         begin = store.database.query("SELECT min(began_t_s) FROM attempt")[0][0]
         first = store.database.query(
             "SELECT avg(ended_t_s) FROM attempt WHERE kind = 'measure' AND status = 'good' AND visit = "
@@ -116,7 +116,7 @@ def expected_temperature(record: Path, at_s: float, window_s: float) -> float:
 
     A line through the readings of the last `window_s`; the last reading where there are too few. Raises RecordError.
     """
-    with Store.reading(record) as store:
+    with RecordStore.reading(record) as store:
         rows = store.database.query(
             "SELECT ended_t_s, t_air_c FROM attempt WHERE t_air_c IS NOT NULL AND ended_t_s IS NOT NULL AND "
             "ended_t_s >= (SELECT max(ended_t_s) FROM attempt WHERE t_air_c IS NOT NULL) - ? ORDER BY id",
@@ -134,7 +134,7 @@ def expected_temperature(record: Path, at_s: float, window_s: float) -> float:
 
 def world_of(record: Path) -> WorldFrame:
     """The world frame of a record. Raises RecordError, also for a record that has none yet."""
-    store = Store.open(record, writer=False)
+    store = RecordStore.open(record, writer=False)
     try:
         world = store.world
     finally:
@@ -171,7 +171,7 @@ def frame_holds(
 def landed_points(
     landings: Landings,
     world: WorldFrame,
-    model: RobotModel,
+    model: ModelStructure,
     estimate: Array,
     later_s: float,
     *,
@@ -184,11 +184,11 @@ def landed_points(
     if not holds:
         return landings.own.to_world(landings.points)
     points = world.to_world(landings.points)
-    design = Design(model, conditions_of(landings, model, later_s))
+    design = BoundModel(model, conditions_of(landings, model, later_s))
     return points - (design.predict(estimate) - design.predict(estimate, owners=("robot", "mounting")))
 
 
-def conditions_of(landings: Landings, model: RobotModel, later_s: float) -> Conditions:
+def conditions_of(landings: Landings, model: ModelStructure, later_s: float) -> Conditions:
     """The readings' conditions, on the clock of campaign 1, behind all its steps."""
     series = series_among(model.targets, landings.devices)
     at = conditions_at(model, landings.joints, StatedConditions(series=series))
@@ -203,11 +203,11 @@ def conditions_of(landings: Landings, model: RobotModel, later_s: float) -> Cond
     )
 
 
-def floor_of(dataset: Dataset, found: Identification, conditions: Conditions) -> float:
+def floor_of(dataset: Dataset, found: IdentificationFit, conditions: Conditions) -> float:
     """RMS distance, mm, that a perfect correction would show under these conditions (3D, all readings)."""
     noise = dataset.header.noise
     robot = found.model.robot
-    frames = Design(found.model, conditions).frames(found.estimate, robot.joint_slots)
+    frames = BoundModel(found.model, conditions).frames(found.estimate, robot.joint_slots)
     points = np.broadcast_to(frames.p, (3, len(conditions))).T
     covariance = noise.of_points(points, np.full(points.shape, np.nan))
     covariance = covariance + noise.of_joints(frames.velocities(robot.joint_slots), robot.kinds)
@@ -228,7 +228,7 @@ def judge(
     landings: Landings,
     wanted: Mapping[tuple[float, ...], tuple[float, ...]],
     dataset: Dataset,
-    found: Identification,
+    found: IdentificationFit,
     world: WorldFrame,
     cell: Cell,
     later_s: float,

@@ -5,8 +5,8 @@ from acquisition.run.clock import Clock, ScaledClock
 from acquisition.run.foresight import forecast_of
 from acquisition.run.interrupt import pausing_on_interrupt
 from acquisition.run.orders.control import ON_REQUEST
-from acquisition.run.orders.lease import Lease
-from acquisition.run.outcome import Outcome
+from acquisition.run.orders.lease import LeaseDeadline
+from acquisition.run.outcome import ExecutionOutcome
 from acquisition.run.run import PROMPT, Run, checked_plan
 from acquisition.run.status import RunStatus, read_status
 
@@ -14,9 +14,9 @@ __all__ = [
     "ON_REQUEST",
     "PROMPT",
     "Clock",
+    "ExecutionOutcome",
     "Forecast",
-    "Lease",
-    "Outcome",
+    "LeaseDeadline",
     "Run",
     "RunStatus",
     "ScaledClock",

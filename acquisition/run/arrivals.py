@@ -13,9 +13,9 @@ from acquisition.campaign.plan import Visit
 from acquisition.cell.transit import Transit
 from acquisition.errors import Displaced
 from acquisition.record.attempts import Attempts
-from acquisition.record.store import Planned, Store
+from acquisition.record.store import PlannedReading, RecordStore
 from acquisition.run.orders.control import Control
-from acquisition.run.rig.rig import Rig
+from acquisition.run.rig.rig import DevicePair
 from acquisition.run.rig.settling import until_still
 from drivers.errors import AcquisitionError, NotReached
 from drivers.interfaces import JointReading
@@ -40,7 +40,14 @@ class Arrivals:
     """
 
     def __init__(
-        self, store: Store, campaign: Campaign, rig: Rig, control: Control, transit: Transit, *, by_hand: bool
+        self,
+        store: RecordStore,
+        campaign: Campaign,
+        rig: DevicePair,
+        control: Control,
+        transit: Transit,
+        *,
+        by_hand: bool,
     ) -> None:
         self._store = store
         self._attempts = Attempts(store)
@@ -50,7 +57,7 @@ class Arrivals:
         self._by_hand = by_hand
         self.transit = transit
 
-    def go(self, planned: Planned) -> tuple[Arrival, int | None]:
+    def go(self, planned: PlannedReading) -> tuple[Arrival, int | None]:
         """Go to the pose over its approach point and settle: the arrival, and the attempt at the reading.
 
         The attempt is None where a person has to put the ballbar on before. Raises what moving raises, NoClearWay,
@@ -88,7 +95,7 @@ class Arrivals:
         if off > DISPLACED_DEG:
             raise Displaced(f"a joint was turned by {off:.3f} deg since the robot arrived", device="robot")
 
-    def stands(self, planned: Planned, arrival: Arrival | None) -> tuple[float, ...]:
+    def stands(self, planned: PlannedReading, arrival: Arrival | None) -> tuple[float, ...]:
         """The joints, deg, at which a target is expected: as planned; of a robot driven by hand, as its person says."""
         return arrival.read_deg if self._by_hand and arrival is not None else planned.visit.joints_deg
 

@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from acquisition.run.orders.control import Control
-from acquisition.run.orders.noting import Noting
-from acquisition.run.prompts.desk import Desk
-from acquisition.run.rig.rig import Rig
+from acquisition.run.orders.noting import StopOrders
+from acquisition.run.prompts.desk import PromptQueue
+from acquisition.run.rig.rig import DevicePair
 from acquisition.run.status import Pace
 
 
 @dataclass
-class Execution:
+class CampaignExecution:
     """The parts of a run that live only while devices are in use."""
 
     control: Control
-    rig: Rig
-    desk: Desk
+    rig: DevicePair
+    desk: PromptQueue
     pace: Pace
-    noting: Noting
+    noting: StopOrders

@@ -12,7 +12,7 @@ from pathlib import Path
 from acquisition.campaign.campaign import campaign_of_record
 from acquisition.campaign.plan import Forecast
 from acquisition.cell.cell import cell_of_record
-from acquisition.record.store import Store
+from acquisition.record.store import RecordStore
 
 Foresee = Callable[[Path], Future[Forecast]]
 """Begins to reckon how long the run in this record will take."""
@@ -23,7 +23,7 @@ def forecast_of(record_dir: Path) -> Forecast:
 
     Raises RecordError, StorageError.
     """
-    store = Store.open(record_dir, writer=False)
+    store = RecordStore.open(record_dir, writer=False)
     try:
         row, where = store.campaign, str(store.database.path)
         visits = dict.fromkeys(planned.visit for planned in store.plan())

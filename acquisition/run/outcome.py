@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 from acquisition.errors import NotResumed
 from acquisition.record.states import State
-from acquisition.record.store import Store
+from acquisition.record.store import RecordStore
 from drivers.errors import AcquisitionError
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ExecutionOutcome:
     """The outcome of an execution. `error` None: done, or as somebody asked."""
 
     state: State
@@ -26,7 +26,7 @@ class Outcome:
         return {State.SUCCEEDED: 0, State.PAUSED: 130, State.STOPPED: 130}.get(self.state, 1)
 
 
-def verdict_of(store: Store) -> tuple[State, str]:
+def verdict_of(store: RecordStore) -> tuple[State, str]:
     """The state in which a campaign ends of which nothing is left, and the reason that is shown with it."""
     counts = store.counts()
     if not counts.get("measured"):

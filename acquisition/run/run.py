@@ -23,19 +23,19 @@ from acquisition.cell.cell import Cell, cell_of_record, check_identity
 from acquisition.cell.devices import Devices
 from acquisition.errors import NotResumed, StorageError
 from acquisition.record.attempts import Attempts
-from acquisition.record.individuals import Acceptance, Individual, Individuals, individual_of
+from acquisition.record.individuals import DeviceAcceptance, Individual, Individuals, individual_of
 from acquisition.record.states import State
-from acquisition.record.store import Event, Moment, Store
+from acquisition.record.store import Event, EventTime, RecordStore
 from acquisition.run.clock import Clock, ScaledClock
-from acquisition.run.execution import Execution
+from acquisition.run.execution import CampaignExecution
 from acquisition.run.foresight import Foresee, at_once
 from acquisition.run.orders.control import ON_REQUEST, Control, Pausing, Stopping
-from acquisition.run.orders.lease import Lease
+from acquisition.run.orders.lease import LeaseDeadline
 from acquisition.run.orders.mover import Mover
-from acquisition.run.orders.noting import Noting
-from acquisition.run.outcome import Outcome, not_resumed, verdict_of
-from acquisition.run.prompts.desk import Desk
-from acquisition.run.rig.rig import Met, Rig
+from acquisition.run.orders.noting import StopOrders
+from acquisition.run.outcome import ExecutionOutcome, not_resumed, verdict_of
+from acquisition.run.prompts.desk import PromptQueue
+from acquisition.run.rig.rig import ConnectedDevice, DevicePair
 from acquisition.run.rig.unheard import with_unheard
 from acquisition.run.sequencer import Sequencer
 from acquisition.run.status import Pace, RunStatus, status_of
@@ -59,14 +59,16 @@ def checked_plan(cell: Cell, campaign: Campaign) -> list[Visit]:
 class Run:
     """A record and, while it executes, its devices."""
 
-    def __init__(self, store: Store, cell: Cell, campaign: Campaign) -> None:
+    def __init__(self, store: RecordStore, cell: Cell, campaign: Campaign) -> None:
         self._store = store
         self.cell = cell
         self.campaign = campaign
         self._mutex = threading.Lock()  # who executes; taken for moments only
-        self._execution: Execution | None = None
+        self._execution: CampaignExecution | None = None
         self._resumed = False
-        self._accepted: Acceptance | None = None  # another device than the record's, in the next execution
+        self._accepted: DeviceAcceptance | None = (
+            None  # another device than the record's, in the next execution
+        )
         self._mover: Mover | None = None
         self._trouble: str | None = None  # what the record could not take
 
@@ -86,7 +88,7 @@ class Run:
         visits: what `checked_plan` gave for this cell and campaign, where it was made before; None: make it now.
         Raises ConfigError, UnsafePlan, RecordError, RecordInUse, StorageError.
         """
-        store = Store.create(
+        store = RecordStore.create(
             record_dir,
             name or cell.name,
             cell.source,
@@ -105,7 +107,7 @@ class Run:
 
         Raises RecordError, RecordInUse, StorageError.
         """
-        store = Store.open(record_dir)
+        store = RecordStore.open(record_dir)
         try:
             store.recover()
             row = store.campaign
@@ -144,9 +146,9 @@ class Run:
         devices: Devices,
         clock: Clock | None = None,
         on_event: Callable[[Event], None] | None = None,
-        lease: Lease | None = None,
+        lease: LeaseDeadline | None = None,
         foresee: Foresee = at_once,
-    ) -> Outcome:
+    ) -> ExecutionOutcome:
         """Take the readings that are missing; blocks. `clock` None: real, or scaled for a simulated run.
 
         lease: of an owner who beats; when it ends, the robot comes to rest and the run is paused. None: the caller
@@ -197,9 +199,9 @@ class Run:
                 if ending is State.STOPPED or execution.rig.adrift:
                     reason = with_unheard(reason, execution.rig.unheard)
                 error = self._end(ending, reason) or error
-        return Outcome(State.PAUSED if self._trouble else ending, self._trouble or reason, error)
+        return ExecutionOutcome(State.PAUSED if self._trouble else ending, self._trouble or reason, error)
 
-    def _begin(self, devices: Devices, clock: Clock, foresee: Foresee) -> Execution:
+    def _begin(self, devices: Devices, clock: Clock, foresee: Foresee) -> CampaignExecution:
         forecast = foresee(self.folder)  # before the mutex, which a stop needs: it may take its time
         with self._mutex:
             state = self._store.state
@@ -212,12 +214,14 @@ class Run:
             self._store.start()
             self._resumed = False
             control = Control(clock)
-            rig = Rig(devices, control, self._met)
-            desk = Desk(
+            rig = DevicePair(devices, control, self._met)
+            desk = PromptQueue(
                 Attempts(self._store), devices.operator, control, self.folder / PROMPT, devices.person
             )
             done = sum(self._store.counts().get(s, 0) for s in ("measured", "skipped"))
-            self._execution = Execution(control, rig, desk, Pace(clock, done, forecast), Noting(self._store))
+            self._execution = CampaignExecution(
+                control, rig, desk, Pace(clock, done, forecast), StopOrders(self._store)
+            )
             return self._execution
 
     def _end(self, ending: State, reason: str) -> StorageError | None:
@@ -241,15 +245,15 @@ class Run:
         if free < LEAST_FREE_BYTES:
             raise StorageError(f"{self.folder}: less than {LEAST_FREE_BYTES // 1_000_000} MB free")
 
-    def _moments(self, clock: Clock) -> Callable[[], Moment]:
+    def _moments(self, clock: Clock) -> Callable[[], EventTime]:
         """The time of the campaign, which goes on through a pause. The calendar is asked once: its jumps do no harm."""
         row = self._store.campaign
         since = 0.0 if row["started_utc"] is None else clock.utc() - row["started_utc"]
         last = self._store.database.query("SELECT coalesce(max(t_s), 0) FROM event")[0][0]
         base = max(last, since * clock.time_scale) - clock.now()
-        return lambda: Moment(clock.utc(), base + clock.now())
+        return lambda: EventTime(clock.utc(), base + clock.now())
 
-    def _met(self, met: Met) -> None:
+    def _met(self, met: ConnectedDevice) -> None:
         """Warn before anything moves: a robot that no program can stop needs a hand at its button.
 
         Raises OtherDevice where it is not the device of the cell file, OtherIndividual where it is not that of the
@@ -268,7 +272,7 @@ class Run:
         if met.role == "robot" and self._mover is not None:
             self._mover.met(met.who)
 
-    def _owner_is_silent(self, lease: Lease, control: Control) -> None:
+    def _owner_is_silent(self, lease: LeaseDeadline, control: Control) -> None:
         control.rest(f"{lease.owner} was not heard of for {lease.seconds:g} s.")
         with suppress(StorageError):  # the pause counts; where it cannot be noted the run pauses for that
             self._store.command("pause", f"watchdog of {lease.owner}")
@@ -319,7 +323,7 @@ class Run:
         if execution is not None:  # else the next execution begins with the nests
             execution.control.new_station(reason)
 
-    def resume(self, by: str = "", key: str | None = None, accepted: Acceptance | None = None) -> None:
+    def resume(self, by: str = "", key: str | None = None, accepted: DeviceAcceptance | None = None) -> None:
         """Allow the next `execute` of a paused or stopped run to move. Raises NotResumed in other states.
 
         accepted: another robot or instrument than the record's, in that execution.

@@ -27,27 +27,27 @@ from acquisition.cell.cell import Bar, Cell, bar_for, bars_of
 from acquisition.cell.transit import Transit
 from acquisition.errors import NothingNew, NothingWhereItShouldBe, OtherBalls, WronglySeated
 from acquisition.record.attempts import Attempts
-from acquisition.record.store import Planned, Store
+from acquisition.record.store import PlannedReading, RecordStore
 from acquisition.run.arrivals import Arrival, Arrivals
 from acquisition.run.ballbar.distances import BallbarChecks
 from acquisition.run.ballbar.placing import Placing
 from acquisition.run.ballbar.second_stage import SecondStage
 from acquisition.run.checks.attitudes import Attitudes
 from acquisition.run.checks.calendar import Calendar
-from acquisition.run.checks.companions import Companions
-from acquisition.run.checks.expected import Anew, Expectation, as_planned
+from acquisition.run.checks.companions import TargetDistanceCheck
+from acquisition.run.checks.expected import Expectation, RepeatedPointCheck, as_planned
 from acquisition.run.checks.gates import Gates, Zeroing
 from acquisition.run.checks.nests import Nests
 from acquisition.run.clock import Clock
 from acquisition.run.orders.control import ON_REQUEST, Control, Stopping
-from acquisition.run.prompts.desk import Desk, Given
-from acquisition.run.prompts.hands import Hands
-from acquisition.run.prompts.picture import Picture
+from acquisition.run.prompts.desk import PromptAnswer, PromptQueue
+from acquisition.run.prompts.hands import ManualSteps
+from acquisition.run.prompts.picture import PromptPicture
 from acquisition.run.prompts.touches import Touches
 from acquisition.run.rig.path import PathDrive
-from acquisition.run.rig.rig import Rig
+from acquisition.run.rig.rig import DevicePair
 from drivers.errors import AcquisitionError, LeftOut, LinkError, OutOfRange, Refused, Unmeasurable
-from drivers.interfaces import Answer, Entry, LengthReading, PointReading, Reading
+from drivers.interfaces import Answer, LengthReading, PointReading, Reading, TypedEntry
 
 LINK_TRIES = 5
 FIRST_BACK_OFF_S = 0.1  # on the wall; doubles with every try
@@ -63,12 +63,12 @@ class Sequencer:
 
     def __init__(
         self,
-        store: Store,
+        store: RecordStore,
         cell: Cell,
         campaign: Campaign,
-        rig: Rig,
+        rig: DevicePair,
         control: Control,
-        desk: Desk,
+        desk: PromptQueue,
         clock: Clock,
     ) -> None:
         self._store = store
@@ -82,15 +82,19 @@ class Sequencer:
         self._calendar = Calendar(clock)
         zero = Zeroing(self._needs_another_bar, self._zero)
         self._gates = Gates(store, campaign, self._wait, control, self._ask, self._measure_nests, zero)
-        self._hands = Hands(cell, self._answer, lambda nest: self._nests.near_mm(nest) is None)
+        self._hands = ManualSteps(cell, self._answer, lambda nest: self._nests.near_mm(nest) is None)
         self._touches = Touches(cell, self._attempts, rig, self._answer)
         self._placing = Placing(store, cell, campaign, self._consult)
         rig.attend(self._by_person)
         transit, by_hand = Transit(self._placing.cell()), cell.robot.declared.by_hand
         self._arrivals = Arrivals(store, campaign, rig, control, transit, by_hand=by_hand)
         self._path = PathDrive(store, campaign, rig, control, transit)
-        self._checks, self._anew, self._attitudes = BallbarChecks(store, cell), Anew(), Attitudes(cell)
-        self._companions = Companions(store)
+        self._checks, self._anew, self._attitudes = (
+            BallbarChecks(store, cell),
+            RepeatedPointCheck(),
+            Attitudes(cell),
+        )
+        self._companions = TargetDistanceCheck(store)
         self._second_stage = SecondStage(store, cell, campaign, self._placing.cell)
         self._nests = Nests(store, cell, lambda nest: self._try(nest, last=True), self._consult)
         self._arrival: Arrival | None = None
@@ -143,7 +147,7 @@ class Sequencer:
 
     # -- one reading --------------------------------------------------------------------------------------
 
-    def _next(self, planned: Planned, *, last: bool) -> None:
+    def _next(self, planned: PlannedReading, *, last: bool) -> None:
         """Make one try, unless others were planned before it: what comes next is then asked anew."""
         self._control.check()
         if not self._touches.wanted(planned):
@@ -155,7 +159,7 @@ class Sequencer:
         else:
             self._arrival = None
 
-    def _try(self, planned: Planned, *, last: bool) -> None:
+    def _try(self, planned: PlannedReading, *, last: bool) -> None:
         """Make one try at a reading. `last`: give it up for good when it cannot be had."""
         self._control.check()
         self._calendar.look()
@@ -209,7 +213,7 @@ class Sequencer:
             if doubt is not None:
                 self._ask(doubt, pause=True)
 
-    def _measure(self, planned: Planned, attempt: int, arrival: Arrival | None) -> str | None:
+    def _measure(self, planned: PlannedReading, attempt: int, arrival: Arrival | None) -> str | None:
         """Keep a reading; a question about it to a person, where it does not go with those before it."""
         try:
             if planned.base_target is not None:
@@ -240,7 +244,7 @@ class Sequencer:
                 return self._companions.changed(planned, reading.target, at)
         return None
 
-    def _length(self, planned: Planned, base_target: str) -> LengthReading:
+    def _length(self, planned: PlannedReading, base_target: str) -> LengthReading:
         """Measured length of a leg. Raises OtherBalls for what cannot be the leg."""
         try:
             reading = self._rig.measure_length(planned.target, base_target, self._campaign.samples)
@@ -252,7 +256,7 @@ class Sequencer:
         self._checks.refuse_others(planned, reading.length_mm)
         return reading
 
-    def _point(self, planned: Planned, arrival: Arrival | None) -> PointReading:
+    def _point(self, planned: PlannedReading, arrival: Arrival | None) -> PointReading:
         """Measured point of a target. Raises Misplaced, WronglySeated, TurnedOtherwise for what cannot be it."""
         if self._nests.world is None or arrival is None:
             return self._rig.measure(planned.target, self._campaign.samples, self._nests.near_mm(planned))
@@ -265,14 +269,14 @@ class Sequencer:
         self._attitudes.refuse_another(reading, self._nests.world, stands)
         return reading
 
-    def _by_hand(self, planned: Planned, do: Callable[[Planned], Answer]) -> Answer:
+    def _by_hand(self, planned: PlannedReading, do: Callable[[PlannedReading], Answer]) -> Answer:
         """CONFIRM when a person has done what the reading needs; one that they skip is left out."""
         answer = do(planned)
         if answer is Answer.SKIP and planned.visit.counted:
             self._done_with(planned, "skipped", self._reason or "by the operator")
         return answer
 
-    def _zero(self, planned: Planned) -> bool:
+    def _zero(self, planned: PlannedReading) -> bool:
         """The zero of the bar that a reading needs, which goes into every later one; whether the reading may be tried.
 
         A person who skips it keeps the old one, unless it is another bar, which has none: then the reading is left out.
@@ -294,10 +298,10 @@ class Sequencer:
         self._insist(read)
         return True
 
-    def _bar_of(self, planned: Planned) -> Bar:
+    def _bar_of(self, planned: PlannedReading) -> Bar:
         return bar_for(self._cell, planned.target, planned.base_target or "")
 
-    def _needs_another_bar(self, planned: Planned) -> bool:
+    def _needs_another_bar(self, planned: PlannedReading) -> bool:
         return planned.base_target is not None and self._bar_of(planned) != self._bar
 
     # -- reactions ----------------------------------------------------------------------------------------
@@ -334,7 +338,7 @@ class Sequencer:
             raise error
         return self._consult(error)
 
-    def _give_up(self, planned: Planned, error: AcquisitionError, *, last: bool) -> None:
+    def _give_up(self, planned: PlannedReading, error: AcquisitionError, *, last: bool) -> None:
         if not planned.visit.counted:
             raise error  # without its nests a campaign has no world frame
         self._done_with(planned, "skipped" if last else "deferred", error.message)
@@ -350,7 +354,7 @@ class Sequencer:
                 else error
             )
 
-    def _done_with(self, planned: Planned, status: str, reason: str) -> None:
+    def _done_with(self, planned: PlannedReading, status: str, reason: str) -> None:
         self._store.mark(planned.id, status, reason)
         self._tries = self._refusals = 0
 
@@ -358,24 +362,27 @@ class Sequencer:
         """Ask whether to go on. Raises Stopping for abort, NoOperator, Pausing."""
         return self._ask(error.sentence)
 
-    def _answer(self, text: str, picture: Picture) -> Answer:
+    def _answer(self, text: str, picture: PromptPicture) -> Answer:
         return self._ask(text, about=picture)
 
     def _ask(
         self,
         text: str,
         again: Sequence[int] = (),
-        about: Picture | str | None = None,
+        about: PromptPicture | str | None = None,
         *,
         pause: bool = False,
     ) -> Answer:
         """The answer; a redo is done with here. Raises Stopping for abort, NoOperator, Pausing."""
         self._arrival = None
         self._rig.may_have_moved()
-        again, picture = again or self._last, about if isinstance(about, Picture) else Picture(about)
+        again, picture = (
+            again or self._last,
+            about if isinstance(about, PromptPicture) else PromptPicture(about),
+        )
         return self._obeyed(self._desk.ask(text, picture, redo=bool(again), pause=pause), again).answer
 
-    def _obeyed(self, given: Given, again: Sequence[int]) -> Given:
+    def _obeyed(self, given: PromptAnswer, again: Sequence[int]) -> PromptAnswer:
         """An answer, with what it orders beside the question done; again: what a redo measures once more.
 
         Raises Stopping for abort, Pausing for pause.
@@ -393,13 +400,13 @@ class Sequencer:
         self._reason = given.reason
         return given
 
-    def _by_person(self, text: str, entry: Entry, picture: str) -> str:
+    def _by_person(self, text: str, entry: TypedEntry, picture: str) -> str:
         """The entry that a person types when a manual device asks for it. It counts as an act of the device, so the
         approach of the pose still holds.
 
         Raises LeftOut for skip and redo, Stopping for abort, NoOperator, Pausing.
         """
-        given = self._desk.ask(text, Picture(picture), redo=bool(self._last), entry=entry)
+        given = self._desk.ask(text, PromptPicture(picture), redo=bool(self._last), entry=entry)
         self._obeyed(given, self._last)
         if given.answer is not Answer.CONFIRM:
             again = given.answer is Answer.REDO

@@ -13,7 +13,7 @@ from acquisition.record.database import is_owned
 from acquisition.record.path_progress import share_of_path
 from acquisition.record.readings import drift_of
 from acquisition.record.states import LEFT_BEHIND, State
-from acquisition.record.store import Store
+from acquisition.record.store import RecordStore
 from acquisition.run.clock import Clock
 
 
@@ -63,7 +63,7 @@ class Pace:
         return self._forecast.result().seconds_left(done, self._done, elapsed, share) / self._clock.time_scale
 
 
-def status_of(store: Store, pace: Pace | None = None, trouble: str | None = None) -> RunStatus:
+def status_of(store: RecordStore, pace: Pace | None = None, trouble: str | None = None) -> RunStatus:
     """The status of a run. pace: None where it does not execute; trouble: why the record could not take a pause."""
     row, counts = store.campaign, store.counts()
     state = State.PAUSED if trouble else State(row["state"])
@@ -94,7 +94,7 @@ def read_status(record_dir: Path) -> RunStatus:
 
     Raises RecordError, StorageError.
     """
-    store = Store.open(record_dir, writer=False)
+    store = RecordStore.open(record_dir, writer=False)
     try:
         seen = status_of(store)
         # The state is asked once more, for the owner may just have come to its end.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from acquisition.record.store import Planned, Store
+from acquisition.record.store import PlannedReading, RecordStore
 from acquisition.run.outcome import not_resumed
 
 _OPEN, _DONE = ("planned", "deferred"), ("measured", "skipped")
@@ -17,7 +17,7 @@ _OPEN, _DONE = ("planned", "deferred"), ("measured", "skipped")
 class Visits:
     """The visits of a record that this program writes. Both methods return how many readings are concerned."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: RecordStore) -> None:
         self._store = store
 
     def again(self, number: int, by: str, reason: str) -> int:
@@ -35,7 +35,7 @@ class Visits:
         by: str,
         reason: str,
         statuses: tuple[str, ...],
-        change: Callable[[list[Planned], str], None],
+        change: Callable[[list[PlannedReading], str], None],
     ) -> int:
         with self._store.changing():  # what is looked at is what is changed
             if self._store.state.final:
@@ -50,9 +50,9 @@ class Visits:
                 change(concerned, reason or f"{verb}, by {by}")
             return len(concerned)
 
-    def _plan_again(self, concerned: list[Planned], reason: str) -> None:
+    def _plan_again(self, concerned: list[PlannedReading], reason: str) -> None:
         self._store.measure_again([each.id for each in concerned], reason)
 
-    def _skip(self, concerned: list[Planned], reason: str) -> None:
+    def _skip(self, concerned: list[PlannedReading], reason: str) -> None:
         for each in concerned:
             self._store.mark(each.id, "skipped", reason)

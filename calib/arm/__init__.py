@@ -4,16 +4,16 @@ from calib.arm.capsules import Capsule
 from calib.arm.hexapod import LEGS, Stances, stances, stances_among
 from calib.arm.inverse_kinematics import (
     BRANCHES,
-    Reached,
+    BranchResult,
     inverse_kinematics,
     nearest_branch,
     nearest_turns,
     within_limits,
 )
 from calib.arm.kinematics import (
+    BasePoses,
     Chain,
     Frames,
-    Placement,
     forward,
     gravity_at_flange,
     gravity_torques,
@@ -40,12 +40,12 @@ __all__ = [
     "HEAVIEST_KG",
     "LEGS",
     "MOST_TURN",
+    "BasePoses",
+    "BranchResult",
     "Capsule",
     "Chain",
     "Frames",
     "Load",
-    "Placement",
-    "Reached",
     "Robot",
     "Stances",
     "WorldFrame",

@@ -41,7 +41,7 @@ LEVER_MM = 300.0
 
 
 @dataclass(frozen=True)
-class Motion:
+class MotionStep:
     """An elementary motion: `slot` turns about (`turns`) or shifts along axis 0, 1 or 2."""
 
     slot: str
@@ -49,20 +49,30 @@ class Motion:
     axis: int
 
 
-def _six(name: str) -> tuple[Motion, ...]:
+def _six(name: str) -> tuple[MotionStep, ...]:
     return tuple(
-        Motion(f"{name}.{'r' if turns else ''}{'xyz'[k]}", turns, k)
+        MotionStep(f"{name}.{'r' if turns else ''}{'xyz'[k]}", turns, k)
         for turns in (False, True)
         for k in range(3)
     )
 
 
-def _link(convention: Convention, k: int, slides: bool) -> tuple[Motion, ...]:
-    alpha, beta = Motion(f"alpha{k}", True, 0), Motion(f"beta{k}", True, 1)
-    a, theta, d = Motion(f"a{k}", False, 0), Motion(f"theta{k}", True, 2), Motion(f"d{k}", False, 2)
-    bearing = Motion(f"bearing{k}.rx", True, 0), Motion(f"bearing{k}.ry", True, 1)
+def _link(convention: Convention, k: int, slides: bool) -> tuple[MotionStep, ...]:
+    alpha, beta = MotionStep(f"alpha{k}", True, 0), MotionStep(f"beta{k}", True, 1)
+    a, theta, d = (
+        MotionStep(f"a{k}", False, 0),
+        MotionStep(f"theta{k}", True, 2),
+        MotionStep(f"d{k}", False, 2),
+    )
+    bearing = MotionStep(f"bearing{k}.rx", True, 0), MotionStep(f"bearing{k}.ry", True, 1)
     if slides:  # Rz(theta) and Tz(d) may change places
-        joint = (d, Motion(f"bearing{k}.x", False, 0), Motion(f"bearing{k}.y", False, 1), *bearing, theta)
+        joint = (
+            d,
+            MotionStep(f"bearing{k}.x", False, 0),
+            MotionStep(f"bearing{k}.y", False, 1),
+            *bearing,
+            theta,
+        )
         return (alpha, beta, a, *joint) if convention == "mdh" else (*joint, a, alpha, beta)
     if convention == "mdh":
         return (alpha, beta, a, d, *bearing, theta)
@@ -86,8 +96,8 @@ BESIDE = (*ANCHOR, LENGTH_ZERO)
 class Chain:
     """The motions of one robot: `base` and `links` (one tuple a link)."""
 
-    base: tuple[Motion, ...]
-    links: tuple[tuple[Motion, ...], ...]
+    base: tuple[MotionStep, ...]
+    links: tuple[tuple[MotionStep, ...], ...]
 
     @staticmethod
     def of(robot: Robot) -> Chain:
@@ -95,7 +105,7 @@ class Chain:
         return _chain(robot.convention, robot.base, robot.joints, robot.slides)
 
     @property
-    def slots(self) -> dict[str, Motion]:
+    def slots(self) -> dict[str, MotionStep]:
         """Every slot of the chain by name, in order from world to target; those beside the chain are not here."""
         motions = (*FRAME, *self.base, *(m for link in self.links for m in link), *TOOL, *TARGET)
         return {motion.slot: motion for motion in motions}
@@ -106,7 +116,7 @@ def _chain(convention: Convention, placement: BasePlacement, joints: int, slides
     base = _six("base")
     links = [_link(convention, k, k in slides) for k in range(1, joints + 1)]
     if placement == "thesis":
-        d1 = Motion("d1", False, 2)
+        d1 = MotionStep("d1", False, 2)
         base = (*base[:3], d1, *base[3:])
         links[0] = tuple(motion for motion in links[0] if motion != d1)
     return Chain(base, tuple(links))
@@ -177,7 +187,7 @@ class Frames:
         columns = [np.broadcast_to(v, (3, n)) for v in (self.x, self.y, self.z)]
         return np.stack(columns, axis=-1).transpose(1, 0, 2)
 
-    def _go(self, motions: Sequence[Motion], values: Mapping[str, Array | float]) -> None:
+    def _go(self, motions: Sequence[MotionStep], values: Mapping[str, Array | float]) -> None:
         """Move along a row of motions. Local names and no function call for each motion, because with few readings
         Python takes most of the time."""
         # Arrays are replaced, never changed in place: what `axis` and `origin` refer to stays valid.
@@ -231,7 +241,7 @@ def cross(u: Array, v: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Placement:
+class BasePoses:
     """Constant pose of the base in the world for every reading: rotation (3, 3, n or 1), translation (3, n or 1)."""
 
     rotation: Array = field(default_factory=lambda: np.eye(3)[:, :, None])
@@ -241,7 +251,7 @@ class Placement:
 def propagate(
     chain: Chain,
     values: Mapping[str, Array | float],
-    placement: Placement,
+    placement: BasePoses,
     station: Array | None = None,
     record: Collection[str] | None = None,
     turn: Array | None = None,
@@ -292,7 +302,7 @@ def nominal_values(robot: Robot, joints: Array) -> dict[str, Array | float]:
 
 def forward(robot: Robot, joints: Array) -> Array:
     """(n, 4, 4) poses of the flange in the base frame, mm, of the nominal robot at model joints (n, N), rad or mm."""
-    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement(), record=())
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), BasePoses(), record=())
     poses = np.zeros((len(joints), 4, 4))
     poses[:, :3, :3] = frames.rotation
     poses[:, :3, 3] = frames.p.T
@@ -332,7 +342,7 @@ def statics(
     M_i = sum over loads beyond joint i of (c_j - o_i) x (m_j g), from the last joint inwards. o_i is the origin of
     frame i (modified DH) or i-1 (standard DH). Source: Nubiola, Annex I.
     """
-    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement())
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), BasePoses())
     n, count = joints.shape
     g = np.array(gravity)[:, None]
     moment, unit_load = np.zeros((n, count, 3)), np.zeros((n, count, 4))
@@ -376,7 +386,7 @@ def gravity_at_flange(
     robot: Robot, joints: Array, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
 ) -> Array:
     """(n, 3) direction of gravity in the axes of the last link of the nominal robot at model angles (n, N), rad."""
-    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement(), record=())
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), BasePoses(), record=())
     pull = np.array(gravity)[:, None]
     across = [np.sum(axis * pull, axis=0) for axis in frames.link_frames[-1][:3]]
     down = np.array([np.broadcast_to(a, len(joints)) for a in across]).T
@@ -404,7 +414,7 @@ def nominal_jacobian(robot: Robot, joints: Array, tool: Array) -> tuple[Array, A
     values = nominal_values(robot, joints) | {
         f"target.{axis}": float(x) for axis, x in zip("xyz", tool, strict=True)
     }
-    frames = propagate(Chain.of(robot), values, Placement())
+    frames = propagate(Chain.of(robot), values, BasePoses())
     poses = np.zeros((n, 4, 4))
     poses[:, :3, :3] = frames.rotation
     poses[:, :3, 3] = np.broadcast_to(frames.p, (3, n)).T

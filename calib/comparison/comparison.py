@@ -33,14 +33,14 @@ from calib.data.dataset import Dataset
 from calib.data.header import LEVELS, Header
 from calib.diagnose.diagnosis import diagnose
 from calib.errors import DataError
-from calib.fit.identification import Identification
+from calib.fit.identification import IdentificationFit
 from calib.fit.identify import Progress, identify, last_joint_unseen, silent
 from calib.fit.placing import base_model_of, place_nominal
 from calib.fit.readings import readings_of
 from calib.model import base_model
-from calib.model.model import Design, RobotModel
+from calib.model.model import BoundModel, ModelStructure
 from calib.regression.mls_svr import folds_of
-from calib.regression.regression import Regression, Wanted, train
+from calib.regression.regression import Regression, RegressionRequest, train
 from calib.units import DEG
 from calib.validation.holdout import without
 
@@ -50,7 +50,7 @@ _WRIST = 3  # joints
 
 
 @dataclass(frozen=True)
-class Away:
+class TurnedPostureTest:
     """Difference between a predictor and the fitted model at turned postures, mm, for the joint that is worst.
 
     inside: number of turned postures within the region of the regression, where it would be used.
@@ -63,7 +63,7 @@ class Away:
     inside: float
 
 
-def away(comparison: Comparison) -> tuple[Away, ...]:
+def away(comparison: RegressionComparison) -> tuple[TurnedPostureTest, ...]:
     """The test with the wrist turned away, for every regression that was trained.
 
     A regression on positions is compared with the model of the level asked for."""
@@ -82,7 +82,9 @@ def away(comparison: Comparison) -> tuple[Away, ...]:
     return tuple(out)
 
 
-def _worst(predictor: Predictor, model: Predictor, conditions: Conditions, header: Header) -> Away:
+def _worst(
+    predictor: Predictor, model: Predictor, conditions: Conditions, header: Header
+) -> TurnedPostureTest:
     assert predictor.regression is not None
     count = conditions.joints.shape[1]
     found = []
@@ -90,7 +92,9 @@ def _worst(predictor: Predictor, model: Predictor, conditions: Conditions, heade
         turned = _turned(conditions, header, conditions.joints + TURN * np.eye(count)[joint])
         apart = np.linalg.norm(predictor.predict(turned) - model.predict(turned), axis=1)
         inside = float(predictor.regression.region.holds(turned.joints).mean())
-        found.append(Away(predictor.name, joint + 1, float(apart.mean()), float(apart.max()), inside))
+        found.append(
+            TurnedPostureTest(predictor.name, joint + 1, float(apart.mean()), float(apart.max()), inside)
+        )
     return max(found, key=lambda each: each.mean)
 
 
@@ -155,14 +159,14 @@ _FEWEST = 3  # waypoints: one left out of the comparison, two to choose by
 
 
 @dataclass(frozen=True)
-class Plan:
+class ComparisonRequest:
     """The request for a comparison. wanted: the regression asked for; level: of the model that it is based on, 2 or 3.
 
     compare: the other levels and the other kind of regression too; diagnosed: and the diagnosis, with a regression
     on what it leaves.
     """
 
-    wanted: Wanted
+    wanted: RegressionRequest
     level: int = 3
     compare: bool = False
     diagnosed: bool = False
@@ -176,16 +180,16 @@ class Predictor:
     """
 
     name: str
-    model: RobotModel
+    model: ModelStructure
     estimate: Array
-    found: Identification | None = None
+    found: IdentificationFit | None = None
     regression: Regression | None = None
     asked: bool = False
 
     def predict(self, conditions: Conditions) -> Array:
         """(n, 3) points in the world, mm."""
         if self.regression is None:
-            return Design(self.model, conditions).predict(self.estimate)
+            return BoundModel(self.model, conditions).predict(self.estimate)
         return self.regression.predict(self.model, self.estimate, conditions)
 
 
@@ -199,11 +203,11 @@ class Scored:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class RegressionComparison:
     """All predictors side by side. rows: (n,) index of the readings into the data set; waypoint: (n,) of each."""
 
     dataset: Dataset
-    plan: Plan
+    plan: ComparisonRequest
     rows: NDArray[np.int64]
     waypoint: NDArray[np.int64]
     scored: tuple[Scored, ...]
@@ -220,7 +224,9 @@ def name_of(on: str, base: str) -> str:
     return "MLS-SVR on positions" if on == "positions" else f"MLS-SVR on residuals of {base}"
 
 
-def compare(dataset: Dataset, plan: Plan, *, progress: Progress = silent) -> Comparison:
+def compare(
+    dataset: Dataset, plan: ComparisonRequest, *, progress: Progress = silent
+) -> RegressionComparison:
     """Judge what the plan names on the readings of points that may enter a fit.
 
     Raises DataError where there are no points, too few waypoints, or what a part leaves cannot carry the model.
@@ -253,11 +259,11 @@ def compare(dataset: Dataset, plan: Plan, *, progress: Progress = silent) -> Com
 
 def _compared(
     dataset: Dataset,
-    plan: Plan,
+    plan: ComparisonRequest,
     rows: NDArray[np.bool_],
     waypoint: NDArray[np.int64],
     progress: Progress,
-) -> Comparison:
+) -> RegressionComparison:
     progress("fitting all readings")
     predictors = _predictors(dataset, plan, waypoint)
     everything = dataset.conditions.take(rows)
@@ -274,10 +280,12 @@ def _compared(
     scored = tuple(
         Scored(predictor, in_sample[name], left_out[name]) for name, predictor in predictors.items()
     )
-    return Comparison(dataset, plan, index, waypoint[rows], scored)
+    return RegressionComparison(dataset, plan, index, waypoint[rows], scored)
 
 
-def _predictors(dataset: Dataset, plan: Plan, waypoint: NDArray[np.int64]) -> Mapping[str, Predictor]:
+def _predictors(
+    dataset: Dataset, plan: ComparisonRequest, waypoint: NDArray[np.int64]
+) -> Mapping[str, Predictor]:
     """Every predictor of the plan, from the rows of a data set that may enter a fit."""
     placed = freeing(dataset, PLACE)
     out = {NOMINAL: Predictor(NOMINAL, *place_nominal(placed, base_model_of(placed)))}
@@ -292,9 +300,11 @@ def _predictors(dataset: Dataset, plan: Plan, waypoint: NDArray[np.int64]) -> Ma
     return out
 
 
-def _on_positions(dataset: Dataset, plan: Plan, waypoint: NDArray[np.int64]) -> dict[str, Predictor]:
+def _on_positions(
+    dataset: Dataset, plan: ComparisonRequest, waypoint: NDArray[np.int64]
+) -> dict[str, Predictor]:
     found = identify(dataset)
-    wanted = Wanted("positions", plan.wanted.features, plan.wanted.kernel)
+    wanted = RegressionRequest("positions", plan.wanted.features, plan.wanted.kernel)
     # Every reading takes part: a nominal robot cannot say which of them do not belong.
     rows = dataset.fit_rows & dataset.pointed
     readings = readings_of(dataset, rows, found.model, found.estimate)
@@ -304,11 +314,15 @@ def _on_positions(dataset: Dataset, plan: Plan, waypoint: NDArray[np.int64]) -> 
 
 
 def _with_residuals(
-    base: str, found: Identification, dataset: Dataset, plan: Plan, waypoint: NDArray[np.int64]
+    base: str,
+    found: IdentificationFit,
+    dataset: Dataset,
+    plan: ComparisonRequest,
+    waypoint: NDArray[np.int64],
 ) -> dict[str, Predictor]:
     out = {base: Predictor(base, found.model, found.estimate, found)}
     if plan.compare or plan.diagnosed or plan.wanted.on == "residuals":
-        wanted = Wanted("residuals", plan.wanted.features, plan.wanted.kernel)
+        wanted = RegressionRequest("residuals", plan.wanted.features, plan.wanted.kernel)
         readings = found.readings.take(dataset.pointed[found.readings.rows])
         trained = train(wanted, found.model, found.estimate, readings, waypoint[readings.rows])
         name = name_of("residuals", base)

@@ -1,7 +1,7 @@
 """Compensation: `correct` computes joint targets with which the real robot reaches the pose of the nominal one."""
 
 from calib.compensate.calibrated import Calibrated, Usable, usable
-from calib.compensate.carried import Carried, carried, constant_slots, joint_origins, poses_with
+from calib.compensate.carried import RepresentableModel, carried, constant_slots, joint_origins, poses_with
 from calib.compensate.controller import model_sides, sides_that_move
 from calib.compensate.correct import Bounds, correct, inverse_poses, nominal_of, refuse_unlikely
 from calib.compensate.correction import REASONS, Correction, Status
@@ -10,8 +10,8 @@ __all__ = [
     "REASONS",
     "Bounds",
     "Calibrated",
-    "Carried",
     "Correction",
+    "RepresentableModel",
     "Status",
     "Usable",
     "carried",

@@ -30,7 +30,15 @@ from calib.fit.identification import predict_with_covariance
 from calib.fit.statistics import ErrorStatistics, distances, statistics_of
 from calib.model.carried_regressors import OfTime
 from calib.model.effect import Effect
-from calib.model.model import FLANGE, Design, RobotModel, StatedConditions, conditions_at, series_of, without
+from calib.model.model import (
+    FLANGE,
+    BoundModel,
+    ModelStructure,
+    StatedConditions,
+    conditions_at,
+    series_of,
+    without,
+)
 from calib.regression.regression import Regression, world_points
 
 CORRECTED_OWNERS = ("robot", "mounting")
@@ -44,7 +52,7 @@ _NAMED = 6  # terms named in one line; the document names all
 _SECONDS, _AIR_C = 3600.0, 20.0  # for named effects of time and temperature where none is stated
 
 
-def corrects(model: RobotModel, series: str) -> Array:
+def corrects(model: ModelStructure, series: str) -> Array:
     """(m,) 1 for parameters of the robot and its mounting, 0 for those of the instrument, and of a base that the fit
     placed."""
     owned = model.owned(CORRECTED_OWNERS)
@@ -53,7 +61,7 @@ def corrects(model: RobotModel, series: str) -> Array:
     return owned
 
 
-def in_base(model: RobotModel) -> RobotModel:
+def in_base(model: ModelStructure) -> ModelStructure:
     """The model in the frame of its base, with the flange as another target."""
     targets = {name: {FLANGE: (0.0, 0.0, 0.0), **known} for name, known in model.targets.items()}
     # `turns` say how a measuring tool is mounted, not where the flange is.
@@ -69,7 +77,7 @@ class Calibrated:
 
     def __init__(
         self,
-        model: RobotModel,
+        model: ModelStructure,
         estimate: Array,
         stated: StatedConditions,
         target: str = FLANGE,
@@ -85,9 +93,9 @@ class Calibrated:
         self._target = target
         self._regression = regression
 
-    def design(self, joints: Array) -> Design:
+    def design(self, joints: Array) -> BoundModel:
         """The model in n poses. Raises DataError when it needs a condition that was not stated."""
-        design = Design(self._model, self._at(joints))
+        design = BoundModel(self._model, self._at(joints))
         for position, _, drive in design.terms:
             if self.estimate[position] != 0.0 and not np.all(np.isfinite(drive)):
                 name = self._model.parameters[position].name
@@ -144,7 +152,7 @@ class Usable:
     """A model for corrections, its estimate (m,) and covariance (m, m) in internal units; left_out: carried terms that
     it lacks; loss: mm, what leaving them out costs, None if nothing was left out."""
 
-    model: RobotModel
+    model: ModelStructure
     estimate: Array
     covariance: Array
     left_out: tuple[Effect, ...]
@@ -165,7 +173,7 @@ class Usable:
 
 
 def usable(
-    model: RobotModel,
+    model: ModelStructure,
     estimate: Array,
     covariance: Array,
     stated: StatedConditions,
@@ -197,7 +205,7 @@ def usable(
         **{clock: rng.uniform(*ends, _SAMPLES) for clock, ends in clocks.items()},
     )
     whole, part = (
-        Design(in_base(each), conditions).predict(x * corrects(each, series))
+        BoundModel(in_base(each), conditions).predict(x * corrects(each, series))
         for each, x in ((model, estimate), (less, values))
     )
     return Usable(less, values, spread, left_out, statistics_of(distances(whole, part)))

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arm.kinematics import TOOL, Chain, Placement, nominal_values, propagate
+from calib.arm.kinematics import TOOL, BasePoses, Chain, nominal_values, propagate
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.compensate.calibrated import Calibrated, poses_of
 from calib.fit.statistics import ErrorStatistics, statistics_of
-from calib.model.model import RobotModel, StatedConditions
+from calib.model.model import ModelStructure, StatedConditions
 
 _SAMPLES = 1000
 _LEVER_MM = 100.0  # a turn of the flange counts as what it moves a tool of this length
@@ -32,7 +32,7 @@ _AXES = np.eye(3)
 
 
 @dataclass(frozen=True)
-class Carried:
+class RepresentableModel:
     """values: slot -> change from nominal, rad or mm. left_out: names of the parameters of which something is lost.
 
     joints: (n, N) model angles, rad; poses: (n, 4, 4) of the flange there by the whole model, mm.
@@ -52,14 +52,14 @@ class Carried:
 
 
 def carried(
-    model: RobotModel,
+    model: ModelStructure,
     estimate: Array,
     stated: StatedConditions,
     slots: Collection[str],
     *,
     coupling: str = "none",
     joints: Array | None = None,
-) -> Carried:
+) -> RepresentableModel:
     """The part of a model, estimate (m,), that the slots carry. joints: (n, N) model angles, rad, at which it shall be
     close; None: random ones within the limits. Raises DataError for a condition that is missing."""
     robot = model.robot
@@ -81,13 +81,13 @@ def carried(
     poses = poses_of(design.frames(calibrated.estimate, record=()), len(joints))
     if lost and slots:
         values = _projected(robot, joints, poses, {slot: values.get(slot, 0.0) for slot in slots})
-    return Carried(robot, values, tuple(lost), joints, poses)
+    return RepresentableModel(robot, values, tuple(lost), joints, poses)
 
 
 def poses_with(robot: Robot, joints: Array, changes: dict[str, float]) -> Array:
     """(n, 4, 4) of the flange, mm, at model angles (n, N), of the nominal robot with the changes of its slots."""
     values = changed(robot, joints, changes)
-    return poses_of(propagate(Chain.of(robot), values, Placement(), record=()), len(joints))
+    return poses_of(propagate(Chain.of(robot), values, BasePoses(), record=()), len(joints))
 
 
 def _projected(robot: Robot, joints: Array, poses: Array, start: dict[str, float]) -> dict[str, float]:

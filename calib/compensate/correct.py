@@ -37,9 +37,9 @@ from calib.arm.kinematics import joint_scale, nominal_jacobian
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.compensate.calibrated import Calibrated
-from calib.compensate.correction import LANDED_MM, LANDED_RAD, Correction, Misses, Status
+from calib.compensate.correction import LANDED_MM, LANDED_RAD, Correction, Status, TargetErrors
 from calib.errors import DataError
-from calib.model.model import FLANGE, RobotModel, StatedConditions, nominal_poses, series_of, tool_point
+from calib.model.model import FLANGE, ModelStructure, StatedConditions, nominal_poses, series_of, tool_point
 from calib.regression.regression import Regression
 from calib.units import DEG
 
@@ -54,7 +54,7 @@ _SECONDS, _AIR_C = 3600.0, 20.0  # for effects of time and temperature where non
 
 
 def correct(
-    model: RobotModel,
+    model: ModelStructure,
     estimate: Array,
     joints: Array,
     stated: StatedConditions,
@@ -81,13 +81,13 @@ def correct(
     arm = Freedoms.of(robot, limits, coupling, tool)
     calibrated = Calibrated(model, estimate, stated, target, regression)
 
-    found, misses = joints.copy(), Misses.unknown(len(joints))
+    found, misses = joints.copy(), TargetErrors.unknown(len(joints))
     iterations = np.zeros(len(joints), dtype=np.int64)
     known = np.all(np.isfinite(joints), axis=1)
     wanted = np.full((len(joints), 4, 4), np.nan)
     wanted[known] = nominal_poses(model, joints[known], tool)
     scale = joint_scale(robot)
-    left, memory = np.flatnonzero(known), Memory(len(joints), robot.joints)
+    left, memory = np.flatnonzero(known), AndersonMixing(len(joints), robot.joints)
     for done in range(most_iterations + 1):
         here = found[left]
         reached = calibrated.poses(here)
@@ -124,7 +124,7 @@ def refused(
     arm: Freedoms,
     joints: Array,
     found: Array,
-    misses: Misses,
+    misses: TargetErrors,
     limits: Array,
     coupling: str,
     tool: Array,
@@ -168,7 +168,7 @@ def inverse_poses(poses: Array) -> Array:
     return out
 
 
-class Memory:
+class AndersonMixing:
     """Anderson mixing: extrapolates the last steps to their limit.
 
     The pose shift alone errs by a share of what is left that grows with the joints' errors; with them the fourth
@@ -203,7 +203,7 @@ class Memory:
 
 
 def nominal_of(
-    model: RobotModel,
+    model: ModelStructure,
     estimate: Array,
     joints: Array,
     stated: StatedConditions,
@@ -224,7 +224,7 @@ def nominal_of(
     known = np.flatnonzero(np.all(np.isfinite(joints), axis=1))
     calibrated = Calibrated(model, estimate, stated, target, regression)
     reached = calibrated.poses(joints[known])
-    found, misses = np.full_like(joints, np.nan), Misses.unknown(len(joints))
+    found, misses = np.full_like(joints, np.nan), TargetErrors.unknown(len(joints))
     found[known] = nominal_inverse(robot, reached, joints[known], tool, arm)
     misses.take(known, arm, robot, found[known], tool, nominal_poses(model, found[known], tool), reached)
     refusals = refused(robot, arm, joints, found, misses, limits, coupling, tool, regression, joints[None])
@@ -241,7 +241,7 @@ class Bounds:
 
 
 def refuse_unlikely(
-    model: RobotModel,
+    model: ModelStructure,
     estimate: Array,
     stated: StatedConditions,
     bounds: Bounds,

@@ -51,7 +51,7 @@ SHOWN_MM, SHOWN_RAD = 5e-4, 5e-4 * DEG
 
 
 @dataclass(frozen=True)
-class Left:
+class ResidualError:
     """The error that the arm cannot correct, (n,) each: off in mm, askew in rad; infinite where a target was not
     solved.
 
@@ -87,7 +87,7 @@ class Correction:
     status: tuple[Status, ...]
     landed: Array
     turned: Array
-    left: Left
+    left: ResidualError
     iterations: NDArray[np.int64]
     beyond: tuple[tuple[str, ...], ...] = ()
 
@@ -121,7 +121,7 @@ class Correction:
         refusals: Sequence[tuple[Status, NDArray[np.bool_]]],
         landed: Array,
         turned: Array,
-        left: Left,
+        left: ResidualError,
         iterations: NDArray[np.int64],
     ) -> Correction:
         """A correction from the rows that were refused, by reason, the weightiest last: it is the one that is kept."""
@@ -139,7 +139,7 @@ class Correction:
 
 
 @dataclass(frozen=True)
-class Misses:
+class TargetErrors:
     """Misses of n targets, mm and rad, infinite where not known.
 
     landed, turned: (n,) within the freedoms of the arm. off, askew: (n,) what it cannot move or turn.
@@ -151,7 +151,7 @@ class Misses:
     askew: Array
 
     @classmethod
-    def unknown(cls, n: int) -> Misses:
+    def unknown(cls, n: int) -> TargetErrors:
         """n targets of which nothing is known yet."""
         return cls(*(np.full(n, np.inf) for _ in range(4)))
 
@@ -195,5 +195,5 @@ class Misses:
         arm: Freedoms,
     ) -> Correction:
         """The correction to `joints` (n, N), with the rows that are refused, by reason."""
-        left = Left(self.off, self.askew, tilt=arm.turns == 1)
+        left = ResidualError(self.off, self.askew, tilt=arm.turns == 1)
         return Correction.of(joints, refusals, self.landed, self.turned, left, iterations)

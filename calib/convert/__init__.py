@@ -1,8 +1,8 @@
 """Importers of foreign data, and of legs as poses, by the name that `truepose convert --from` takes."""
 
 from calib.convert import hexapod_legs, ipa_ur10
-from calib.convert.table import Holdout, Table
+from calib.convert.table import ConvertedTable, Holdout
 
 IMPORTERS = {"hexapod-legs": hexapod_legs.read, "ipa-ur10": ipa_ur10.read}
 
-__all__ = ["IMPORTERS", "Holdout", "Table"]
+__all__ = ["IMPORTERS", "ConvertedTable", "Holdout"]

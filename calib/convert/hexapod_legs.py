@@ -21,15 +21,15 @@ from numpy.typing import NDArray
 from calib.arm.hexapod import LEGS, HexapodPoses, solve_pose
 from calib.arm.start import align
 from calib.array import Array
-from calib.convert.table import Table
+from calib.convert.table import ConvertedTable
 from calib.data.dataset import Dataset
 from calib.data.header import Vector
 from calib.data.read import read_dataset
 from calib.data.spans import OTHER
 from calib.errors import DataError
 from calib.fit.placing import base_model_of
-from calib.model.model import Design
-from calib.text.columns import Columns
+from calib.model.model import BoundModel
+from calib.text.columns import TextTable
 
 FAR_MM = 30.0
 """A pose farther from the nominal robot is none of this robot, or one of its legs is another."""
@@ -61,7 +61,7 @@ class SolvedPoses:
     far_mm: Array
 
 
-def read(path: Path) -> Table:
+def read(path: Path) -> ConvertedTable:
     """A data set of legs as one of points. Raises DataError where no visit has all six."""
     dataset = read_dataset(path)
     solved = solved_poses(dataset)
@@ -71,7 +71,7 @@ def read(path: Path) -> Table:
             do="Check whether the legs are labelled with the balls that they join, and whether it is this robot.",
             file=path,
         )
-    rows = Columns.read(path)
+    rows = TextTable.read(path)
     rows = rows.where(rows.text(OTHER) == "")
     kept = [
         name
@@ -101,7 +101,7 @@ def read(path: Path) -> Table:
             file=path.with_suffix(".toml"),
             key="noise",
         )
-    return Table(out, header)
+    return ConvertedTable(out, header)
 
 
 def solved_poses(dataset: Dataset) -> SolvedPoses:
@@ -120,7 +120,7 @@ def solved_poses(dataset: Dataset) -> SolvedPoses:
     turn, shift = _frames(dataset, visits, poses)
     there = np.einsum("nij,nmkj->nmki", turn, poses.tool) + shift[:, None, None]
     model = base_model_of(dataset)
-    nominal = Design(model, dataset.conditions).predict(np.zeros(len(model.parameters)))
+    nominal = BoundModel(model, dataset.conditions).predict(np.zeros(len(model.parameters)))
     rows = np.array([[visit.rows[leg] for leg in _FIRST_LEG] for visit in visits])
     off = np.linalg.norm(there - nominal[rows][:, None], axis=3).max(axis=2)  # (n, 8)
     mode = np.argmin(np.where(np.isfinite(off), off, np.inf), axis=1)

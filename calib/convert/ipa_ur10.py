@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calib.convert.table import Table
+from calib.convert.table import ConvertedTable
 from calib.errors import DataError
 from calib.text.columns import rows_of
 from calib.text.text_file import read_text
@@ -62,7 +62,7 @@ TMAC = [0.0, 0.0, 0.0]
 """
 
 
-def read(path: Path) -> Table:
+def read(path: Path) -> ConvertedTable:
     """Read either layout. Raises DataError naming line and column."""
     text = read_text(path)
     delimiter = ";" if ";" in text.partition("\n")[0] else ","
@@ -118,7 +118,7 @@ def read(path: Path) -> Table:
     for k, part in enumerate("wxyz"):
         columns[f"rot_{part}"] = [f"{value:.9f}" for value in quaternion[:, k]]
     columns["t_air_c"] = [f"{value:.4f}" for value in numbers((layout["temperature"],))[:, 0]]
-    return Table(columns, _HEADER)
+    return ConvertedTable(columns, _HEADER)
 
 
 def _seconds(stamps: list[str]) -> list[str]:

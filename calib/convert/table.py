@@ -29,7 +29,7 @@ _PATH = 0.1  # median step from pose to pose along a path, as a share of the dis
 
 
 @dataclass(frozen=True)
-class Table:
+class ConvertedTable:
     """Columns named as the data-set format names them (all of one length), and the text of the header.
 
     holdout: the kind of hold-out that was applied, '' before; note: a sentence on it.
@@ -43,7 +43,7 @@ class Table:
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
 
-    def hold_out(self, kind: Holdout = "auto", share: float = 0.2, seed: int = 1) -> Table:
+    def hold_out(self, kind: Holdout = "auto", share: float = 0.2, seed: int = 1) -> ConvertedTable:
         """Mark a share of the poses as validation: drawn at random, or blocks of consecutive poses.
 
         A random hold-out is optimistic where poses have near neighbours that took part in the fit; "auto" therefore

@@ -14,7 +14,7 @@ from calib.data.header import (
     read_noise,
 )
 from calib.data.hypotheses import FEWEST as FEWEST_MEANT
-from calib.data.hypotheses import Hypothesis, Meaning, explained, of_points, of_robot
+from calib.data.hypotheses import Hypothesis, InterpretedReadings, explained, of_points, of_robot
 from calib.data.joints_misread import of_directions, of_joints
 from calib.data.noise import Noise
 from calib.data.plausible import assumed_in_words
@@ -33,7 +33,7 @@ __all__ = [
     "Dataset",
     "Header",
     "Hypothesis",
-    "Meaning",
+    "InterpretedReadings",
     "Noise",
     "Span",
     "assumed_in_words",

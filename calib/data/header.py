@@ -46,7 +46,7 @@ LEVELS = {
 
 
 @dataclass(frozen=True)
-class Occasion:
+class MeasurementOccasion:
     """began, ended: of the first and the last reading, as text, "2026-03-02 09:15 UTC"; operators: who gave the
     commands and answered the prompts, in the order in which they came; campaigns: of how many records these readings
     are."""
@@ -57,7 +57,7 @@ class Occasion:
     campaigns: int = 1
 
 
-def occasion_of(table: TomlTable) -> Occasion | None:
+def occasion_of(table: TomlTable) -> MeasurementOccasion | None:
     """The table `[measured]` of a header, None where there is none. Raises DataError naming the key."""
     if "measured" not in table.values:
         return None
@@ -66,7 +66,7 @@ def occasion_of(table: TomlTable) -> Occasion | None:
     if not isinstance(operators, list) or not all(isinstance(name, str) for name in operators):
         raise measured.refuse("operators", f"is {operators!r}.", 'Give a list of names, ["anna", "bert"].')
     campaigns = measured.whole("campaigns", 1, low=1)
-    return Occasion(measured.text("began"), measured.text("ended"), tuple(operators), campaigns)
+    return MeasurementOccasion(measured.text("began"), measured.text("ended"), tuple(operators), campaigns)
 
 
 FORMAT = "truepose-dataset/1"
@@ -163,7 +163,7 @@ class Header:
     beyond_limits: bool = False  # whether joints may lie beyond the limits of the robot file
     devices: tuple[Mapping[str, str], ...] = ()  # robots and instruments of the readings, and their series
     unprotected: str = ""  # what the wires of robot and instrument could not see while this was measured
-    occasion: Occasion | None = None  # when this was measured and by whom
+    occasion: MeasurementOccasion | None = None  # when this was measured and by whom
     readings: tuple[str, ...] = ()  # ids of all its readings, where whoever wrote the file knew them
     not_taken: int = 0  # readings of the campaign that were to come when the file was written
     unknown_keys: tuple[str, ...] = ()

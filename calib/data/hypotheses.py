@@ -52,7 +52,7 @@ File = Literal["data", "header"]
 
 
 @dataclass(frozen=True)
-class Meaning:
+class InterpretedReadings:
     """The readings of one series as the files say, or as a hypothesis says.
 
     robot: nominal; angles: (n, N) rad as the controller counts; which: (n,) index of the tool target;
@@ -145,7 +145,7 @@ class Meaning:
 
 
 @dataclass(frozen=True)
-class Counting:
+class JointCounting:
     """A counting of the joints: joint of the robot = matrix (N, N) @ joint of the file + offset (N,).
 
     rad, and mm of joints that slide.
@@ -154,7 +154,7 @@ class Counting:
     matrix: Array
     offset: Array
 
-    def of(self, meaning: Meaning) -> Meaning:
+    def of(self, meaning: InterpretedReadings) -> InterpretedReadings:
         """The same readings with their joints counted by this matrix."""
         return replace(meaning, angles=meaning.angles @ self.matrix.T + self.offset)
 
@@ -171,8 +171,8 @@ class Hypothesis:
     do: str
     file: File
     key: str
-    meaning: Meaning
-    counting: Counting | None = None
+    meaning: InterpretedReadings
+    counting: JointCounting | None = None
     least_mm: float = 0.0
 
 
@@ -194,7 +194,7 @@ class Explanation:
 
 
 def explained(
-    meaning: Meaning,
+    meaning: InterpretedReadings,
     others: Callable[[], Iterator[Hypothesis]],
     tools: Array,
     *,
@@ -208,7 +208,7 @@ def explained(
     try them with these targets alone, since many at once can do what a tool of another length does.
     """
 
-    def missed(of: Meaning, free: bool) -> tuple[float, float]:
+    def missed(of: InterpretedReadings, free: bool) -> tuple[float, float]:
         """The miss, mm, and as a share of the extent of the readings."""
         miss, extent = of.miss(tools, tool_unknown=free, zero_unknown=zero_unknown)
         return miss, miss / max(extent, 1e-9)
@@ -244,7 +244,7 @@ def explained(
     return None
 
 
-def slipped(meaning: Meaning, others: Iterator[Hypothesis], tools: Array) -> Explanation | None:
+def slipped(meaning: InterpretedReadings, others: Iterator[Hypothesis], tools: Array) -> Explanation | None:
     """The hypothesis about rows that a robot of any geometry near the nominal one follows clearly better; None if none.
 
     Along a path of short steps the nominal robot itself misses by as much as the next row is away.
@@ -258,7 +258,7 @@ def slipped(meaning: Meaning, others: Iterator[Hypothesis], tools: Array) -> Exp
     return Explanation(cause, equals, (), plain, left)
 
 
-def of_robot(meaning: Meaning) -> Iterator[Hypothesis]:
+def of_robot(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
     """The robot is another one, or counts its joints otherwise; a robot file of the user's own is misread."""
     robot, built_in = meaning.robot, {name: load_robot(name) for name in built_in_robots()}
     for name, other in built_in.items():
@@ -286,7 +286,7 @@ def of_robot(meaning: Meaning) -> Iterator[Hypothesis]:
         yield from of_table(meaning)
 
 
-def of_table(meaning: Meaning) -> Iterator[Hypothesis]:
+def of_table(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
     """The table of the robot file is misread: its units, its convention, signs, columns or rows in another's place."""
     robot = meaning.robot
 
@@ -346,7 +346,7 @@ def of_table(meaning: Meaning) -> Iterator[Hypothesis]:
         )
 
 
-def of_points(meaning: Meaning) -> Iterator[Hypothesis]:
+def of_points(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
     """The measured points are mirrored, or they or the distances are in another unit."""
     if reach(meaning.robot) < _METRES:
         return  # the robot file is in the wrong unit, not the readings
@@ -373,7 +373,7 @@ def of_points(meaning: Meaning) -> Iterator[Hypothesis]:
         )
 
 
-def of_tools(meaning: Meaning, names: Sequence[str]) -> Iterator[Hypothesis]:
+def of_tools(meaning: InterpretedReadings, names: Sequence[str]) -> Iterator[Hypothesis]:
     """The tool targets of the header, by their names, are in another unit or two of them in each other's place."""
     for unit, factor in _UNITS.items():
         yield Hypothesis(
@@ -395,7 +395,9 @@ def of_tools(meaning: Meaning, names: Sequence[str]) -> Iterator[Hypothesis]:
         )
 
 
-def of_rows(everything: Meaning, rows: NDArray[np.int64], usable: NDArray[np.bool_]) -> Iterator[Hypothesis]:
+def of_rows(
+    everything: InterpretedReadings, rows: NDArray[np.int64], usable: NDArray[np.bool_]
+) -> Iterator[Hypothesis]:
     """Hypotheses that what was measured has slipped against the joints by up to three rows.
 
     everything: every row of the file; rows: (n,) index of those that are looked at; usable: (all,) rows of this
@@ -414,7 +416,7 @@ def of_rows(everything: Meaning, rows: NDArray[np.int64], usable: NDArray[np.boo
                 f"Move the measured columns {abs(late)} row{'s' * (abs(late) > 1)} {where}.",
                 "data",
                 "length_mm" if everything.points is None else "x_mm, y_mm, z_mm",
-                Meaning(
+                InterpretedReadings(
                     everything.robot,
                     everything.coupling,
                     everything.angles[here],

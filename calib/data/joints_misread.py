@@ -9,7 +9,7 @@ from itertools import chain, combinations, islice, product
 import numpy as np
 
 from calib.array import Array
-from calib.data.hypotheses import Counting, Hypothesis, Meaning
+from calib.data.hypotheses import Hypothesis, InterpretedReadings, JointCounting
 from calib.units import DEG
 
 # Zeros that are off by a quarter or a half turn, and what has to be added
@@ -17,16 +17,16 @@ _OFF = {"90": ((90.0, "+90"), (-90.0, "-90")), "180": ((180.0, "180"),)}
 _MOST_DIRECTIONS = 247  # all of eight joints; a robot may have 20, and a million choices of them
 
 
-def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
+def of_joints(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
     """Joints turn in the other direction, have a zero a quarter or half turn off, are in radians, in another's column,
     or are counted with the joint before them (Fanuc: joint 3 from the horizontal)."""
     robot, last = meaning.robot, meaning.angles.shape[1]
-    plain = Counting(np.eye(last), np.zeros(last))
+    plain = JointCounting(np.eye(last), np.zeros(last))
 
-    def counted(what: str, do: str, key: str, counting: Counting) -> Hypothesis:
+    def counted(what: str, do: str, key: str, counting: JointCounting) -> Hypothesis:
         return Hypothesis(what, do, "data", key, counting.of(meaning), counting)
 
-    everything = Counting(
+    everything = JointCounting(
         np.diag([1.0 / DEG if unit == "deg" else 1.0 for unit in robot.units]), plain.offset
     )
     whole = counted(
@@ -96,7 +96,7 @@ def of_joints(meaning: Meaning) -> Iterator[Hypothesis]:
             )
 
 
-def of_directions(meaning: Meaning) -> Iterator[Hypothesis]:
+def of_directions(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
     """Several joints turn in the other direction: KUKA counts 1, 4 and 6 so, and of most arms that is what a mirrored
     frame is. Fewer joints come first."""
     columns = meaning.robot.joint_columns
@@ -107,7 +107,7 @@ def of_directions(meaning: Meaning) -> Iterator[Hypothesis]:
         key = ", ".join(columns[k] for k in turned)
         signs = np.ones(len(columns))
         signs[list(turned)] = -1.0
-        counting = Counting(np.diag(signs), np.zeros(len(columns)))
+        counting = JointCounting(np.diag(signs), np.zeros(len(columns)))
         yield Hypothesis(
             f"joints {', '.join(names[k] for k in turned)} move in the other direction than the robot has them",
             f"Change the signs of the columns {key}, or give the robot file a joint matrix that does.",

@@ -32,7 +32,7 @@ from calib.data.hypotheses import (
     BETTER,
     FEWEST,
     Hypothesis,
-    Meaning,
+    InterpretedReadings,
     both,
     explained,
     extent_of,
@@ -134,7 +134,7 @@ def _refuse_misread(
 ) -> None:
     header, conditions = dataset.header, dataset.conditions
     pointed = bool(dataset.pointed[measured].any())
-    everything = Meaning(
+    everything = InterpretedReadings(
         header.robot,
         header.coupling,
         controller,
@@ -199,7 +199,10 @@ def _beside_moves(rows: NDArray[np.int64], pose: NDArray[np.int64]) -> NDArray[n
 
 
 def _pairs(
-    meaning: Meaning, everything: Meaning, rows: NDArray[np.int64], measured: NDArray[np.bool_]
+    meaning: InterpretedReadings,
+    everything: InterpretedReadings,
+    rows: NDArray[np.int64],
+    measured: NDArray[np.bool_],
 ) -> Iterator[Hypothesis]:
     """Two mistakes at once: of the points and of rows or joints, or of the joints alone."""
     for one in of_points(everything):
@@ -211,7 +214,7 @@ def _pairs(
 
 
 def _refuse_mixed(
-    dataset: Dataset, series: str, meaning: Meaning, tools: Array, rows: NDArray[np.int64]
+    dataset: Dataset, series: str, meaning: InterpretedReadings, tools: Array, rows: NDArray[np.int64]
 ) -> None:
     apart = mixture(meaning, tools)
     if apart is None:
@@ -392,7 +395,7 @@ def _repeated(dataset: Dataset, rows: NDArray[np.bool_]) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Mixture:
+class MixedReadings:
     """The smaller group of mixed readings.
 
     rows: (m,) index of them; miss: median distance, mm, by which the robot misses them where it fits the others;
@@ -404,7 +407,7 @@ class Mixture:
     offset: Array | None
 
 
-def mixture(meaning: Meaning, tools: Array) -> Mixture | None:
+def mixture(meaning: InterpretedReadings, tools: Array) -> MixedReadings | None:
     """The readings that are of another station or of another target than most; None where all are of one kind, and
     where what is left over agrees on nothing.
 
@@ -429,12 +432,14 @@ def mixture(meaning: Meaning, tools: Array) -> Mixture | None:
     named = np.linalg.norm(tools[meaning.which[rest]] + offset - tools[:, None], axis=2).min() < near
     apart = np.linalg.norm(off - offset, axis=1)
     if not named and _alike(apart, miss[rest], near, left):
-        return Mixture(rest, float(np.median(miss[rest])), offset)
+        return MixedReadings(rest, float(np.median(miss[rest])), offset)
     if len(rest) < _STATION:
         return None
     _, apart = _agreeing(nominal[rest], measured[rest], near)
     return (
-        Mixture(rest, float(np.median(miss[rest])), None) if _alike(apart, miss[rest], near, left) else None
+        MixedReadings(rest, float(np.median(miss[rest])), None)
+        if _alike(apart, miss[rest], near, left)
+        else None
     )
 
 

@@ -44,7 +44,7 @@ from calib.data.plausible import refuse_implausible, turned_apart
 from calib.data.spans import take_spans
 from calib.data.unfit import refuse_beyond_limits, refuse_unfit
 from calib.errors import DataError
-from calib.text.columns import Columns
+from calib.text.columns import TextTable
 from calib.text.toml_table import FARTHEST_MM
 from calib.units import DEG
 
@@ -102,10 +102,10 @@ STILL = 1e-5 * DEG
 def read_dataset(path: Path | str) -> Dataset:
     """Read `NAME.csv` and the `NAME.toml` beside it. Raises DataError (file, line or key, what to do)."""
     path = Path(path)
-    return dataset_of(Columns.read(path), read_header(path.with_suffix(".toml")))
+    return dataset_of(TextTable.read(path), read_header(path.with_suffix(".toml")))
 
 
-def dataset_of(table: Columns, header: Header) -> Dataset:
+def dataset_of(table: TextTable, header: Header) -> Dataset:
     """The data set of a table and its header. Raises DataError (file, line or key, what to do)."""
     _refuse_without_units(table, header.robot)
     refuse_misspelt(table, header.robot)
@@ -192,7 +192,7 @@ def dataset_of(table: Columns, header: Header) -> Dataset:
     return dataset
 
 
-def _read_apart(table: Columns, robot: Robot) -> Array | None:
+def _read_apart(table: TextTable, robot: Robot) -> Array | None:
     """(n, N) joints as read back less those commanded, as the controller counts them, rad or mm; None without."""
     names = [f"{axis}_read_{unit}" for axis, unit in zip(robot.axes, robot.units, strict=True)]
     if not any(name in table for name in names):
@@ -203,7 +203,7 @@ def _read_apart(table: Columns, robot: Robot) -> Array | None:
     return turned_apart((read - commanded) * robot.joint_units, robot.units)
 
 
-def _air(table: Columns) -> Array:
+def _air(table: TextTable) -> Array:
     """(n,) temperature of the air, degC. Raises DataError for numbers of another unit."""
     air = table.numbers("t_air_c")
     for i in np.flatnonzero(np.abs(air) > _WARMEST_C):
@@ -211,7 +211,7 @@ def _air(table: Columns) -> Array:
     return air
 
 
-def _refuse_without_units(table: Columns, robot: Robot) -> None:
+def _refuse_without_units(table: TextTable, robot: Robot) -> None:
     of_joints = dict(zip(robot.axes, robot.units, strict=True))
     for name in table.names:
         stem = name.lower().replace("_read", "", 1)
@@ -234,7 +234,7 @@ def _refuse_without_units(table: Columns, robot: Robot) -> None:
                 )
 
 
-def _refuse_without_ids(table: Columns) -> None:
+def _refuse_without_ids(table: TextTable) -> None:
     """Raise DataError where a reading has no id, or that of another; in a file without the column lines are the ids."""
     if "reading_id" not in table:
         return
@@ -247,7 +247,7 @@ def _refuse_without_ids(table: Columns) -> None:
         seen.add(name)
 
 
-def _joints(table: Columns, header: Header) -> Array:
+def _joints(table: TextTable, header: Header) -> Array:
     robot = header.robot
     _refuse_other_axes(table, robot)
     first, last = robot.joint_columns[0], robot.joint_columns[-1]
@@ -280,7 +280,7 @@ def _joints(table: Columns, header: Header) -> Array:
     return robot.model_angles(shown * robot.joint_units, header.coupling)
 
 
-def _refuse_other_axes(table: Columns, robot: Robot) -> None:
+def _refuse_other_axes(table: TextTable, robot: Robot) -> None:
     """Raise DataError for a joint that the robot does not have or has in another unit.
 
     An external axis that never moved is no part of the arm, and may be there.
@@ -309,7 +309,7 @@ def _refuse_other_axes(table: Columns, robot: Robot) -> None:
         )
 
 
-def _status(table: Columns) -> NDArray[np.str_]:
+def _status(table: TextTable) -> NDArray[np.str_]:
     status = np.array([cell.lower() if cell.lower() == "ok" else cell for cell in table.text("status")])
     for i, cell in enumerate(status):
         if cell not in ("", "ok") and not cell.startswith("rejected"):
@@ -317,7 +317,7 @@ def _status(table: Columns) -> NDArray[np.str_]:
     return status
 
 
-def _waypoints(table: Columns) -> NDArray[np.int64]:
+def _waypoints(table: TextTable) -> NDArray[np.int64]:
     number = table.numbers("waypoint")
     counts = (number >= 0.0) & (number <= _MOST_WAYPOINTS) & (number % 1.0 == 0.0)
     for i in np.flatnonzero(np.isfinite(number) & ~counts):
@@ -325,7 +325,7 @@ def _waypoints(table: Columns) -> NDArray[np.int64]:
     return np.where(counts, number, -1.0).astype(np.int64)
 
 
-def _base_targets(table: Columns, header: Header) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+def _base_targets(table: TextTable, header: Header) -> tuple[tuple[str, ...], NDArray[np.int64]]:
     """Names of the base targets, and the index of each row's, -1 where the row has none."""
     named = table.text("base_target")
     lengths = table.numbers("length_mm")
@@ -352,7 +352,7 @@ def _base_targets(table: Columns, header: Header) -> tuple[tuple[str, ...], NDAr
     return names, np.array([names.index(str(name)) if name else -1 for name in named], dtype=np.int64)
 
 
-def _measured(table: Columns, status: NDArray[np.str_], header: Header) -> tuple[Array, Array]:
+def _measured(table: TextTable, status: NDArray[np.str_], header: Header) -> tuple[Array, Array]:
     for axis in "xyz" if "length_mm" not in table else "":
         table.require(
             f"{axis}_mm", "Every reading has a measured point x_mm, y_mm, z_mm (empty where not measured)."
@@ -389,7 +389,7 @@ def _measured(table: Columns, status: NDArray[np.str_], header: Header) -> tuple
     return points, orientation / norm[:, None]
 
 
-def _names(table: Columns, header: Header) -> tuple[NDArray[np.str_], NDArray[np.str_]]:
+def _names(table: TextTable, header: Header) -> tuple[NDArray[np.str_], NDArray[np.str_]]:
     series = table.text("series", "main")
     for i, name in enumerate(series):
         if header.series_targets and name not in header.series_targets and not header.targets:
@@ -440,7 +440,7 @@ def expected_points(
     return points
 
 
-def refuse_misspelt(table: Columns, robot: Robot) -> None:
+def refuse_misspelt(table: TextTable, robot: Robot) -> None:
     """Raise DataError for an unknown column that must be a misspelt known one.
 
     A name that differs only in its number is accepted as it is: a seventh axis.
@@ -561,7 +561,7 @@ def order_of(time: Array, series: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def arrivals_of(
-    table: Columns, header: Header, joints: Array, order: NDArray[np.int64], series: NDArray[np.int64]
+    table: TextTable, header: Header, joints: Array, order: NDArray[np.int64], series: NDArray[np.int64]
 ) -> tuple[Array, Array]:
     """Side of approach (n, N), +1 from below or -1 from above, and previous model joints (n, N), rad or mm.
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from calib.data.header import LEAST, Header
 from calib.errors import DataError
-from calib.text.columns import Columns
+from calib.text.columns import TextTable
 
 OTHER = "other_target"
 _GROSS_MM, _GROSS_SIGMA = 10.0, 6.0  # beyond both, it was another bar or another ball
@@ -44,7 +44,7 @@ class Span:
         return f"{self.one} to {self.other}"
 
 
-def take_spans(table: Columns, header: Header) -> tuple[tuple[Span, ...], Columns]:
+def take_spans(table: TextTable, header: Header) -> tuple[tuple[Span, ...], TextTable]:
     """The distances between balls of one body that count, and the rows that are readings of the arm.
 
     Raises DataError (line, column) for one that cannot be the distance of the two balls that it names.
@@ -62,7 +62,7 @@ def take_spans(table: Columns, header: Header) -> tuple[tuple[Span, ...], Column
     return tuple(spans.values()), table.where(~of_span)
 
 
-def _span(rows: Columns, i: int, header: Header) -> Span:
+def _span(rows: TextTable, i: int, header: Header) -> Span:
     tool, base, other = (str(rows.text(name)[i]) for name in ("tool_target", "base_target", OTHER))
     one, series = tool or base, str(rows.text("series", "main")[i]) if tool else ""
     if bool(tool) == bool(base) or one == other:
@@ -89,7 +89,7 @@ def _span(rows: Columns, i: int, header: Header) -> Span:
     return Span(str(rows.text("reading_id")[i]) or str(rows.lines[i]), one, other, series, length, u_mm)
 
 
-def _refuse_another(rows: Columns, i: int, span: Span, header: Header) -> None:
+def _refuse_another(rows: TextTable, i: int, span: Span, header: Header) -> None:
     """Raise DataError for a distance that the stated positions exclude: of other balls, or with another bar."""
     places = header.targets_of(span.series) if span.series else header.base_targets
     if span.one not in places or span.other not in places:
@@ -106,7 +106,7 @@ def _refuse_another(rows: Columns, i: int, span: Span, header: Header) -> None:
         )
 
 
-def _refuse_impossible(spans: Sequence[Span], table: Columns) -> None:
+def _refuse_impossible(spans: Sequence[Span], table: TextTable) -> None:
     """Raise DataError for three distances of one body that make no triangle."""
     sides: dict[tuple[str, frozenset[str]], Span] = {
         (span.series, frozenset((span.one, span.other))): span for span in spans

@@ -8,14 +8,14 @@ from calib.data.dataset import Dataset
 from calib.data.header import LEAST
 from calib.data.hypotheses import reach
 from calib.errors import DataError
-from calib.text.columns import Columns
+from calib.text.columns import TextTable
 
 _FEWEST_A_SERIES = 3
 _STILL = 3e-4  # share of the reach within which an instrument that is stuck gives its readings
 _BEYOND = 2.0  # deg or mm, by which a joint may exceed its limit: limits are set a little apart in many a controller
 
 
-def refuse_beyond_limits(dataset: Dataset, table: Columns) -> None:
+def refuse_beyond_limits(dataset: Dataset, table: TextTable) -> None:
     """Raise DataError for joints beyond the limits: a typing error, or another robot."""
     robot, conditions = dataset.header.robot, dataset.conditions
     units = robot.joint_units
@@ -32,7 +32,7 @@ def refuse_beyond_limits(dataset: Dataset, table: Columns) -> None:
         )
 
 
-def refuse_unfit(dataset: Dataset, table: Columns) -> None:
+def refuse_unfit(dataset: Dataset, table: TextTable) -> None:
     """Raise DataError for readings that cannot carry the model of their header, or cannot even say where the robot is.
 
     dataset: that by which the robot is placed; where nothing is to be fitted, its validation rows alone.
@@ -98,7 +98,7 @@ def refuse_unfit(dataset: Dataset, table: Columns) -> None:
     _refuse_without_noise(dataset, table)
 
 
-def _refuse_without_noise(dataset: Dataset, table: Columns) -> None:
+def _refuse_without_noise(dataset: Dataset, table: TextTable) -> None:
     """Distances weigh by their own noise, which cannot be guessed."""
     for of_row, column in ((dataset.u_rotation, "u_rot_mrad"), (dataset.u_length, "u_length_mm")):
         for i in np.flatnonzero(np.isfinite(of_row) & ~(of_row >= LEAST * 1e-3)):

@@ -1,7 +1,7 @@
 """The diagnosis: effects that the base model lacks, each with its evidence and the rivals that fit nearly as well."""
 
 from calib.diagnose.carried import CarriedTerm, Shares
-from calib.diagnose.diagnosis import CarryOver, Diagnosis, Found, carry_over, diagnose
+from calib.diagnose.diagnosis import CarryOver, DiagnosedEffect, DiagnosisFit, carry_over, diagnose
 from calib.diagnose.follow_up import (
     APPROACHES,
     POSES,
@@ -12,7 +12,7 @@ from calib.diagnose.follow_up import (
     next_measurements,
     separating,
 )
-from calib.diagnose.found import COVERAGE, Surprise, Visible, errors_without
+from calib.diagnose.found import COVERAGE, DetectableEffect, HeldOutTest, errors_without
 from calib.diagnose.select import MOST_EFFECTS
 from calib.diagnose.structure import (
     ACTS_ON,
@@ -20,7 +20,7 @@ from calib.diagnose.structure import (
     QUICK,
     SEEN,
     TOGETHER,
-    Structure,
+    ResidualStructure,
     pauses,
     sight_at_tool,
 )
@@ -38,14 +38,14 @@ __all__ = [
     "TOGETHER",
     "CarriedTerm",
     "CarryOver",
-    "Diagnosis",
+    "DetectableEffect",
+    "DiagnosedEffect",
+    "DiagnosisFit",
     "FollowUp",
-    "Found",
+    "HeldOutTest",
+    "ResidualStructure",
     "Rivals",
     "Shares",
-    "Structure",
-    "Surprise",
-    "Visible",
     "carry_over",
     "diagnose",
     "errors_without",

@@ -23,15 +23,15 @@ from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.diagnose.dictionary import CONDITIONS, Entry, OfClock, bound, held, step_at
 from calib.diagnose.pursuit import HOLDS, LEASH, Choice, Chosen, parts, pursue
-from calib.diagnose.structure import TOGETHER, Structure
+from calib.diagnose.structure import TOGETHER, ResidualStructure
 from calib.fit.held_out import all_readings
-from calib.fit.identification import Identification
+from calib.fit.identification import IdentificationFit
 from calib.fit.identify import carry, leaving_out
-from calib.fit.readings import Readings
+from calib.fit.readings import FitReadings
 from calib.model.carried_regressors import OfTime
-from calib.model.effect import Effect, Owner, Parameter, Term
-from calib.model.model import Design
-from calib.model.regressors import CreepBetween, Regressor, StepAt, Temperature, Time, WarmUp
+from calib.model.effect import Effect, EffectTerm, Owner, Parameter
+from calib.model.model import BoundModel
+from calib.model.regressors import CreepBetween, Regressor, StepAt, Temperature, Time, WarmUpRegressor
 from calib.units import to_display
 
 _WINDOWS = np.radians((6.0, 12.0, 24.0))
@@ -86,11 +86,11 @@ class Shares:
     noise: float
 
     @classmethod
-    def of(cls, base: Identification, named: Identification, final: Identification) -> Shares:
+    def of(cls, base: IdentificationFit, named: IdentificationFit, final: IdentificationFit) -> Shares:
         """The shares on the readings of the final fit."""
         conditions, observed = final.readings.conditions, final.readings.observed
         squares = [
-            float(np.sum(observed.residual(Design(fit.model, conditions).frames(fit.estimate, ())) ** 2))
+            float(np.sum(observed.residual(BoundModel(fit.model, conditions).frames(fit.estimate, ())) ** 2))
             for fit in (base, named, final)
         ]
         whole, beside, left = max(squares[0], 1e-300), min(squares[1], squares[0]), min(squares[1:])
@@ -102,21 +102,23 @@ class Shares:
 class Layers:
     """A fit with carried terms, and these terms with the one that explains most first."""
 
-    fitted: Identification
+    fitted: IdentificationFit
     terms: tuple[CarriedTerm, ...]
 
-    def places(self, left: Sequence[Structure]) -> list[Structure]:
+    def places(self, left: Sequence[ResidualStructure]) -> list[ResidualStructure]:
         """The places of structure, of carried terms and of what tests found `left` by the named effects, each condition
         once, the one that explains most first."""
-        own = [Structure(t.condition, t.p_value, t.explained, t.place) for t in self.terms[:_MOST_PLACES]]
-        found: dict[str, Structure] = {}
+        own = [
+            ResidualStructure(t.condition, t.p_value, t.explained, t.place) for t in self.terms[:_MOST_PLACES]
+        ]
+        found: dict[str, ResidualStructure] = {}
         for place in sorted([*own, *left], key=lambda s: (s.where == TOGETHER, -s.explained_variance)):
             found.setdefault(place.where, place)
         return list(found.values())
 
 
 def competed(
-    base: Identification, readings: Readings, everywhere: Conditions, named: tuple[Effect, ...]
+    base: IdentificationFit, readings: FitReadings, everywhere: Conditions, named: tuple[Effect, ...]
 ) -> tuple[Chosen, tuple[Effect, ...]]:
     """What a pursuit from the base model chooses among terms and names, and the names that hold.
 
@@ -150,7 +152,7 @@ def _conditions_of(effect: Effect) -> set[str | int]:
     """The conditions that an effect follows: "time", "air", or the numbers of joints."""
     found: set[str | int] = set()
     for term in effect.terms:
-        if isinstance(term.regressor, StepAt | CreepBetween | Time | WarmUp | OfTime):
+        if isinstance(term.regressor, StepAt | CreepBetween | Time | WarmUpRegressor | OfTime):
             found.add("time")
         elif isinstance(term.regressor, Temperature):
             found.add("air")
@@ -181,7 +183,7 @@ def _conditions_of_entry(entry: Entry) -> set[str | int]:
     return {*entry.joints} or {"air" if entry.kind == "late air" else entry.kind}
 
 
-def with_terms(dataset: Dataset, named: Identification, readings: Readings, chosen: Chosen) -> Layers:
+def with_terms(dataset: Dataset, named: IdentificationFit, readings: FitReadings, chosen: Chosen) -> Layers:
     """The fit of base model and names with the carried terms of a pursuit, everything together on the exact chain."""
     carried = chosen.carried(named={e.label for e in named.model.effects})
     if not carried:
@@ -211,7 +213,9 @@ def with_terms(dataset: Dataset, named: Identification, readings: Readings, chos
     fitted = _fitted(named, readings, effects, chosen.kappa)
     left = float(
         np.sum(
-            readings.observed.residual(Design(named.model, readings.conditions).frames(named.estimate, ()))
+            readings.observed.residual(
+                BoundModel(named.model, readings.conditions).frames(named.estimate, ())
+            )
             ** 2
         )
     )
@@ -232,7 +236,7 @@ def with_terms(dataset: Dataset, named: Identification, readings: Readings, chos
     return Layers(fitted, tuple(sorted(terms, key=lambda t: -t.explained)))
 
 
-def _effect(named: Identification, choice: Choice, number: int, functions: Sequence[Regressor]) -> Effect:
+def _effect(named: IdentificationFit, choice: Choice, number: int, functions: Sequence[Regressor]) -> Effect:
     entry = choice.entry
     unit = "deg" if named.model.chain.slots[entry.slot].turns else "mm"
     label = f"carried:{entry.slot}:{entry.kind.replace(' ', '_')}:{number}"
@@ -244,7 +248,7 @@ def _effect(named: Identification, choice: Choice, number: int, functions: Seque
         owner,
         f"{entry.slot} follows {entry.condition}, for no known cause.",
         tuple(Parameter(n, unit, to_display(s, unit)) for n, s in zip(names, choice.sizes, strict=True)),
-        tuple(Term(name, entry.slot, 1.0, f) for name, f in zip(names, functions, strict=True)),
+        tuple(EffectTerm(name, entry.slot, 1.0, f) for name, f in zip(names, functions, strict=True)),
     )
 
 
@@ -274,8 +278,8 @@ def _unnamed(choice: Choice, number: int, conditions: Conditions, clock: str) ->
 
 
 def _averaged(
-    named: Identification,
-    readings: Readings,
+    named: IdentificationFit,
+    readings: FitReadings,
     chosen: Chosen,
     others: Sequence[Entry],
     step: Choice,
@@ -321,7 +325,7 @@ def _averaged(
 
 
 def _between(
-    dataset: Dataset, readings: Readings, clock: str, moment: tuple[float, float]
+    dataset: Dataset, readings: FitReadings, clock: str, moment: tuple[float, float]
 ) -> tuple[str, str]:
     """Ids of the last reading of the fit at or before an interval, and of the first at or after it."""
     times, rows = getattr(dataset.conditions, clock), readings.rows
@@ -333,8 +337,8 @@ def _between(
 
 
 def _fitted(
-    named: Identification, readings: Readings, effects: Iterable[Effect], kappa: float
-) -> Identification:
+    named: IdentificationFit, readings: FitReadings, effects: Iterable[Effect], kappa: float
+) -> IdentificationFit:
     """Model and terms fitted together, the model with a leash to its own fit, each term held by its evidence.
 
     The noise is what left-out blocks show: the residual's times kappa.
@@ -360,7 +364,7 @@ def _fitted(
         right -= held * (estimate - model.prior_mean)[active] + leash * (estimate - start)[active]
         estimate = estimate.copy()
         estimate[active] += inverse @ right
-        residual = readings.observed.residual(Design(model, readings.conditions).frames(estimate, ()))
+        residual = readings.observed.residual(BoundModel(model, readings.conditions).frames(estimate, ()))
         freedom = readings.observed.count - round(float(np.sum(1.0 - (held + leash) * np.diag(inverse))))
         scale = float(np.sqrt(np.sum(residual**2) / max(freedom, 1)))
         covariance = np.zeros((len(start), len(start)))
@@ -378,7 +382,7 @@ def _fitted(
     )
 
 
-def readings_back(dataset: Dataset, fitted: Identification) -> tuple[Readings, NDArray[np.int64]]:
+def readings_back(dataset: Dataset, fitted: IdentificationFit) -> tuple[FitReadings, NDArray[np.int64]]:
     """The readings of a fit with those it left out that lie together in a window of one joint, beyond chance, and the
     rows of the latter in the data set: they show a place where the model fails, and are no accidents."""
     from scipy.stats import hypergeom  # half a second that a service need not take to begin

@@ -37,12 +37,12 @@ from calib.effects import Survey, by_axis
 from calib.effects.transmission import BANDS, HIGHEST, curve_of, gear_orders, half_octave, periodic
 from calib.fit import robust
 from calib.fit.held_out import all_readings
-from calib.fit.identification import Identification
+from calib.fit.identification import IdentificationFit
 from calib.fit.identify import Progress, carry, leaving_out, silent
 from calib.fit.least_squares import LEAST_NOISE, usual_sizes
-from calib.fit.readings import Readings, linearised
+from calib.fit.readings import FitReadings, linearised
 from calib.model.effect import Effect
-from calib.model.model import Design, RobotModel
+from calib.model.model import BoundModel, ModelStructure
 from calib.scan.scores import CLAIM
 from calib.units import DEG
 
@@ -81,7 +81,7 @@ class Posterior:
 
 
 @dataclass(frozen=True)
-class Normal:
+class NormalEquations:
     """J'J (B, a, a) and J'y (B, a) of every block, |y|^2 (B,), and the number of rows; y counts from estimate zero."""
 
     gram: Array
@@ -90,7 +90,9 @@ class Normal:
     rows: int
 
     @classmethod
-    def of(cls, model: RobotModel, readings: Readings, estimate: Array, active: NDArray[np.bool_]) -> Normal:
+    def of(
+        cls, model: ModelStructure, readings: FitReadings, estimate: Array, active: NDArray[np.bool_]
+    ) -> NormalEquations:
         """The normal equations of a model linearised at an estimate (m,), over its active parameters (mask (m,))."""
         block, count = blocks_of(readings.conditions), int(active.sum())
         gram, right, square = np.zeros((BLOCKS, count, count)), np.zeros((BLOCKS, count)), np.zeros(BLOCKS)
@@ -105,7 +107,7 @@ class Normal:
                 square[b] += y @ y
         return cls(gram, right, square, readings.observed.count)
 
-    def take(self, columns: NDArray[np.int64]) -> Normal:
+    def take(self, columns: NDArray[np.int64]) -> NormalEquations:
         """The normal equations of some of the columns only."""
         return replace(self, gram=self.gram[:, columns[:, None], columns], right=self.right[:, columns])
 
@@ -198,16 +200,16 @@ Sizes = Mapping[int, Array]  # joint -> (BANDS,) usual size of the amplitudes of
 
 
 @dataclass(frozen=True)
-class Carried:
+class GearCurveFit:
     """A fit with curves of gears beside everything else, all of it free, and the curves' usual sizes."""
 
-    fitted: Identification
+    fitted: IdentificationFit
     curves: Mapping[int, Effect]  # by joint
     sizes: Sizes
     determined: Array  # (m,) how much of every parameter the readings determine, 0 to 1
 
     @property
-    def held(self) -> Identification:
+    def held(self) -> IdentificationFit:
         """The fit with the curves held: part of the nominal motion, no parameters."""
         fitted, model = self.fitted, self.fitted.model
         others = tuple(e for e in model.effects if e not in self.curves.values())
@@ -225,7 +227,7 @@ class Carried:
         )
 
 
-def gears_to_carry(fitted: Identification, dataset: Dataset) -> list[int]:
+def gears_to_carry(fitted: IdentificationFit, dataset: Dataset) -> list[int]:
     """The joints whose curves these readings can carry; none where they, or the poses among them, are too few: what a
     pose shows again says nothing new about a curve."""
     moving = Survey.of(fitted, dataset).moving
@@ -235,8 +237,8 @@ def gears_to_carry(fitted: Identification, dataset: Dataset) -> list[int]:
 
 
 def with_gears(
-    dataset: Dataset, named: Identification, joints: list[int], *, progress: Progress = silent
-) -> Carried | None:
+    dataset: Dataset, named: IdentificationFit, joints: list[int], *, progress: Progress = silent
+) -> GearCurveFit | None:
     """The effects `named`, with a curve for each of the joints that left-out blocks confirm, and with names for the
     orders that are far above their neighbours. None where no joint is confirmed."""
     if not joints:
@@ -259,7 +261,7 @@ def with_gears(
     return beside(_naming(second.held, names), second.sizes) if names else second
 
 
-def beside(named: Identification, sizes: Sizes) -> Carried:
+def beside(named: IdentificationFit, sizes: Sizes) -> GearCurveFit:
     """Everything of `named` and a curve for each joint of `sizes`, fitted together."""
     trial = _Trial.of(named, sizes)
     return trial.carried(trial.posterior(_AGAIN))
@@ -269,16 +271,16 @@ def beside(named: Identification, sizes: Sizes) -> Carried:
 class _Trial:
     """Curves and everything else, linearised at the fit so far; `active` (m,) and what follows (a,) over the active."""
 
-    named: Identification
-    model: RobotModel
+    named: IdentificationFit
+    model: ModelStructure
     curves: Mapping[int, Effect]
     start: Array
     active: NDArray[np.bool_]
     band: NDArray[np.int64]  # of every column; -1 outside the curves
-    normal: Normal
+    normal: NormalEquations
 
     @classmethod
-    def of(cls, named: Identification, sizes: Sizes) -> _Trial:
+    def of(cls, named: IdentificationFit, sizes: Sizes) -> _Trial:
         """The curves of some joints, with the sizes that a fit before had, or a first guess."""
         orders = _named_orders(named.model.effects)
         robot = named.model.robot
@@ -295,7 +297,13 @@ class _Trial:
                 i * BANDS + half_octave(int(p.short[3:])) for p in curve.parameters
             ]
         return cls(
-            named, model, curves, start, active, band[active], Normal.of(model, named.readings, start, active)
+            named,
+            model,
+            curves,
+            start,
+            active,
+            band[active],
+            NormalEquations.of(model, named.readings, start, active),
         )
 
     def columns(self, curve: Effect) -> NDArray[np.int64]:
@@ -327,7 +335,7 @@ class _Trial:
         measured, mean = model.measured[active], model.prior_mean[active]
         return self.normal.posterior(usual[active] ** 2, self.band, measured, rounds, mean)
 
-    def carried(self, posterior: Posterior) -> Carried:
+    def carried(self, posterior: Posterior) -> GearCurveFit:
         """The fit in full, its residual from the exact chain."""
         named, active = self.named, self.active
         sizes = {k: np.full(BANDS, _FIRST_SIZE) for k in self.curves}
@@ -345,7 +353,7 @@ class _Trial:
         estimate[active], determined[active] = posterior.estimate, posterior.determined
         prior[active] = np.sqrt(posterior.noise / posterior.variance)
         readings = named.readings
-        residual = readings.observed.residual(Design(model, readings.conditions).frames(estimate, ()))
+        residual = readings.observed.residual(BoundModel(model, readings.conditions).frames(estimate, ()))
         freedom = readings.observed.count - round(float(determined.sum()))
         scale = float(np.sqrt(np.sum(residual**2) / max(freedom, 1)))
         covariance = np.zeros((count, count))
@@ -360,7 +368,7 @@ class _Trial:
             noise_scale=scale,
             degrees_of_freedom=freedom,
         )
-        return Carried(fitted, curves, sizes, determined)
+        return GearCurveFit(fitted, curves, sizes, determined)
 
 
 def _named_orders(effects: tuple[Effect, ...]) -> dict[int, set[int]]:
@@ -375,19 +383,19 @@ def _named_orders(effects: tuple[Effect, ...]) -> dict[int, set[int]]:
     return named
 
 
-def _belonging(dataset: Dataset, fitted: Identification) -> Identification:
+def _belonging(dataset: Dataset, fitted: IdentificationFit) -> IdentificationFit:
     """The fit with all readings that it can place: some that only curves explain had been left out, and others had
     hidden among the errors of the gears."""
     readings, _ = all_readings(dataset, fitted)
     residual = readings.observed.alone.residual(
-        Design(fitted.model, readings.conditions).frames(fitted.estimate, ())
+        BoundModel(fitted.model, readings.conditions).frames(fitted.estimate, ())
     )
     faulty = robust.outliers(residual, readings.observed.freedom)
     rejected = tuple(dataset.reading_id[i] for i in readings.rows[faulty])
     return leaving_out(fitted, readings.take(~faulty), rejected)
 
 
-def _naming(fitted: Identification, orders: list[tuple[int, int]]) -> Identification:
+def _naming(fitted: IdentificationFit, orders: list[tuple[int, int]]) -> IdentificationFit:
     """The fit with waves of some orders (joint, order) in its model, from zero."""
     waves = tuple(periodic(joint, float(order)) for joint, order in orders)
     model = fitted.model.append(*waves)
@@ -403,7 +411,7 @@ def _naming(fitted: Identification, orders: list[tuple[int, int]]) -> Identifica
     )
 
 
-def _outstanding(carried: Carried) -> list[tuple[int, int]]:
+def _outstanding(carried: GearCurveFit) -> list[tuple[int, int]]:
     """Joint and order of every wave that is larger than its neighbours make likely, the largest first.
 
     What the readings alone say of an order, y with covariance V, is its estimate with its own prior taken out again.

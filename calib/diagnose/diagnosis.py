@@ -30,12 +30,12 @@ from numpy.typing import NDArray
 from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.diagnose.carried import CarriedTerm, Shares, competed, readings_back, with_terms
-from calib.diagnose.curves import MANY_WAVES, Carried, beside, gears_to_carry, with_gears
+from calib.diagnose.curves import MANY_WAVES, GearCurveFit, beside, gears_to_carry, with_gears
 from calib.diagnose.follow_up import FollowUp, follow_up, next_measurements, remarks_of
 from calib.diagnose.found import (
-    Found,
-    Surprise,
-    Visible,
+    DetectableEffect,
+    DiagnosedEffect,
+    HeldOutTest,
     errors_without,
     resized,
     surprise_of,
@@ -43,12 +43,20 @@ from calib.diagnose.found import (
     with_shapes,
 )
 from calib.diagnose.pursuit import Chosen
-from calib.diagnose.select import MOST_EFFECTS, Evidence, Selection, chance_by_pose, judge, refit, select
+from calib.diagnose.select import (
+    MOST_EFFECTS,
+    EffectEvidence,
+    EffectSelection,
+    chance_by_pose,
+    judge,
+    refit,
+    select,
+)
 from calib.diagnose.structure import (
     ALARM,
     NOISY,
     SUSPECT,
-    Structure,
+    ResidualStructure,
     each_pose,
     left_over,
     p_beyond_repeats,
@@ -60,16 +68,16 @@ from calib.errors import DataError
 from calib.fit import robust
 from calib.fit.again import fit_again
 from calib.fit.held_out import HeldOutFaults, all_readings, errors_on, held_out_faults
-from calib.fit.identification import Identification
+from calib.fit.identification import IdentificationFit
 from calib.fit.identify import Progress, carry, fit, identify, silent, within_type
-from calib.fit.least_squares import Dropped, Linearisation, find_dependent, solve
-from calib.fit.of_type import Beside, TypePrior, centred
+from calib.fit.least_squares import DroppedParameter, Linearisation, find_dependent, solve
+from calib.fit.of_type import TypeFit, TypePrior, centred
 from calib.fit.placing import base_model_of, place_nominal
-from calib.fit.readings import Readings, readings_of
+from calib.fit.readings import FitReadings, readings_of
 from calib.fit.statistics import ErrorStatistics, statistics_of, worse
 from calib.model.base_model import named_in
 from calib.model.effect import Effect
-from calib.model.model import Design, RobotModel
+from calib.model.model import BoundModel, ModelStructure
 from calib.scan.scores import CLAIM, Scores, Space, p_value
 from calib.units import percent
 
@@ -83,8 +91,8 @@ _KNOWN = 1e-9  # what no other block knows of a parameter without a prior, so th
 
 
 def in_type(
-    dataset: Dataset, fitted: Identification, beside: Beside, found: list[Found], *, refit: bool
-) -> tuple[Identification, list[Found]]:
+    dataset: Dataset, fitted: IdentificationFit, beside: TypeFit, found: list[DiagnosedEffect], *, refit: bool
+) -> tuple[IdentificationFit, list[DiagnosedEffect]]:
     """The fit held to its type with what was found, and the findings with their new values.
 
     beside: the base model's; refit: False where curves of gears are in the model, whose sizes the readings say: then
@@ -95,13 +103,13 @@ def in_type(
     base = base_model_of(dataset)
     usual = {p.name: p for e in (*base.effects, *(f.effect for f in found)) for p in e.parameters}
 
-    def again(model: RobotModel) -> Identification:
+    def again(model: ModelStructure) -> IdentificationFit:
         return fit_again(dataset, fitted, model)
 
     spoken_for = named_in(base.effects, dataset.header.priors)
     wanted = frozenset(beside.prior.shares) - frozenset(beside.open) - spoken_for
     model = centred(fitted.model, beside.prior, wanted)
-    final = within_type(again(model), Beside(beside.prior, open=beside.open), usual, again)
+    final = within_type(again(model), TypeFit(beside.prior, open=beside.open), usual, again)
     return final, [resized(f, final) for f in found]
 
 
@@ -119,17 +127,17 @@ _HARM = 0.02  # share by which the held-out error must be smaller without an eff
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class DiagnosisFit:
     """The result of a diagnosis: the effects found, and the error before and after on validation rows."""
 
     dataset: Dataset
-    base: Identification
-    final: Identification
-    nominal: RobotModel
+    base: IdentificationFit
+    final: IdentificationFit
+    nominal: ModelStructure
     nominal_estimate: Array
-    effects: tuple[Found, ...]
+    effects: tuple[DiagnosedEffect, ...]
     verdict: Verdict
-    structure: tuple[Structure, ...]
+    structure: tuple[ResidualStructure, ...]
     p_lack_of_fit: float
     error_nominal: ErrorStatistics | None
     error_before: ErrorStatistics | None
@@ -138,9 +146,9 @@ class Diagnosis:
     notes: tuple[str, ...]
     follow_up: FollowUp | None  # what to measure next; None where nothing is ambiguous
     # The smallest size of everything looked for that these readings would have shown
-    power: tuple[Visible, ...]
+    power: tuple[DetectableEffect, ...]
     harmful: tuple[str, ...]  # effects without which the held-out error would be smaller
-    surprise: Surprise | None  # how the held-out error compares with what noise and parameters let expect
+    surprise: HeldOutTest | None  # how the held-out error compares with what noise and parameters let expect
     carried: tuple[
         CarriedTerm, ...
     ]  # the terms of the final model without a name, the one that explains most first
@@ -179,7 +187,7 @@ class Diagnosis:
         return self.verdict not in ("unexplained", "excess_noise")
 
     @property
-    def confirmed(self) -> tuple[Found, ...]:
+    def confirmed(self) -> tuple[DiagnosedEffect, ...]:
         """The effects whose size exceeds its expanded uncertainty."""
         return tuple(found for found in self.effects if found.confirmed)
 
@@ -191,7 +199,7 @@ class Diagnosis:
         return next_measurements((left.where, left.acts_on) for left in self.structure)
 
     @property
-    def held_out(self) -> Readings | None:
+    def held_out(self) -> FitReadings | None:
         """The readings of the validation set as the final model sees them; None without any."""
         rows = self.dataset.validation_rows
         return readings_of(self.dataset, rows, self.final.model, self.final.estimate) if rows.any() else None
@@ -203,7 +211,7 @@ class Diagnosis:
         held_out = self.held_out_faults.error_without
         if held_out is None or observed.points is None or observed.lengths is not None:
             return None
-        design = Design(self.final.model, self.final.readings.conditions)
+        design = BoundModel(self.final.model, self.final.readings.conditions)
         left = observed.points - design.frames(self.final.estimate, ()).p
         return held_out.rms / float(np.sqrt(np.mean(np.sum(left**2, axis=0))))
 
@@ -214,7 +222,7 @@ def diagnose(
     most: int = MOST_EFFECTS,
     prior: TypePrior | None = None,
     progress: Progress = silent,
-) -> Diagnosis:
+) -> DiagnosisFit:
     """Find the effects that the base model of a data set lacks. prior: what robots of the type share.
 
     Raises DataError when it cannot even be identified, and for the prior of another type.
@@ -232,7 +240,7 @@ def diagnose(
         chosen, holding = competed(base, readings, dataset.conditions, searched)
         if len(holding) < len(searched):
             fitted = _arrived(dataset, refit(dataset, selection.fitted, holding))
-            selection, space = Selection(fitted, holding), Space.of(fitted)
+            selection, space = EffectSelection(fitted, holding), Space.of(fitted)
             labels = {e.label for e in holding}
             named = [resized(f, fitted) for f in named if f.effect.label in labels]
     named = with_shapes(dataset, selection.fitted, named)
@@ -253,7 +261,7 @@ def diagnose(
     faults = held_out_faults(dataset, layers.fitted)
     surprise = surprise_of(dataset, layers.fitted, faults.rows)
     rows = dataset.validation_rows
-    return Diagnosis(
+    return DiagnosisFit(
         dataset=dataset,
         base=base,
         final=layers.fitted,
@@ -282,27 +290,29 @@ def diagnose(
 
 
 def _search(
-    dataset: Dataset, base: Identification, most: int, progress: Progress
-) -> tuple[Selection, Carried | None]:
+    dataset: Dataset, base: IdentificationFit, most: int, progress: Progress
+) -> tuple[EffectSelection, GearCurveFit | None]:
     """The effects that stay when readings are screened again, and the curves of gears that they were found beside."""
     progress("searching")
     joints = gears_to_carry(base, dataset)
-    selection = _screened(dataset, Selection(base, ()), most, MANY_WAVES if joints else math.inf, progress)
+    selection = _screened(
+        dataset, EffectSelection(base, ()), most, MANY_WAVES if joints else math.inf, progress
+    )
     if not selection.crowded:
         return selection, None
     carried = with_gears(dataset, base, joints, progress=progress)
     if carried is None:
-        return _screened(dataset, Selection(base, ()), most, math.inf, progress), None
+        return _screened(dataset, EffectSelection(base, ()), most, math.inf, progress), None
     progress("searching on what the curves leave")
     held = carried.held
     names = tuple(e for e in held.model.effects if e.group != "base model")
-    start = Selection(refit(dataset, held, names), names)
+    start = EffectSelection(refit(dataset, held, names), names)
     return _screened(dataset, start, most, math.inf, progress), carried
 
 
 def _screened(
-    dataset: Dataset, selection: Selection, most: int, crowd: float, progress: Progress
-) -> Selection:
+    dataset: Dataset, selection: EffectSelection, most: int, crowd: float, progress: Progress
+) -> EffectSelection:
     """Search, screen the readings again, and so on until they stay the same."""
     dropped = selection.fitted.dropped
     for _ in range(_SCREENINGS):
@@ -319,8 +329,8 @@ def _screened(
 
 
 def _judged(
-    dataset: Dataset, selection: Selection
-) -> tuple[Selection, Space, list[Found], tuple[Visible, ...]]:
+    dataset: Dataset, selection: EffectSelection
+) -> tuple[EffectSelection, Space, list[DiagnosedEffect], tuple[DetectableEffect, ...]]:
     """Every effect with its evidence, strongest first. Those that the last refit left without any go, weakest first,
     and so do those from which left-out blocks of the readings do not gain; before them, one at a time, those that it
     left where physics forbids them."""
@@ -331,7 +341,7 @@ def _judged(
         forbidden = [effect for effect in selection.effects if space.forbids(effect)]
         if forbidden:
             kept = tuple(e for e in selection.effects if e is not forbidden[0])
-            selection = Selection(refit(dataset, fitted, kept), kept)
+            selection = EffectSelection(refit(dataset, fitted, kept), kept)
             continue
         scores = Scores(offers(Survey.of(fitted, dataset)), space)
         chance = chance_by_pose(scores) if selection.effects else None
@@ -346,15 +356,17 @@ def _judged(
             return selection, space, found, visible(scores)
         gone = weak[len(weak) // 2 :]
         kept = tuple(e for e in selection.effects if all(e is not f.effect for f in gone))
-        selection = Selection(refit(dataset, fitted, kept), kept)
+        selection = EffectSelection(refit(dataset, fitted, kept), kept)
 
 
-def _arrived(dataset: Dataset, fitted: Identification) -> Identification:
+def _arrived(dataset: Dataset, fitted: IdentificationFit) -> IdentificationFit:
     """A fit taken to its end: between choices it takes a few steps only, too few where what was found is large."""
     return fitted if fitted.converged else fit_again(dataset, fitted, fitted.model)
 
 
-def _screen(dataset: Dataset, dropped: tuple[Dropped, ...], selection: Selection) -> Identification:
+def _screen(
+    dataset: Dataset, dropped: tuple[DroppedParameter, ...], selection: EffectSelection
+) -> IdentificationFit:
     """Fit the chosen model to all readings again, those included that the base model could not place."""
     model = selection.fitted.model
     readings = readings_of(dataset, dataset.fit_rows, model, selection.fitted.estimate)
@@ -363,14 +375,14 @@ def _screen(dataset: Dataset, dropped: tuple[Dropped, ...], selection: Selection
 
 def _found(
     dataset: Dataset, space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ...]
-) -> Found:
+) -> DiagnosedEffect:
     fitted = space.fitted
     positions = fitted.model.positions(effect)
     index = None
     if "rank" in effect.shape:
         row = int(np.flatnonzero(dataset.conditions.order == effect.shape["rank"])[0])
         index = dataset.reading_id[row]
-    return Found(
+    return DiagnosedEffect(
         effect=effect,
         evidence=judge(space, scores, effect, chosen),
         values=fitted.estimate[positions],
@@ -379,7 +391,7 @@ def _found(
     )
 
 
-def _curve(carried: Carried, curve: Effect) -> Found:
+def _curve(carried: GearCurveFit, curve: Effect) -> DiagnosedEffect:
     """The curve of a gear: what it explains that nothing else does; it has no rivals."""
     fitted = carried.fitted
     positions = fitted.model.positions(curve)
@@ -389,9 +401,9 @@ def _curve(carried: Carried, curve: Effect) -> Found:
     columns = max(round(float(carried.determined[positions].sum())), 1)
     rss = float(np.sum(fitted.residual**2)) + gain
     rows = fitted.readings.observed.count
-    return Found(
+    return DiagnosedEffect(
         effect=curve,
-        evidence=Evidence(
+        evidence=EffectEvidence(
             candidates={curve.label: 1.0},
             effects={curve.label: curve},
             delta_bic=rows * float(np.log(rss / (rss - gain))) - columns * float(np.log(rows)),
@@ -406,7 +418,7 @@ def _curve(carried: Carried, curve: Effect) -> Found:
     )
 
 
-def _follow_up(dataset: Dataset, final: Identification, found: list[Found]) -> FollowUp | None:
+def _follow_up(dataset: Dataset, final: IdentificationFit, found: list[DiagnosedEffect]) -> FollowUp | None:
     """Poses that would distinguish the members of every class; the weightiest rivals of the strongest effects first."""
     effects = tuple(f.effect for f in found)
     pairs = [
@@ -425,7 +437,7 @@ def _follow_up(dataset: Dataset, final: Identification, found: list[Found]) -> F
     return follow_up(final, rivals) if rivals else None
 
 
-def _structure(dataset: Dataset, space: Space) -> list[Structure]:
+def _structure(dataset: Dataset, space: Space) -> list[ResidualStructure]:
     """The structure that is left: along the drivers, those readings included that the fit left out, in where these lie,
     and in the poses by themselves."""
     alarm = ALARM if p_lack_of_fit(space) >= NOISY else SUSPECT
@@ -442,7 +454,9 @@ def _fits(space: Space) -> bool:
     return p_lack_of_fit(space) >= NOISY or (repeats is not None and repeats >= NOISY)
 
 
-def _verdict(found: list[Found], structure: list[Structure], *, fits: bool, holds: bool) -> Verdict:
+def _verdict(
+    found: list[DiagnosedEffect], structure: list[ResidualStructure], *, fits: bool, holds: bool
+) -> Verdict:
     """The verdict. No cause or class is certain where the residuals exceed what noise explains, or where the model
     does not hold for the readings held out."""
     if structure:
@@ -456,13 +470,13 @@ def _verdict(found: list[Found], structure: list[Structure], *, fits: bool, hold
     return "attributed" if found else "complete"
 
 
-def _holds(surprise: Surprise | None, faults: HeldOutFaults) -> bool:
+def _holds(surprise: HeldOutTest | None, faults: HeldOutFaults) -> bool:
     """Whether the model holds for the readings held out: within their expectation, and not many of them faulty."""
     many = len(faults.faults) > _MANY_FAULTS * max(faults.error_without.n if faults.error_without else 0, 1)
     return not (many or (surprise is not None and surprise.real))
 
 
-def _harmful(dataset: Dataset, final: Identification, found: list[Found]) -> tuple[str, ...]:
+def _harmful(dataset: Dataset, final: IdentificationFit, found: list[DiagnosedEffect]) -> tuple[str, ...]:
     """The effects without which the held-out error would be smaller; they stay, since validation decides nothing."""
     whole = statistics_of(errors_on(dataset, dataset.validation_rows, final.model, final.estimate))
     if whole is None:
@@ -544,7 +558,7 @@ class CarryOver:
         return f"{said} With their amplitudes fitted anew they take {percent(refitted)} away."
 
 
-def carry_over(diagnosis: Diagnosis, other: Dataset) -> CarryOver:
+def carry_over(diagnosis: DiagnosisFit, other: Dataset) -> CarryOver:
     """Judge the effects of `diagnosis` on another data set. Raises DataError when it is of another robot."""
     if other.header.robot.name != diagnosis.dataset.header.robot.name:
         raise DataError(
@@ -590,20 +604,20 @@ def _carries(effect: Effect) -> bool:
 
 
 def _fit(
-    other: Dataset, model: RobotModel, start: Array, free: list[int] | range, own: Identification
+    other: Dataset, model: ModelStructure, start: Array, free: list[int] | range, own: IdentificationFit
 ) -> Array:
     """Least squares over the `free` parameters, on the readings that fitted the other set's own base model."""
     belongs = np.zeros(len(other), dtype=bool)
     belongs[own.readings.rows] = True
     readings = readings_of(other, belongs, model, start)
-    design = Design(model, readings.conditions)
+    design = BoundModel(model, readings.conditions)
     observed = readings.observed
     # The sizes that evidence gave the curves of gears hold what these readings leave open of them.
     others = replace(model, effects=tuple(e for e in model.effects if not e.is_curve))
     active = np.ones(len(start), dtype=bool)
     count = len(others.parameters)
     active[:count], dropped = find_dependent(
-        Linearisation(Design(others, readings.conditions), observed, start[:count])
+        Linearisation(BoundModel(others, readings.conditions), observed, start[:count])
     )
     allowed = np.zeros(len(start), dtype=bool)
     allowed[list(free)] = True

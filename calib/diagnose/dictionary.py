@@ -22,17 +22,17 @@ from calib.arm.kinematics import BESIDE, FRAME, TARGET, Chain
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.fit.least_squares import jacobian
-from calib.fit.readings import Readings
+from calib.fit.readings import FitReadings
 from calib.model.carried_regressors import QUANTITIES, Held, HeldPair, OfTime
 from calib.model.effect import Effect
-from calib.model.model import Design, RobotModel
+from calib.model.model import BoundModel, ModelStructure
 from calib.model.regressors import (
+    ApproachSide,
     Cosine,
     CreepBetween,
     JointAngle,
     LastMove,
     Regressor,
-    Side,
     Sine,
     StepAt,
     Temperature,
@@ -40,7 +40,7 @@ from calib.model.regressors import (
     Torque,
     TorqueCubed,
     TorqueSign,
-    WarmUp,
+    WarmUpRegressor,
 )
 
 LOW_ORDERS = (1, 2, 3, 4)
@@ -88,9 +88,9 @@ class Entry:
 class Part:
     """Some readings of a fit as its model sees them at its estimate: residual, columns of the model and of slots."""
 
-    def __init__(self, model: RobotModel, estimate: Array, readings: Readings) -> None:
+    def __init__(self, model: ModelStructure, estimate: Array, readings: FitReadings) -> None:
         self.readings, self.conditions = readings, readings.conditions
-        self._design, self._observed = Design(model, readings.conditions), readings.observed
+        self._design, self._observed = BoundModel(model, readings.conditions), readings.observed
         self._frames = self._design.frames(estimate)
         self.residual = self._observed.residual(self._frames)
 
@@ -166,7 +166,11 @@ class Dictionary:
 
     @classmethod
     def of(
-        cls, model: RobotModel, readings: Readings, everywhere: Conditions, named: Sequence[Effect] = ()
+        cls,
+        model: ModelStructure,
+        readings: FitReadings,
+        everywhere: Conditions,
+        named: Sequence[Effect] = (),
     ) -> Dictionary:
         """Everything that readings offer beside a model, and named effects as entries of their own.
 
@@ -267,7 +271,7 @@ def _range_of(values: Array) -> tuple[float, float]:
     return float(np.min(values)), float(np.max(values))
 
 
-def _of_joints(model: RobotModel, conditions: Conditions) -> list[Shape]:
+def _of_joints(model: ModelStructure, conditions: Conditions) -> list[Shape]:
     """Low waves, torque, side and last move of every joint that moved."""
     found: list[Shape] = []
     slides = model.robot.slides
@@ -291,7 +295,7 @@ def _of_joints(model: RobotModel, conditions: Conditions) -> list[Shape]:
                 found.append(("torque", f"the torque about joint {k}", of, (k,), None))
         side = conditions.side[:, k - 1]
         if np.isfinite(side).all() and np.ptp(side) > 0.0:
-            found.append(("side", f"the side of approach of joint {k}", (Side(k),), (k,), None))
+            found.append(("side", f"the side of approach of joint {k}", (ApproachSide(k),), (k,), None))
         move = angle - conditions.previous[:, k - 1]
         if np.isfinite(move).all() and np.ptp(move) > 0.0:
             for law, of_law in (("sign", rate / 0.05), ("linear", rate)):
@@ -300,7 +304,7 @@ def _of_joints(model: RobotModel, conditions: Conditions) -> list[Shape]:
     return found
 
 
-def _of_gears(model: RobotModel, conditions: Conditions) -> list[Entry]:
+def _of_gears(model: ModelStructure, conditions: Conditions) -> list[Entry]:
     """Waves of the gear, windows, and waves of two joints together, on the joint itself."""
     entries: list[Entry] = []
     turning = [k for k in moving(conditions) if k not in model.robot.slides]
@@ -366,7 +370,7 @@ _HELD: Mapping[type, tuple[str, str]] = {
 
 def held(regressor: Regressor, conditions: Conditions, clock: str) -> Regressor:
     """A regressor of a named effect with its value at the border of what was measured kept beyond it."""
-    if isinstance(regressor, StepAt | CreepBetween | Time | WarmUp):
+    if isinstance(regressor, StepAt | CreepBetween | Time | WarmUpRegressor):
         times, first = np.unique(getattr(conditions, clock), return_index=True)
         return bound(_table(times, np.asarray(regressor.evaluate(conditions))[first]), times, clock)
     if type(regressor) not in _HELD:

@@ -29,9 +29,9 @@ from calib.diagnose.found import COVERAGE
 from calib.diagnose.structure import ACTS_ON, DISTANCE, EACH_POSE, OVERTURNING, QUICK, SIGHT, TIME, TOGETHER
 from calib.effects import kind_of
 from calib.effects.kind import SECOND_TARGET, distinguishing
-from calib.fit.identification import Identification
+from calib.fit.identification import IdentificationFit
 from calib.model.base_model import COMPLIANCE
-from calib.model.model import Design, StatedConditions, conditions_at
+from calib.model.model import BoundModel, StatedConditions, conditions_at
 from calib.units import DEG, to_display
 
 _MOST = 5  # sentences
@@ -128,7 +128,7 @@ APPROACHES = (5.0 * DEG, 15.0 * DEG)
 
 Pair = tuple[str, str]
 """The label of an effect, and that of a rival: of another explanation in its place."""
-Rivals = Mapping[Pair, Identification]
+Rivals = Mapping[Pair, IdentificationFit]
 """The model refitted with each rival."""
 
 
@@ -156,7 +156,7 @@ class FollowUp:
 
 
 def later_visits(
-    found: Identification, joints: Array, sides: Array, approach: Array, targets: Sequence[str]
+    found: IdentificationFit, joints: Array, sides: Array, approach: Array, targets: Sequence[str]
 ) -> Conditions:
     """Conditions of visits at joints (n, N) rad as the controller counts them, after everything that was measured.
 
@@ -186,7 +186,7 @@ def later_visits(
     )
 
 
-def candidates(found: Identification) -> Conditions:
+def candidates(found: IdentificationFit) -> Conditions:
     """Visits drawn evenly within the limits of the robot: either side of approach, a short or a long last move, any
     target of the last series."""
     robot = found.model.robot
@@ -203,14 +203,14 @@ def candidates(found: Identification) -> Conditions:
 
 
 def choose(
-    found: Identification, rivals: Rivals, among: Conditions, count: int = POSES
+    found: IdentificationFit, rivals: Rivals, among: Conditions, count: int = POSES
 ) -> tuple[list[int], Array]:
     """Indices of `count` of the candidate conditions, and the separation (rivals,) that they bring."""
     noise = _noise(found, among)
     here = found.predict(among)
     apart, columns, spread = [], [], []
     for fitted in rivals.values():
-        design = Design(fitted.model, among)
+        design = BoundModel(fitted.model, among)
         frames = design.frames(fitted.estimate, design.slots)
         n = len(among)
         apart.append(here - np.broadcast_to(frames.p, (3, n)).T)
@@ -236,12 +236,12 @@ def choose(
     return chosen, total
 
 
-def follow_up(found: Identification, rivals: Rivals) -> FollowUp:
+def follow_up(found: IdentificationFit, rivals: Rivals) -> FollowUp:
     """The poses that separate all `rivals` best, within the limits of the robot."""
     return separating(found, rivals, candidates(found))
 
 
-def separating(found: Identification, rivals: Rivals, among: Conditions) -> FollowUp:
+def separating(found: IdentificationFit, rivals: Rivals, among: Conditions) -> FollowUp:
     """The follow-up chosen among given visits: those that a cell can take, for instance."""
     chosen, total = choose(found, rivals, among)
     separations = dict(zip(rivals, map(float, total), strict=True))
@@ -260,7 +260,7 @@ def separating(found: Identification, rivals: Rivals, among: Conditions) -> Foll
     )
 
 
-def _procedures(alike: Sequence[Pair], found: Identification) -> tuple[str, ...]:
+def _procedures(alike: Sequence[Pair], found: IdentificationFit) -> tuple[str, ...]:
     """Procedures that would separate the pairs that no pose separates, a sentence for each kind of advice."""
     pairs: dict[str, dict[str, list[str]]] = {}
     for label, rival in alike:
@@ -276,18 +276,18 @@ def _listed(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
 
 
-def _advice(label: str, rival: str, found: Identification) -> list[str]:
+def _advice(label: str, rival: str, found: IdentificationFit) -> list[str]:
     procedures = distinguishing(kind_of(label), kind_of(rival))
     if len(set(found.readings.conditions.target.tolist())) > 1:
         procedures = [each for each in procedures if each != SECOND_TARGET]
     return procedures or ["no pose within the limits does; they are one effect for every use of the model."]
 
 
-def _noise(found: Identification, conditions: Conditions) -> Array:
+def _noise(found: IdentificationFit, conditions: Conditions) -> Array:
     """(n, 3, 3) covariance of a reading at every candidate, for the noise that was found, mm2."""
     header: Header = found.header
     joints = found.model.robot.joint_slots
-    frames = Design(found.model, conditions).frames(found.estimate, joints)
+    frames = BoundModel(found.model, conditions).frames(found.estimate, joints)
     points = np.broadcast_to(frames.p, (3, len(conditions))).T
     typical = found.readings.observed.alone.whiten
     if header.noise.kind == "per-row":
@@ -312,12 +312,12 @@ _SURE = 3.0  # standard errors below zero that make a compliance negative
 _FEWEST = 10  # repeats within visits by which the noise of the instrument is known
 
 
-def remarks_of(dataset: Dataset, fitted: Identification) -> tuple[str, ...]:
+def remarks_of(dataset: Dataset, fitted: IdentificationFit) -> tuple[str, ...]:
     """Sentences on the noise of a fit and on its compliances."""
     return (*_declared(fitted), *_within_visits(dataset, fitted), *_negative(fitted))
 
 
-def _declared(fitted: Identification) -> list[str]:
+def _declared(fitted: IdentificationFit) -> list[str]:
     scale, freedom = fitted.noise_scale, fitted.degrees_of_freedom
     if not _FAR < scale < _LARGE or chdtr(freedom, freedom * (scale / _LARGE) ** 2) > _RARE:
         return []
@@ -327,7 +327,7 @@ def _declared(fitted: Identification) -> list[str]:
     ]
 
 
-def _within_visits(dataset: Dataset, fitted: Identification) -> list[str]:
+def _within_visits(dataset: Dataset, fitted: IdentificationFit) -> list[str]:
     """What readings of one target during one rest of the robot show: the instrument's noise alone."""
     conditions, rows = fitted.readings.conditions, fitted.readings.rows
     rest = np.column_stack([conditions.visit, conditions.target, conditions.anchor, conditions.series])
@@ -368,7 +368,7 @@ def _apart(values: Array, group: NDArray[np.int64]) -> tuple[Array, int]:
     return values - means[own], len(values) - len(size)
 
 
-def _negative(fitted: Identification) -> list[str]:
+def _negative(fitted: IdentificationFit) -> list[str]:
     """Compliances of the base model that are negative beyond their uncertainty."""
     found = []
     for p, value, std in zip(fitted.model.parameters, fitted.estimate, fitted.standard_errors, strict=True):

@@ -32,14 +32,14 @@ from scipy.special import chdtrc, chndtr, chndtrinc, fdtri, gammaincinv
 
 from calib.array import Array
 from calib.data.dataset import Dataset
-from calib.diagnose.select import STRETCHES, Evidence
+from calib.diagnose.select import STRETCHES, EffectEvidence
 from calib.effects import Survey, offers
 from calib.fit.held_out import errors_by
-from calib.fit.identification import Identification
+from calib.fit.identification import IdentificationFit
 from calib.fit.readings import linearised, readings_of
 from calib.fit.statistics import ErrorStatistics, statistics_of
 from calib.model.effect import Effect
-from calib.model.model import Design, conditional
+from calib.model.model import BoundModel, conditional
 from calib.scan.families import Harmonics, Shapes, Steps
 from calib.scan.scores import ABSORBED, CLAIM, Family, Scores, Space, bounds_of, impossible
 from calib.units import to_display
@@ -48,7 +48,7 @@ COVERAGE = 2.0  # k of the expanded uncertainty, about 95 %
 
 
 @dataclass(frozen=True)
-class Found:
+class DiagnosedEffect:
     """An effect that was found, with the evidence for it.
 
     values (p,) and covariance (p, p) in internal units; index: id of the reading at which a step happened. shape_std:
@@ -57,7 +57,7 @@ class Found:
     """
 
     effect: Effect
-    evidence: Evidence
+    evidence: EffectEvidence
     values: Array
     covariance: Array
     index: str | None
@@ -96,7 +96,7 @@ class Found:
         return bounds is not None and bool(impossible(bounds, self.values, np.zeros(len(self.values))))
 
 
-def resized(found: Found, fitted: Identification) -> Found:
+def resized(found: DiagnosedEffect, fitted: IdentificationFit) -> DiagnosedEffect:
     """A finding with the values that another fit has for it."""
     effect = next(e for e in fitted.model.effects if e.label == found.effect.label)
     positions = fitted.model.positions(effect)
@@ -112,7 +112,9 @@ _NUDGE = 1e-3  # relative change of a constant for its derivative
 _COVERED = 0.95
 
 
-def with_shapes(dataset: Dataset, fitted: Identification, found: Sequence[Found]) -> list[Found]:
+def with_shapes(
+    dataset: Dataset, fitted: IdentificationFit, found: Sequence[DiagnosedEffect]
+) -> list[DiagnosedEffect]:
     """The findings with the uncertainty of their shapes, and with amplitudes that are as uncertain as these make them.
 
     fitted: the fit whose model holds the effects.
@@ -193,7 +195,7 @@ _QUANTILES = 32  # of the noise along an effect
 
 
 @dataclass(frozen=True)
-class Visible:
+class DetectableEffect:
     """The smallest detectable size of an effect, in `unit`; None where these readings cannot show it."""
 
     label: str
@@ -201,7 +203,7 @@ class Visible:
     unit: str
 
 
-def visible(scores: Scores) -> tuple[Visible, ...]:
+def visible(scores: Scores) -> tuple[DetectableEffect, ...]:
     """The smallest detectable size of every effect of the library; for a scan, the median over its places."""
     found = []
     for index, family in enumerate(scores.families):
@@ -217,7 +219,7 @@ def visible(scores: Scores) -> tuple[Visible, ...]:
         usual = effect.parameters[0].size
         if shown is not None and usual is not None and shown > _ABSURD * usual:
             shown = None
-        found.append(Visible(family.label, shown, units[0]))
+        found.append(DetectableEffect(family.label, shown, units[0]))
     return tuple(found)
 
 
@@ -252,7 +254,7 @@ _NOTICED = 1.1  # times what was expected that are worth a word
 
 
 @dataclass(frozen=True)
-class Surprise:
+class HeldOutTest:
     """The ratio of the held-out error to its expectation, and its p-value."""
 
     times: float
@@ -265,8 +267,8 @@ class Surprise:
 
 
 def surprise_of(
-    dataset: Dataset, found: Identification, faulty: NDArray[np.bool_] | None = None
-) -> Surprise | None:
+    dataset: Dataset, found: IdentificationFit, faulty: NDArray[np.bool_] | None = None
+) -> HeldOutTest | None:
     """The surprise of the validation rows, which took no part in the model; None where nothing was held out.
 
     faulty: (n,) mask over the data set of rows that are left out, since they are no readings of what they say.
@@ -294,22 +296,22 @@ def surprise_of(
     apart = 1.0
     if readings.observed.shared is None:
         apart = len(np.unique(readings.conditions.visit)) / len(readings.rows)
-    return Surprise(math.sqrt(max(square, 0.0) / count), float(chdtrc(count * apart, square * apart)))
+    return HeldOutTest(math.sqrt(max(square, 0.0) / count), float(chdtrc(count * apart, square * apart)))
 
 
-def estimate_without(found: Identification, effect: Effect) -> Array:
+def estimate_without(found: IdentificationFit, effect: Effect) -> Array:
     """(m,) the estimate with one effect zero and all else adapted to first order."""
     return conditional(found.model, found.estimate, found.covariance, (effect,))[0]
 
 
 def errors_without(
-    dataset: Dataset, found: Identification, effects: Sequence[Effect]
+    dataset: Dataset, found: IdentificationFit, effects: Sequence[Effect]
 ) -> list[ErrorStatistics | None]:
     """Position error on validation rows without each of some effects; None where nothing was held out."""
     rows = dataset.validation_rows
     if not rows.any():
         return [None] * len(effects)
-    design = Design(found.model, dataset.conditions.take(rows))
+    design = BoundModel(found.model, dataset.conditions.take(rows))
     return [
         statistics_of(errors_by(design, dataset, rows, estimate_without(found, effect))) for effect in effects
     ]

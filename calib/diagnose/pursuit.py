@@ -29,8 +29,8 @@ from scipy.special import fdtrc
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.diagnose.dictionary import Dictionary, Entry, Part
-from calib.fit.identification import Identification
-from calib.fit.readings import Readings
+from calib.fit.identification import IdentificationFit
+from calib.fit.readings import FitReadings
 from calib.model.effect import Effect
 from calib.scan.scores import gain_of
 
@@ -287,7 +287,7 @@ class Chosen:
         )
 
 
-def folds_of(readings: Readings, clock: str) -> NDArray[np.int64]:
+def folds_of(readings: FitReadings, clock: str) -> NDArray[np.int64]:
     """(n,) fold of every reading: short stretches of whole poses, in the order of their first visit, dealt out."""
     pose, times = readings.conditions.pose, getattr(readings.conditions, clock)
     first = np.full(int(pose.max()) + 1, np.inf)
@@ -299,7 +299,7 @@ def folds_of(readings: Readings, clock: str) -> NDArray[np.int64]:
 
 
 def pursue(
-    found: Identification, readings: Readings, everywhere: Conditions, named: Sequence[Effect] = ()
+    found: IdentificationFit, readings: FitReadings, everywhere: Conditions, named: Sequence[Effect] = ()
 ) -> Chosen:
     """The entries that left-out blocks confirm beside the model of a fit; nothing where no number of terms pays.
 
@@ -330,7 +330,7 @@ class _Model:
     pull: Array  # (a,) what the priors still miss, weighted
 
     @classmethod
-    def of(cls, found: Identification, readings: Readings) -> _Model:
+    def of(cls, found: IdentificationFit, readings: FitReadings) -> _Model:
         active = np.diag(found.covariance) > 0.0
         square = np.zeros(int(active.sum()))
         for part in parts(found, readings):
@@ -349,7 +349,7 @@ class _Model:
 _AT_ONCE = 1200
 
 
-def parts(found: Identification, readings: Readings) -> list[Part]:
+def parts(found: IdentificationFit, readings: FitReadings) -> list[Part]:
     """The readings some poses at a time, every pose within one part."""
     pose = readings.conditions.pose
     count = max(-(-len(pose) // _AT_ONCE), 1)
@@ -361,7 +361,7 @@ def parts(found: Identification, readings: Readings) -> list[Part]:
 
 
 def _screened(
-    found: Identification, readings: Readings, dictionary: Dictionary, price: Array, model: _Model
+    found: IdentificationFit, readings: FitReadings, dictionary: Dictionary, price: Array, model: _Model
 ) -> tuple[NDArray[np.int64], int, float]:
     """The entries near the best of every step, how many steps were worth it, and the smallest log p of the first."""
     n = len(readings.rows)
@@ -395,8 +395,8 @@ def _screened(
 
 
 def _decided(
-    found: Identification,
-    readings: Readings,
+    found: IdentificationFit,
+    readings: FitReadings,
     dictionary: Dictionary,
     price: Array,
     model: _Model,

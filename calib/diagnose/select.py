@@ -27,13 +27,13 @@ from scipy.special import fdtrc
 
 from calib.array import Array
 from calib.data.dataset import Dataset
-from calib.diagnose.structure import Chance, draws
+from calib.diagnose.structure import NullDistribution, draws
 from calib.effects import Survey, offers
-from calib.fit.identification import Identification
+from calib.fit.identification import IdentificationFit
 from calib.fit.identify import Progress, carry, fit_plain, silent
 from calib.fit.least_squares import Linearisation, find_dependent
 from calib.model.effect import Effect
-from calib.model.model import Design
+from calib.model.model import BoundModel
 from calib.scan.families import one_order
 from calib.scan.scores import ABSORBED, CLAIM, CLASS_WIDTH, Score, Scores, Space, gain_of, p_value
 
@@ -41,7 +41,7 @@ _FEW = 150  # poses below which rows alone do not say how sure a claim is
 STRETCHES = 16  # of the campaign, by which what lasts is known
 
 
-def chance_by_pose(scores: Scores) -> Chance | None:
+def chance_by_pose(scores: Scores) -> NullDistribution | None:
     """The chance of a gain with poses as the units; None where poses are many, each with one reading."""
     space = scores.space
     pose = space.fitted.readings.conditions.pose
@@ -66,7 +66,7 @@ def chance_by_pose(scores: Scores) -> Chance | None:
                 )
                 + math.log(alike)
             )
-    return Chance.of(np.array(log_p))
+    return NullDistribution.of(np.array(log_p))
 
 
 def _gains(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
@@ -140,43 +140,43 @@ _SWAP_MARGIN = 1.0  # evidence that a rival must gain to take an effect's place
 
 
 @dataclass(frozen=True)
-class Selection:
+class EffectSelection:
     """The model with the effects that were chosen, and those effects alone.
 
     crowded: the search was given up, since it had found as many waves of gears as it was to find.
     """
 
-    fitted: Identification
+    fitted: IdentificationFit
     effects: tuple[Effect, ...]
     crowded: bool = False
 
 
 def select(
     dataset: Dataset,
-    start: Identification,
+    start: IdentificationFit,
     *,
     progress: Progress = silent,
     most: int = MOST_EFFECTS,
     crowd: float = math.inf,
-) -> Selection:
+) -> EffectSelection:
     """Choose effects for the readings of `start`, beside those its model holds already; so many waves are a crowd."""
     library = offers(Survey.of(start, dataset))
     chosen = tuple(e for e in start.model.effects if e.group != "base model")
     fitted = start
     seen = {labels(chosen)}
-    best = Selection(start, chosen)
+    best = EffectSelection(start, chosen)
     lowest, waited = math.inf, 0
     for _ in range(_ROUNDS):
         space = Space.of(fitted)
         scores = Scores(library, space)
         total = _total(space, scores, chosen)
         if total < lowest and fitted.converged and not any(space.forbids(effect) for effect in chosen):
-            best, lowest, waited = Selection(fitted, chosen), total, 0
+            best, lowest, waited = EffectSelection(fitted, chosen), total, 0
         else:
             waited += 1
         proposal = _forward(scores, chosen, most, progress, chance_by_pose(scores))
         if sum("order" in effect.shape for effect in proposal) >= crowd:
-            return Selection(fitted, proposal, crowded=True)
+            return EffectSelection(fitted, proposal, crowded=True)
         if proposal == chosen:
             proposal = _swap(space, scores, _backward(space, scores, chosen))
         if labels(proposal) in seen or waited > (_PATIENCE if len(chosen) <= _MANY else 1):
@@ -199,12 +199,12 @@ def labels(chosen: tuple[Effect, ...]) -> frozenset[str]:
     return frozenset(effect.label for effect in chosen)
 
 
-def refit(dataset: Dataset, fitted: Identification, chosen: tuple[Effect, ...]) -> Identification:
+def refit(dataset: Dataset, fitted: IdentificationFit, chosen: tuple[Effect, ...]) -> IdentificationFit:
     """Everything together on the exact chain: the base model of `fitted` and the chosen effects."""
     base = tuple(e for e in fitted.model.effects if e.group == "base model")
     model = replace(fitted.model, effects=(*base, *chosen))
     estimate = carry(fitted.model, fitted.estimate, model)
-    at = Linearisation(Design(model, fitted.readings.conditions), fitted.readings.observed, estimate)
+    at = Linearisation(BoundModel(model, fitted.readings.conditions), fitted.readings.observed, estimate)
     active, dropped = find_dependent(at, fitted.dropped)
     return fit_plain(
         dataset,
@@ -220,8 +220,8 @@ def refit(dataset: Dataset, fitted: Identification, chosen: tuple[Effect, ...]) 
 
 
 def _settle(
-    dataset: Dataset, fitted: Identification, chosen: tuple[Effect, ...]
-) -> tuple[Identification, tuple[Effect, ...]]:
+    dataset: Dataset, fitted: IdentificationFit, chosen: tuple[Effect, ...]
+) -> tuple[IdentificationFit, tuple[Effect, ...]]:
     """Refit, refine what was scanned, refit."""
     fitted = refit(dataset, fitted, chosen)
     space = Space.of(fitted)
@@ -243,7 +243,7 @@ def _present(scores: Scores, effect: Effect, chosen: tuple[Effect, ...]) -> bool
 
 
 def _forward(
-    scores: Scores, chosen: tuple[Effect, ...], most: int, progress: Progress, chance: Chance | None
+    scores: Scores, chosen: tuple[Effect, ...], most: int, progress: Progress, chance: NullDistribution | None
 ) -> tuple[Effect, ...]:
     """Add effects one by one; half as many as there are, at least four, before everything is refitted.
 
@@ -346,7 +346,7 @@ _FIT_WIDTH = 30.0  # by how much worse an order may fit before its evidence is n
 
 
 @dataclass(frozen=True)
-class Evidence:
+class EffectEvidence:
     """The evidence for one effect of the model, with all others in the model."""
 
     candidates: dict[str, float]  # label -> weight, heaviest first
@@ -355,7 +355,7 @@ class Evidence:
     p_value: float
     explained_variance: float
 
-    def at_most_as_sure_as(self, chance: Chance) -> Evidence:
+    def at_most_as_sure_as(self, chance: NullDistribution) -> EffectEvidence:
         """The evidence with the p-value that the whole scan has by chance, where that is larger."""
         log_p = math.log(max(self.p_value, 1e-300))
         return replace(self, p_value=max(self.p_value, min(1.0, chance.p_value(log_p))))
@@ -366,7 +366,7 @@ class Evidence:
         return max(self.candidates.values()) >= CERTAIN
 
 
-def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ...]) -> Evidence:
+def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ...]) -> EffectEvidence:
     """The class of one effect and the evidence for it. `scores` are those of the whole model."""
     without, gain, columns = leave_one_out(space, scores, effect)
     tries = scores.multiplicity_of(effect)
@@ -393,7 +393,7 @@ def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ..
     weights = {label: math.exp(-0.5 * (cost - best)) for label, cost in costs.items()}
     total = sum(weights.values())
     ranked = sorted(weights, key=lambda label: -weights[label])
-    return Evidence(
+    return EffectEvidence(
         candidates={label: weights[label] / total for label in ranked},
         effects={label: effects[label] for label in ranked},
         delta_bic=own,

@@ -92,13 +92,13 @@ def _freed(space: Space, pose: NDArray[np.int64]) -> Array:
 
 
 @dataclass(frozen=True)
-class Chance:
+class NullDistribution:
     """The largest -log p of every draw, over all places of a test; p as the test itself has it."""
 
     largest: Array  # (B,) ascending
 
     @classmethod
-    def of(cls, log_p: Array) -> Chance:
+    def of(cls, log_p: Array) -> NullDistribution:
         """The chances given log p (places, B) of the draws; every place counts in full, so p may exceed 1."""
         return cls(np.sort(-np.min(log_p, axis=0)))
 
@@ -390,7 +390,7 @@ _FEWEST_ACTING = 10.0  # readings over which the functions of a driver act at le
 
 
 @dataclass(frozen=True)
-class Structure:
+class ResidualStructure:
     """Left-over structure: what drives it, on what it acts, how sure, and what share of the left-over variance it
     is."""
 
@@ -400,7 +400,7 @@ class Structure:
     acts_on: str = "the tool point"
 
 
-def left_over(space: Space, alarm: float = ALARM) -> list[Structure]:
+def left_over(space: Space, alarm: float = ALARM) -> list[ResidualStructure]:
     """Drivers along which structure is left, that which explains most first; empty where none passes at a chance of
     `alarm`."""
     if space.freedom <= 0 or space.rss <= 0.0:
@@ -433,8 +433,8 @@ def left_over(space: Space, alarm: float = ALARM) -> list[Structure]:
         names += [(driver, direction) for driver, kept in zip(functions, seen, strict=True) if kept]
     first_of = np.array([likely(*name) for name in names])
     each += np.log(np.where(first_of, np.sum(first_of), np.sum(~first_of)) + 1e-9)[:, None]
-    chance = Chance.of(each[:, 1:])
-    found: dict[str, list[Structure]] = {}
+    chance = NullDistribution.of(each[:, 1:])
+    found: dict[str, list[ResidualStructure]] = {}
     for i in np.argsort(each[:, 0]).tolist():
         driver, acts_on = names[i]
         p_value = chance.p_value(float(each[i, 0]))
@@ -442,7 +442,7 @@ def left_over(space: Space, alarm: float = ALARM) -> list[Structure]:
             break
         if len(found.setdefault(driver, [])) < _MOST_DIRECTIONS:
             share = _share(space, functions[driver], acting[acts_on], some)
-            found[driver].append(Structure(driver, p_value, share, acts_on))
+            found[driver].append(ResidualStructure(driver, p_value, share, acts_on))
     # Beyond all doubt p-values rank no more: what a place explains does. What any function of the joints would show
     # names no place where a narrower one does.
     places = [max(of_driver, key=lambda s: s.explained_variance) for of_driver in found.values()]
@@ -545,7 +545,7 @@ _DRAWS = 399
 _MOST_TOGETHER = 4
 
 
-def together(space: Space, out: NDArray[np.bool_]) -> list[Structure]:
+def together(space: Space, out: NDArray[np.bool_]) -> list[ResidualStructure]:
     """Drivers along which the readings of a mask `out` (n,) lie together, most certain first."""
     pose = space.fitted.readings.conditions.pose
     count = np.bincount(pose)
@@ -563,10 +563,10 @@ def together(space: Space, out: NDArray[np.bool_]) -> list[Structure]:
         of_pose = np.array([np.bincount(pose, column) for column in functions.T]) / count
         values.append(np.sum(((of_pose - of_pose.mean(axis=1, keepdims=True)) @ drawn) ** 2, axis=0))
     log_p = log_p_of(np.array(values))
-    chance = Chance.of(log_p[:, 1:])
+    chance = NullDistribution.of(log_p[:, 1:])
     found = sorted((chance.p_value(float(log_p[i, 0])), name) for i, name in enumerate(driven))
     return [
-        Structure(name, p_value, _share_of_choice(driven[name], out), ACTS_ON)
+        ResidualStructure(name, p_value, _share_of_choice(driven[name], out), ACTS_ON)
         for p_value, name in found[:_MOST_TOGETHER]
         if p_value < ALARM
     ]
@@ -606,12 +606,12 @@ def p_beyond_repeats(space: Space) -> float | None:
     return None if found is None else found[0]
 
 
-def each_pose(space: Space) -> list[Structure]:
+def each_pose(space: Space) -> list[ResidualStructure]:
     """The place of an error that every pose and target has of its own, whenever it is visited; empty where none is."""
     found = _between(space, _place(space.fitted.readings.conditions))
     if found is None or found[0] >= ALARM:
         return []
-    return [Structure(EACH_POSE, *found)]
+    return [ResidualStructure(EACH_POSE, *found)]
 
 
 def _place(conditions: Conditions) -> NDArray[np.int64]:

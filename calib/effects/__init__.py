@@ -14,14 +14,14 @@ from typing import Any
 
 from calib.arm.robot import Robot
 from calib.effects import elasticity, geometry, instrument, slides, thermal, transmission
-from calib.effects.kind import Entry, Kind, Offers, Row
+from calib.effects.kind import EffectKind, EffectModule, Offers, Row
 from calib.effects.survey import Survey, compliance_of
 from calib.errors import DataError
 from calib.model.effect import Effect
 from calib.scan.families import Candidate, Harmonics, Shapes, Steps
 from calib.scan.scores import Family
 
-LIBRARY: tuple[Entry | Row, ...] = (
+LIBRARY: tuple[EffectModule | Row, ...] = (
     transmission.PERIODIC,
     transmission.backlash,
     transmission.backlash_load,
@@ -168,7 +168,7 @@ def _family_by_axis(family: Family, robot: Robot) -> Family:
     return family
 
 
-def kind_of(label: str) -> Kind:
+def kind_of(label: str) -> EffectKind:
     """The kind of effect that a label names. Raises KeyError for a label of no kind in the library."""
     kinds = {kind.name: kind for entry in entries() for kind in entry.KINDS}
     return kinds[label.partition(":")[0]]
@@ -186,8 +186,8 @@ def words_of(label: str) -> str:
 
 __all__ = [
     "LIBRARY",
-    "Entry",
-    "Kind",
+    "EffectKind",
+    "EffectModule",
     "Row",
     "Survey",
     "by_axis",

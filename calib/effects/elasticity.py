@@ -10,12 +10,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from calib.arm.robot import Load, Robot
-from calib.effects.kind import OTHER_LOAD, Entry, Kind, Row
+from calib.effects.kind import OTHER_LOAD, EffectKind, EffectModule, Row
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
 from calib.model.regressors import (
+    GravityMoment,
     LoadTorque,
-    Moment,
     MomentBehind,
     Overturning,
     Regressor,
@@ -31,7 +31,7 @@ _CUBED = "1e-15 rad/(N.mm)^3"
 
 
 joint_compliance = Row(
-    Kind(
+    EffectKind(
         "joint_compliance",
         words="gear of joint {joint} yielding to gravity",
         check=(
@@ -54,7 +54,7 @@ joint_compliance = Row(
 
 # Strain-wave gears are soft at small torques (wind-up curves of their makers); torques reach `largest` N.mm.
 cubic_stiffness = Row(
-    Kind(
+    EffectKind(
         "cubic_stiffness",
         words="gear of joint {joint} yielding to large loads",
         check="Check the gear of joint {joint} for worn teeth, and that the load is within what it is rated for.",
@@ -74,7 +74,7 @@ cubic_stiffness = Row(
 
 def _about_alpha(robot: Robot, link: int) -> Regressor:
     """Gravity moment about axis x of alpha: of frame K-1 in modified DH, of frame K behind joint K in standard DH."""
-    return Moment(link, 0) if robot.convention == "mdh" else MomentBehind(link, robot.theta[link - 1])
+    return GravityMoment(link, 0) if robot.convention == "mdh" else MomentBehind(link, robot.theta[link - 1])
 
 
 def link_torsion(robot: Robot, link: int, largest: float) -> Effect:
@@ -104,7 +104,10 @@ def bearing_tilt(joint: int, largest: float) -> Effect:
     One compliance for both directions, since a bearing is round; parameter c, 1e-6 rad/(N.m).
     """
     size = to_display(_USUAL / largest, _PER_MOMENT)
-    places = [(f"bearing{joint}.rx", Moment(joint, 0)), (f"bearing{joint}.ry", Moment(joint, 1))]
+    places = [
+        (f"bearing{joint}.rx", GravityMoment(joint, 0)),
+        (f"bearing{joint}.ry", GravityMoment(joint, 1)),
+    ]
     return effect(
         f"bearing_tilt:j{joint}",
         "structure",
@@ -209,13 +212,13 @@ def _offer_payload(survey: Survey) -> list[Candidate]:
     return [Candidate(mass), Candidate(payload_cog(load, compliance))]
 
 
-LINK_TORSION = Entry(
+LINK_TORSION = EffectModule(
     (
         "Link torsion: a link twists under gravity, alpha_K grows by c M_x, M_x the moment at joint K about "
         "alpha's axis x."
     ),
     (
-        Kind(
+        EffectKind(
             "link_torsion",
             words="twisting of link {joint}",
             check="Check the bolts at both ends of link {joint}, and the link for a crack if the value has grown.",
@@ -224,10 +227,10 @@ LINK_TORSION = Entry(
     ),
     _offer_link_torsion,
 )
-BEARING_TILT = Entry(
+BEARING_TILT = EffectModule(
     "Bearing tilt: the bearing of a joint tilts under the moment across its axis, c M_x about x and c M_y about y.",
     (
-        Kind(
+        EffectKind(
             "bearing_tilt",
             words="tilting bearing of joint {joint}",
             check=(
@@ -239,10 +242,10 @@ BEARING_TILT = Entry(
     ),
     _offer_bearing_tilt,
 )
-PEDESTAL = Entry(
+PEDESTAL = EffectModule(
     "Pedestal: the support of the robot leans by its compliance times the overturning moment of the arm.",
     (
-        Kind(
+        EffectKind(
             "pedestal",
             words="leaning pedestal",
             check=(
@@ -254,10 +257,10 @@ PEDESTAL = Entry(
     ),
     _offer_pedestal,
 )
-PAYLOAD = Entry(
+PAYLOAD = EffectModule(
     "Payload: a load that differs from the declared one turns every joint by its compliance times the missing torque.",
     (
-        Kind(
+        EffectKind(
             "payload_mass",
             words="mass of the load",
             check="Weigh the tool with everything that hangs on it, and correct the load data in the controller.",
@@ -265,7 +268,7 @@ PAYLOAD = Entry(
             changed="The load on the flange is heavier than declared by {size}.",
             remedy="Weigh the tool with all that hangs on it, and correct the load data.",
         ),
-        Kind(
+        EffectKind(
             "payload_cog",
             words="centre of mass of the load",
             check=(

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from calib.array import Array
-from calib.effects.kind import LATER, OTHER_STATION, SECOND_TARGET, Entry, Kind, Row
+from calib.effects.kind import LATER, OTHER_STATION, SECOND_TARGET, EffectKind, EffectModule, Row
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
 from calib.model.regressors import Constant, CreepBetween, OnTarget, Regressor, StepAt
@@ -30,7 +30,7 @@ _FEWEST = 6  # readings on either side of a step: fewer are outliers, not a chan
 # The group `geometry` contains it as theta_K. The zero of joint 1 is the turn of the base about z, which every model
 # frees.
 joint_offset = Row(
-    Kind(
+    EffectKind(
         "joint_offset",
         words="zero of joint {joint}",
         check="Bring joint {joint} to its calibration mark and read the counter; master the axis anew if it is off.",
@@ -48,7 +48,7 @@ joint_offset = Row(
 
 # On other links the DH parameters contain it. Source: Hayati 1983.
 parallel_twist = Row(
-    Kind(
+    EffectKind(
         "parallel_twist",
         words="twisted axes at link {joint}",
         check=(
@@ -206,10 +206,10 @@ def _offer_tool(survey: Survey) -> list[Candidate]:
     return candidates
 
 
-JOINT_STEP = Entry(
+JOINT_STEP = EffectModule(
     "A step of a joint's zero: between two readings a joint slips by a constant angle, and stays so.",
     (
-        Kind(
+        EffectKind(
             "joint_step",
             words="jump in the zero of joint {joint}",
             check=(
@@ -220,7 +220,7 @@ JOINT_STEP = Entry(
             changed="Joint {joint} lost its zero by {size}.",
             remedy="Re-zero joint {joint} by {size}: where the controller shows 0 it stands at {size}.",
         ),
-        Kind(
+        EffectKind(
             "joint_creep",
             words="zero of joint {joint} creeping",
             check="Look for a clamp that slips or a brake that gives way at joint {joint}, and for what warms it.",
@@ -230,10 +230,10 @@ JOINT_STEP = Entry(
     _offer_joint_step,
     lambda survey: [joint_step(k, 0) for k in survey.moving],
 )
-SHIFT = Entry(
+SHIFT = EffectModule(
     "A step: the base or the tool is displaced between two readings, and stays displaced.",
     (
-        Kind(
+        EffectKind(
             "base_shift",
             words="base or instrument moved",
             check=(
@@ -247,7 +247,7 @@ SHIFT = Entry(
                 "model."
             ),
         ),
-        Kind(
+        EffectKind(
             "tool_shift",
             words="tool moved on the flange",
             check=(
@@ -258,13 +258,13 @@ SHIFT = Entry(
             changed="The tool moved on the flange: its targets by {size}.",
             remedy="Re-teach the tool, or correct targets with the updated model.",
         ),
-        Kind(
+        EffectKind(
             "base_creep",
             words="base or instrument moving slowly",
             check="Check the feet of robot and instrument and the floor below; measure the nests between the poses.",
             apart=(LATER,),
         ),
-        Kind(
+        EffectKind(
             "tool_creep",
             words="tool moving slowly on the flange",
             check="Check clamp and bolts of the tool and the seats of its targets, and what warms or loads them.",
@@ -274,22 +274,22 @@ SHIFT = Entry(
     _offer_shift,
     lambda survey: [tool_shift(0), base_shift(0, _SETTLED_DEG)],
 )
-TOOL = Entry(
+TOOL = EffectModule(
     "Tool: its targets are not at their measured places on the flange: all shifted, all turned, or one shifted.",
     (
-        Kind(
+        EffectKind(
             "tool_offset",
             words="tool beside the axis of the flange",
             check="Check how the tool is centred on the flange: pin, collar, burrs; measure its targets anew.",
             apart=(SECOND_TARGET,),
         ),
-        Kind(
+        EffectKind(
             "tool_tilt",
             words="tool mounted askew",
             check="Clean the face between flange and tool, tighten its bolts evenly, and measure its targets anew.",
             apart=(SECOND_TARGET,),
         ),
-        Kind(
+        EffectKind(
             "target_offset",
             words="seat of target {name}",
             check="Check the seat of target {name} for dirt and looseness, and measure its place on the tool anew.",

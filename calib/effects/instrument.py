@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib.effects.kind import OTHER_STATION, OTHER_WARMTH, Entry, Kind
+from calib.effects.kind import OTHER_STATION, OTHER_WARMTH, EffectKind, EffectModule
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
 from calib.model.regressors import Beam, Time, ToAnchor
@@ -97,10 +97,10 @@ def _offer_tracker_scale(survey: Survey) -> list[Candidate]:
     return [Candidate(tracker_scale(survey.station))]
 
 
-BASE_TARGET = Entry(
+BASE_TARGET = EffectModule(
     ("A displaced base ball or nest: the distances to one base target do not end at its declared position."),
     (
-        Kind(
+        EffectKind(
             "base_target_shift",
             words="seat of base target {name}",
             check=(
@@ -111,10 +111,10 @@ BASE_TARGET = Entry(
     ),
     _offer_base_target,
 )
-DRIFT = Entry(
+DRIFT = EffectModule(
     "Drift of the instrument: its frame shifts, or turns about the station, in proportion to time.",
     (
-        Kind(
+        EffectKind(
             "drift_translation",
             words="instrument shifting with time",
             check=(
@@ -126,7 +126,7 @@ DRIFT = Entry(
             changed="The instrument slid while it measured, by {size}.",
             remedy="Let the instrument warm up on a firm stand, and measure again.",
         ),
-        Kind(
+        EffectKind(
             "drift_rotation",
             words="instrument turning with time",
             check=(
@@ -142,10 +142,10 @@ DRIFT = Entry(
     _offer_drift,
     _drifts_since,
 )
-TRACKER_SCALE = Entry(
+TRACKER_SCALE = EffectModule(
     "Tracker scale: the instrument's millimetre is too long or too short, s (p - station) added to every point.",
     (
-        Kind(
+        EffectKind(
             "tracker_scale",
             words="scale of the instrument",
             check=(

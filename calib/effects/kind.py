@@ -38,7 +38,7 @@ PROCEDURES = (OTHER_SIDE, OTHER_WARMTH, OTHER_LOAD, SECOND_TARGET, OTHER_STATION
 
 
 @dataclass(frozen=True)
-class Kind:
+class EffectKind:
     """A kind of effect by its name, which is its label up to the first colon.
 
     check: what a technician should look at first, and how to find out whether the finding is real, a sentence or two
@@ -89,7 +89,7 @@ def _named(label: str) -> dict[str, str]:
     }
 
 
-def distinguishing(one: Kind, other: Kind) -> list[str]:
+def distinguishing(one: EffectKind, other: EffectKind) -> list[str]:
     """The procedures that distinguish two kinds, those that several kinds share first."""
     proposed = dict.fromkeys([*one.apart, *other.apart])
     if one.by_clock and other.by_clock:
@@ -102,7 +102,7 @@ class Offers(Protocol):
     """What the library holds and what other packages bring: kinds, and candidates for some readings."""
 
     @property
-    def KINDS(self) -> tuple[Kind, ...]:
+    def KINDS(self) -> tuple[EffectKind, ...]:
         """The kinds that are offered."""
         ...
 
@@ -112,11 +112,11 @@ class Offers(Protocol):
 
 
 @dataclass(frozen=True)
-class Entry:
+class EffectModule:
     """Kinds of effects by one law, what is offered of them, and what of them may have begun since a calibration."""
 
     law: str
-    KINDS: tuple[Kind, ...]
+    KINDS: tuple[EffectKind, ...]
     offer: Callable[[Survey], Sequence[Family]]
     changes: Callable[[Survey], list[Effect]] | None = None
 
@@ -131,7 +131,7 @@ class Row:
     may have begun since a calibration if its kind says what has changed.
     """
 
-    kind: Kind
+    kind: EffectKind
     law: str
     means: str
     parameter: str
@@ -161,7 +161,7 @@ class Row:
         )
 
     @property
-    def KINDS(self) -> tuple[Kind, ...]:
+    def KINDS(self) -> tuple[EffectKind, ...]:
         """The kind."""
         return (self.kind,)
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from calib.effects.kind import OTHER_LOAD, OTHER_SIDE, OTHER_WARMTH, Entry, Kind, Row
+from calib.effects.kind import OTHER_LOAD, OTHER_SIDE, OTHER_WARMTH, EffectKind, EffectModule, Row
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, Written, effect
-from calib.model.regressors import HalfCosines, HalfSines, JointAngle, Side, Torque, WarmTravel
+from calib.model.regressors import ApproachSide, HalfCosines, HalfSines, JointAngle, Torque, WarmTravel
 from calib.scan.families import Candidate
 
 _LEAST_FORCE = 1.0  # N
@@ -14,7 +14,7 @@ _LEAST_TRAVEL = 0.3  # share of the travel that readings must span to show a cur
 
 
 slide_scale = Row(
-    Kind(
+    EffectKind(
         "slide_scale",
         words="scale of slide {joint}",
         check=(
@@ -38,7 +38,7 @@ slide_scale = Row(
 )
 
 slide_backlash = Row(
-    Kind(
+    EffectKind(
         "slide_backlash",
         words="play of slide {joint}",
         check=(
@@ -58,7 +58,7 @@ slide_backlash = Row(
     unit="mm",
     size=0.2,
     slot="d",
-    regressor=Side,
+    regressor=ApproachSide,
     where=lambda survey: [k for k in survey.sliding if survey.varies(survey.conditions.side[:, k - 1])],
     weight=0.5,
     bounds=(0.0, 5.0),
@@ -67,7 +67,7 @@ slide_backlash = Row(
 # If the axis keeps its direction, the force is
 # constant and part of the zero: then nothing is offered.
 slide_compliance = Row(
-    Kind(
+    EffectKind(
         "slide_compliance",
         words="yielding drive of slide {joint}",
         check="Check belt tension, or nut and bearings of the screw, of axis {joint} under its load.",
@@ -93,7 +93,7 @@ slide_compliance = Row(
 
 # Steel: 11 to 12.
 slide_growth = Row(
-    Kind(
+    EffectKind(
         "slide_growth",
         words="growth of axis {joint} with the air temperature",
         check="Look what warms rack or screw of axis {joint} (sun, drive, hall), and measure at a steady temperature.",
@@ -180,10 +180,10 @@ def _offer_slide_guide(survey: Survey) -> list[Candidate]:
     return candidates
 
 
-SLIDE_GUIDE = Entry(
+SLIDE_GUIDE = EffectModule(
     "Guide of a slide: its rail is not straight and its screw not even, smooth curves over the travel.",
     (
-        Kind(
+        EffectKind(
             "slide_straightness",
             words="crooked rail of axis {joint}",
             check=(
@@ -192,7 +192,7 @@ SLIDE_GUIDE = Entry(
             ),
             apart=(),
         ),
-        Kind(
+        EffectKind(
             "slide_angles",
             words="rocking carriage of axis {joint}",
             check=(
@@ -201,7 +201,7 @@ SLIDE_GUIDE = Entry(
             ),
             apart=(),
         ),
-        Kind(
+        EffectKind(
             "slide_pitch",
             words="uneven rack or screw of axis {joint}",
             check="Check the joints between pieces of the rack of axis {joint}, or the screw, for gaps and wear.",

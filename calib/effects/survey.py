@@ -12,9 +12,9 @@ from calib.arm.robot import Load, Robot
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
-from calib.fit.identification import Identification
+from calib.fit.identification import IdentificationFit
 from calib.model.effect import Effect
-from calib.model.model import RobotModel
+from calib.model.model import ModelStructure
 from calib.model.regressors import Regressor, Torque
 
 _LEAST_MOMENT = 20.0  # N.mm: 2 um at 100 mm by a gear of 1e-6 rad/(N.mm); friction and cables do more
@@ -41,7 +41,7 @@ class Survey:
     weightless: frozenset[int] = frozenset()
 
     @classmethod
-    def of(cls, fitted: Identification, dataset: Dataset) -> Survey:
+    def of(cls, fitted: IdentificationFit, dataset: Dataset) -> Survey:
         """The survey of a fit."""
         model = fitted.model
         return cls(
@@ -137,7 +137,7 @@ class Survey:
         return float(np.max(np.abs(moment)))
 
 
-def compliance_of(model: RobotModel, estimate: Array) -> dict[int, float]:
+def compliance_of(model: ModelStructure, estimate: Array) -> dict[int, float]:
     """Joint -> rad/(N.mm) of gravity torque that a model has at an estimate (m,)."""
     compliance: dict[int, float] = {}
     for term in (term for effect in model.effects for term in effect.terms):

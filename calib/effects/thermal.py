@@ -10,10 +10,10 @@ from functools import partial
 import numpy as np
 
 from calib.arm.robot import Robot
-from calib.effects.kind import OTHER_WARMTH, Entry, Kind, Row
+from calib.effects.kind import OTHER_WARMTH, EffectKind, EffectModule, Row
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, effect
-from calib.model.regressors import Constant, Regressor, Temperature, WarmUp
+from calib.model.regressors import Constant, Regressor, Temperature, WarmUpRegressor
 from calib.scan.families import Candidate, Shapes
 
 TIME_CONSTANT = "time_constant_s"
@@ -50,7 +50,7 @@ def _offer_thermal_growth(survey: Survey) -> list[Candidate]:
 
 
 thermal_joint = Row(
-    Kind(
+    EffectKind(
         "thermal_joint",
         words="zero of joint {joint} moving with the air temperature",
         check=(
@@ -82,7 +82,7 @@ def warm_up(robot: Robot, time_constant_s: float) -> Effect:
 
     The time constant T_c, s, is scanned and refined. Nubiola warms up for 1 h (thesis 2.2).
     """
-    places = _lengths_with(robot, WarmUp(time_constant_s))
+    places = _lengths_with(robot, WarmUpRegressor(time_constant_s))
     return effect(
         "warm_up",
         "thermal",
@@ -117,10 +117,10 @@ def arm_growth(robot: Robot) -> Effect:
     )
 
 
-THERMAL_GROWTH = Entry(
+THERMAL_GROWTH = EffectModule(
     "Thermal growth: every length of the arm grows by the same ratio per kelvin, a and d times 1 + alpha (T - T-).",
     (
-        Kind(
+        EffectKind(
             "thermal_growth",
             words="arm growing with the air temperature",
             check=(
@@ -132,10 +132,10 @@ THERMAL_GROWTH = Entry(
     ),
     _offer_thermal_growth,
 )
-WARM_UP = Entry(
+WARM_UP = EffectModule(
     "Warm-up: the arm's own heat makes every length grow towards a limit, a and d times 1 + alpha (1 - exp(-t/T_c)).",
     (
-        Kind(
+        EffectKind(
             "warm_up",
             words="arm warming up",
             check="Let the robot run its warm-up cycle for an hour before it is measured or works.",
@@ -144,10 +144,10 @@ WARM_UP = Entry(
     ),
     _offer_warm_up,
 )
-ARM_GROWTH = Entry(
+ARM_GROWTH = EffectModule(
     "Arm growth: every length of the arm has grown by the same ratio since the calibration, because it is warmer.",
     (
-        Kind(
+        EffectKind(
             "arm_growth",
             words="arm warmer or colder than at its calibration",
             check="Ask how long the robot had run before it was measured, then and now, and what warms or cools it.",

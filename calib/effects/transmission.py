@@ -10,10 +10,19 @@ from functools import partial
 import numpy as np
 
 from calib.array import Array
-from calib.effects.kind import OTHER_SIDE, Entry, Kind, Row
+from calib.effects.kind import OTHER_SIDE, EffectKind, EffectModule, Row
 from calib.effects.survey import Survey
 from calib.model.effect import Effect, Written, effect
-from calib.model.regressors import Cosine, GearCurve, JointAngle, LastMove, LoadedSide, Side, Sine, TorqueSign
+from calib.model.regressors import (
+    ApproachSide,
+    Cosine,
+    GearCurve,
+    JointAngle,
+    LastMove,
+    LoadedSide,
+    Sine,
+    TorqueSign,
+)
 from calib.scan.families import Candidate, Harmonics
 from calib.units import DEG, to_display
 
@@ -24,7 +33,7 @@ def _from_both_sides(survey: Survey) -> list[int]:
 
 # Source: Nubiola 2.4.1 and 2.5.
 backlash = Row(
-    Kind(
+    EffectKind(
         "backlash",
         words="play of joint {joint}",
         check=(
@@ -41,7 +50,7 @@ backlash = Row(
     unit="deg",
     size=0.1,
     slot="theta",
-    regressor=Side,
+    regressor=ApproachSide,
     where=_from_both_sides,
     weight=0.5,
     bounds=(0.0, 1.0),
@@ -50,7 +59,7 @@ backlash = Row(
 # The motor's side counts, friction winds up the drive, and what is left of the path to the gap's other flank is never
 # made: the opposite of `backlash`. Source: ISO 230-2 (reversal value).
 lost_motion = Row(
-    Kind(
+    EffectKind(
         "lost_motion",
         words="lost motion of joint {joint}",
         check=(
@@ -65,7 +74,7 @@ lost_motion = Row(
     unit="deg",
     size=0.1,
     slot="theta",
-    regressor=Side,
+    regressor=ApproachSide,
     where=_from_both_sides,
     weight=-0.5,
     bounds=(0.0, 1.0),
@@ -74,7 +83,7 @@ lost_motion = Row(
 # Where every last move is of one length the column is that of `lost_motion`. The usual size is what four time constants
 # leave, exp(-4): Nubiola waits 4 s before every reading (thesis 2.2).
 settling = Row(
-    Kind(
+    EffectKind(
         "settling",
         words="slow settling of joint {joint}",
         check=(
@@ -104,7 +113,7 @@ settling = Row(
 # is left is a belt's pitch, per mille at most. A curve over the angle has the scale already. Source: level-1 models,
 # Nubiola ch. 1.
 encoder_scale = Row(
-    Kind(
+    EffectKind(
         "encoder_scale",
         words="gear ratio of joint {joint}",
         check=(
@@ -132,7 +141,7 @@ _PER_TORQUE = "1e-6 rad/(N.mm)"
 # Beside `backlash`, never negative; torques reach `largest` N.mm. Source: Slamani, Nubiola and Bonev 2012 (backlash of
 # an IRB 1600 that changes with the load).
 backlash_load = Row(
-    Kind(
+    EffectKind(
         "backlash_load",
         words="play of joint {joint} that grows with its load",
         check=(
@@ -174,7 +183,7 @@ def _changes_flank(survey: Survey) -> list[int]:
 # The sign is smoothed, tanh(torque / width), since gears have some drag; width, N.mm, is a constant of the effect, so
 # that it predicts the same at other torques.
 dead_zone = Row(
-    Kind(
+    EffectKind(
         "dead_zone",
         words="play of joint {joint} that gravity closes",
         check=(
@@ -343,10 +352,10 @@ def curve_of(joint: int, effect: Effect, values: Array) -> GearCurve:
     return GearCurve(joint, tuple(amplitudes.tolist()))
 
 
-PERIODIC = Entry(
+PERIODIC = EffectModule(
     "Periodic error of a joint: A cos(H theta) + B sin(H theta), H cycles a turn.",
     (
-        Kind(
+        EffectKind(
             "periodic",
             words="gear of joint {joint}, {times} a turn",
             check=(
@@ -359,10 +368,10 @@ PERIODIC = Entry(
     ),
     _offer_periodic,
 )
-COUPLING = Entry(
+COUPLING = EffectModule(
     "Coupling: joint B turns by k theta_A, because B's drive or its cables run through joint A.",
     (
-        Kind(
+        EffectKind(
             "coupling",
             words="coupling of joints {joint}",
             check=(
@@ -374,10 +383,10 @@ COUPLING = Entry(
     ),
     _offer_coupling,
 )
-GEAR_ORDERS = Entry(
+GEAR_ORDERS = EffectModule(
     "Gear orders: the error of a joint repeats every turn, so it is a Fourier series of whole orders.",
     (
-        Kind(
+        EffectKind(
             "gear_orders",
             words="gear of joint {joint}, over a turn",
             check=(

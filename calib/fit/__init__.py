@@ -2,19 +2,19 @@
 
 from calib.fit.circle_points import FEWEST, LEAST_RANGE
 from calib.fit.held_out import (
+    ExcludedReading,
     HeldOutFault,
     HeldOutFaults,
-    LeftOut,
     all_readings,
     errors_on,
     left_out,
     length_differences,
 )
-from calib.fit.identification import Identification, expanded, radius_95
+from calib.fit.identification import IdentificationFit, expanded, radius_95
 from calib.fit.identify import identify, silent
-from calib.fit.offsets import Offset, judge_points, offsets_of
+from calib.fit.offsets import TargetOffset, judge_points, offsets_of
 from calib.fit.placing import base_model_of, place_nominal
-from calib.fit.readings import Readings, readings_of
+from calib.fit.readings import FitReadings, readings_of
 from calib.fit.statistics import ErrorStatistics, statistics_of, worse
 from calib.fit.uncertainty_map import UncertaintyMap, uncertainty_map
 
@@ -22,12 +22,12 @@ __all__ = [
     "FEWEST",
     "LEAST_RANGE",
     "ErrorStatistics",
+    "ExcludedReading",
+    "FitReadings",
     "HeldOutFault",
     "HeldOutFaults",
-    "Identification",
-    "LeftOut",
-    "Offset",
-    "Readings",
+    "IdentificationFit",
+    "TargetOffset",
     "UncertaintyMap",
     "all_readings",
     "base_model_of",

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from calib.data.dataset import Dataset
-from calib.fit.identification import Identification
+from calib.fit.identification import IdentificationFit
 from calib.fit.identify import fit_plain
-from calib.model.model import RobotModel
+from calib.model.model import ModelStructure
 
 
-def fit_again(dataset: Dataset, fitted: Identification, model: RobotModel) -> Identification:
+def fit_again(dataset: Dataset, fitted: IdentificationFit, model: ModelStructure) -> IdentificationFit:
     """Another model with the parameters of a fit, fitted to its readings from its estimate; what took no part still
     takes none."""
     return fit_plain(

@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm.kinematics import Chain, Placement, forward, nominal_values, propagate
+from calib.arm.kinematics import BasePoses, Chain, forward, nominal_values, propagate
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.data.dataset import Dataset
@@ -33,7 +33,7 @@ _SURE = 0.02  # rad to which the direction of an axis must be known
 
 
 @dataclass(frozen=True)
-class Sweep:
+class CircleSweep:
     """Readings of one series and one target in which joint `joint` (1-based) alone moved.
 
     rows: (n,) index into the data set; posture: (N,) model angles, rad, that of the joint itself any of its own.
@@ -69,7 +69,7 @@ class Start:
     targets: dict[int, Array]
 
 
-def find_sweeps(dataset: Dataset) -> tuple[Sweep, ...]:
+def find_sweeps(dataset: Dataset) -> tuple[CircleSweep, ...]:
     """The sweeps among the calibration readings, in any order of time: back and forth, and with others between."""
     conditions = dataset.conditions
     candidates = np.flatnonzero(dataset.fit_rows & dataset.pointed)
@@ -89,7 +89,7 @@ def find_sweeps(dataset: Dataset) -> tuple[Sweep, ...]:
             if np.ptp(joints[of, k]) >= LEAST_RANGE:
                 first = of[0]
                 out.append(
-                    Sweep(k + 1, int(series[first]), int(target[first]), candidates[of], joints[first])
+                    CircleSweep(k + 1, int(series[first]), int(target[first]), candidates[of], joints[first])
                 )
     return tuple(out)
 
@@ -150,7 +150,7 @@ def starts(dataset: Dataset) -> dict[int, Start]:
     return out
 
 
-def _base(robot: Robot, sweeps: tuple[Sweep, ...], axes: Axes, here: list[int]) -> Array | None:
+def _base(robot: Robot, sweeps: tuple[CircleSweep, ...], axes: Axes, here: list[int]) -> Array | None:
     """Base pose (4, 4) in the world, from the surest sweeps of joints 1 and 2."""
     first = next((i for i in here if sweeps[i].joint == 1), None)
     second = next((i for i in here if sweeps[i].joint == 2), None)
@@ -161,7 +161,7 @@ def _base(robot: Robot, sweeps: tuple[Sweep, ...], axes: Axes, here: list[int]) 
     return None if nominal is None or found is None else found @ np.linalg.inv(nominal)
 
 
-def _tool(robot: Robot, sweeps: tuple[Sweep, ...], axes: Axes, here: list[int]) -> dict[int, Array]:
+def _tool(robot: Robot, sweeps: tuple[CircleSweep, ...], axes: Axes, here: list[int]) -> dict[int, Array]:
     """Targets in the flange frame, from sweeps of the last joint and of that before, joints 1..N-2 alike."""
     last = robot.joints
     out: dict[int, Array] = {}
@@ -187,7 +187,7 @@ def _line(axes: Axes, i: int) -> tuple[Array, Array]:
 
 def _axis(robot: Robot, posture: Array, joint: int) -> tuple[Array, Array]:
     """A point of the axis of a joint of the nominal robot and its direction, in the base frame, at a posture (N,)."""
-    frames = propagate(Chain.of(robot), nominal_values(robot, posture[None]), Placement())
+    frames = propagate(Chain.of(robot), nominal_values(robot, posture[None]), BasePoses())
     slot = f"theta{joint}"
     return np.ravel(frames.origin[slot][:, -1]), np.ravel(frames.axis[slot][:, -1])
 

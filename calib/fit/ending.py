@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 
 
-class Ending(StrEnum):
+class FitTermination(StrEnum):
     """The reason for which a fit ended. (`scipy.optimize.least_squares` says it by a status and a message.)"""
 
     CONVERGED = "converged"  # the last step was a small part of the standard errors
@@ -19,7 +19,7 @@ class Ending(StrEnum):
 
 
 _IN_WORDS = {
-    Ending.CONVERGED: "has converged",
-    Ending.ROUNDS: "still moved when it had taken as many steps as it may",
-    Ending.NO_DESCENT: "found no step, however short, that makes its error smaller",
+    FitTermination.CONVERGED: "has converged",
+    FitTermination.ROUNDS: "still moved when it had taken as many steps as it may",
+    FitTermination.NO_DESCENT: "found no step, however short, that makes its error smaller",
 }

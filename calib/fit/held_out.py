@@ -21,36 +21,36 @@ from calib.arm.kinematics import Frames
 from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.fit import robust
-from calib.fit.identification import Identification
-from calib.fit.readings import Readings, linearised, readings_of
+from calib.fit.identification import IdentificationFit
+from calib.fit.readings import FitReadings, linearised, readings_of
 from calib.fit.robust import distances
 from calib.fit.statistics import ErrorStatistics, statistics_of
-from calib.model.model import Design, RobotModel
+from calib.model.model import BoundModel, ModelStructure
 
 
-def errors_on(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array) -> Array:
+def errors_on(dataset: Dataset, rows: NDArray[np.bool_], model: ModelStructure, estimate: Array) -> Array:
     """(k,) errors in mm of the measured rows of a mask (n,): 3D distance where a point was measured, else what a
     distance to a base target differs by."""
-    return errors_by(Design(model, dataset.conditions.take(rows)), dataset, rows, estimate)
+    return errors_by(BoundModel(model, dataset.conditions.take(rows)), dataset, rows, estimate)
 
 
-def errors_by(design: Design, dataset: Dataset, rows: NDArray[np.bool_], estimate: Array) -> Array:
+def errors_by(design: BoundModel, dataset: Dataset, rows: NDArray[np.bool_], estimate: Array) -> Array:
     """The errors of `errors_on`, by a model that is bound to the rows already: for many estimates of one model."""
     frames = design.frames(estimate, ())
     points = np.linalg.norm(dataset.points[rows].T - frames.p, axis=0)
     return np.where(dataset.pointed[rows], points, np.abs(_differences(frames, dataset, rows)))
 
 
-def length_errors(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array) -> Array:
+def length_errors(dataset: Dataset, rows: NDArray[np.bool_], model: ModelStructure, estimate: Array) -> Array:
     """(k,) by how many mm the distances of the rows of a mask (n,) differ from measured; NaN where none was."""
     return np.abs(length_differences(dataset, rows, model, estimate))
 
 
 def length_differences(
-    dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array
+    dataset: Dataset, rows: NDArray[np.bool_], model: ModelStructure, estimate: Array
 ) -> Array:
     """(k,) the distances of the rows of a mask (n,), measured less predicted, mm; NaN where none was measured."""
-    return _differences(Design(model, dataset.conditions.take(rows)).frames(estimate, ()), dataset, rows)
+    return _differences(BoundModel(model, dataset.conditions.take(rows)).frames(estimate, ()), dataset, rows)
 
 
 def _differences(frames: Frames, dataset: Dataset, rows: NDArray[np.bool_]) -> Array:
@@ -77,7 +77,7 @@ class HeldOutFaults:
     error_without: ErrorStatistics | None
 
 
-def held_out_faults(dataset: Dataset, found: Identification) -> HeldOutFaults:
+def held_out_faults(dataset: Dataset, found: IdentificationFit) -> HeldOutFaults:
     """Examine the validation rows of a data set by a fitted model."""
     rows, faulty = dataset.validation_rows, np.zeros(len(dataset), dtype=np.bool_)
     if not rows.any():
@@ -114,7 +114,7 @@ def held_out_faults(dataset: Dataset, found: Identification) -> HeldOutFaults:
     )
 
 
-def _distances(found: Identification, readings: Readings) -> Array:
+def _distances(found: IdentificationFit, readings: FitReadings) -> Array:
     """(n,) standardised distances of readings from their predictions, whose own uncertainty counts."""
     alone = replace(readings, observed=readings.observed.alone)
     noise = max(found.noise_scale, 1.0) ** 2
@@ -129,7 +129,7 @@ def _distances(found: Identification, readings: Readings) -> Array:
 
 
 @dataclass(frozen=True)
-class LeftOut:
+class ExcludedReading:
     """A reading that took no part: joints as the controller counts them, deg or mm; target; error in mm, and how many
     times the declared noise that is (length of the whitened residual)."""
 
@@ -140,7 +140,7 @@ class LeftOut:
     times_noise: float
 
 
-def all_readings(dataset: Dataset, fitted: Identification) -> tuple[Readings, NDArray[np.bool_]]:
+def all_readings(dataset: Dataset, fitted: IdentificationFit) -> tuple[FitReadings, NDArray[np.bool_]]:
     """All readings that may enter a fit, under the targets that the fit believes, and a mask (n,) of those left out."""
     readings = readings_of(dataset, dataset.fit_rows, fitted.model, fitted.estimate)
     left_out = ~np.isin(readings.rows, fitted.readings.rows)
@@ -149,7 +149,7 @@ def all_readings(dataset: Dataset, fitted: Identification) -> tuple[Readings, ND
     return replace(readings, conditions=replace(readings.conditions, target=target)), left_out
 
 
-def left_out(dataset: Dataset, fitted: Identification) -> tuple[LeftOut, ...]:
+def left_out(dataset: Dataset, fitted: IdentificationFit) -> tuple[ExcludedReading, ...]:
     """The readings that a fit left out, the worst first."""
     if not fitted.faulty_rows:
         return ()
@@ -157,13 +157,13 @@ def left_out(dataset: Dataset, fitted: Identification) -> tuple[LeftOut, ...]:
     readings = readings.take(out)
     mask = np.zeros(len(dataset), dtype=np.bool_)
     mask[readings.rows] = True
-    frames = Design(fitted.model, readings.conditions).frames(fitted.estimate, ())
+    frames = BoundModel(fitted.model, readings.conditions).frames(fitted.estimate, ())
     lengths: Array = distances(readings.observed.alone.residual(frames))
     errors = errors_on(dataset, mask, fitted.model, fitted.estimate)
     header, conditions = dataset.header, readings.conditions
     angles = header.robot.controller_angles(conditions.joints, header.coupling) / header.robot.joint_units
     return tuple(
-        LeftOut(
+        ExcludedReading(
             dataset.reading_id[readings.rows[i]],
             tuple(np.round(angles[i], 4).tolist()),
             conditions.target_names[conditions.target[i]],

@@ -22,11 +22,11 @@ import numpy as np
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.data.header import Header
-from calib.fit.ending import Ending
-from calib.fit.least_squares import Dropped
-from calib.fit.of_type import Beside, Weighed, weighed
-from calib.fit.readings import Readings, linearised
-from calib.model.model import Design, RobotModel, ties
+from calib.fit.ending import FitTermination
+from calib.fit.least_squares import DroppedParameter
+from calib.fit.of_type import ParameterWeight, TypeFit, weighed
+from calib.fit.readings import FitReadings, linearised
+from calib.model.model import BoundModel, ModelStructure, ties
 
 _AT_ONCE = 1200  # points whose columns are in memory at a time
 
@@ -40,18 +40,18 @@ _NODES = 32
 
 
 @dataclass(frozen=True)
-class Identification:
+class IdentificationFit:
     """The result of an identification.
 
     estimate (m,) and covariance (m, m) in internal units, the covariance for the noise that was found (declared
     noise x noise_scale, where that is above 1); `readings` are those that took part.
     """
 
-    model: RobotModel
+    model: ModelStructure
     estimate: Array
     covariance: Array
-    dropped: tuple[Dropped, ...]
-    readings: Readings
+    dropped: tuple[DroppedParameter, ...]
+    readings: FitReadings
     residual: Array  # (k, n) whitened with the declared noise
     prior: Array  # (m,) weight of the prior of every parameter, in whitened units
     noise_scale: float
@@ -59,16 +59,16 @@ class Identification:
     faulty_rows: tuple[str, ...]
     relabelled_rows: tuple[tuple[str, str, str], ...]
     iterations: int
-    ending: Ending
+    ending: FitTermination
     warnings: tuple[str, ...]
     header: Header
     data_sha256: str
-    beside: Beside | None = None  # the type of the robot, where the fit knew it
+    beside: TypeFit | None = None  # the type of the robot, where the fit knew it
 
     @property
     def converged(self) -> bool:
         """Whether the iteration converged; else the parameters must not be used."""
-        return self.ending is Ending.CONVERGED
+        return self.ending is FitTermination.CONVERGED
 
     @property
     def standard_errors(self) -> Array:
@@ -82,7 +82,7 @@ class Identification:
             return max(self.noise_scale, 1.0) / self.prior
 
     @property
-    def weighed(self) -> tuple[Weighed, ...]:
+    def weighed(self) -> tuple[ParameterWeight, ...]:
         """The weight of prior and readings in each parameter that robots of the type share."""
         return weighed(self.model, self.estimate, self.covariance, 1.0 / self.held_std)
 
@@ -141,7 +141,7 @@ class Identification:
 
     def predict(self, conditions: Conditions) -> Array:
         """(n, 3) points as the instrument would read them, mm."""
-        return Design(self.model, conditions).predict(self.estimate)
+        return BoundModel(self.model, conditions).predict(self.estimate)
 
     def predict_with_covariance(self, conditions: Conditions) -> tuple[Array, Array]:
         """Points (n, 3), mm, and the covariance (n, 3, 3), mm2, that the parameters' uncertainty gives them."""
@@ -149,13 +149,13 @@ class Identification:
 
 
 def predict_with_covariance(
-    model: RobotModel, estimate: Array, covariance: Array, conditions: Conditions
+    model: ModelStructure, estimate: Array, covariance: Array, conditions: Conditions
 ) -> tuple[Array, Array]:
     """Points (n, 3), mm, and their covariances (n, 3, 3), mm2, from the covariance (m, m) of the estimate."""
     n = len(conditions)
     points, spread = np.empty((n, 3)), np.empty((n, 3, 3))
     for part in np.array_split(np.arange(n), max(-(-n // _AT_ONCE), 1)):
-        design = Design(model, conditions.take(part))
+        design = BoundModel(model, conditions.take(part))
         frames = design.frames(estimate, design.slots)
         columns = design.point_columns(frames).reshape(3, len(part), -1)
         points[part] = np.broadcast_to(frames.p, (3, len(part))).T
@@ -167,7 +167,7 @@ def predict_with_covariance(
     return points, spread
 
 
-def _beyond(design: Design) -> dict[str, Array]:
+def _beyond(design: BoundModel) -> dict[str, Array]:
     """Slot -> (n,) variance of what carried terms may do to it beyond the measured range, internal units.
 
     A term with the value 0 at the border may be anything beyond it: each effect counts with its full amplitude.

@@ -25,12 +25,12 @@ from calib.data.hypotheses import reach
 from calib.data.plausible import remarks
 from calib.errors import DataError
 from calib.fit import robust
-from calib.fit.ending import Ending
-from calib.fit.identification import Identification
+from calib.fit.ending import FitTermination
+from calib.fit.identification import IdentificationFit
 from calib.fit.least_squares import (
     LEAST_NOISE,
     MAX_ITERATIONS,
-    Dropped,
+    DroppedParameter,
     Linearisation,
     Solution,
     find_dependent,
@@ -38,7 +38,7 @@ from calib.fit.least_squares import (
     usual_sizes,
 )
 from calib.fit.of_type import (
-    Beside,
+    TypeFit,
     TypePrior,
     held_to,
     loosened,
@@ -47,10 +47,10 @@ from calib.fit.of_type import (
 )
 from calib.fit.offsets import offsets_of
 from calib.fit.placing import base_model_of
-from calib.fit.readings import Readings, begun, readings_of
+from calib.fit.readings import FitReadings, begun, readings_of
 from calib.model.base_model import COMPLIANCE, adapted, named_in
 from calib.model.effect import Parameter
-from calib.model.model import Design, RobotModel
+from calib.model.model import BoundModel, ModelStructure
 from calib.units import percent, to_display
 
 Progress = Callable[[str], None]
@@ -92,7 +92,7 @@ def identify(
     groups: Sequence[str] | None = None,
     prior: TypePrior | None = None,
     progress: Progress = silent,
-) -> Identification:
+) -> IdentificationFit:
     """Identify the base model of a data set.
 
     groups: which groups to free, default those of the header; prior: what robots of the type share. Raises DataError
@@ -114,18 +114,20 @@ def identify(
     return found
 
 
-def _beside_type(dataset: Dataset, plain: RobotModel, prior: TypePrior, progress: Progress) -> Identification:
+def _beside_type(
+    dataset: Dataset, plain: ModelStructure, prior: TypePrior, progress: Progress
+) -> IdentificationFit:
     """A fit with the prior of the robot's type, without those rows of it that this robot contradicts."""
     header = dataset.header
     of_robot = [e.label for e in plain.effects if e.owner == "robot"]
     prior.refuse_other(header.robot, header.coupling, of_robot)
     start = np.zeros(len(plain.parameters))
     readings = readings_of(dataset, dataset.fit_rows, plain, start)
-    at = Linearisation(Design(plain, readings.conditions), readings.observed, start)
+    at = Linearisation(BoundModel(plain, readings.conditions), readings.observed, start)
     model, beside = held_to(at, prior, named_in(plain.effects, header.priors))
     refuse_too_few(dataset, model)
 
-    def fitted(model: RobotModel) -> Identification:
+    def fitted(model: ModelStructure) -> IdentificationFit:
         return fit(dataset, model, readings, model.prior_mean, progress=progress)
 
     usual = {p.name: p for p in plain.parameters}
@@ -133,11 +135,11 @@ def _beside_type(dataset: Dataset, plain: RobotModel, prior: TypePrior, progress
 
 
 def within_type(
-    found: Identification,
-    beside: Beside,
+    found: IdentificationFit,
+    beside: TypeFit,
     usual: Mapping[str, Parameter],
-    fitted: Callable[[RobotModel], Identification],
-) -> Identification:
+    fitted: Callable[[ModelStructure], IdentificationFit],
+) -> IdentificationFit:
     """A fit without the prior of every parameter in which this robot lies outside its type, the farthest first; without
     any of it where the robot is no member of the type.
 
@@ -154,7 +156,7 @@ def within_type(
     return replace(found, beside=beside, warnings=(*beside.warnings(), *found.warnings))
 
 
-def carry(source: RobotModel, estimate: Array, goal: RobotModel) -> Array:
+def carry(source: ModelStructure, estimate: Array, goal: ModelStructure) -> Array:
     """Estimate (m,) for `goal`: values of the parameters both models have, zero elsewhere."""
     out = np.zeros(len(goal.parameters))
     for name, position in goal.index.items():
@@ -165,14 +167,14 @@ def carry(source: RobotModel, estimate: Array, goal: RobotModel) -> Array:
 
 def fit(
     dataset: Dataset,
-    model: RobotModel,
-    readings: Readings,
+    model: ModelStructure,
+    readings: FitReadings,
     start: Array,
     *,
-    settled: tuple[Dropped, ...] | None = None,
+    settled: tuple[DroppedParameter, ...] | None = None,
     at: Linearisation | None = None,
     progress: Progress = silent,
-) -> Identification:
+) -> IdentificationFit:
     """Fit any model to readings from a start: plain where all readings belong, robust first where some may not.
 
     settled: what an earlier fit dropped of the base model, which is then kept; at: the readings as the model sees them
@@ -180,7 +182,7 @@ def fit(
     """
     progress("fitting")
     observed = readings.observed
-    at_start = at or Linearisation(Design(model, readings.conditions), observed, start)
+    at_start = at or Linearisation(BoundModel(model, readings.conditions), observed, start)
     active, dropped = find_dependent(at_start, settled)
     near = solve(at_start, active, dropped, max_iterations=2)
     scale = robust.noise_scale(near.residual, observed.freedom)
@@ -213,7 +215,7 @@ def fit(
     estimate, residual = at.estimate, at.residual
     readings, relabelled = _relabel(dataset, model, readings, estimate, residual, wrong)
     if relabelled:
-        frames = Design(model, readings.conditions).frames(estimate, ())
+        frames = BoundModel(model, readings.conditions).frames(estimate, ())
         residual = alone.residual(frames)
     faulty = robust.outliers(residual, observed.freedom, wrong)
     rejected = tuple(dataset.reading_id[i] for i in readings.rows[faulty])
@@ -221,7 +223,7 @@ def fit(
     return fit_plain(dataset, model, readings, estimate, active, dropped, rejected, relabelled)
 
 
-def _without_crowd(plain: Solution, dropped: tuple[Dropped, ...]) -> Linearisation | None:
+def _without_crowd(plain: Solution, dropped: tuple[DroppedParameter, ...]) -> Linearisation | None:
     """The fit that most readings agree on where up to a quarter of them are gross errors; None where they are not.
 
     From the plain fit by weights 1 / distance (least absolute errors, which a quarter does not move far), then by the
@@ -249,23 +251,26 @@ def _without_crowd(plain: Solution, dropped: tuple[Dropped, ...]) -> Linearisati
 
 def fit_plain(
     dataset: Dataset,
-    model: RobotModel,
-    readings: Readings,
+    model: ModelStructure,
+    readings: FitReadings,
     start: Array,
     active: NDArray[np.bool_],
-    dropped: tuple[Dropped, ...],
+    dropped: tuple[DroppedParameter, ...],
     faulty: tuple[str, ...] = (),
     relabelled: tuple[tuple[str, str, str], ...] = (),
     max_iterations: int = MAX_ITERATIONS,
-) -> Identification:
+) -> IdentificationFit:
     """Plain least squares on readings that belong; nothing is screened."""
-    at = Linearisation(Design(model, readings.conditions), readings.observed, start)
+    at = Linearisation(BoundModel(model, readings.conditions), readings.observed, start)
     solution = _solve(at, active, dropped, max_iterations)
     return _result(dataset, model, readings, solution, active, dropped, faulty, relabelled)
 
 
 def _solve(
-    start: Linearisation, active: NDArray[np.bool_], dropped: tuple[Dropped, ...], max_iterations: int
+    start: Linearisation,
+    active: NDArray[np.bool_],
+    dropped: tuple[DroppedParameter, ...],
+    max_iterations: int,
 ) -> Solution:
     """Plain least squares, the priors weighed with the noise that is left near the end, not at the start."""
     near = solve(start, active, dropped, max_iterations=2)
@@ -275,14 +280,14 @@ def _solve(
 
 def _result(
     dataset: Dataset,
-    model: RobotModel,
-    readings: Readings,
+    model: ModelStructure,
+    readings: FitReadings,
     solution: Solution,
     active: NDArray[np.bool_],
-    dropped: tuple[Dropped, ...],
+    dropped: tuple[DroppedParameter, ...],
     faulty: tuple[str, ...] = (),
     relabelled: tuple[tuple[str, str, str], ...] = (),
-) -> Identification:
+) -> IdentificationFit:
     # What a declared uncertainty or a usual size determines, wholly where the readings say nothing, costs no freedom.
     dof = readings.observed.count - int(active.sum()) + round(solution.given)
     scale = float(np.sqrt(np.sum(solution.residual**2) / max(dof, 1)))
@@ -303,7 +308,7 @@ def _result(
         warnings.append(
             f"{len(relabelled)} readings fit only when another tool target is assumed; relabelled."
         )
-    found = Identification(
+    found = IdentificationFit(
         model=model,
         estimate=solution.estimate,
         covariance=covariance,
@@ -326,14 +331,14 @@ def _result(
 
 
 def _warnings(
-    model: RobotModel,
+    model: ModelStructure,
     active: NDArray[np.bool_],
-    dropped: tuple[Dropped, ...],
+    dropped: tuple[DroppedParameter, ...],
     covariance: Array,
     solution: Solution,
 ) -> list[str]:
     out = []
-    if solution.ending is not Ending.CONVERGED:
+    if solution.ending is not FitTermination.CONVERGED:
         out.append(f"The fit did not converge: it {solution.ending.in_words}. Do not use its parameters.")
     for drop in dropped:
         reason = (
@@ -350,7 +355,7 @@ def _warnings(
     return [*out, *_only_together(model, active & ~(spread > 0.5 * usual), spread)]
 
 
-def _only_together(model: RobotModel, active: NDArray[np.bool_], spread: Array) -> list[str]:
+def _only_together(model: ModelStructure, active: NDArray[np.bool_], spread: Array) -> list[str]:
     """A remark on parameters that trade against each other along a direction in which the sum is nearly flat."""
     units = [parameter.unit for parameter in model.parameters]
     loose = [
@@ -372,7 +377,7 @@ def _only_together(model: RobotModel, active: NDArray[np.bool_], spread: Array) 
     ]
 
 
-def _of_faulty(readings: Readings, faulty: tuple[str, ...]) -> list[str]:
+def _of_faulty(readings: FitReadings, faulty: tuple[str, ...]) -> list[str]:
     """A remark on the number of readings that were left out, if any were."""
     if not faulty:
         return []
@@ -381,7 +386,9 @@ def _of_faulty(readings: Readings, faulty: tuple[str, ...]) -> list[str]:
     return [f"{many} ({percent(share, 1)}) outside what the model and the noise allow: left out."]
 
 
-def leaving_out(fitted: Identification, readings: Readings, faulty: tuple[str, ...]) -> Identification:
+def leaving_out(
+    fitted: IdentificationFit, readings: FitReadings, faulty: tuple[str, ...]
+) -> IdentificationFit:
     """A fit to be repeated on other readings, the faulty ones left out."""
     before = _of_faulty(fitted.readings, fitted.faulty_rows)
     warnings = (*(w for w in fitted.warnings if w not in before), *_of_faulty(readings, faulty))
@@ -403,8 +410,13 @@ def _unused(dataset: Dataset) -> list[str]:
 
 
 def _relabel(
-    dataset: Dataset, model: RobotModel, readings: Readings, estimate: Array, residual: Array, wrong: float
-) -> tuple[Readings, tuple[tuple[str, str, str], ...]]:
+    dataset: Dataset,
+    model: ModelStructure,
+    readings: FitReadings,
+    estimate: Array,
+    residual: Array,
+    wrong: float,
+) -> tuple[FitReadings, tuple[tuple[str, str, str], ...]]:
     """Readings that do not fit, each for itself, but do with another tool target: relabel them."""
     conditions = readings.conditions
     suspects = np.flatnonzero(robust.outliers(residual, readings.observed.freedom, wrong))
@@ -420,7 +432,7 @@ def _relabel(
             continue
         few = readings.taken(trial)
         few = replace(few, conditions=replace(few.conditions, target=np.full(len(trial), t)))
-        frames = Design(model, few.conditions).frames(estimate, ())
+        frames = BoundModel(model, few.conditions).frames(estimate, ())
         fits = robust.distances(few.observed.alone.residual(frames)) < limit[trial]
         for i in trial[fits]:
             if target[i] == conditions.target[i] != t:
@@ -432,7 +444,7 @@ def _relabel(
     return replace(readings, conditions=replace(conditions, target=target)), tuple(relabelled)
 
 
-def refuse_too_few(dataset: Dataset, model: RobotModel) -> None:
+def refuse_too_few(dataset: Dataset, model: ModelStructure) -> None:
     """Raise DataError when the readings cannot carry the model."""
     rows = dataset.fit_rows
     unknowns = int(np.sum(~model.measured))  # what is known to an uncertainty brings its own number
@@ -474,7 +486,7 @@ def last_joint_unseen(dataset: Dataset) -> bool:
     return bool(max(off_axis) < 1.0)
 
 
-def softer_than_usual(found: Identification, told: Collection[str]) -> dict[str, float]:
+def softer_than_usual(found: IdentificationFit, told: Collection[str]) -> dict[str, float]:
     """The gears whose compliance contradicts its usual size, as in small arms.
 
     Returns name -> a size that no longer constrains it, in its unit. told: parameters whose size the header gives.
@@ -514,7 +526,7 @@ def astray(solution: Solution) -> list[str]:
     return said
 
 
-def refuse_misfit(dataset: Dataset, found: Identification) -> None:
+def refuse_misfit(dataset: Dataset, found: IdentificationFit) -> None:
     """Raise DataError where the fitted robot still misses most points by a twentieth of their extent, and where a
     length of it comes out as that of another robot.
 
@@ -546,7 +558,7 @@ def refuse_misfit(dataset: Dataset, found: Identification) -> None:
     )
 
 
-def _refuse_other_lengths(dataset: Dataset, found: Identification) -> None:
+def _refuse_other_lengths(dataset: Dataset, found: IdentificationFit) -> None:
     robot = found.model.robot
     far = _OTHER * reach(robot)
     columns = {f"{key}{k + 1}": (key, k) for key in "ad" for k in range(robot.joints)}

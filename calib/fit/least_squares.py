@@ -27,8 +27,8 @@ from scipy.linalg import get_lapack_funcs
 from calib.arm.kinematics import Frames
 from calib.array import Array
 from calib.data.conditions import row_keys
-from calib.fit.ending import Ending
-from calib.model.model import Design, RobotModel, ties
+from calib.fit.ending import FitTermination
+from calib.model.model import BoundModel, ModelStructure, ties
 from calib.model.observations import Observations
 
 MAX_ITERATIONS = 50
@@ -45,7 +45,7 @@ _DEPENDENT = 1e-7  # share of a column left when those before it are projected o
 
 
 @dataclass(frozen=True)
-class Dropped:
+class DroppedParameter:
     """A parameter that the readings cannot determine, and those with which it is confounded.
 
     stand_ins: parameters that take its place, and how far each moves for one unit of it, internal units.
@@ -60,7 +60,7 @@ class Linearisation:
     """Readings as a model sees them at an estimate (m,): chain, residual and derivative, each worked out once."""
 
     def __init__(
-        self, design: Design, observed: Observations, estimate: Array, passed: Frames | None = None
+        self, design: BoundModel, observed: Observations, estimate: Array, passed: Frames | None = None
     ) -> None:
         """passed: the chain at the estimate, with the axes of the design's slots, where it is known already."""
         self.design, self.observed, self.estimate, self._passed = design, observed, estimate, passed
@@ -100,7 +100,7 @@ class Solution:
     prior: Array  # (m,) weight of the prior of every parameter, 0 where there is none
     tied: Array  # (q, m) weighted derivative of the distances between balls of one body
     iterations: int
-    ending: Ending
+    ending: FitTermination
 
     @property
     def estimate(self) -> Array:
@@ -143,7 +143,7 @@ class Solution:
         return np.sqrt(np.maximum(np.sum(self.residual.T * solved, axis=1), 0.0))
 
 
-def jacobian(design: Design, observed: Observations, frames: Frames) -> Array:
+def jacobian(design: BoundModel, observed: Observations, frames: Frames) -> Array:
     """(k n, m) whitened derivative of the prediction."""
     columns = design.columns(observed.columns(frames, design.slots))
     if observed.shared is None:
@@ -187,8 +187,8 @@ def _normal_factor(gram: Array, columns: Array, tied: Array, prior: Array, size:
 
 
 def find_dependent(
-    start: Linearisation, settled: tuple[Dropped, ...] | None = None
-) -> tuple[NDArray[np.bool_], tuple[Dropped, ...]]:
+    start: Linearisation, settled: tuple[DroppedParameter, ...] | None = None
+) -> tuple[NDArray[np.bool_], tuple[DroppedParameter, ...]]:
     """The parameters that the readings determine: mask (m,) and the dropped ones by name.
 
     A column that those before it explain to one part in 10^7 is dropped. Base and tool are
@@ -220,7 +220,7 @@ def find_dependent(
     order = sorted(range(len(names)), key=lambda j: parameters[j].size is not None)
     settled_ones = {j for j in order if settled is not None and of_base[j] and names[j] not in before}
     dropped = {j: before[names[j]] for j in order if of_base[j] and names[j] in before}
-    dropped |= {j: Dropped(names[j], ()) for j in order if not seen[j] and j not in dropped}
+    dropped |= {j: DroppedParameter(names[j], ()) for j in order if not seen[j] and j not in dropped}
     kept = [j for j in order if j not in dropped]
     may_go = np.isfinite(model.prior_std) & ~model.measured
     may_go[list(settled_ones)] = False
@@ -244,7 +244,7 @@ def find_dependent(
             heaviest = np.argsort(-weight)[:6]
             heavy = heaviest[weight[heaviest] > 0.05 * weight.max()]
             moves = share * scale[j] / scale[kept]
-            dropped[j] = Dropped(
+            dropped[j] = DroppedParameter(
                 names[j],
                 tuple(names[kept[i]] for i in heavy),
                 tuple((names[kept[i]], float(moves[i])) for i in np.flatnonzero(weight > _DEPENDENT)),
@@ -300,7 +300,7 @@ def _first_dependent(triangle: Array, kept: list[bool]) -> int | None:
     return None
 
 
-def usual_sizes(model: RobotModel, dropped: Sequence[Dropped]) -> Array:
+def usual_sizes(model: ModelStructure, dropped: Sequence[DroppedParameter]) -> Array:
     """(m,) standard deviation of every parameter's prior, internal units; infinite where there is none.
 
     What a parameter is fitted to is its own error and that of all dropped ones that it makes up for: their
@@ -317,7 +317,7 @@ def usual_sizes(model: RobotModel, dropped: Sequence[Dropped]) -> Array:
 def solve(
     start: Linearisation,
     active: NDArray[np.bool_],
-    dropped: Sequence[Dropped] = (),
+    dropped: Sequence[DroppedParameter] = (),
     *,
     weights: Array | None = None,
     scale: float = 1.0,
@@ -339,13 +339,13 @@ def solve(
         scale, 1.0
     )  # of a distance between balls: it keeps its worth as a prior that is a measurement does
     at, cost = start, _cost(start, root, prior, mean, worth)
-    iterations, ending = 0, Ending.ROUNDS
+    iterations, ending = 0, FitTermination.ROUNDS
     small = tolerance * max(scale, 1.0)
     triangle, size = np.eye(len(held)), np.ones(len(held))
     damped: int | None = None  # power of ten of the damping that the last step needed
     power: int | None = None
     columns = np.zeros((at.residual.size, len(held)))
-    while iterations < max_iterations and ending is Ending.ROUNDS:
+    while iterations < max_iterations and ending is FitTermination.ROUNDS:
         iterations += 1
         columns, weighted = at.columns, at.residual
         if not active.all():
@@ -370,7 +370,7 @@ def solve(
             if cost_there <= cost * (1.0 + 1e-12) or change < small or change**2 < 1e-12 * cost:
                 break
         else:
-            ending = Ending.NO_DESCENT
+            ending = FitTermination.NO_DESCENT
             break
         # A flat direction, of which the readings say nothing, may be followed without end: only the cost counts there.
         damped = None if power is None else max(power - 1, _DAMPING[0])
@@ -379,7 +379,7 @@ def solve(
         )
         at, cost = there, cost_there
         if change < small or settled:
-            ending = Ending.CONVERGED
+            ending = FitTermination.CONVERGED
     return Solution(at, active, triangle, size, columns, prior, worth * at.tied[1], iterations, ending)
 
 

@@ -28,9 +28,9 @@ from scipy.special import chdtrc, stdtrit
 from calib.arm.robot import Robot, robot_hash
 from calib.array import Array
 from calib.errors import DataError
-from calib.fit.least_squares import Dropped, Linearisation
+from calib.fit.least_squares import DroppedParameter, Linearisation
 from calib.model.effect import Effect, Parameter
-from calib.model.model import Expected, RobotModel
+from calib.model.model import ModelStructure, TypeEffectPrior
 
 OUTSIDE = 0.01  # chance that any parameter of a robot of the type is called outside it
 TOGETHER = 0.001  # chance that all of them together are
@@ -41,7 +41,7 @@ _SAME = 1e-5  # of a column: what may be left of it where others make up for it
 
 
 @dataclass(frozen=True)
-class Share:
+class TypeParameter:
     """A parameter of a type: mean over its robots, and standard deviation of a further robot about it (display
     unit)."""
 
@@ -52,7 +52,7 @@ class Share:
 
 
 @dataclass(frozen=True)
-class Found:
+class TypeEffect:
     """An effect beside the base model, by label and shape, and in how many robots of a type it was found."""
 
     label: str
@@ -73,18 +73,18 @@ class TypePrior:
     robot_sha256: str
     coupling: str
     groups: tuple[str, ...]
-    shares: Mapping[str, Share]
-    redundant: tuple[Dropped, ...]
-    found: tuple[Found, ...]
+    shares: Mapping[str, TypeParameter]
+    redundant: tuple[DroppedParameter, ...]
+    found: tuple[TypeEffect, ...]
     robots: int
     sha256: str
 
     @property
-    def expected(self) -> tuple[Expected, ...]:
+    def expected(self) -> tuple[TypeEffectPrior, ...]:
         """The effects that are frequent in the type, with shares of one half of all tries in proportion."""
         often = [f for f in self.found if f.robots >= max(_TWICE, _FREQUENT * self.robots)]
         total = sum(f.robots for f in often)
-        return tuple(Expected(f.label, f.shape, 0.5 * f.robots / total) for f in often)
+        return tuple(TypeEffectPrior(f.label, f.shape, 0.5 * f.robots / total) for f in often)
 
     def refuse_other(self, robot: Robot, coupling: str, groups: Sequence[str]) -> None:
         """Raise DataError for a robot of another type, or a base model that frees something else of it."""
@@ -110,7 +110,7 @@ class TypePrior:
 
 
 @dataclass(frozen=True)
-class Weighed:
+class ParameterWeight:
     """A parameter with what decided it. decided: share of the prior, 0 to 1; z: as the module has it, nan where the
     readings say nothing; centre and spread as they were learnt."""
 
@@ -122,13 +122,13 @@ class Weighed:
 
 
 @dataclass(frozen=True)
-class Beside:
+class TypeFit:
     """A fit beside its type. outside: parameters whose prior was taken out, as they were then; open: those to which the
     prior cannot be put, and why; chi_square over `freedom` directions of what was left of the prior; left_out: whether
     all of it was left out in the end."""
 
     prior: TypePrior
-    outside: tuple[Weighed, ...] = ()
+    outside: tuple[ParameterWeight, ...] = ()
     open: Mapping[str, str] = field(default_factory=dict)
     chi_square: float = 0.0
     freedom: int = 0
@@ -161,7 +161,7 @@ class Beside:
 
 def held_to(
     at: Linearisation, prior: TypePrior, spoken_for: frozenset[str] = frozenset()
-) -> tuple[RobotModel, Beside]:
+) -> tuple[ModelStructure, TypeFit]:
     """The base model of some readings, linearised at its start, with what its type shares in the place of usual sizes.
 
     What was redundant in the type and is redundant here too leaves the model: the prior is of what makes up for it.
@@ -173,10 +173,10 @@ def held_to(
         at.design.model, effects=tuple(e for e in effects if e.parameters), expected=prior.expected
     )
     wanted = frozenset(prior.shares) - spoken_for - frozenset(unlike)
-    return centred(model, prior, wanted), Beside(prior, open=unlike)
+    return centred(model, prior, wanted), TypeFit(prior, open=unlike)
 
 
-def centred(model: RobotModel, prior: TypePrior, names: frozenset[str]) -> RobotModel:
+def centred(model: ModelStructure, prior: TypePrior, names: frozenset[str]) -> ModelStructure:
     """A model in which these parameters of the robot have the prior of the type."""
 
     def with_prior(p: Parameter) -> Parameter:
@@ -188,12 +188,16 @@ def centred(model: RobotModel, prior: TypePrior, names: frozenset[str]) -> Robot
     return _with(model, with_prior, "robot")
 
 
-def loosened(model: RobotModel, usual: Mapping[str, Parameter], name: str | None = None) -> RobotModel:
+def loosened(
+    model: ModelStructure, usual: Mapping[str, Parameter], name: str | None = None
+) -> ModelStructure:
     """A model in which one parameter has its usual size again; None: all of them."""
     return _with(model, lambda p: usual[p.name] if p.name in usual and name in (None, p.name) else p)
 
 
-def weighed(model: RobotModel, estimate: Array, covariance: Array, weight: Array) -> tuple[Weighed, ...]:
+def weighed(
+    model: ModelStructure, estimate: Array, covariance: Array, weight: Array
+) -> tuple[ParameterWeight, ...]:
     """Every parameter that has a prior of its type, with what decided it.
 
     estimate (m,), covariance (m, m), internal units; weight: (m,) one over the standard deviation that the prior had
@@ -205,11 +209,11 @@ def weighed(model: RobotModel, estimate: Array, covariance: Array, weight: Array
         decided = float(np.clip(covariance[i, i] * weight[i] ** 2, 0.0, 1.0))
         off = float((estimate[i] - model.prior_mean[i]) * weight[i])
         z = off / np.sqrt(1.0 - decided) if decided < 1.0 - _SEEN else np.nan
-        out.append(Weighed(p.name, float(p.centre or 0.0), float(p.size or 0.0), decided, float(z)))
+        out.append(ParameterWeight(p.name, float(p.centre or 0.0), float(p.size or 0.0), decided, float(z)))
     return tuple(out)
 
 
-def stranger(shown: tuple[Weighed, ...], robots: int) -> Weighed | None:
+def stranger(shown: tuple[ParameterWeight, ...], robots: int) -> ParameterWeight | None:
     """The parameter that lies farthest outside the type, where chance does not bring one of so many there; robots: by
     how many the spreads are known, which gives them Student's t."""
     seen = [each for each in shown if np.isfinite(each.z)]
@@ -220,7 +224,7 @@ def stranger(shown: tuple[Weighed, ...], robots: int) -> Weighed | None:
     return worst if abs(worst.z) > limit else None
 
 
-def together(model: RobotModel, estimate: Array, covariance: Array, weight: Array) -> tuple[float, int]:
+def together(model: ModelStructure, estimate: Array, covariance: Array, weight: Array) -> tuple[float, int]:
     """Chi-square of all prior terms, and the number of directions that the readings see."""
     which = np.flatnonzero(model.of_type & (weight > 0.0))
     if not len(which):
@@ -265,7 +269,7 @@ def _less(effect: Effect, gone: frozenset[str]) -> Effect:
     )
 
 
-def _with(model: RobotModel, change: Callable[[Parameter], Parameter], owner: str = "") -> RobotModel:
+def _with(model: ModelStructure, change: Callable[[Parameter], Parameter], owner: str = "") -> ModelStructure:
     """The model with other parameters: of the effects of one owner, or of all."""
     return replace(
         model,

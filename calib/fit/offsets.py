@@ -22,7 +22,7 @@ from scipy.special import chdtrc
 
 from calib.arm.start import align
 from calib.array import Array
-from calib.fit.identification import Identification
+from calib.fit.identification import IdentificationFit
 
 FALSE_ALARM = 1e-3  # chance that any target of a set is doubted although all are as stated
 _SEEN = 1e-3  # share of the prior's variance that the others take away: below it they say nothing
@@ -31,7 +31,7 @@ _SET_FREE = 1e3  # by so much the prior of a doubted target is widened
 
 
 @dataclass(frozen=True)
-class Judged:
+class TargetOffsetTest:
     """The judgement of a target: how far readings and all other targets put it from its stated place.
 
     distance_mm, and sigma: that many standard deviations of such a distance; doubted: it cannot be by chance, unless
@@ -56,7 +56,7 @@ class Judged:
 
 
 @dataclass(frozen=True)
-class Offset:
+class TargetOffset:
     """A target beside its stated position: (x, y, z) mm as far as they were free, with standard errors.
 
     kind: `base target` or `tool target`; u_mm: stated standard uncertainty per axis.
@@ -67,14 +67,14 @@ class Offset:
     offset_mm: tuple[float, ...]
     std_mm: tuple[float, ...]
     u_mm: float
-    judged: Judged
+    judged: TargetOffsetTest
 
     def in_words(self) -> str:
         """A sentence on a displaced target."""
         return self.judged.in_words(f"{self.kind.capitalize()} {self.name}", self.u_mm)
 
 
-def offsets_of(found: Identification) -> tuple[Offset, ...]:
+def offsets_of(found: IdentificationFit) -> tuple[TargetOffset, ...]:
     """Every target whose position was known to an uncertainty, in the order of the model."""
     model = found.model
     of_target: dict[tuple[str, str], list[int]] = {}
@@ -95,7 +95,7 @@ def offsets_of(found: Identification) -> tuple[Offset, ...]:
     then = np.outer(*[found.prior[which] * u] * 2) / max(found.noise_scale, 1.0) ** 2
     judged = _judged(m, then * p, u, rows, [name for _, name in of_target])
     return tuple(
-        Offset(
+        TargetOffset(
             name,
             kind,
             tuple(m[at].tolist()),
@@ -107,7 +107,9 @@ def offsets_of(found: Identification) -> tuple[Offset, ...]:
     )
 
 
-def judge_points(points: Array, stated: Array, u_mm: Array, noise: Array, names: list[str]) -> list[Judged]:
+def judge_points(
+    points: Array, stated: Array, u_mm: Array, noise: Array, names: list[str]
+) -> list[TargetOffsetTest]:
     """Points measured in a frame of their own, beside where they are stated to be, which is known to an uncertainty.
 
     With o what is off by the statement, y the points laid over the stated ones, and a frame that is free to move by
@@ -129,12 +131,14 @@ def judge_points(points: Array, stated: Array, u_mm: Array, noise: Array, names:
     return _judged(m, left, u, list(np.arange(len(y)).reshape(-1, 3)), names)
 
 
-def _judged(m: Array, p: Array, u: Array, rows: list[NDArray[np.int64]], names: list[str]) -> list[Judged]:
+def _judged(
+    m: Array, p: Array, u: Array, rows: list[NDArray[np.int64]], names: list[str]
+) -> list[TargetOffsetTest]:
     """Every target judged; what is doubted no longer speaks about the others.
 
     m (k,), p (k, k) offsets and covariance, u (k,) standard deviations of the priors; rows: those of each target.
     """
-    out: dict[int, Judged] = {}
+    out: dict[int, TargetOffsetTest] = {}
     while len(out) < len(rows):
         found = {t: _apart(m[at], p[np.ix_(at, at)], u[at]) for t, at in enumerate(rows) if t not in out}
         worst = min(found, key=lambda t: (found[t][1], -found[t][0].sigma))
@@ -155,11 +159,11 @@ def _judged(m: Array, p: Array, u: Array, rows: list[NDArray[np.int64]], names: 
     return [out[t] for t in range(len(rows))]
 
 
-def _apart(m: Array, p: Array, u: Array) -> tuple[Judged, float]:
+def _apart(m: Array, p: Array, u: Array) -> tuple[TargetOffsetTest, float]:
     """The distance at which the others put a target, and the chance of more where all is as stated."""
     share, axes = np.linalg.eigh(np.eye(len(u)) - p / np.outer(u, u))
     seen = share > _SEEN
     along = (axes.T @ (m / u))[seen]
     square = float(np.sum(along**2 / share[seen]))
     distance = float(np.linalg.norm(u * (axes[:, seen] @ (along / share[seen]))))
-    return Judged(distance, float(np.sqrt(square))), float(chdtrc(max(int(seen.sum()), 1), square))
+    return TargetOffsetTest(distance, float(np.sqrt(square))), float(chdtrc(max(int(seen.sum()), 1), square))

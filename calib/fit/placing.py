@@ -31,13 +31,13 @@ from calib.fit.least_squares import Linearisation, find_dependent, solve
 from calib.fit.readings import readings_of
 from calib.model import base_model
 from calib.model.effect import Effect
-from calib.model.model import Design, RobotModel
+from calib.model.model import BoundModel, ModelStructure
 from calib.text.toml_table import Vector
 
 _OF_PLACE = {"base", "target", "anchor", "length"}  # what the maker's drawing of the robot does not say
 
 
-def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> RobotModel:
+def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> ModelStructure:
     """The model that the header frees (or `groups`), with a start for every series.
 
     Raises DataError when the header holds or weighs a parameter that the model does not have or of which nothing is
@@ -112,7 +112,7 @@ def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> Robo
         header.tool_targets_u_mm,
         one_tool=header.one_tool,
     )
-    return RobotModel(
+    return ModelStructure(
         header.robot,
         _adapted(effects, dataset),
         targets,
@@ -282,13 +282,13 @@ def _adapted(effects: tuple[Effect, ...], dataset: Dataset) -> tuple[Effect, ...
         ) from error
 
 
-def place_nominal(dataset: Dataset, model: RobotModel) -> tuple[RobotModel, Array]:
+def place_nominal(dataset: Dataset, model: ModelStructure) -> tuple[ModelStructure, Array]:
     """The nominal robot with only its base (and tool, where freed) fitted. Returns model and estimate."""
     of_place = (e for e in model.effects if e.group == "base model" and e.places <= _OF_PLACE)
     placed = replace(model, effects=tuple(of_place))
     start = np.zeros(len(placed.parameters))
     readings = readings_of(dataset, dataset.fit_rows, placed, start)
-    at = Linearisation(Design(placed, readings.conditions), readings.observed.alone, start)
+    at = Linearisation(BoundModel(placed, readings.conditions), readings.observed.alone, start)
     active, dropped = find_dependent(at)
     for _ in range(2):
         at = solve(at, active, dropped, weights=robust.huber(at.residual, readings.observed.freedom)).at

@@ -14,38 +14,38 @@ from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.data.noise import whitener
 from calib.fit.least_squares import Linearisation, jacobian
-from calib.model.model import Design, RobotModel
-from calib.model.observations import Observations, Shared
+from calib.model.model import BoundModel, ModelStructure
+from calib.model.observations import Observations, VisitCovariance
 
 
 @dataclass(frozen=True)
-class Readings:
+class FitReadings:
     """n readings; rows (n,) index into the data set."""
 
     conditions: Conditions
     observed: Observations
     rows: NDArray[np.int64]
 
-    def take(self, keep: NDArray[np.bool_]) -> Readings:
+    def take(self, keep: NDArray[np.bool_]) -> FitReadings:
         """Some of the readings, by mask (n,)."""
         return self if keep.all() else self.taken(np.flatnonzero(keep))
 
-    def taken(self, index: NDArray[np.int64]) -> Readings:
+    def taken(self, index: NDArray[np.int64]) -> FitReadings:
         """Some of the readings, by index."""
-        return Readings(self.conditions.take(index), self.observed.take(index), self.rows[index])
+        return FitReadings(self.conditions.take(index), self.observed.take(index), self.rows[index])
 
 
 _AT_ONCE = 1200  # readings whose columns are in memory at a time
 
 
 def linearised(
-    model: RobotModel, readings: Readings, estimate: Array
+    model: ModelStructure, readings: FitReadings, estimate: Array
 ) -> Iterator[tuple[NDArray[np.int64], Array, Array]]:
     """Residual and derivative of the prediction at an estimate (m,), some visits at a time: which readings (c,),
     whitened residual (k, c), whitened columns (k c, m)."""
     for part in _whole_visits(readings.conditions.visit):
         few = readings.taken(part)
-        design = Design(model, few.conditions)
+        design = BoundModel(model, few.conditions)
         frames = design.frames(estimate, design.slots)
         yield part, few.observed.residual(frames), jacobian(design, few.observed, frames)
 
@@ -58,14 +58,16 @@ def _whole_visits(visit: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
     return (np.flatnonzero(part == p) for p in range(parts))
 
 
-def readings_of(dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array) -> Readings:
+def readings_of(
+    dataset: Dataset, rows: NDArray[np.bool_], model: ModelStructure, estimate: Array
+) -> FitReadings:
     """Whitened readings of some rows: see `begun`."""
     return begun(dataset, rows, model, estimate)[0]
 
 
 def begun(
-    dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array
-) -> tuple[Readings, Linearisation | None]:
+    dataset: Dataset, rows: NDArray[np.bool_], model: ModelStructure, estimate: Array
+) -> tuple[FitReadings, Linearisation | None]:
     """Whitened readings of some rows (mask over the data set), and these as the model sees them at the estimate (m,)
     where whitening had to look: the chain of a first step, which need not be passed again.
 
@@ -103,7 +105,7 @@ def begun(
     scatter = noise.of_each_joint(model.robot.kinds)
     if scatter.any():
         joints = model.robot.joint_slots
-        design = Design(model, conditions)
+        design = BoundModel(model, conditions)
         frames = design.frames(estimate, (*design.slots, *joints))
         # The robot scatters about where it is, not about what was measured: the rotation vector there is zero.
         there = raw if rotations is None else replace(raw, rotations=frames.rotation.transpose(1, 2, 0))
@@ -113,9 +115,9 @@ def begun(
             shared = scatter[:, None, None] * by_joint * several
     observed = Observations(points, rotations, lengths, whitener(covariance, mask), raw.freedom)
     if shared is not None:
-        observed = replace(observed, shared=Shared(conditions.visit, observed.by_reading(shared)))
+        observed = replace(observed, shared=VisitCovariance(conditions.visit, observed.by_reading(shared)))
     at = None if design is None else Linearisation(design, observed, estimate, frames)
-    return Readings(conditions, observed, np.flatnonzero(rows)), at
+    return FitReadings(conditions, observed, np.flatnonzero(rows)), at
 
 
 def _several(visit: NDArray[np.int64]) -> NDArray[np.bool_]:

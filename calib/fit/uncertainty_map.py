@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calib.arm.kinematics import forward
 from calib.array import Array
-from calib.fit.identification import Identification, expanded, radius_95
+from calib.fit.identification import IdentificationFit, expanded, radius_95
 from calib.model.model import StatedConditions, conditions_at
 
 
@@ -31,7 +31,7 @@ class UncertaintyMap:
     measured: NDArray[np.bool_]  # (N,) within the joint ranges of the readings
 
 
-def uncertainty_map(found: Identification) -> UncertaintyMap:
+def uncertainty_map(found: IdentificationFit) -> UncertaintyMap:
     """The map of an identified model, for its first series and the target that was measured most, side by side with
     the conditions of its readings (their mean temperature and time)."""
     readings = found.readings.conditions

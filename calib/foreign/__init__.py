@@ -6,17 +6,17 @@ open questions, `map` reads and writes it, `readings` applies it; `convert` make
 
 from calib.foreign.convert import Converted, converted, data_set_of
 from calib.foreign.map.map_file import Map, read_map, text_of
-from calib.foreign.meanings.assigned import Finding, Question
+from calib.foreign.meanings.assigned import ColumnFinding, ColumnQuestion
 from calib.foreign.proposal.proposal import propose
-from calib.foreign.proposal.proposed import Part, Proposal
+from calib.foreign.proposal.proposed import MapProposal, TableProposal
 
 __all__ = [
+    "ColumnFinding",
+    "ColumnQuestion",
     "Converted",
-    "Finding",
     "Map",
-    "Part",
-    "Proposal",
-    "Question",
+    "MapProposal",
+    "TableProposal",
     "converted",
     "data_set_of",
     "propose",

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.arm.robot import load_robot
-from calib.convert.table import Table
+from calib.convert.table import ConvertedTable
 from calib.data.dataset import Dataset
 from calib.data.header import header_of
 from calib.data.plausible import read_apart_in_words, turned_apart
@@ -20,7 +20,7 @@ from calib.foreign.map.map_file import FileMap, Map, refuse_other
 from calib.foreign.proposal.proposal import Fit, fit_of, tables_of
 from calib.foreign.readings.one_file import readings_of
 from calib.foreign.readings.readings import table_of
-from calib.text.columns import Columns
+from calib.text.columns import TextTable
 from calib.text.toml_table import parse_toml
 from calib.units import DEG
 
@@ -31,7 +31,7 @@ _ANOTHER = 0.1  # share of the extent of the points by which no nominal arm miss
 class Converted:
     """A data set, how the nominal robot fits it (None where that cannot be said), and what was made of the files."""
 
-    table: Table
+    table: ConvertedTable
     fit: Fit | None
     said: tuple[str, ...]
 
@@ -107,7 +107,7 @@ def _layout(made: FileMap, path: Path, map_path: Path | str) -> Layout:
     return found
 
 
-def data_set_of(table: Table, fit: Fit | None, csv: Path, files: Sequence[Path]) -> Dataset:
+def data_set_of(table: ConvertedTable, fit: Fit | None, csv: Path, files: Sequence[Path]) -> Dataset:
     """The data set that a table would be as the file `csv`, checked against its nominal robot, not written.
 
     fit: of the readings; files: those it was made of. Raises DataError for a table that is no data set, saying that the
@@ -116,7 +116,7 @@ def data_set_of(table: Table, fit: Fit | None, csv: Path, files: Sequence[Path])
     header = csv.with_suffix(".toml")
     try:
         found = dataset_of(
-            Columns.of_text(table.text, csv),
+            TextTable.of_text(table.text, csv),
             header_of(parse_toml(table.header, header), header, table.header),
         )
     except (

@@ -1,11 +1,11 @@
 """The model of a robot: effects on the slots of its kinematic chain, their regressors, and the predicted readings."""
 
-from calib.model.axis import Axis, Drawn
-from calib.model.effect import Effect, Term, effect
+from calib.model.axis import Axis, PlotAxis
+from calib.model.effect import Effect, EffectTerm, effect
 from calib.model.model import (
     FLANGE,
-    Design,
-    RobotModel,
+    BoundModel,
+    ModelStructure,
     StatedConditions,
     check_effect,
     conditions_at,
@@ -17,15 +17,15 @@ from calib.model.regressors import InSeries, OnTarget, Regressor, ToAnchor
 __all__ = [
     "FLANGE",
     "Axis",
-    "Design",
-    "Drawn",
+    "BoundModel",
     "Effect",
+    "EffectTerm",
     "InSeries",
+    "ModelStructure",
     "OnTarget",
+    "PlotAxis",
     "Regressor",
-    "RobotModel",
     "StatedConditions",
-    "Term",
     "ToAnchor",
     "check_effect",
     "conditions_at",

@@ -40,7 +40,7 @@ def unit_of(joint: int, conditions: Conditions) -> str:
 
 
 @runtime_checkable
-class Drawn(Protocol):
+class PlotAxis(Protocol):
     """A regressor that is, or follows from, one quantity over which the residual can be drawn."""
 
     def drawn_over(self, conditions: Conditions) -> Axis:

@@ -28,7 +28,7 @@ from calib.model.regressors import (
     StepAt,
     Time,
     WarmTravel,
-    WarmUp,
+    WarmUpRegressor,
 )
 from calib.units import FACTORS, to_display, to_internal
 
@@ -45,7 +45,7 @@ Group = Literal[
 ]
 
 
-_OF_THE_CAMPAIGN = (OfTime, Time, WarmUp, StepAt, CreepBetween, LastMove, WarmTravel)
+_OF_THE_CAMPAIGN = (OfTime, Time, WarmUpRegressor, StepAt, CreepBetween, LastMove, WarmTravel)
 _CURVE = 6  # parameters of one unit above which they are the waves of one curve, not directions of one thing
 
 
@@ -80,7 +80,7 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Term:
+class EffectTerm:
     """A term of an effect: `parameter` moves `slot` by weight x regressor (weight in internal units)."""
 
     parameter: str
@@ -101,7 +101,7 @@ class Effect:
     owner: Owner
     meaning: str
     parameters: tuple[Parameter, ...]
-    terms: tuple[Term, ...]
+    terms: tuple[EffectTerm, ...]
     shape: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
@@ -213,7 +213,7 @@ class Effect:
                 for p in table["parameters"]
             ),
             terms=tuple(
-                Term(t["parameter"], t["slot"], t["weight"], regressors.from_json(t["regressor"]))
+                EffectTerm(t["parameter"], t["slot"], t["weight"], regressors.from_json(t["regressor"]))
                 for t in table["terms"]
             ),
         )
@@ -246,5 +246,5 @@ def effect(
             raise KeyError(unit)
         parameters.append(Parameter(prefix + name, unit, size, *(bounds[0] if bounds else ())))
         for slot, regressor, *weight in places:
-            terms.append(Term(prefix + name, slot, float(weight[0]) if weight else 1.0, regressor))
+            terms.append(EffectTerm(prefix + name, slot, float(weight[0]) if weight else 1.0, regressor))
     return Effect(label, group, owner, meaning, tuple(parameters), tuple(terms), dict(shape or {}))

@@ -1,7 +1,7 @@
 """The model: a nominal robot, where it is mounted, and a tuple of effects. Diagnosing appends to that tuple.
 
-`RobotModel` is constant. `Design` binds it to the conditions of n readings, with every regressor evaluated once;
-it turns an estimate (m,) in internal units into slot values, frames, and Jacobian columns.
+`ModelStructure` is constant. `BoundModel` binds it to the conditions of n readings, with every regressor evaluated
+once; it turns an estimate (m,) in internal units into slot values, frames, and Jacobian columns.
 
 Effects that were found in other robots of the type: they share half of the chance of a false effect.
 
@@ -42,7 +42,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arm.kinematics import BESIDE, Chain, Frames, Placement, forward, nominal_values, propagate, statics
+from calib.arm.kinematics import BESIDE, BasePoses, Chain, Frames, forward, nominal_values, propagate, statics
 from calib.arm.robot import Load, Robot
 from calib.array import Array
 from calib.data.conditions import Conditions
@@ -66,7 +66,7 @@ AFTER_EVERYTHING = 1e12
 
 
 @dataclass(frozen=True)
-class Expected:
+class TypeEffectPrior:
     """An effect by its label and shape, and its share of all tries."""
 
     label: str
@@ -83,7 +83,7 @@ ALL_OWNERS: tuple[Owner, ...] = ("robot", "mounting", "instrument")
 
 
 @dataclass(frozen=True)
-class RobotModel:
+class ModelStructure:
     """A model of a robot in the world: nominal robot, mounting and effects.
 
     placements: series -> (4, 4) constant pose from which the base parameters count, mm;
@@ -103,7 +103,7 @@ class RobotModel:
     anchors: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     curves: tuple[GearCurve, ...] = ()
     spans: tuple[Span, ...] = ()
-    expected: tuple[Expected, ...] = ()
+    expected: tuple[TypeEffectPrior, ...] = ()
 
     @cached_property
     def chain(self) -> Chain:
@@ -182,19 +182,19 @@ class RobotModel:
                 found[name] = np.maximum(found.get(name, 0.0), distance)
         return found
 
-    def append(self, *effects: Effect) -> RobotModel:
+    def append(self, *effects: Effect) -> ModelStructure:
         """The model with more effects at the end."""
         return replace(self, effects=(*self.effects, *effects))
 
-    def without(self, *labels: str) -> RobotModel:
+    def without(self, *labels: str) -> ModelStructure:
         """The model without the effects of these labels."""
         return replace(self, effects=tuple(e for e in self.effects if e.label not in labels))
 
 
-class Design:
+class BoundModel:
     """A model bound to the conditions of n readings."""
 
-    def __init__(self, model: RobotModel, conditions: Conditions) -> None:
+    def __init__(self, model: ModelStructure, conditions: Conditions) -> None:
         self.model = model
         self.conditions = conditions
         n = len(conditions)
@@ -214,7 +214,7 @@ class Design:
             slot = f"theta{curve.joint}"
             self._nominal[slot] = self._nominal[slot] + curve.evaluate(conditions)
         poses = _of_series(model.placements, 4, conditions)
-        self._placement = Placement(poses[:3, :3], poses[:3, 3])
+        self._placement = BasePoses(poses[:3, :3], poses[:3, 3])
         self._turn = _of_series(model.turns, 3, conditions) if model.turns else None
         self._station = np.array(model.station)
         # (parameter position, slot, weight x regressor)
@@ -284,7 +284,7 @@ def _of_series(constants: Mapping[str, Array], size: int, conditions: Conditions
     return matrices.transpose(1, 2, 0)
 
 
-def ties(model: RobotModel, estimate: Array) -> tuple[Array, Array]:
+def ties(model: ModelStructure, estimate: Array) -> tuple[Array, Array]:
     """Whitened residual (q,) of the distances between balls of a model, and its derivative of the prediction (q, m)."""
     residual = np.zeros(len(model.spans))
     columns = np.zeros((len(model.spans), len(model.parameters)))
@@ -306,13 +306,13 @@ def ties(model: RobotModel, estimate: Array) -> tuple[Array, Array]:
     return residual, columns
 
 
-Reduced = tuple[RobotModel, Array, Array]
+Reduced = tuple[ModelStructure, Array, Array]
 
 """Model, estimate (m,) and covariance (m, m) in internal units."""
 
 
 def conditional(
-    model: RobotModel, estimate: Array, covariance: Array, effects: Collection[Effect]
+    model: ModelStructure, estimate: Array, covariance: Array, effects: Collection[Effect]
 ) -> tuple[Array, Array]:
     """Estimate (m,) and covariance (m, m) of a whole model under the condition that some effects are zero."""
     gone = [i for effect in effects for i in model.positions(effect)]
@@ -325,7 +325,9 @@ def conditional(
     return estimate, covariance
 
 
-def without(model: RobotModel, estimate: Array, covariance: Array, effects: Collection[Effect]) -> Reduced:
+def without(
+    model: ModelStructure, estimate: Array, covariance: Array, effects: Collection[Effect]
+) -> Reduced:
     """The model without some effects; estimate and covariance (m,), (m, m) in internal units become smaller."""
     if not effects:
         return model, estimate, covariance
@@ -335,12 +337,12 @@ def without(model: RobotModel, estimate: Array, covariance: Array, effects: Coll
     return less, estimate[kept], covariance[np.ix_(kept, kept)]
 
 
-def named_only(model: RobotModel, estimate: Array, covariance: Array) -> Reduced:
+def named_only(model: ModelStructure, estimate: Array, covariance: Array) -> Reduced:
     """The model without its carried terms."""
     return without(model, estimate, covariance, [e for e in model.effects if e.is_carried])
 
 
-def check_effect(effect: Effect, model: RobotModel, conditions: Conditions) -> None:
+def check_effect(effect: Effect, model: ModelStructure, conditions: Conditions) -> None:
     """Check one effect on a model (without it) and some conditions.
 
     Checked: label, meaning and units are there; it does nothing at zero; its columns are the derivative of the
@@ -370,8 +372,8 @@ def check_effect(effect: Effect, model: RobotModel, conditions: Conditions) -> N
         f"{effect.label}: JSON changes it"
     )
 
-    plain = Design(model, conditions)
-    extended = Design(model.append(effect), conditions)
+    plain = BoundModel(model, conditions)
+    extended = BoundModel(model.append(effect), conditions)
     at_zero = np.zeros(len(extended.model.parameters))
     before = plain.predict(at_zero[: len(plain.model.parameters)])
     assert np.array_equal(before, extended.predict(at_zero)), f"{effect.label}: it acts although it is zero"
@@ -420,7 +422,7 @@ class StatedConditions:
     series: str | None = None
 
 
-def series_of(model: RobotModel, stated: StatedConditions) -> str:
+def series_of(model: ModelStructure, stated: StatedConditions) -> str:
     """The series that is meant. Raises ValueError when it is unknown, or not named and there are several."""
     names = tuple(model.targets)
     if stated.series is None and len(names) == 1:
@@ -430,7 +432,7 @@ def series_of(model: RobotModel, stated: StatedConditions) -> str:
     return stated.series
 
 
-def tool_point(model: RobotModel, series: str, target: str) -> Array:
+def tool_point(model: ModelStructure, series: str, target: str) -> Array:
     """(3,) nominal tool point in the flange frame, mm. Raises ValueError for an unknown target."""
     if target == FLANGE:
         return np.zeros(3)
@@ -440,7 +442,7 @@ def tool_point(model: RobotModel, series: str, target: str) -> Array:
     return np.array(known[target], dtype=np.float64)
 
 
-def nominal_poses(model: RobotModel, joints: Array, tool: Array) -> Array:
+def nominal_poses(model: ModelStructure, joints: Array, tool: Array) -> Array:
     """(n, 4, 4) poses of the nominal robot's tool point, base frame, mm; joints (n, N) rad, tool (3,) mm."""
     poses = forward(model.robot, joints)
     poses[:, :3, 3] += poses[:, :3, :3] @ tool
@@ -448,7 +450,7 @@ def nominal_poses(model: RobotModel, joints: Array, tool: Array) -> Array:
 
 
 def conditions_at(
-    model: RobotModel, joints: Array, stated: StatedConditions, target: str = FLANGE
+    model: ModelStructure, joints: Array, stated: StatedConditions, target: str = FLANGE
 ) -> Conditions:
     """The conditions of n poses of the robot at model angles `joints` (n, N), rad, as stated.
 

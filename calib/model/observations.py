@@ -37,15 +37,15 @@ from calib.array import Array
 
 
 @dataclass(frozen=True)
-class Shared:
+class VisitCovariance:
     """Visits of n readings of k rows: visit (n,); A as scatter (N, k, n), one matrix a joint, 0: none shared."""
 
     visit: NDArray[np.int64]
     scatter: Array
 
-    def take(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> Shared:
+    def take(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> VisitCovariance:
         """Some of the readings, by mask or index."""
-        return Shared(self.visit[keep], np.ascontiguousarray(self.scatter[:, :, keep]))
+        return VisitCovariance(self.visit[keep], np.ascontiguousarray(self.scatter[:, :, keep]))
 
     @cached_property
     def alone(self) -> Array:
@@ -98,7 +98,7 @@ class Observations:
     lengths: Array | None
     whiten: Array
     freedom: NDArray[np.int64]
-    shared: Shared | None = None
+    shared: VisitCovariance | None = None
 
     @property
     def size(self) -> int:

@@ -85,7 +85,7 @@ class LoadTorque:
 
 
 @dataclass(frozen=True)
-class Moment:
+class GravityMoment:
     """Gravity moment at a joint about one axis (0, 1, 2) of the frame just before it turns."""
 
     joint: int
@@ -336,7 +336,7 @@ class GearCurve:
 
 
 @dataclass(frozen=True)
-class Side:
+class ApproachSide:
     """Side from which a joint arrived: +1 from below, -1 from above."""
 
     joint: int
@@ -378,7 +378,7 @@ class Time:
 
 
 @dataclass(frozen=True)
-class WarmUp:
+class WarmUpRegressor:
     """1 - exp(-t / time_constant_s), t from the start of the campaign."""
 
     time_constant_s: float
@@ -449,7 +449,7 @@ KINDS = {
     "TorqueCubed": TorqueCubed,
     "TorqueSign": TorqueSign,
     "LoadTorque": LoadTorque,
-    "Moment": Moment,
+    "Moment": GravityMoment,
     "MomentBehind": MomentBehind,
     "Overturning": Overturning,
     "Beam": Beam,
@@ -459,10 +459,10 @@ KINDS = {
     "HalfSines": HalfSines,
     "HalfCosines": HalfCosines,
     "WarmTravel": WarmTravel,
-    "Side": Side,
+    "Side": ApproachSide,
     "LoadedSide": LoadedSide,
     "Time": Time,
-    "WarmUp": WarmUp,
+    "WarmUp": WarmUpRegressor,
     "StepAt": StepAt,
     "CreepBetween": CreepBetween,
     "Temperature": Temperature,

@@ -1,7 +1,7 @@
 """A robot that moves while it is measured: two streams of samples, their clocks, its standstills, the path's error."""
 
 from calib.motion.alignment import Aligned, align
-from calib.motion.path_error import Band, by_speed, split
+from calib.motion.path_error import SpeedBandErrors, by_speed, split
 from calib.motion.poses import SLOW_MM_S, Origin, Standstills, data_set, standstills
 from calib.motion.read import read_joints, read_points
 from calib.motion.streams import JointStream, PointStream
@@ -9,10 +9,10 @@ from calib.motion.streams import JointStream, PointStream
 __all__ = [
     "SLOW_MM_S",
     "Aligned",
-    "Band",
     "JointStream",
     "Origin",
     "PointStream",
+    "SpeedBandErrors",
     "Standstills",
     "align",
     "by_speed",

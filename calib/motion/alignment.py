@@ -22,10 +22,18 @@ from calib.arm.kinematics import forward
 from calib.arm.robot import Robot
 from calib.arm.start import base_and_tool
 from calib.array import Array
-from calib.data import FEWEST_MEANT, Hypothesis, Meaning, explained, of_joints, of_points, of_robot
+from calib.data import (
+    FEWEST_MEANT,
+    Hypothesis,
+    InterpretedReadings,
+    explained,
+    of_joints,
+    of_points,
+    of_robot,
+)
 from calib.errors import DataError
-from calib.motion.arm import Arm
-from calib.motion.clocks import Clocks, common_grain, correlated, no_faster, speeds_of, step_in
+from calib.motion.arm import AlignedArm
+from calib.motion.clocks import ClockRelation, common_grain, correlated, no_faster, speeds_of, step_in
 from calib.motion.solve import Solve, weights
 from calib.motion.streams import JointStream, PointStream
 
@@ -73,11 +81,11 @@ class Aligned:
     start: the clocks by the speeds alone. tool: (3,) mm, in the flange frame.
     """
 
-    clocks: Clocks
+    clocks: ClockRelation
     u_offset: float
     u_rate: float
     u_step: float
-    start: Clocks
+    start: ClockRelation
     used: NDArray[np.bool_]
     time: Array
     joints: Array
@@ -124,7 +132,7 @@ def align(
     fitted = np.flatnonzero(used)
     fitted = fitted[:: -(-len(fitted) // _MOST_FITTED)]
     pose, _ = _placed(robot, joints[fitted], np.array([tool]), tracked.points[fitted])
-    arm = Arm(robot, pose, np.array(tool), tool_known=tool_known)
+    arm = AlignedArm(robot, pose, np.array(tool), tool_known=tool_known)
     solve = Solve(arm, moved, tracked.points[fitted], tracked.time[fitted])
     coarse = max(moved.resolution, tracked.resolution)
     least_step = max(_LEAST_STEP_S, _STEP_OF_ROUNDING * coarse)
@@ -170,7 +178,7 @@ def align(
 
 def _start(
     robot: Robot, moved: JointStream, tracked: PointStream, tool: Array
-) -> tuple[Clocks, float | None]:
+) -> tuple[ClockRelation, float | None]:
     """The clocks by the speeds of the nominal tool point and of the measured one."""
     grain = common_grain(moved, tracked)
     every = max(1, int(0.5 * grain.step / moved.period))
@@ -190,8 +198,13 @@ def _placed(robot: Robot, joints: Array, tool: Array, points: Array) -> tuple[Ar
 
 
 def _by_place(
-    robot: Robot, moved: JointStream, tracked: PointStream, tool: Array, start: Clocks, rival: float | None
-) -> tuple[Clocks, float | None]:
+    robot: Robot,
+    moved: JointStream,
+    tracked: PointStream,
+    tool: Array,
+    start: ClockRelation,
+    rival: float | None,
+) -> tuple[ClockRelation, float | None]:
     """Choose, of two offsets with speeds alike, the one with points alike; both where nothing distinguishes them."""
     if rival is None or abs(rival - start.offset) < _SAME_OFFSET_S:
         return start, None
@@ -209,8 +222,8 @@ def _by_place(
 
 
 def _solved(
-    solve: Solve, start: Clocks, least_step: float, progress: Callable[[str], None]
-) -> tuple[Clocks, Array, Clocks | None]:
+    solve: Solve, start: ClockRelation, least_step: float, progress: Callable[[str], None]
+) -> tuple[ClockRelation, Array, ClockRelation | None]:
     """The fit; where a clock was set meanwhile, with that step, and then the clocks with the step that is left, if any.
 
     What looked like a step but comes out too small to be one is none.
@@ -226,14 +239,14 @@ def _solved(
     return *found, _jump(solve, *found, least_step)
 
 
-def _with_step(solve: Solve, start: Clocks, least: float) -> tuple[Clocks, Array] | None:
+def _with_step(solve: Solve, start: ClockRelation, least: float) -> tuple[ClockRelation, Array] | None:
     """The fit with a step of the clocks; None where it comes out too small to be one."""
     clocks, estimate = solve.run(solve.step_placed(*solve.run(start)))
     sure = max(least, _SIGMA * solve.uncertainty(clocks, estimate)[2])
     return (clocks, estimate) if abs(clocks.step) > sure else None
 
 
-def _jump(solve: Solve, clocks: Clocks, estimate: Array, least: float) -> Clocks | None:
+def _jump(solve: Solve, clocks: ClockRelation, estimate: Array, least: float) -> ClockRelation | None:
     """The clocks with a step that they do not have yet, or with another one than they have; None where none is seen."""
     begins, offsets = solve.offsets(clocks, estimate)
     if (step := step_in(offsets, least)) is None:
@@ -296,7 +309,7 @@ def _rounded(*streams: JointStream | PointStream) -> list[str]:
     ]
 
 
-def _warnings(clocks: Clocks, jump: Clocks | None, rival: float | None) -> list[str]:
+def _warnings(clocks: ClockRelation, jump: ClockRelation | None, rival: float | None) -> list[str]:
     out = []
     if jump is not None:
         out.append(
@@ -316,7 +329,7 @@ def _warnings(clocks: Clocks, jump: Clocks | None, rival: float | None) -> list[
     return out
 
 
-def _near(meaning: Meaning, tool: Array) -> bool:
+def _near(meaning: InterpretedReadings, tool: Array) -> bool:
     """Whether the nominal arm with its nominal tool comes as near as an arm does: a free tool and another unit can draw
     the points of another motion together."""
     miss, extent = meaning.miss(tool[None], tool_unknown=False, zero_unknown=False)
@@ -324,7 +337,7 @@ def _near(meaning: Meaning, tool: Array) -> bool:
 
 
 def refuse_misread(
-    robot: Robot, moved: JointStream, tracked: PointStream, tool: Array, clocks: Clocks
+    robot: Robot, moved: JointStream, tracked: PointStream, tool: Array, clocks: ClockRelation
 ) -> None:
     """Raise DataError where the nominal arm fits the points clearly better with another meaning of a stream.
 
@@ -337,7 +350,7 @@ def refuse_misread(
     rows = rows[:: max(1, -(-len(rows) // _LOOKED_AT))]
     if len(rows) < FEWEST_MEANT:
         return
-    meaning = Meaning(
+    meaning = InterpretedReadings(
         robot,
         moved.coupling,
         robot.controller_angles(joints[rows], moved.coupling),

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arm.kinematics import Chain, Frames, Placement, nominal_values, propagate, statics
+from calib.arm.kinematics import BasePoses, Chain, Frames, nominal_values, propagate, statics
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.units import DEG, to_internal
@@ -44,7 +44,7 @@ NOISE_MM = 0.05  # of a point of the moving robot, for the weight of the priors 
 
 
 @dataclass(frozen=True)
-class Term:
+class ArmTerm:
     """A parameter: the slot that it displaces, its usual size (None: free), and its drive, a column of `_drives`."""
 
     slot: str
@@ -52,7 +52,7 @@ class Term:
     drive: str = "1"
 
 
-class Arm:
+class AlignedArm:
     """The arm in its place with errors of its terms, for joints that are given with their rates."""
 
     def __init__(self, robot: Robot, placement: Array, tool: Array, *, tool_known: bool) -> None:
@@ -60,12 +60,12 @@ class Arm:
         self.prior = np.array([0.0 if term.size is None else NOISE_MM / term.size for term in self.terms])
         self.placing = np.array([term.slot in (*BASE, *TOOL) for term in self.terms])
         self._robot, self._chain = robot, Chain.of(robot)
-        self._placement = Placement(placement[:3, :3, None], placement[:3, 3, None])
+        self._placement = BasePoses(placement[:3, :3, None], placement[:3, 3, None])
         self._tool = dict(zip(TOOL, (float(x) for x in tool), strict=True))
         self._joints = [f"theta{k}" for k in range(1, robot.joints + 1)]
         self._slots = list(dict.fromkeys(term.slot for term in self.terms))
 
-    def at(self, joints: Array, rates: Array, side: Array, estimate: Array) -> ArmState:
+    def at(self, joints: Array, rates: Array, side: Array, estimate: Array) -> AlignedArmState:
         """The arm with errors (s,) at joints (n, N), rad, that turn at rates (n, N), rad/s, and last turned to a side
         (n, N), +1 or -1."""
         drives = _drives(self._robot, joints, side)
@@ -74,9 +74,9 @@ class Arm:
             values[term.slot] = values.get(term.slot, 0.0) + float(error) * drives[term.drive]
         frames = propagate(self._chain, values, self._placement, None, {*self._joints, *self._slots})
         velocity = np.einsum("sxn,ns->nx", frames.velocities(self._joints), rates)
-        return ArmState(frames, velocity, drives)
+        return AlignedArmState(frames, velocity, drives)
 
-    def columns(self, state: ArmState) -> Array:
+    def columns(self, state: AlignedArmState) -> Array:
         """(n, 3, s) derivatives of the tool point by the terms."""
         velocities = dict(zip(self._slots, state.frames.velocities(self._slots), strict=True))
         return np.stack([(velocities[t.slot] * state.drives[t.drive]).T for t in self.terms], axis=2)
@@ -92,7 +92,7 @@ class Arm:
 
 
 @dataclass(frozen=True)
-class ArmState:
+class AlignedArmState:
     """The arm at n instants: its frames, the velocity (n, 3) of the tool point, mm/s, and the drives by name."""
 
     frames: Frames
@@ -105,18 +105,23 @@ class ArmState:
         return self.frames.p.T
 
 
-def _terms(robot: Robot, *, tool_known: bool) -> tuple[Term, ...]:
+def _terms(robot: Robot, *, tool_known: bool) -> tuple[ArmTerm, ...]:
     numbers = [f"{kind}{link}" for kind, link in robot.geometric_links]
     numbers += [f"beta{k}" for k in robot.parallel_axes]
     joints = range(1, robot.joints + 1)
     return (
-        *(Term(slot, None) for slot in BASE),
-        *(() if tool_known else (Term(slot, _TOOL_SIZE_MM) for slot in TOOL)),
-        *(Term(slot, _SIZE[slot.rstrip("0123456789")]) for slot in numbers),
-        *(Term(f"theta{k}", _COMPLIANCE, f"torque{k}") for k in joints[1:]),
-        *(Term(f"theta{k}", _TOOL_BENDS, f"load{k}") for k in joints[1:]),
-        *(Term(f"theta{k}", _WAVE, f"{wave}{turn}{k}") for k in joints for turn in _TURNS for wave in "cs"),
-        *(Term(f"theta{k}", _PLAY, f"side{k}") for k in joints),
+        *(ArmTerm(slot, None) for slot in BASE),
+        *(() if tool_known else (ArmTerm(slot, _TOOL_SIZE_MM) for slot in TOOL)),
+        *(ArmTerm(slot, _SIZE[slot.rstrip("0123456789")]) for slot in numbers),
+        *(ArmTerm(f"theta{k}", _COMPLIANCE, f"torque{k}") for k in joints[1:]),
+        *(ArmTerm(f"theta{k}", _TOOL_BENDS, f"load{k}") for k in joints[1:]),
+        *(
+            ArmTerm(f"theta{k}", _WAVE, f"{wave}{turn}{k}")
+            for k in joints
+            for turn in _TURNS
+            for wave in "cs"
+        ),
+        *(ArmTerm(f"theta{k}", _PLAY, f"side{k}") for k in joints),
     )
 
 

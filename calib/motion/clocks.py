@@ -72,7 +72,7 @@ _LEAST_S = 1e-6
 
 
 @dataclass(frozen=True)
-class Clocks:
+class ClockRelation:
     """robot's time = t + offset + rate (t - middle), for an instant t of the instrument's clock; all s, rate a ratio.
 
     From the instant `step_at` on, `step` is added: one of the clocks was set while both were running.
@@ -90,20 +90,22 @@ class Clocks:
 
 
 @dataclass(frozen=True)
-class Grain:
+class CorrelationGrid:
     """Step, s, of the instants at which two streams are compared, and over how long to either side a speed is taken."""
 
     step: float
     over: float
 
 
-def common_grain(*streams: JointStream | PointStream) -> Grain:
+def common_grain(*streams: JointStream | PointStream) -> CorrelationGrid:
     """The grain of both streams, coarser for recordings of hours: a speed over another time has another lag."""
     longest = max(float(stream.time[-1] - stream.time[0]) for stream in streams)
-    return Grain(max(_STEP_S, longest / _MOST_STEPS), max(_OVER_S, *(stream.period for stream in streams)))
+    return CorrelationGrid(
+        max(_STEP_S, longest / _MOST_STEPS), max(_OVER_S, *(stream.period for stream in streams))
+    )
 
 
-def speeds_of(time: Array, places: Array, period: float, grain: Grain, name: str) -> Speeds:
+def speeds_of(time: Array, places: Array, period: float, grain: CorrelationGrid, name: str) -> Speeds:
     """Speeds from places (n, 3) mm at times (n,) s. Raises DataError naming the stream where nothing moves."""
     extent = float(np.linalg.norm(np.ptp(np.quantile(places, (0.01, 0.99), axis=0), axis=0)))
     if extent < _LEAST_EXTENT_MM:
@@ -131,7 +133,7 @@ def no_faster(speeds: Speeds, highest: float) -> Speeds:
 
 def correlated(
     robot: Speeds, tracker: Speeds, robot_name: str, tracker_name: str
-) -> tuple[Clocks, float | None]:
+) -> tuple[ClockRelation, float | None]:
     """Offset, rate and any large step of the clocks; and another offset, s, at which the speeds are as alike, or None.
 
     Raises DataError where no offset makes the speeds alike.
@@ -139,7 +141,7 @@ def correlated(
     step, middle = robot.step, 0.5 * len(tracker.speed)
     if (cut := set_at_gap(robot, tracker)) is not None:
         before, added, at = cut
-        return Clocks(before, 0.0, tracker.begin + middle * step, added, at), None
+        return ClockRelation(before, 0.0, tracker.begin + middle * step, added, at), None
     lags, alike, both = likeness(robot, tracker)
     highest = float(alike.max())
     good = np.flatnonzero(alike >= (highest - _SAME if highest > SURE else highest))
@@ -158,7 +160,7 @@ def correlated(
     places, windows = _windows(robot, tracker, whole, round(_REACH_S / step))
     if len(windows) < 0.75 * _window_count(tracker):
         places, windows = _windows(robot, tracker, whole, len(robot.speed) + len(tracker.speed))
-    clocks = Clocks(
+    clocks = ClockRelation(
         offset=peak(alike, best, lags) * step + begins, rate=0.0, middle=tracker.begin + middle * step
     )  # fmt: skip
     if len(windows) < _FEWEST_WINDOWS:
@@ -171,9 +173,9 @@ def correlated(
         return clocks, rival
     levels = [float(np.median(windows[part] - rate * (places[part] - middle))) * step for part in parts]
     if first is None:
-        return Clocks(levels[0] + begins, rate, clocks.middle), rival
+        return ClockRelation(levels[0] + begins, rate, clocks.middle), rival
     at = tracker.begin + 0.5 * float(places[first - 1] + places[first]) * step
-    return Clocks(levels[0] + begins, rate, clocks.middle, levels[1] - levels[0], at), rival
+    return ClockRelation(levels[0] + begins, rate, clocks.middle, levels[1] - levels[0], at), rival
 
 
 def _window_count(tracker: Speeds) -> int:
@@ -296,7 +298,7 @@ def peak(values: Array, best: int, lags: NDArray[np.int64]) -> float:
 
 
 @dataclass(frozen=True)
-class Step:
+class ClockStep:
     """A step of `size` s among offsets, at index `cut`; level: the offset before it, s."""
 
     cut: int
@@ -304,7 +306,7 @@ class Step:
     level: float
 
 
-def step_in(offsets: Array, least: float) -> Step | None:
+def step_in(offsets: Array, least: float) -> ClockStep | None:
     """The clearest step among offsets (b,) of equal stretches of a recording, s; None where there is none.
 
     Medians of some offsets before and after are compared, the slope of all between them taken off; a step is more than
@@ -323,5 +325,5 @@ def step_in(offsets: Array, least: float) -> Step | None:
         size = float(np.median(after)) - level - 0.5 * (len(before) + len(after)) * slope
         u = scatter * _OF_MEDIAN * float(np.sqrt(1.0 / len(before) + 1.0 / len(after)))
         if abs(size) > max(least, strongest * u):
-            strongest, best = abs(size) / u, Step(cut, size, level)
+            strongest, best = abs(size) / u, ClockStep(cut, size, level)
     return best

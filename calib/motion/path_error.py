@@ -22,7 +22,7 @@ _FEWEST = 20
 
 
 @dataclass(frozen=True)
-class Band:
+class SpeedBandErrors:
     """Errors of `count` samples between two speeds, mm/s, in mm: of the nominal arm in its place, its static part, and
     what the motion leaves.
 
@@ -43,7 +43,7 @@ class Band:
     lag_ms: float
 
 
-def by_speed(aligned: Aligned, slow_mm_s: float) -> list[Band]:
+def by_speed(aligned: Aligned, slow_mm_s: float) -> list[SpeedBandErrors]:
     """Bands of equal numbers of samples above `slow_mm_s`; those with a weight of zero (gross errors) apart."""
     moving = (aligned.speed >= slow_mm_s) & (aligned.weight > 0.0)
     speed = aligned.speed[moving]
@@ -56,7 +56,7 @@ def by_speed(aligned: Aligned, slow_mm_s: float) -> list[Band]:
     edges = np.quantile(speed, np.linspace(0.0, 1.0, min(_BINS, len(speed) // _FEWEST) + 1))
     which = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, len(edges) - 2)
     return [
-        Band(
+        SpeedBandErrors(
             slowest=float(edges[k]),
             fastest=float(edges[k + 1]),
             count=int(here.sum()),

@@ -25,7 +25,7 @@ from scipy.spatial import KDTree
 
 from calib.arm.robot import Robot
 from calib.array import Array
-from calib.convert.table import Table
+from calib.convert.table import ConvertedTable
 from calib.data.header import DEFAULT_GROUPS
 from calib.data.noise import Noise
 from calib.errors import DataError
@@ -89,7 +89,7 @@ def data_set(
     noise: Noise,
     *,
     every_sample: bool = False,
-) -> Table:
+) -> ConvertedTable:
     """The standstills, or all their samples, as columns of a data set and its header. noise: of the instrument, in the
     frame of its points: no row has a smaller uncertainty."""
     own, alike = scatter(aligned, still)
@@ -123,7 +123,7 @@ def data_set(
     for k in range(robot.joints):
         columns[f"approach{k + 1}"] = [f"{value:.0f}" for value in side[number, k]]
         columns[f"prev{k + 1}_deg"] = _text(previous[number, k], 6)
-    return Table(columns, _header(origin))
+    return ConvertedTable(columns, _header(origin))
 
 
 def _arrivals(joints: Array) -> tuple[Array, Array]:

@@ -31,7 +31,7 @@ from calib.errors import DataError
 from calib.foreign.files.number import STAMP, seconds_of
 from calib.foreign.map.entry import DATE, LENGTHS, Column, parse_map
 from calib.motion.streams import MEND_TIMES, JointStream, PointStream
-from calib.text.columns import Columns
+from calib.text.columns import TextTable
 from calib.text.text_file import read_text
 from calib.units import DEG
 
@@ -66,7 +66,7 @@ def read_joints(path: Path, robot: Robot, coupling: str = "none", columns: str |
     Raises DataError (file, line or column) for what is no stream.
     """
     refuse_slides(robot, "aligning streams knows")
-    table = Columns.read(path)
+    table = TextTable.read(path)
     # what follows other joints stays at 0 in its own column, which may be left out
     held = {robot.axes[k] for k in robot.followers(coupling)}
     there = columns if columns is not None else " ".join(f"{name[:-4]}=" for name in table.names)
@@ -125,7 +125,7 @@ def read_points(path: Path, columns: str | None = None) -> PointStream:
     """
     if columns is not None and (match := _EXPORT.fullmatch(columns)):
         return _exported(path, match[1])
-    table = Columns.read(path)
+    table = TextTable.read(path)
     axes = ("x", "y", "z")
     if columns is not None:
         of = parse_map(columns, ["time", *axes], "--tracker-columns")
@@ -161,7 +161,7 @@ def _points(time: Array, points: Array, path: Path, remarks: list[str]) -> Point
 
 
 def _in_order(
-    table: Columns, time: Array, values: Array, column: Column
+    table: TextTable, time: Array, values: Array, column: Column
 ) -> tuple[NDArray[np.bool_], list[str]]:
     """Rows (n,) to keep, and a remark on those left out: times (n,) and values (n, c) that repeat the row before.
 
@@ -182,12 +182,12 @@ def _in_order(
     return ~same, [f"{count} samples were written twice; each counts once."] if count else []
 
 
-def _simulated(table: Columns) -> bool:
+def _simulated(table: TextTable) -> bool:
     """Whether a stream says that simulators sent it: any row of its column `simulated` is not 0."""
     return bool(np.any(~np.isin(table.text("simulated"), ("", "0"))))
 
 
-def _times(table: Columns, column: Column) -> Array:
+def _times(table: TextTable, column: Column) -> Array:
     if column.unit != DATE:
         return _numbers(table, column)
     table.require(column.name, _NAME_THEM)
@@ -200,7 +200,7 @@ def _times(table: Columns, column: Column) -> Array:
     return np.array(found, dtype=np.float64)
 
 
-def _numbers(table: Columns, column: Column, *, empty: bool = False) -> Array:
+def _numbers(table: TextTable, column: Column, *, empty: bool = False) -> Array:
     table.require(column.name, _NAME_THEM)
     numbers = table.numbers(column.name, required=not empty)
     for i in np.flatnonzero(np.abs(np.nan_to_num(numbers)) > _LARGEST / column.factor)[:1]:
@@ -230,7 +230,7 @@ def _refuse_other_unit(joints: Array, columns: Sequence[Column], path: Path) -> 
 
 
 @dataclass(frozen=True)
-class Export:
+class PointExport:
     """n points in the order of the file: names (n,) `Collection::Group::Point` as far as given, points (n, 3) mm, and
     time (n,) s by the clock that stamped them, or None."""
 
@@ -239,7 +239,7 @@ class Export:
     time: Array | None
 
 
-def read_export(path: Path, millimetres: float) -> Export:
+def read_export(path: Path, millimetres: float) -> PointExport:
     """An export whose coordinates are in units of so many mm. Raises DataError (file, line) for what is none."""
     names: list[str] = []
     points: list[tuple[float, ...]] = []
@@ -269,7 +269,7 @@ def read_export(path: Path, millimetres: float) -> Export:
     if not points:
         raise DataError("holds no points.", do="Export them again.", file=path)
     stamped = None if times[0] is None else np.array(times, dtype=np.float64)
-    return Export(tuple(names), np.array(points) * millimetres, stamped)
+    return PointExport(tuple(names), np.array(points) * millimetres, stamped)
 
 
 def _point(text: str) -> tuple[str, tuple[float, ...], float | None] | None:

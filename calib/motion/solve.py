@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.array import Array
-from calib.motion.arm import NOISE_MM, Arm, ArmState
-from calib.motion.clocks import Clocks
+from calib.motion.arm import NOISE_MM, AlignedArm, AlignedArmState
+from calib.motion.clocks import ClockRelation
 from calib.motion.streams import JointStream
 
 CLOCKS = 3  # columns of the clocks, the last ones: offset, rate, step
@@ -39,17 +39,17 @@ class Samples:
     velocity: Array
     joints: Array
     known: NDArray[np.bool_]
-    arm: ArmState
+    arm: AlignedArmState
 
 
 class Solve:
     """The problem for points (n, 3) that were measured at times (n,) of the instrument's clock."""
 
-    def __init__(self, arm: Arm, moved: JointStream, points: Array, time: Array) -> None:
+    def __init__(self, arm: AlignedArm, moved: JointStream, points: Array, time: Array) -> None:
         self.arm, self._moved, self._points, self._time = arm, moved, points, time
         self._prior = np.append(arm.prior, (0.0, 0.0, _NO_STEP))
 
-    def at(self, clocks: Clocks, estimate: Array) -> Samples:
+    def at(self, clocks: ClockRelation, estimate: Array) -> Samples:
         """The samples with these clocks and errors (s,) of the arm's terms."""
         time = clocks.robot_time(self._time)
         joints, rates, known = self._moved.at(time)
@@ -57,7 +57,7 @@ class Solve:
         seen = known[:, None]
         return Samples((self._points - arm.point) * seen, arm.velocity * seen, joints, known, arm)
 
-    def run(self, clocks: Clocks) -> tuple[Clocks, Array]:
+    def run(self, clocks: ClockRelation) -> tuple[ClockRelation, Array]:
         """The clocks and the errors of the terms (s,), from a start."""
         estimate = np.zeros(len(self.arm.terms))
         for _ in range(_ROUNDS):
@@ -75,7 +75,7 @@ class Solve:
                 break
         return clocks, estimate
 
-    def offsets(self, clocks: Clocks, estimate: Array) -> tuple[Array, Array]:
+    def offsets(self, clocks: ClockRelation, estimate: Array) -> tuple[Array, Array]:
         """Instants (b,) at which blocks of the recording begin, and what every block alone adds to the offset, s.
 
         Blocks touch each other through frame and geometry alone, so their offsets are eliminated one by one.
@@ -102,7 +102,7 @@ class Solve:
         shared = solved(normal - cross.T @ (cross / own[:, None]), right - cross.T @ (score / own))
         return np.array([self._time[part[0]] for part in parts]), (score - cross @ shared) / own
 
-    def step_placed(self, clocks: Clocks, estimate: Array) -> Clocks:
+    def step_placed(self, clocks: ClockRelation, estimate: Array) -> ClockRelation:
         """The clocks with their step at the sample at which the errors before it and after it are least in all."""
         without = self.at(replace(clocks, step_at=np.inf), estimate)
         with_it = self.at(replace(clocks, step_at=-np.inf), estimate)
@@ -114,7 +114,7 @@ class Solve:
         gain = (np.minimum(before, ceiling) - np.minimum(after, ceiling)) * both
         return replace(clocks, step_at=float(self._time[int(np.argmin(np.cumsum(gain) - gain))]))
 
-    def uncertainty(self, clocks: Clocks, estimate: Array) -> tuple[float, float, float]:
+    def uncertainty(self, clocks: ClockRelation, estimate: Array) -> tuple[float, float, float]:
         """Standard errors of offset, rate and step, s, 1, s, from parts of the recording left out in turn.
 
         The robot's own error varies slowly along the path, and where a move ends differs each time by the robot's
@@ -138,7 +138,7 @@ class Solve:
         offset, rate, step = np.sqrt(scatter + np.sum(np.square(held), axis=1))
         return float(offset), float(rate), float(step)
 
-    def placed_only(self, clocks: Clocks) -> Array:
+    def placed_only(self, clocks: ClockRelation) -> Array:
         """(s,) errors of the terms where only base and tool may move: the nominal arm in its best place."""
         keep = self.arm.placing
         estimate = np.zeros(len(self.arm.terms))
@@ -153,7 +153,7 @@ class Solve:
         """(n, 3, s) derivatives of the predicted points by the arm's terms."""
         return self.arm.columns(samples.arm) * samples.known[:, None, None]
 
-    def _columns(self, samples: Samples, clocks: Clocks) -> Array:
+    def _columns(self, samples: Samples, clocks: ClockRelation) -> Array:
         """(n, 3, s + 3) derivatives of the predicted points by terms and clocks."""
         drives = np.column_stack(
             [np.ones(len(self._time)), self._time - clocks.middle, self._time >= clocks.step_at]

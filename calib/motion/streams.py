@@ -38,7 +38,7 @@ _RATE_OVER_S = 0.02  # to either side: encoders count in steps, and a slope of t
 
 
 @dataclass(frozen=True)
-class Gap:
+class StreamGap:
     """A stretch between two samples, s of the stream's own clock, in which about `lost` samples are missing."""
 
     begin: float
@@ -93,11 +93,11 @@ class _Clocked:
         return float(np.median(np.diff(self.time)))
 
     @cached_property
-    def gaps(self) -> list[Gap]:
+    def gaps(self) -> list[StreamGap]:
         """The places where samples are missing."""
         step = np.diff(self.time)
         return [
-            Gap(float(self.time[i]), float(self.time[i + 1]), round(float(step[i]) / self.period) - 1)
+            StreamGap(float(self.time[i]), float(self.time[i + 1]), round(float(step[i]) / self.period) - 1)
             for i in np.flatnonzero(step >= GAP_PERIODS * self.period)
         ]
 

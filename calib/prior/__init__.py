@@ -2,15 +2,15 @@
 
 from calib.fit.of_type import TypePrior
 from calib.prior.file import load_prior, prior_document, save_prior
-from calib.prior.lesson import FEWEST, Learnt, Lesson, Member, Outlier, learn
+from calib.prior.lesson import FEWEST, LearnedParameter, Outlier, TypeMember, TypeStatistics, learn
 
 __all__ = [
     "FEWEST",
-    "Learnt",
-    "Lesson",
-    "Member",
+    "LearnedParameter",
     "Outlier",
+    "TypeMember",
     "TypePrior",
+    "TypeStatistics",
     "learn",
     "load_prior",
     "prior_document",

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from calib.errors import DataError
-from calib.fit.least_squares import Dropped
-from calib.fit.of_type import Found, Share, TypePrior
-from calib.prior.lesson import FEWEST, Lesson
+from calib.fit.least_squares import DroppedParameter
+from calib.fit.of_type import TypeEffect, TypeParameter, TypePrior
+from calib.prior.lesson import FEWEST, TypeStatistics
 from calib.saved.model_checks import content_hash, dropped_of
 from calib.text import read_json, replace_file
 from calib.units import FACTORS
@@ -34,7 +34,7 @@ def program_version() -> str:
     return metadata.version("truepose")
 
 
-def prior_document(lesson: Lesson) -> dict[str, Any]:
+def prior_document(lesson: TypeStatistics) -> dict[str, Any]:
     """The document of a lesson, with its `content_sha256`."""
     prior = lesson.prior()
     document: dict[str, Any] = {
@@ -60,7 +60,7 @@ def prior_document(lesson: Lesson) -> dict[str, Any]:
     return document
 
 
-def save_prior(path: Path, lesson: Lesson) -> None:
+def save_prior(path: Path, lesson: TypeStatistics) -> None:
     """Write what was learnt. Raises OSError."""
     replace_file(path, json.dumps(prior_document(lesson), indent=1, allow_nan=False) + "\n")
 
@@ -98,14 +98,14 @@ def _prior(document: Mapping[str, Any], path: Path) -> TypePrior:
     robots = _count(document["robots"], "robots", path)
     if robots < FEWEST:
         raise DataError(f"is {robots}, fewer than {FEWEST}.", do=_AGAIN, file=path, key="robots")
-    shares: dict[str, Share] = {}
+    shares: dict[str, TypeParameter] = {}
     for entry in document["parameters"]:
         share = _share(entry, path)
         if share.name in shares:
             raise DataError("is given twice.", do=_AGAIN, file=path, key=f"parameters.{share.name}")
         if entry["kept"]:
             shares[share.name] = share
-    redundant: tuple[Dropped, ...] = dropped_of(document["redundant"], path)
+    redundant: tuple[DroppedParameter, ...] = dropped_of(document["redundant"], path)
     return TypePrior(
         robot=str(document["robot"]),
         robot_sha256=str(document["robot_sha256"]),
@@ -114,7 +114,7 @@ def _prior(document: Mapping[str, Any], path: Path) -> TypePrior:
         shares=shares,
         redundant=redundant,
         found=tuple(
-            Found(str(f["label"]), dict(f["shape"]), _count(f["robots"], f"found.{f['label']}", path))
+            TypeEffect(str(f["label"]), dict(f["shape"]), _count(f["robots"], f"found.{f['label']}", path))
             for f in document["found"]
         ),
         robots=robots,
@@ -122,7 +122,7 @@ def _prior(document: Mapping[str, Any], path: Path) -> TypePrior:
     )
 
 
-def _share(entry: Mapping[str, Any], path: Path) -> Share:
+def _share(entry: Mapping[str, Any], path: Path) -> TypeParameter:
     name, unit, centre, spread = (entry[key] for key in ("name", "unit", "mean", "of_next"))
     key = f"parameters.{name}"
     if unit not in FACTORS:
@@ -137,7 +137,7 @@ def _share(entry: Mapping[str, Any], path: Path) -> Share:
             file=path,
             key=f"{key}.of_next",
         )
-    return Share(str(name), unit, float(centre), float(spread))
+    return TypeParameter(str(name), unit, float(centre), float(spread))
 
 
 def _count(value: Any, key: str, path: Path) -> int:

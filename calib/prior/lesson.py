@@ -27,11 +27,11 @@ from calib.arm.robot import robot_hash
 from calib.array import Array
 from calib.compensate import Bounds
 from calib.errors import DataError
-from calib.fit.least_squares import Dropped
-from calib.fit.of_type import Found, Share, TypePrior
+from calib.fit.least_squares import DroppedParameter
+from calib.fit.of_type import TypeEffect, TypeParameter, TypePrior
 from calib.model.effect import Effect, Parameter
-from calib.prior.reml import Hierarchy, hierarchy
-from calib.saved import SavedModel, load_model
+from calib.prior.reml import TypeModel, hierarchy
+from calib.saved import CalibratedModel, load_model
 from calib.text import read_json
 from calib.units import to_display, to_internal
 
@@ -41,15 +41,15 @@ _BOUNDS = Bounds(
 
 
 @dataclass(frozen=True)
-class Member:
+class TypeMember:
     """A robot by the file of its model; sha256: of its contents, as the file says itself."""
 
     path: Path
     sha256: str
-    saved: SavedModel
+    saved: CalibratedModel
 
     @classmethod
-    def read(cls, path: Path, *, robot_file: Path | None = None) -> Member:
+    def read(cls, path: Path, *, robot_file: Path | None = None) -> TypeMember:
         """The model of a file. Raises DataError naming file and key."""
         saved = load_model(path, robot_file=robot_file, bounds=_BOUNDS)
         return cls(path, str(read_json(path).get("content_sha256", "")), saved)
@@ -138,7 +138,7 @@ _MOST_OUTSIDE = 0.3  # of a robot's parameters, beyond which all of it is left o
 
 
 @dataclass(frozen=True)
-class Learnt:
+class LearnedParameter:
     """A parameter over the robots of a type, in its unit: mean and spread with their standard uncertainties, the number
     of robots whose readings determined it, and the standard deviation of a further robot about the mean.
 
@@ -173,14 +173,14 @@ class Outlier:
 
 
 @dataclass(frozen=True)
-class Lesson:
+class TypeStatistics:
     """The outcome of learning: parameters, robots outside the type, robots that were left out whole and why."""
 
-    members: tuple[Member, ...]
+    members: tuple[TypeMember, ...]
     groups: tuple[str, ...]
-    parameters: tuple[Learnt, ...]
-    redundant: tuple[Dropped, ...]
-    found: tuple[Found, ...]
+    parameters: tuple[LearnedParameter, ...]
+    redundant: tuple[DroppedParameter, ...]
+    found: tuple[TypeEffect, ...]
     outliers: tuple[Outlier, ...]
     left_out: tuple[tuple[str, str], ...]
 
@@ -192,7 +192,9 @@ class Lesson:
             robot_sha256=robot_hash(robot),
             coupling=self.members[0].saved.coupling,
             groups=self.groups,
-            shares={p.name: Share(p.name, p.unit, p.mean, p.of_next) for p in self.parameters if p.kept},
+            shares={
+                p.name: TypeParameter(p.name, p.unit, p.mean, p.of_next) for p in self.parameters if p.kept
+            },
             redundant=self.redundant,
             found=self.found,
             robots=len(self.members),
@@ -200,7 +202,7 @@ class Lesson:
         )
 
 
-def learn(members: Sequence[Member]) -> Lesson:
+def learn(members: Sequence[TypeMember]) -> TypeStatistics:
     """Learn from the models of robots of one type. Raises DataError where they are of several, or too few."""
     _refuse_unlike(members)
     alike, left_out = _alike(members)
@@ -212,7 +214,7 @@ def learn(members: Sequence[Member]) -> Lesson:
         alike = tuple(m for m in alike if m not in strangers)
         _refuse_few(alike, left_out)
         lesson, _ = _learnt(alike, _common(alike))
-    return Lesson(
+    return TypeStatistics(
         members=alike,
         groups=alike[0].groups,
         parameters=lesson[0],
@@ -224,8 +226,8 @@ def learn(members: Sequence[Member]) -> Lesson:
 
 
 def _learnt(
-    members: Sequence[Member], parameters: Sequence[Parameter]
-) -> tuple[tuple[tuple[Learnt, ...], tuple[Outlier, ...]], list[Member]]:
+    members: Sequence[TypeMember], parameters: Sequence[Parameter]
+) -> tuple[tuple[tuple[LearnedParameter, ...], tuple[Outlier, ...]], list[TypeMember]]:
     """Parameters and outliers; and members of which most lies outside."""
     usual = np.array([to_internal(1.0 if p.size is None else p.size, p.unit) for p in parameters])
     names = [p.name for p in parameters]
@@ -249,11 +251,11 @@ def _learnt(
     return (rows, outliers), []
 
 
-def _row(p: Parameter, j: int, found: Hierarchy, told: NDArray[np.bool_]) -> Learnt:
+def _row(p: Parameter, j: int, found: TypeModel, told: NDArray[np.bool_]) -> LearnedParameter:
     def shown(value: Array) -> float:
         return to_display(float(value[j]), p.unit)
 
-    return Learnt(
+    return LearnedParameter(
         name=p.name,
         unit=p.unit,
         mean=shown(found.mean),
@@ -266,7 +268,7 @@ def _row(p: Parameter, j: int, found: Hierarchy, told: NDArray[np.bool_]) -> Lea
     )
 
 
-def _common(members: Sequence[Member]) -> list[Parameter]:
+def _common(members: Sequence[TypeMember]) -> list[Parameter]:
     """The robot's parameters that enough of the models determined, in order."""
     counts = Counter(name for m in members for name in m.own if m.tells(name))
     known = {p.name: p for m in reversed(members) for p in m.own.values()}
@@ -274,7 +276,7 @@ def _common(members: Sequence[Member]) -> list[Parameter]:
     return [known[name] for name in order if counts[name] >= FEWEST]
 
 
-def _found(members: Sequence[Member]) -> tuple[Found, ...]:
+def _found(members: Sequence[TypeMember]) -> tuple[TypeEffect, ...]:
     """Effects beside the base model, the most frequent first."""
     effects: dict[str, Effect] = {}
     counts: Counter[str] = Counter()
@@ -282,17 +284,17 @@ def _found(members: Sequence[Member]) -> tuple[Found, ...]:
         for effect in m.effects:
             effects.setdefault(effect.label, effect)
             counts[effect.label] += 1
-    return tuple(Found(label, dict(effects[label].shape), n) for label, n in counts.most_common())
+    return tuple(TypeEffect(label, dict(effects[label].shape), n) for label, n in counts.most_common())
 
 
-def _refuse_unlike(members: Sequence[Member]) -> None:
+def _refuse_unlike(members: Sequence[TypeMember]) -> None:
     """Raise DataError for models of several types, of one robot twice, or simulated beside real ones."""
     if not members:
         raise DataError(
             "there is nothing to learn from.", do=f"Name {FEWEST} models or more.", key="MODEL..."
         )
     first = members[0]
-    known: dict[str, Member] = {}
+    known: dict[str, TypeMember] = {}
     for m in members:
         for what, same in (
             ("robot", robot_hash(m.saved.model.robot) == robot_hash(first.saved.model.robot)),
@@ -324,7 +326,7 @@ def _refuse_unlike(members: Sequence[Member]) -> None:
             known[key] = m
 
 
-def _alike(members: Sequence[Member]) -> tuple[tuple[Member, ...], tuple[tuple[str, str], ...]]:
+def _alike(members: Sequence[TypeMember]) -> tuple[tuple[TypeMember, ...], tuple[tuple[str, str], ...]]:
     """The models that free the same of the robot and left the same open, as most do; the others, and why not."""
     usual = Counter((m.groups, m.open) for m in members).most_common(1)[0][0]
     out = tuple(
@@ -341,7 +343,7 @@ def _alike(members: Sequence[Member]) -> tuple[tuple[Member, ...], tuple[tuple[s
     return tuple(m for m in members if (m.groups, m.open) == usual), out
 
 
-def _refuse_few(members: Sequence[Member], left_out: Sequence[tuple[str, str]]) -> None:
+def _refuse_few(members: Sequence[TypeMember], left_out: Sequence[tuple[str, str]]) -> None:
     if len(members) < FEWEST:
         why = "".join(f" {name}: {reason}." for name, reason in left_out)
         raise DataError(

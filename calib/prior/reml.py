@@ -41,7 +41,7 @@ _SWAPS = 20
 
 
 @dataclass(frozen=True)
-class Hierarchy:
+class TypeModel:
     """Mean and spread of p parameters over N robots, in the units of the input.
 
     mean, mean_std, spread (p,); spread_std (p,): how far above the spread one standard error of its square lies;
@@ -62,7 +62,7 @@ class Hierarchy:
         return np.sqrt((self.spread + self.spread_std) ** 2 + self.mean_std**2)
 
 
-def hierarchy(precision: Array, right: Array, usual: Array) -> Hierarchy:
+def hierarchy(precision: Array, right: Array, usual: Array) -> TypeModel:
     """Mean and spread of parameters from precision (N, p, p) and right side (N, p) of each robot; usual (p,): sizes of
     the parameters, which scale them and nothing else. Values that are no member's are left out, and tested again."""
     precision = precision * usual[:, None] * usual
@@ -89,7 +89,7 @@ def hierarchy(precision: Array, right: Array, usual: Array) -> Hierarchy:
     spread = np.sqrt(state.variance)
     above = np.sqrt(state.variance + state.variance_std) - spread
     mean_std = np.sqrt(np.diag(state.covariance))
-    return Hierarchy(
+    return TypeModel(
         state.mean * usual,
         mean_std * usual,
         spread * usual,

@@ -1,13 +1,21 @@
 """Regression on positions, or on the residuals of a physical model: MLS-SVR, its features and their choice."""
 
 from calib.regression.patch import Patch, error_with_patch, error_without_patch, patch_of
-from calib.regression.regression import SETS, Regression, Wanted, evaluate, independent, products_of, usual
+from calib.regression.regression import (
+    SETS,
+    Regression,
+    RegressionRequest,
+    evaluate,
+    independent,
+    products_of,
+    usual,
+)
 
 __all__ = [
     "SETS",
     "Patch",
     "Regression",
-    "Wanted",
+    "RegressionRequest",
     "error_with_patch",
     "error_without_patch",
     "evaluate",

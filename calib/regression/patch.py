@@ -18,7 +18,7 @@ from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.errors import DataError
 from calib.fit.held_out import errors_on
-from calib.fit.identification import Identification
+from calib.fit.identification import IdentificationFit
 from calib.fit.statistics import ErrorStatistics, statistics_of
 
 _LANDMARKS = 400
@@ -49,7 +49,7 @@ class Patch:
         return self.block_rms_with < _WORTH * self.block_rms_without
 
 
-def patch_of(dataset: Dataset, found: Identification) -> Patch:
+def patch_of(dataset: Dataset, found: IdentificationFit) -> Patch:
     """The best patch for the points of a fit, by left-out stretches of time. Judge it by `worth_it`.
 
     Raises DataError where no point was measured.
@@ -90,7 +90,7 @@ def patch_of(dataset: Dataset, found: Identification) -> Patch:
     return Patch(landmarks, weights, width, ridge, without, float(np.sqrt(square / n)))
 
 
-def error_with_patch(dataset: Dataset, found: Identification, patch: Patch) -> ErrorStatistics | None:
+def error_with_patch(dataset: Dataset, found: IdentificationFit, patch: Patch) -> ErrorStatistics | None:
     """Position error on the measured validation points with the patch added."""
     rows = dataset.validation_rows & dataset.pointed
     conditions = dataset.conditions.take(rows)
@@ -98,7 +98,7 @@ def error_with_patch(dataset: Dataset, found: Identification, patch: Patch) -> E
     return statistics_of(np.linalg.norm(moved - dataset.points[rows], axis=1))
 
 
-def error_without_patch(dataset: Dataset, found: Identification) -> ErrorStatistics | None:
+def error_without_patch(dataset: Dataset, found: IdentificationFit) -> ErrorStatistics | None:
     """The held-out error without the patch."""
     rows = dataset.validation_rows & dataset.pointed
     return statistics_of(errors_on(dataset, rows, found.model, found.estimate))

@@ -44,8 +44,8 @@ from calib.arm.robot import Robot, refuse_slides
 from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.errors import DataError
-from calib.fit.readings import Readings
-from calib.model.model import Design, RobotModel
+from calib.fit.readings import FitReadings
+from calib.model.model import BoundModel, ModelStructure
 from calib.regression.mls_svr import Kernel, Linear, MlsSvr, choose, widths
 from calib.units import DEG
 
@@ -157,7 +157,7 @@ _FARTHER = 1.25  # than any training sample from their centre, in units of their
 
 
 @dataclass(frozen=True)
-class Wanted:
+class RegressionRequest:
     """The request for a regression. features: a name of `features.SETS`; kernel: linear or rbf."""
 
     on: Subject = "residuals"
@@ -165,7 +165,7 @@ class Wanted:
     kernel: str = "linear"
 
     @classmethod
-    def of(cls, on: str, features: str, kernel: str) -> Wanted:
+    def of(cls, on: str, features: str, kernel: str) -> RegressionRequest:
         """The regression that words of a command line or a file ask for. Raises DataError naming the option."""
         for key, value, allowed in (("--on", on, get_args(Subject)), ("--kernel", kernel, KERNELS)):
             if value not in allowed:
@@ -181,7 +181,7 @@ class Regression:
     waypoints that were left out when gamma and lambda were chosen.
     """
 
-    wanted: Wanted
+    wanted: RegressionRequest
     target: tuple[float, float, float]
     joints: Array
     svr: MlsSvr
@@ -203,24 +203,28 @@ class Regression:
         poses = forward(robot, joints)
         return said - poses[:, :3, 3] - poses[:, :3, :3] @ np.array(self.target)
 
-    def predict(self, model: RobotModel, estimate: Array, conditions: Conditions) -> Array:
+    def predict(self, model: ModelStructure, estimate: Array, conditions: Conditions) -> Array:
         """(k, 3) points in the world, mm: the model that it is based on and what it adds."""
         points, base = world_points(model, estimate, conditions)
         return points + np.einsum("nij,nj->ni", base, self.shift(model.robot, conditions.joints))
 
 
-def world_points(model: RobotModel, estimate: Array, conditions: Conditions) -> tuple[Array, Array]:
+def world_points(model: ModelStructure, estimate: Array, conditions: Conditions) -> tuple[Array, Array]:
     """Predicted points (n, 3), mm, world, and the axes (n, 3, 3) of the base in the world."""
-    frames = Design(model, conditions).frames(estimate, ())
+    frames = BoundModel(model, conditions).frames(estimate, ())
     at_home = estimate.copy()
     at_home[model.of_base] = 0.0
-    home = Design(replace(model, placements={}), conditions).frames(at_home, ())
+    home = BoundModel(replace(model, placements={}), conditions).frames(at_home, ())
     points = np.broadcast_to(frames.p, (3, len(conditions))).T
     return points, frames.rotation @ home.rotation.transpose(0, 2, 1)
 
 
 def train(
-    wanted: Wanted, model: RobotModel, estimate: Array, readings: Readings, waypoint: NDArray[np.int64]
+    wanted: RegressionRequest,
+    model: ModelStructure,
+    estimate: Array,
+    readings: FitReadings,
+    waypoint: NDArray[np.int64],
 ) -> Regression | None:
     """Train on readings of points, n of them, by waypoint (n,); None where a regression on residuals gains nothing.
 

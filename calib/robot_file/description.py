@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arm import Chain, Placement, Robot, forward, nominal_values, propagate
+from calib.arm import BasePoses, Chain, Robot, forward, nominal_values, propagate
 from calib.arm.inverse_kinematics import arm_of
 from calib.array import Array
 from calib.errors import DataError
@@ -68,7 +68,7 @@ def described(robot: Robot, home: Array | None = None) -> Described:
 
 def axes_of(robot: Robot, joints: Array) -> tuple[Array, Array]:
     """Directions (N, 3) and points (N, 3), mm, of the joints' axes in the base frame, at model joints (N,)."""
-    frames = propagate(Chain.of(robot), nominal_values(robot, joints[None, :]), Placement())
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints[None, :]), BasePoses())
     slots = [f"theta{k}" for k in range(1, robot.joints + 1)]
     axes = [np.broadcast_to(frames.axis[slot], (3, 1))[:, 0] for slot in slots]
     points = [np.broadcast_to(frames.origin[slot], (3, 1))[:, 0] for slot in slots]

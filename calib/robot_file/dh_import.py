@@ -17,7 +17,7 @@ import numpy as np
 from calib.arm import Robot
 from calib.arm.robot import Convention
 from calib.errors import DataError
-from calib.robot_file.dh_words import ANGLES, LENGTHS, LIMITS, Cell, cell, ends, heading
+from calib.robot_file.dh_words import ANGLES, LENGTHS, LIMITS, DhCell, cell, ends, heading
 from calib.robot_file.draft import Draft, DraftLink, written_robot
 from calib.text import read_text, rows_of
 from calib.units import DEG
@@ -56,7 +56,7 @@ _STANDARD = re.compile(rf"{_DH}.*\b(?:standard|classic(?:al)?|distal)\b|\s*s?dh\
 
 
 @dataclass(frozen=True)
-class Table:
+class DhTable:
     """The cells of a table by meaning, each with its line; the units that its header names ("" where it names none).
 
     signs: 1.0 or -1.0 for each joint, as its controller counts; aside: headings of columns that are not read;
@@ -65,7 +65,7 @@ class Table:
 
     path: Path
     lines: tuple[int, ...]
-    cells: dict[str, tuple[Cell, ...]]
+    cells: dict[str, tuple[DhCell, ...]]
     slides: tuple[bool, ...]
     units: dict[str, str]
     signs: tuple[float, ...]
@@ -131,7 +131,7 @@ def import_dh(
     return draft, written_robot(draft), tuple(remarks)
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path) -> DhTable:
     """The DH numbers of a file. Raises DataError where columns are not found, or a cell holds no number."""
     text = read_text(path, MOST_BYTES)
     rows = [
@@ -201,14 +201,14 @@ def read_table(path: Path) -> Table:
         both = [_ends(path, line, row, meanings["range"]) for line, row in body]
         cells["min"], cells["max"] = (tuple(pair[i] for pair in both) for i in range(2))
         units["min"] = units["max"] = units["range"]
-    cells.setdefault("theta", (Cell(0.0),) * len(body))
+    cells.setdefault("theta", (DhCell(0.0),) * len(body))
     signs = tuple(_sign(path, line, row, meanings.get("sign")) for line, row in body)
     slides = tuple(
         _slides(path, line, row, meanings.get("kind")) or cells["d"][i].variable
         for i, (line, row) in enumerate(body)
     )
     lines = tuple(line for line, _ in body)
-    return Table(path, lines, cells, slides, units, signs, tuple(aside), _shown(rows, head), empty)
+    return DhTable(path, lines, cells, slides, units, signs, tuple(aside), _shown(rows, head), empty)
 
 
 def _refuse_other_rows(path: Path, body: Sequence[tuple[int, Sequence[str]]], at: int | None) -> None:
@@ -255,7 +255,7 @@ def _shown(rows: Sequence[tuple[int, Sequence[str]]], head: Sequence[str]) -> di
     return shows
 
 
-def _convention(table: Table, asked: Convention | None) -> Convention:
+def _convention(table: DhTable, asked: Convention | None) -> Convention:
     """The convention asked for, or that which the table shows. Raises DataError where these differ, or for none."""
     for shown, words in table.shows.items():
         if asked not in (None, shown) or len(table.shows) > 1:
@@ -292,7 +292,7 @@ def _meanings(head: Sequence[str]) -> dict[str, int]:
     return found
 
 
-def _cell(path: Path, line: int, row: Sequence[str], at: int, meaning: str) -> Cell:
+def _cell(path: Path, line: int, row: Sequence[str], at: int, meaning: str) -> DhCell:
     text = row[at] if at < len(row) else ""
     found = cell(text)
     if found is None:
@@ -320,7 +320,7 @@ def _sign(path: Path, line: int, row: Sequence[str], at: int | None) -> float:
     return _SIGNS[word]
 
 
-def _ends(path: Path, line: int, row: Sequence[str], at: int) -> tuple[Cell, Cell]:
+def _ends(path: Path, line: int, row: Sequence[str], at: int) -> tuple[DhCell, DhCell]:
     text = row[at] if at < len(row) else ""
     found = ends(text)
     if found is None:
@@ -333,7 +333,7 @@ def _ends(path: Path, line: int, row: Sequence[str], at: int) -> tuple[Cell, Cel
     return found
 
 
-def _given(table: Table, meanings: Sequence[str], wanted: Sequence[str]) -> str:
+def _given(table: DhTable, meanings: Sequence[str], wanted: Sequence[str]) -> str:
     """The unit that the header names for some columns; "" where it names none. Raises DataError for two."""
     units = {table.units.get(meaning, "") for meaning in meanings} & set(wanted)
     if len(units) > 1:
@@ -345,11 +345,11 @@ def _given(table: Table, meanings: Sequence[str], wanted: Sequence[str]) -> str:
     return next(iter(units), "")
 
 
-def _numbers(table: Table, meanings: Sequence[str]) -> np.ndarray:
+def _numbers(table: DhTable, meanings: Sequence[str]) -> np.ndarray:
     return np.array([cell.value for meaning in meanings for cell in table.cells[meaning]])
 
 
-def _unit_of_angles(table: Table, asked: Angles | None) -> tuple[str, str]:
+def _unit_of_angles(table: DhTable, asked: Angles | None) -> tuple[str, str]:
     of_pi = any(each.pi for meaning in ANGLES for each in table.cells[meaning])
     named = _given(table, ANGLES, ("deg", "rad"))
     if of_pi and "deg" in (asked, named):
@@ -384,7 +384,7 @@ def _unit_of_angles(table: Table, asked: Angles | None) -> tuple[str, str]:
     )
 
 
-def _unit_of_lengths(table: Table, asked: Lengths | None) -> tuple[str, str]:
+def _unit_of_lengths(table: DhTable, asked: Lengths | None) -> tuple[str, str]:
     named = _given(table, LENGTHS, ("mm", "m"))
     if asked or named:
         return asked or named, "as asked for" if asked else "as the header has it"
@@ -402,7 +402,7 @@ def _unit_of_lengths(table: Table, asked: Lengths | None) -> tuple[str, str]:
     )
 
 
-def _unit_of_limits(table: Table, asked: Angles | None, angle: str) -> tuple[str, str]:
+def _unit_of_limits(table: DhTable, asked: Angles | None, angle: str) -> tuple[str, str]:
     """The unit of the limits of joints that turn, and why it is not that of the angles. Raises DataError where the
     numbers contradict what the table names."""
     cells = [
@@ -431,7 +431,7 @@ def _unit_of_limits(table: Table, asked: Angles | None, angle: str) -> tuple[str
     return told, "" if told == angle else "as the table shows"
 
 
-def _refuse_other_lengths(table: Table, links: Sequence[DraftLink]) -> None:
+def _refuse_other_lengths(table: DhTable, links: Sequence[DraftLink]) -> None:
     """Raise DataError for an arm that is larger or smaller than any: its lengths have another unit, or a digit more."""
     spans = [abs(link.a_mm) + abs(link.d_mm) for link in links]
     tracks = [max(abs(link.low), abs(link.high)) for link in links if link.slides]
@@ -450,7 +450,7 @@ def _refuse_other_lengths(table: Table, links: Sequence[DraftLink]) -> None:
         )
 
 
-def _link(table: Table, k: int, units: tuple[str, str, str], rounded: dict[str, float]) -> DraftLink:
+def _link(table: DhTable, k: int, units: tuple[str, str, str], rounded: dict[str, float]) -> DraftLink:
     """units: of angles, lengths and limits; rounded: takes the angles that were read as multiples of 45 deg."""
     angle, length, limit = units
     turn, span = (1.0 / DEG if angle == "rad" else 1.0), (1000.0 if length == "m" else 1.0)
@@ -467,7 +467,7 @@ def _link(table: Table, k: int, units: tuple[str, str, str], rounded: dict[str, 
     )
 
 
-def _limits(table: Table, k: int, turn: float, span: float) -> tuple[float, float]:
+def _limits(table: DhTable, k: int, turn: float, span: float) -> tuple[float, float]:
     if "min" not in table.cells:
         if table.slides[k]:
             raise DataError(

@@ -67,7 +67,7 @@ class Heading:
 
 
 @dataclass(frozen=True)
-class Cell:
+class DhCell:
     """The number of a cell; whether it is a multiple of pi, and whether it contains the joint's own variable; number:
     its plain number without the sign, where it has just one."""
 
@@ -102,37 +102,37 @@ def heading(text: str) -> Heading:
     return Heading(None, unit)
 
 
-def cell(text: str) -> Cell | None:
+def cell(text: str) -> DhCell | None:
     """The number that a cell means; None where it means none. Empty and a dash are 0."""
     if len(text) > _LONGEST:
         return None
     word = text.strip().lower().replace("−", "-").replace("–", "-")
     if word in ("", "-"):
-        return Cell(0.0)
+        return DhCell(0.0)
     rest, variables = _JOINT.subn("", word)
     numbers = re.fullmatch(rf"\s*[+-]?\s*({_NUMBER})\s*(?:deg|rad|°)?\s*", rest)
     if variables > 1 or re.search(r"-\s*$|-\s*[qθ]", word):
         return None  # a joint that counts the other way needs more than a number
     rest = rest.strip().removeprefix("+").strip()
     if not rest:
-        return Cell(0.0, variable=True)
+        return DhCell(0.0, variable=True)
     terms = list(_terms(rest))
     if not terms or None in terms:
         return None
     found = [term for term in terms if term is not None]
     value = sum(value for value, _ in found)
     plain = "" if numbers is None else numbers[1].replace(",", ".")
-    return Cell(value, any(pi for _, pi in found), variables > 0, plain) if math.isfinite(value) else None
+    return DhCell(value, any(pi for _, pi in found), variables > 0, plain) if math.isfinite(value) else None
 
 
-def ends(text: str) -> tuple[Cell, Cell] | None:
+def ends(text: str) -> tuple[DhCell, DhCell] | None:
     """Both ends of a range, the lower first: `-165..165`, `±165`, `+170/-170`, `[-2.88, 2.88]`; None for others."""
     if len(text) > _LONGEST:
         return None
     word = text.strip().lower().replace("−", "-").replace("–", "-").strip("[]() ")
     if found := re.match(r"(?:±|\+/-|\+-)\s*(.+)$", word):
         end = cell(found[1])
-        return None if end is None else (Cell(-abs(end.value), end.pi), Cell(abs(end.value), end.pi))
+        return None if end is None else (DhCell(-abs(end.value), end.pi), DhCell(abs(end.value), end.pi))
     for between in _BETWEEN:
         parts = [part for part in re.split(between, word) if part.strip()]
         cells = [end for part in parts if (end := cell(part)) is not None]

@@ -28,17 +28,17 @@ from calib.array import Array
 from calib.data import (
     FEWEST_MEANT,
     Hypothesis,
-    Meaning,
+    InterpretedReadings,
     explained,
     of_directions,
     of_joints,
     of_points,
     of_robot,
 )
-from calib.data.hypotheses import Counting, of_rows, of_table
+from calib.data.hypotheses import JointCounting, of_rows, of_table
 from calib.errors import DataError
 from calib.robot_file.draft import matrix_lines
-from calib.text import Columns, TomlTable, read_toml
+from calib.text import TextTable, TomlTable, read_toml
 from calib.units import DEG
 
 _MOST_RIVALS = 4
@@ -57,7 +57,7 @@ _ACCEPTED = ("", "ok")
 
 
 @dataclass(frozen=True)
-class Mistake:
+class RobotFileMistake:
     """A mistake that explains the readings: what is wrong, and the corrected lines."""
 
     what: str
@@ -65,7 +65,7 @@ class Mistake:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class RobotFileVerdict:
     """The verdict of a handful of readings on a robot file.
 
     mistakes: the likeliest first, none where the file explains the readings or nothing does. miss_mm: distance within
@@ -74,7 +74,7 @@ class Verdict:
     """
 
     readings: int
-    mistakes: tuple[Mistake, ...]
+    mistakes: tuple[RobotFileMistake, ...]
     miss_mm: float
     left_mm: float
     extent_mm: float
@@ -86,7 +86,7 @@ class Verdict:
         return not self.mistakes and self.miss_mm < 0.02 * self.extent_mm
 
 
-def held_against(path: Path, text: str, handful: Handful) -> Verdict:
+def held_against(path: Path, text: str, handful: CheckReadings) -> RobotFileVerdict:
     """The verdict of readings on the robot file `path` with the text `text`."""
     meaning, robot = handful.meaning, handful.meaning.robot
     options = {"tool_unknown": handful.tool_unknown, "zero_unknown": False}
@@ -109,20 +109,20 @@ def held_against(path: Path, text: str, handful: Handful) -> Verdict:
     why = explained(meaning, single, handful.tools, **options)
     why = why or explained(meaning, lambda: of_counting(meaning), handful.tools, **options)
     if why is None:
-        return Verdict(len(handful.rows), (), miss, miss, extent, handful.tool_unknown)
+        return RobotFileVerdict(len(handful.rows), (), miss, miss, extent, handful.tool_unknown)
     # The user's own file before another robot that the readings fit as well
     causes = sorted(
         (why.cause, *why.equals, *why.rivals),
         key=lambda each: each.what.startswith("the readings are not of"),
     )
     mistakes = tuple(
-        Mistake(each.what, tuple(lines_of(each, meaning, path, text)))
+        RobotFileMistake(each.what, tuple(lines_of(each, meaning, path, text)))
         for each in causes[: 1 + max(_MOST_RIVALS, len(why.equals))]
     )
-    return Verdict(len(handful.rows), mistakes, why.miss, why.left, extent, handful.tool_unknown)
+    return RobotFileVerdict(len(handful.rows), mistakes, why.miss, why.left, extent, handful.tool_unknown)
 
 
-def of_counting(meaning: Meaning) -> Iterator[Hypothesis]:
+def of_counting(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
     """Several joints turn in the other direction, with or without a coupling of joints 2 and 3."""
     last = meaning.angles.shape[1]
     couplings: list[tuple[float, str]] = [(0.0, "")]
@@ -142,7 +142,7 @@ def of_counting(meaning: Meaning) -> Iterator[Hypothesis]:
             )
             if len(said) < 1 or (not words and len(turned) == 1):
                 continue
-            counting = Counting(matrix, np.zeros(last))
+            counting = JointCounting(matrix, np.zeros(last))
             yield Hypothesis(
                 f"the controller counts otherwise than the table: {' and '.join(said)}",
                 "Use a joint matrix.",
@@ -153,7 +153,7 @@ def of_counting(meaning: Meaning) -> Iterator[Hypothesis]:
             )
 
 
-def lines_of(cause: Hypothesis, meaning: Meaning, path: Path, text: str) -> Iterator[str]:
+def lines_of(cause: Hypothesis, meaning: InterpretedReadings, path: Path, text: str) -> Iterator[str]:
     """The lines to change, with their numbers, and their new text: of the robot file, or of the data."""
     robot, other = meaning.robot, cause.meaning.robot
     counting = cause.counting
@@ -180,7 +180,7 @@ def lines_of(cause: Hypothesis, meaning: Meaning, path: Path, text: str) -> Iter
         yield f"or in the data: {cause.do}"
 
 
-def _combined(robot: Robot, coupling: str, counting: Counting) -> tuple[Array, Array]:
+def _combined(robot: Robot, coupling: str, counting: JointCounting) -> tuple[Array, Array]:
     """The joint matrix and offset, rad and mm, that count first as `counting` and then as `coupling`."""
     if coupling == "none":
         return counting.matrix, counting.offset
@@ -236,26 +236,28 @@ def _number(value: float) -> str:
 
 
 @dataclass(frozen=True)
-class Handful:
+class CheckReadings:
     """meaning: the readings as the files have them; rows: (n,) usable rows of everything; tools: (T, 3) mm."""
 
-    everything: Meaning
+    everything: InterpretedReadings
     rows: NDArray[np.int64]
     usable: NDArray[np.bool_]
     tools: Array
     tool_unknown: bool
 
     @property
-    def meaning(self) -> Meaning:
+    def meaning(self) -> InterpretedReadings:
         """The usable readings."""
         whole, rows = self.everything, self.rows
         assert whole.points is not None
-        return Meaning(whole.robot, whole.coupling, whole.angles[rows], whole.which[rows], whole.points[rows])
+        return InterpretedReadings(
+            whole.robot, whole.coupling, whole.angles[rows], whole.which[rows], whole.points[rows]
+        )
 
 
-def read_handful(robot: Robot, data: Path, coupling: str | None = None) -> Handful:
+def read_handful(robot: Robot, data: Path, coupling: str | None = None) -> CheckReadings:
     """The readings of DATA.csv, as `robot` counts its joints. Raises DataError naming column or key."""
-    table = Columns.read(data)
+    table = TextTable.read(data)
     for name in (*robot.joint_columns, *_POINT):
         table.require(name, "A check needs the joints of the robot file and a measured point in every row.")
     header = _header(data.with_suffix(".toml"))
@@ -285,8 +287,8 @@ def read_handful(robot: Robot, data: Path, coupling: str | None = None) -> Handf
             file=data,
         )
     fitted = header is not None and "tool" in (header.table("model").names("fit") or ())
-    return Handful(
-        everything=Meaning(robot, coupling, angles, which.astype(np.int64), points),
+    return CheckReadings(
+        everything=InterpretedReadings(robot, coupling, angles, which.astype(np.int64), points),
         rows=rows[:: -(-len(rows) // _HANDFUL_MOST)],
         usable=usable,
         tools=np.array([known.get(name, (0.0, 0.0, 0.0)) for name in listed]),

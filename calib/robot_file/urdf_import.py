@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calib.arm import Chain, Load, Placement, Robot, forward, nominal_values, propagate
+from calib.arm import BasePoses, Chain, Load, Robot, forward, nominal_values, propagate
 from calib.arm.loads import FARTHEST_MM
 from calib.array import Array
 from calib.errors import DataError
@@ -119,7 +119,7 @@ def _links(chain: SerialChain, numbers: DhChain) -> tuple[DraftLink, ...]:
 def _loads(chain: SerialChain, numbers: DhChain, robot: Robot) -> tuple[Load, ...]:
     """The masses of the URDF's links in the frames of the robot file's links, at the zero pose."""
     zero = np.zeros((1, len(chain.names)))
-    frames = propagate(Chain.of(robot), nominal_values(robot, zero), Placement()).link_frames
+    frames = propagate(Chain.of(robot), nominal_values(robot, zero), BasePoses()).link_frames
     at, joint_frames = np.eye(4), []
     for origin in chain.origins:
         at = at @ origin

@@ -22,9 +22,9 @@ import numpy as np
 
 from calib.arm.robot import robot_hash
 from calib.array import Array
-from calib.diagnose.diagnosis import Diagnosis
-from calib.fit.identification import Identification
-from calib.model.model import RobotModel
+from calib.diagnose.diagnosis import DiagnosisFit
+from calib.fit.identification import IdentificationFit
+from calib.model.model import ModelStructure
 from calib.regression.regression import Regression
 from calib.saved.left_open import KEY, LeftOpen
 from calib.saved.model_checks import content_hash
@@ -43,7 +43,9 @@ which read no effects."""
 
 
 def model_document(
-    identification: Identification, diagnosis: Diagnosis | None = None, regression: Regression | None = None
+    identification: IdentificationFit,
+    diagnosis: DiagnosisFit | None = None,
+    regression: Regression | None = None,
 ) -> dict[str, Any]:
     """A model as its file has it, with its `content_sha256`."""
     model = identification.model
@@ -93,7 +95,7 @@ def model_document(
 
 
 def parameters_of(
-    model: RobotModel, estimate: Array, errors: Array, held: Array | None = None
+    model: ModelStructure, estimate: Array, errors: Array, held: Array | None = None
 ) -> list[dict[str, Any]]:
     """Every parameter of a model as its file has it; estimate and errors (m,), internal units; held (m,): standard
     deviation of its prior in the fit, inf where it had none, None where nobody knows any more."""
@@ -115,7 +117,7 @@ def _held(std: float, unit: str) -> float | None:
     return to_display(std, unit) if np.isfinite(std) else None
 
 
-def scope_of(identification: Identification) -> dict[str, Any]:
+def scope_of(identification: IdentificationFit) -> dict[str, Any]:
     """The approach, the temperature, the controller's own correction and the range of each joint, deg or mm as the
     controller counts, for which a model holds: those of its readings."""
     conditions = identification.readings.conditions
@@ -142,7 +144,7 @@ def triangle(covariance: Array) -> list[list[float]]:
     return [[float(f"{x:.10g}") for x in row[: i + 1]] for i, row in enumerate(covariance.tolist())]
 
 
-def _nominal(model: RobotModel, name: str) -> float | None:
+def _nominal(model: ModelStructure, name: str) -> float | None:
     """Nominal DH number of a geometric parameter in its unit; None for parameters that have none."""
     for kind, values, unit in (
         ("alpha", model.robot.alpha, "deg"),
@@ -158,7 +160,7 @@ def _nominal(model: RobotModel, name: str) -> float | None:
 def save_update(
     path: Path,
     baseline: Path,
-    model: RobotModel,
+    model: ModelStructure,
     estimate: Array,
     covariance: Array,
     update: Mapping[str, Any],

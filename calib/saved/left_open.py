@@ -48,10 +48,10 @@ from numpy.typing import NDArray
 from calib.array import Array
 from calib.effects import Survey, compliance_of, unclaimed
 from calib.errors import DataError
-from calib.fit.identification import Identification
-from calib.fit.readings import Readings, linearised
+from calib.fit.identification import IdentificationFit
+from calib.fit.readings import FitReadings, linearised
 from calib.model.effect import Effect, effect
-from calib.model.model import RobotModel
+from calib.model.model import ModelStructure
 from calib.model.regressors import Constant
 from calib.saved.model_checks import numbers_of, refuse_effects
 from calib.units import DEG
@@ -83,7 +83,7 @@ class LeftOpen:
     poses: float | None = None
 
     @classmethod
-    def of(cls, found: Identification, held_out: Readings | None = None) -> LeftOpen:
+    def of(cls, found: IdentificationFit, held_out: FitReadings | None = None) -> LeftOpen:
         """The effects that can set in between two campaigns, as far as the readings of a fit left them open.
 
         held_out: readings that the fit had not seen; they say with the others how much the joints scatter, since of
@@ -125,8 +125,8 @@ class LeftOpen:
         return cls(effects, estimate, left, taken_on, scatter, poses)
 
     def beside(
-        self, model: RobotModel, estimate: Array, covariance: Array
-    ) -> tuple[RobotModel, Array, Array]:
+        self, model: ModelStructure, estimate: Array, covariance: Array
+    ) -> tuple[ModelStructure, Array, Array]:
         """Model, estimate (m + k,) and covariance (m + k, m + k) with the effects that are left open."""
         m, k = len(estimate), len(self.estimate)
         carried = np.zeros((m + k, k))
@@ -152,11 +152,11 @@ class LeftOpen:
         }
 
     @classmethod
-    def from_json(cls, table: Mapping[str, Any], model: RobotModel, path: Path) -> LeftOpen:
+    def from_json(cls, table: Mapping[str, Any], model: ModelStructure, path: Path) -> LeftOpen:
         """The effects that `to_json` wrote beside a model, to which parameters may have been added since. Raises
         DataError, KeyError for a missing key."""
         effects = tuple(Effect.from_json(entry) for entry in table["effects"])
-        refuse_effects(RobotModel(model.robot, effects, model.targets, anchors=model.anchors), path)
+        refuse_effects(ModelStructure(model.robot, effects, model.targets, anchors=model.anchors), path)
         k, taken_on = sum(len(effect.parameters) for effect in effects), table["taken_on_internal_units"]
         rows = len(taken_on)
         if not 0 < rows <= len(model.parameters):
@@ -197,7 +197,7 @@ def _digits(values: Array) -> list[float]:
 class Scattering:
     """The joints of every pose off by themselves, beside the m parameters of a model at its estimate."""
 
-    def __init__(self, model: RobotModel, estimate: Array, every: Sequence[Readings]) -> None:
+    def __init__(self, model: ModelStructure, estimate: Array, every: Sequence[FitReadings]) -> None:
         """estimate (m,) or its beginning; the rest is 0. every: sets of readings that have no pose in common."""
         robot = model.robot
         acts = {
@@ -219,7 +219,7 @@ class Scattering:
         """
         return [self._shown(readings, pose) for readings, pose in self._sets]
 
-    def _shown(self, readings: Readings, pose: NDArray[np.int64]) -> tuple[Array, Array]:
+    def _shown(self, readings: FitReadings, pose: NDArray[np.int64]) -> tuple[Array, Array]:
         steps, grams, alongs = self._model.robot.steps, [], []
         for part, residual, columns in linearised(self._model, readings, self._estimate):
             mine = np.tile(pose[part], len(residual))[:, None] == self._poses

@@ -19,10 +19,10 @@ from calib.arm.kinematics import BESIDE, Chain
 from calib.arm.robot import DESCRIPTION, Robot
 from calib.array import Array
 from calib.errors import DataError
-from calib.fit.least_squares import Dropped
+from calib.fit.least_squares import DroppedParameter
 from calib.model.carried_regressors import LAWS, QUANTITIES, Held, HeldPair, OfTime
 from calib.model.effect import Group, Owner
-from calib.model.model import RobotModel
+from calib.model.model import ModelStructure
 from calib.text.toml_table import FARTHEST_MM
 from calib.units import FACTORS, to_internal
 
@@ -97,7 +97,7 @@ def _same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def refuse_effects(model: RobotModel, path: Path) -> None:
+def refuse_effects(model: ModelStructure, path: Path) -> None:
     """Raise DataError for an effect that acts on nothing, or whose shape the robot does not have."""
     slots = {*Chain.of(model.robot).slots, *BESIDE}
     names: set[str] = set()
@@ -133,7 +133,7 @@ def refuse_effects(model: RobotModel, path: Path) -> None:
             _refuse_regressor(term.regressor, model, refuse)
 
 
-def _refuse_regressor(regressor: Any, model: RobotModel, refuse: Any) -> None:
+def _refuse_regressor(regressor: Any, model: ModelStructure, refuse: Any) -> None:
     if isinstance(regressor, Held | HeldPair):
         good = regressor.law in LAWS and (isinstance(regressor, HeldPair) or regressor.quantity in QUANTITIES)
         if not good or (regressor.joint == 0 and getattr(regressor, "quantity", "") != "air"):
@@ -181,7 +181,7 @@ def _refuse_function(regressor: OfTime, refuse: Any) -> None:
         raise refuse("has OfTime without increasing times and as many numbers")
 
 
-def estimate_of(entries: Any, model: RobotModel, path: Path) -> Array:
+def estimate_of(entries: Any, model: ModelStructure, path: Path) -> Array:
     """(m,) values of the parameters, internal units. Raises DataError for one that is missing, unknown or twice."""
     values: dict[str, float] = {}
     for entry in entries:
@@ -205,7 +205,7 @@ def estimate_of(entries: Any, model: RobotModel, path: Path) -> Array:
     return np.array([values[name] for name in model.index])
 
 
-def held_std_of(entries: Any, model: RobotModel, path: Path) -> Array | None:
+def held_std_of(entries: Any, model: ModelStructure, path: Path) -> Array | None:
     """(m,) standard deviation of every parameter's prior in the fit, internal units, inf where it had none. None where
     the file does not say: older versions did not, and watches that updated a model no longer know. Raises DataError."""
     held = {entry["name"]: entry.get("held_std") for entry in entries if "held_std" in entry}
@@ -220,14 +220,14 @@ def held_std_of(entries: Any, model: RobotModel, path: Path) -> Array | None:
     return out
 
 
-def dropped_of(entries: Any, path: Path) -> tuple[Dropped, ...]:
+def dropped_of(entries: Any, path: Path) -> tuple[DroppedParameter, ...]:
     """The parameters that the readings did not determine, and what makes up for them. Raises DataError."""
     out = []
     for entry in entries:
         name, stand_ins = entry["name"], tuple((other, move) for other, move in entry["stand_ins"])
         if not isinstance(name, str) or not all(isinstance(o, str) and _is_number(m) for o, m in stand_ins):
             raise DataError(f"is {entry!r}.", do=_WRITE_AGAIN, file=path, key="dropped")
-        out.append(Dropped(name, tuple(other for other, _ in stand_ins), stand_ins))
+        out.append(DroppedParameter(name, tuple(other for other, _ in stand_ins), stand_ins))
     return tuple(out)
 
 

@@ -30,13 +30,13 @@ from calib.array import Array
 from calib.compensate import Bounds, Usable, refuse_unlikely, usable
 from calib.data.dataset import Dataset
 from calib.data.header import ABSOLUTE_ACCURACY, Header
-from calib.diagnose.diagnosis import Diagnosis
+from calib.diagnose.diagnosis import DiagnosisFit
 from calib.errors import DataError
-from calib.fit.identification import Identification
-from calib.fit.least_squares import Dropped
+from calib.fit.identification import IdentificationFit
+from calib.fit.least_squares import DroppedParameter
 from calib.fit.statistics import ErrorStatistics, worse
 from calib.model.effect import Effect
-from calib.model.model import RobotModel, StatedConditions, without
+from calib.model.model import ModelStructure, StatedConditions, without
 from calib.regression.regression import Regression
 from calib.saved.document import FORMAT, WITH_CARRIED, model_document, scope_of
 from calib.saved.left_open import KEY, LeftOpen
@@ -64,11 +64,11 @@ _MOST_GRAVITY, _HOTTEST_C, _NOISIEST = 10.0, 1000.0, 1e6
 
 
 @dataclass(frozen=True)
-class SavedModel:
+class CalibratedModel:
     """A model read back: predict with `Design(model, conditions).predict(estimate)`, and where the file holds a
     regression with `regression.predict(model, estimate, conditions)` within its region."""
 
-    model: RobotModel
+    model: ModelStructure
     estimate: Array
     covariance: Array
     loads: tuple[Load, ...]
@@ -85,7 +85,7 @@ class SavedModel:
     updates: tuple[Mapping[str, Any], ...] = ()  # changes found by watches since, oldest first
     # (m,) standard deviation of every prior in the fit, internal units; None in files that do not say it
     held_std: Array | None = None
-    dropped: tuple[Dropped, ...] = ()  # parameters that its readings did not determine
+    dropped: tuple[DroppedParameter, ...] = ()  # parameters that its readings did not determine
     left_open: LeftOpen | None = None  # effects that may be there unseen; None in files that do not say it
     sha256: str = ""  # content_sha256 of the file it was read from; empty where there is none
 
@@ -154,7 +154,9 @@ class SavedModel:
         )
         return replace(dataset, conditions=conditions)
 
-    def for_use(self, *, named_only: bool = False, bounds: Bounds | None = None) -> tuple[SavedModel, Usable]:
+    def for_use(
+        self, *, named_only: bool = False, bounds: Bounds | None = None
+    ) -> tuple[CalibratedModel, Usable]:
         """The model for corrections, without carried terms that cannot be used (named_only: without any), and what that
         costs. A regression, which corrects what the whole model leaves, is then left out too.
 
@@ -192,11 +194,11 @@ class SavedModel:
         return less, part
 
 
-def as_saved(identification: Identification, diagnosis: Diagnosis | None = None) -> SavedModel:
+def as_saved(identification: IdentificationFit, diagnosis: DiagnosisFit | None = None) -> CalibratedModel:
     """A model as it would be read back from its file, without the file."""
     header = identification.header
     judged = None if diagnosis is None else diagnosis.error_after
-    return SavedModel(
+    return CalibratedModel(
         identification.model,
         identification.estimate,
         identification.covariance,
@@ -237,8 +239,8 @@ def refuse_worse(
 
 def save_model(
     path: Path | None,
-    identification: Identification,
-    diagnosis: Diagnosis | None = None,
+    identification: IdentificationFit,
+    diagnosis: DiagnosisFit | None = None,
     regression: Regression | None = None,
     *,
     save_anyway: bool = False,
@@ -260,7 +262,9 @@ def save_model(
     return document["content_sha256"]
 
 
-def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | None = None) -> SavedModel:
+def load_model(
+    path: Path, *, robot_file: Path | None = None, bounds: Bounds | None = None
+) -> CalibratedModel:
     """Read a model, and refuse one that is not what was written, or corrects beyond `bounds` (default `Bounds()`).
 
     Its robot must be that of `robot_file`, or the built-in one of its name; of a robot of the user's own without its
@@ -316,7 +320,7 @@ def load_model(path: Path, *, robot_file: Path | None = None, bounds: Bounds | N
     return replace(saved, notes=(*((SIMULATED,) if saved.simulated else ()), *notes))
 
 
-def _saved(document: Mapping[str, Any], path: Path) -> SavedModel:
+def _saved(document: Mapping[str, Any], path: Path) -> CalibratedModel:
     """The model of a document. Raises DataError, or what a document of another form makes of itself."""
     robot = _robot(document["robot_table"], path)
     if document["robot"] != robot.name or document.get("robot_sha256", robot_hash(robot)) != robot_hash(
@@ -335,7 +339,7 @@ def _saved(document: Mapping[str, Any], path: Path) -> SavedModel:
             for name, v in table.items()
         }
 
-    model = RobotModel(
+    model = ModelStructure(
         robot=robot,
         effects=tuple(Effect.from_json(entry) for entry in document["effects"]),
         targets={
@@ -365,7 +369,7 @@ def _saved(document: Mapping[str, Any], path: Path) -> SavedModel:
         raise DataError(f"is {simulated!r}.", do="Write the model again.", file=path, key="simulated")
     if not isinstance(data, str):
         raise DataError(f"is {data!r}.", do="Write the model again.", file=path, key="data_sha256")
-    return SavedModel(
+    return CalibratedModel(
         model,
         estimate_of(document["parameters"], model, path),
         covariance_of(document["covariance_internal_units"], len(model.parameters), path),

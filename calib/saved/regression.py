@@ -11,7 +11,7 @@ import numpy as np
 from calib.arm.robot import Robot
 from calib.errors import DataError
 from calib.regression.mls_svr import Gaussian, Kernel, Linear, MlsSvr
-from calib.regression.regression import Regression, Wanted, evaluate, products_of
+from calib.regression.regression import Regression, RegressionRequest, evaluate, products_of
 from calib.saved.model_checks import numbers_of
 from calib.text.toml_table import FARTHEST_MM
 
@@ -54,7 +54,7 @@ def regression_of(table: Mapping[str, Any], robot: Robot, path: Path) -> Regress
     if table["method"] != METHOD:
         raise _refused(f"is {table['method']!r}.", "method", path)
     try:
-        wanted = Wanted.of(table["on"], table["features"], table["kernel"])
+        wanted = RegressionRequest.of(table["on"], table["features"], table["kernel"])
         products = products_of(wanted.features, robot)
     except DataError as error:
         raise _refused(error.what, (error.key or "").lstrip("-"), path) from error

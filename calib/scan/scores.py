@@ -41,10 +41,10 @@ from scipy.special import fdtrc
 
 from calib.arm.kinematics import Frames
 from calib.array import Array
-from calib.fit.identification import Identification
+from calib.fit.identification import IdentificationFit
 from calib.fit.least_squares import jacobian, orthonormal
 from calib.model.effect import Effect
-from calib.model.model import Design, ties
+from calib.model.model import BoundModel, ties
 from calib.model.regressors import Regressor
 from calib.units import to_internal
 
@@ -93,7 +93,7 @@ def impossible(bounds: Array, values: Array, errors: Array) -> NDArray[np.bool_]
 class Space:
     """The whitened rows of a fit: k rows a reading (k, n) flattened, `size` = k n, of which `rows` were measured."""
 
-    fitted: Identification
+    fitted: IdentificationFit
     frames: Frames
     residual: Array  # (k, n)
     held: Array  # (size + a + q,): residuals of the readings, of the priors, of the distances between balls
@@ -103,9 +103,9 @@ class Space:
     triangle: Array  # (a, a): R of the active columns of readings and priors, Q R
 
     @classmethod
-    def of(cls, fitted: Identification) -> Space:
+    def of(cls, fitted: IdentificationFit) -> Space:
         """The space of a fit."""
-        design = Design(fitted.model, fitted.readings.conditions)
+        design = BoundModel(fitted.model, fitted.readings.conditions)
         observed = fitted.readings.observed
         frames = design.frames(fitted.estimate)
         columns = jacobian(design, observed, frames)

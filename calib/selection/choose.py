@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from calib.array import Array
 from calib.errors import DataError
 from calib.fit.identification import expanded
-from calib.fit.least_squares import Dropped
+from calib.fit.least_squares import DroppedParameter
 from calib.fit.of_type import TypePrior
 from calib.selection import coverage
 from calib.selection.exchange import (
@@ -64,7 +64,7 @@ _PLACES = 1000  # poses at which U is predicted
 
 
 @dataclass(frozen=True)
-class Observability:
+class ObservabilityIndices:
     """The five indices; larger is better in all."""
 
     o1: float
@@ -74,7 +74,7 @@ class Observability:
     o5: float
 
 
-def observability(jacobian: Array, poses: int) -> Observability:
+def observability(jacobian: Array, poses: int) -> ObservabilityIndices:
     """Indices of a Jacobian (rows, m) of so many poses; 0 throughout where it does not determine m parameters.
 
     Raises DataError when it has fewer rows than columns, or a number that is not finite.
@@ -86,8 +86,8 @@ def observability(jacobian: Array, poses: int) -> Observability:
         raise DataError("the Jacobian has a number that is not finite.", do="Leave that pose out.")
     s = np.linalg.svd(jacobian, compute_uv=False)
     if s[-1] <= np.finfo(np.float64).eps * rows * s[0]:
-        return Observability(0.0, 0.0, 0.0, 0.0, 0.0)
-    return Observability(
+        return ObservabilityIndices(0.0, 0.0, 0.0, 0.0, 0.0)
+    return ObservabilityIndices(
         o1=float(np.exp(np.mean(np.log(s))) / np.sqrt(poses)),
         o2=float(s[-1] / s[0]),
         o3=float(s[-1]),
@@ -117,9 +117,9 @@ class Choice:
     efficiency: float
     efficiency_core: float
     gap: float
-    observability: Observability
+    observability: ObservabilityIndices
     std: Array
-    dropped: tuple[Dropped, ...]
+    dropped: tuple[DroppedParameter, ...]
     warnings: tuple[str, ...]
 
 

@@ -17,10 +17,10 @@ from calib.array import Array
 from calib.data.header import DEFAULT_GROUPS, GROUPS
 from calib.data.noise import Noise
 from calib.errors import DataError
-from calib.fit.least_squares import Dropped, triangular_factor
+from calib.fit.least_squares import DroppedParameter, triangular_factor
 from calib.model import base_model
 from calib.model.effect import Parameter
-from calib.model.model import Design, RobotModel, StatedConditions, conditions_at
+from calib.model.model import BoundModel, ModelStructure, StatedConditions, conditions_at
 from calib.units import to_internal
 
 _SERIES = "selection"
@@ -41,7 +41,7 @@ class Setup:
     groups: Sequence[str] = DEFAULT_GROUPS
     loads: tuple[Load, ...] | None = None
 
-    def model(self) -> RobotModel:
+    def model(self) -> ModelStructure:
         """The base model. Raises DataError for a group or a set of targets that cannot be used."""
         for group in self.groups:
             if group not in GROUPS or group == "length_zero":
@@ -56,7 +56,7 @@ class Setup:
             )
         measured = [dict.fromkeys(self.targets, False)]
         effects = base_model.build(tuple(dict.fromkeys(self.groups)), self.robot, [_SERIES], measured)
-        return RobotModel(self.robot, effects, {_SERIES: self.targets}, station=self.noise.station_mm)
+        return ModelStructure(self.robot, effects, {_SERIES: self.targets}, station=self.noise.station_mm)
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Candidates:
     repeatability: Array
     parameters: tuple[Parameter, ...]
     unit: Array
-    dropped: tuple[Dropped, ...]
+    dropped: tuple[DroppedParameter, ...]
 
 
 def candidates_of(setup: Setup, joints: Array) -> Candidates:
@@ -106,9 +106,9 @@ def candidates_of(setup: Setup, joints: Array) -> Candidates:
     )
 
 
-def _at_target(setup: Setup, model: RobotModel, joints: Array, target: str) -> tuple[Array, Array, Array]:
+def _at_target(setup: Setup, model: ModelStructure, joints: Array, target: str) -> tuple[Array, Array, Array]:
     """Derivative of a target by the parameters (N, 3, m) and by the joints (N, 3, J), and its noise (N, 3, 3)."""
-    design = Design(model, conditions_at(model, joints, StatedConditions(loads=setup.loads), target))
+    design = BoundModel(model, conditions_at(model, joints, StatedConditions(loads=setup.loads), target))
     frames = design.frames(np.zeros(len(model.parameters)))
     columns = design.point_columns(frames).reshape(3, len(joints), -1).transpose(1, 0, 2)
     by_joint = frames.velocities(setup.robot.joint_slots)
@@ -132,7 +132,9 @@ def _whitened(points: Array, scatter: Array, noise: Array) -> Array:
     return np.asarray(np.linalg.solve(lower, points.reshape(n, 3 * t, m)), dtype=np.float64)
 
 
-def _independent(columns: Array, parameters: Sequence[Parameter]) -> tuple[list[int], tuple[Dropped, ...]]:
+def _independent(
+    columns: Array, parameters: Sequence[Parameter]
+) -> tuple[list[int], tuple[DroppedParameter, ...]]:
     """Columns (rows, m) to keep, in order, and the parameters dropped because those before them explain them.
 
     Base and tool come first, as in an identification: of a confounded group they stay.
@@ -150,5 +152,5 @@ def _independent(columns: Array, parameters: Sequence[Parameter]) -> tuple[list[
             continue
         weight = np.abs(share)
         heavy = [kept[i] for i in np.argsort(-weight)[:6] if seen[j] and weight[i] > 0.05 * weight.max()]
-        dropped.append(Dropped(parameters[j].name, tuple(parameters[i].name for i in heavy)))
+        dropped.append(DroppedParameter(parameters[j].name, tuple(parameters[i].name for i in heavy)))
     return sorted(kept), tuple(dropped)

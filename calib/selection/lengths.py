@@ -19,8 +19,8 @@ from calib.data.header import DEFAULT_GROUPS
 from calib.fit.identification import expanded, predict_with_covariance
 from calib.fit.least_squares import jacobian
 from calib.model import base_model
-from calib.model.model import Design, RobotModel, StatedConditions, conditions_at
-from calib.model.observations import Observations, Shared
+from calib.model.model import BoundModel, ModelStructure, StatedConditions, conditions_at
+from calib.model.observations import Observations, VisitCovariance
 
 _SERIES = "plan"
 Point = tuple[float, float, float]
@@ -65,7 +65,7 @@ def uncertainty_of(
     names, anchors = tuple(balls.tool), tuple(balls.base)
     measured = [dict.fromkeys(names, False)]
     effects = base_model.build(DEFAULT_GROUPS, robot, [_SERIES], measured, None, balls.tool_u_mm)
-    model = RobotModel(robot, effects, {_SERIES: balls.tool}, anchors=balls.base)
+    model = ModelStructure(robot, effects, {_SERIES: balls.tool}, anchors=balls.base)
     stated = StatedConditions(loads=loads)
     prior = model.prior_std
     information = np.diag(np.where(np.isfinite(prior), 1.0 / np.where(prior > 0.0, prior, np.inf) ** 2, 0.0))
@@ -79,7 +79,7 @@ def uncertainty_of(
         anchor_names=anchors,
         visit=conditions.pose,
     )
-    columns = _whitened(Design(model, conditions), nothing, noise_mm, repeatability)
+    columns = _whitened(BoundModel(model, conditions), nothing, noise_mm, repeatability)
     information += columns.T @ columns
     scale = 1.0 / np.sqrt(np.diag(information))
     inverse = np.asarray(
@@ -90,12 +90,12 @@ def uncertainty_of(
     return expanded(predict_with_covariance(model, nothing, covariance, at)[1])
 
 
-def _whitened(design: Design, estimate: Array, noise_mm: float, repeatability: float) -> Array:
+def _whitened(design: BoundModel, estimate: Array, noise_mm: float, repeatability: float) -> Array:
     """(n, m) derivative of the lengths over their standard deviation, those of a pose whitened together."""
     n = len(design.conditions)
     frames = design.frames(estimate)
     nothing, weight = np.zeros(n), np.full((1, 1, n), 1.0 / noise_mm)
     lengths = Observations(None, None, nothing, weight, np.ones(n, dtype=np.int64))
     joints = design.model.robot.joint_slots
-    shared = Shared(design.conditions.visit, repeatability * lengths.columns(frames, joints))
+    shared = VisitCovariance(design.conditions.visit, repeatability * lengths.columns(frames, joints))
     return jacobian(design, replace(lengths, shared=shared), frames)

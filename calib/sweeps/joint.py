@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.errors import DataError
-from calib.fit.circle_points import FEWEST, LEAST_RANGE, Sweep, find_sweeps, fit_axes
-from calib.fit.identification import Identification
-from calib.model.model import Design
+from calib.fit.circle_points import FEWEST, LEAST_RANGE, CircleSweep, find_sweeps, fit_axes
+from calib.fit.identification import IdentificationFit
+from calib.model.model import BoundModel
 from calib.units import DEG
 
 _SAME = 1e-3 * DEG  # commanded angles of one place
@@ -80,7 +80,7 @@ class JointSweep:
         return float(np.ptp(self.error))
 
 
-def analyse(dataset: Dataset, identified: Identification | None = None) -> tuple[JointSweep, ...]:
+def analyse(dataset: Dataset, identified: IdentificationFit | None = None) -> tuple[JointSweep, ...]:
     """Every sweep of the calibration readings, by joint. Raises DataError where there is none.
 
     identified: an arm with which the axes are compared; its base is that of the same data set.
@@ -98,20 +98,20 @@ def analyse(dataset: Dataset, identified: Identification | None = None) -> tuple
     return tuple(_analysed(dataset, sweep, identified) for sweep in sweeps)
 
 
-def _of_one_pattern(dataset: Dataset, sweep: Sweep) -> Sweep:
+def _of_one_pattern(dataset: Dataset, sweep: CircleSweep) -> CircleSweep:
     """The readings in which all other joints came from the sides that most of them share: their backlash rests."""
     others = np.delete(dataset.conditions.side[sweep.rows], sweep.joint - 1, axis=1)
     _, pattern, count = np.unique(others, axis=0, return_inverse=True, return_counts=True)
     return replace(sweep, rows=sweep.rows[pattern.reshape(-1) == int(np.argmax(count))])
 
 
-def _is_one_still(dataset: Dataset, sweep: Sweep) -> bool:
+def _is_one_still(dataset: Dataset, sweep: CircleSweep) -> bool:
     """Whether the readings that are left are enough for a sweep."""
     angle = dataset.conditions.joints[sweep.rows, sweep.joint - 1]
     return len(angle) >= FEWEST and bool(np.ptp(angle) >= LEAST_RANGE)
 
 
-def _analysed(dataset: Dataset, sweep: Sweep, identified: Identification | None) -> JointSweep:
+def _analysed(dataset: Dataset, sweep: CircleSweep, identified: IdentificationFit | None) -> JointSweep:
     conditions = dataset.conditions
     angle = conditions.joints[sweep.rows, sweep.joint - 1]
     upwards = conditions.side[sweep.rows, sweep.joint - 1] > 0
@@ -156,10 +156,12 @@ def _mean(values: Array, number: NDArray[np.int64], rows: NDArray[np.bool_]) -> 
     return np.divide(total, count, out=np.full(places, np.nan), where=count > 0)
 
 
-def _difference(dataset: Dataset, sweep: Sweep, circle: Circle, identified: Identification) -> AxisDifference:
+def _difference(
+    dataset: Dataset, sweep: CircleSweep, circle: Circle, identified: IdentificationFit
+) -> AxisDifference:
     """The identified axis, averaged over the sweep: where gravity bends the arm it moves a little."""
     slot = f"theta{sweep.joint}"
-    design = Design(identified.model, dataset.conditions.take(sweep.rows))
+    design = BoundModel(identified.model, dataset.conditions.take(sweep.rows))
     frames = design.frames(identified.estimate, record=[slot])
     direction, point = frames.axis[slot].mean(axis=1), frames.origin[slot].mean(axis=1)
     direction = direction / np.linalg.norm(direction)

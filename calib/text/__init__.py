@@ -1,6 +1,14 @@
 """Text and tables from files and requests: read within bounds, refused in sentences, written whole or not at all."""
 
-from calib.text.columns import LONGEST_LINE, MOST_COLUMNS, Columns, meant_by, no_formula, other_mark, rows_of
+from calib.text.columns import (
+    LONGEST_LINE,
+    MOST_COLUMNS,
+    TextTable,
+    meant_by,
+    no_formula,
+    other_mark,
+    rows_of,
+)
 from calib.text.json_text import parse_json, read_json
 from calib.text.program import written_by
 from calib.text.text_file import decoded, note_files, read_bytes, read_text, replace_file
@@ -18,7 +26,7 @@ from calib.text.xml_text import parse_xml, read_xml
 __all__ = [
     "LONGEST_LINE",
     "MOST_COLUMNS",
-    "Columns",
+    "TextTable",
     "TomlTable",
     "Vector",
     "decoded",

@@ -35,7 +35,7 @@ MOST_COLUMNS = 1_000
 _BEGINS = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
-class Columns:
+class TextTable:
     """A table of text: its rows, each with the line on which it is in the file `path`.
 
     sha256: the hash of the file's text.
@@ -51,12 +51,12 @@ class Columns:
         self._cells = dict(zip(self.names, zip(*(line for _, line in rows), strict=True), strict=True))
 
     @classmethod
-    def read(cls, path: Path) -> Columns:
+    def read(cls, path: Path) -> TextTable:
         """A CSV file read whole. Raises DataError (file, line) for what is not a table of UTF-8 text."""
         return cls.of_text(read_text(path), path)
 
     @classmethod
-    def of_text(cls, text: str, path: Path) -> Columns:
+    def of_text(cls, text: str, path: Path) -> TextTable:
         """The table that CSV text holds; `path` is what messages call it. Raises DataError (file, line)."""
         if text.lstrip().startswith("{"):
             raise DataError(
@@ -93,7 +93,7 @@ class Columns:
     def __len__(self) -> int:
         return len(self.lines)
 
-    def where(self, keep: NDArray[np.bool_]) -> Columns:
+    def where(self, keep: NDArray[np.bool_]) -> TextTable:
         """Some of the rows, by mask (n,), each with the line where it is."""
         few = copy.copy(self)
         rows = np.flatnonzero(keep).tolist()

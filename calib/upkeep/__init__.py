@@ -1,12 +1,12 @@
 """Control charts of a parameter's history, and the date of the next check."""
 
 from calib.upkeep.chart import ControlChart, Signal, chart_of
-from calib.upkeep.due import Check, Drift, Due, InUse, Method, Staircase, next_due
+from calib.upkeep.due import Check, DriftInterval, Due, InUse, Method, Staircase, next_due
 
 __all__ = [
     "Check",
     "ControlChart",
-    "Drift",
+    "DriftInterval",
     "Due",
     "InUse",
     "Method",

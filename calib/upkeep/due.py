@@ -77,7 +77,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Step:
+class CheckStep:
     """A check on an axis on which intervals are counted: days since the first check, or hours of use."""
 
     x: float
@@ -106,10 +106,10 @@ def in_order(history: Sequence[Check]) -> list[Check]:
     return sorted(history, key=lambda check: check.at)
 
 
-def days_of(history: Sequence[Check]) -> list[Step]:
+def days_of(history: Sequence[Check]) -> list[CheckStep]:
     """Checks, oldest first, by days since the first."""
     first = history[0].at
-    return [Step((c.at - first).total_seconds() / 86400.0, c.value, c.u) for c in history]
+    return [CheckStep((c.at - first).total_seconds() / 86400.0, c.value, c.u) for c in history]
 
 
 WITHIN = 0.8
@@ -148,7 +148,7 @@ class Staircase:
         """Factor of a check that failed."""
         return self.longer ** (-self.reliability / (1.0 - self.reliability))
 
-    def interval(self, steps: Sequence[Step], unit: Unit) -> tuple[float, str]:
+    def interval(self, steps: Sequence[CheckStep], unit: Unit) -> tuple[float, str]:
         """Interval after the last of some steps, oldest first, and why, without an end."""
         interval, why = self.first, ""
         for before, step in zip([None, *steps], steps, strict=False):
@@ -186,7 +186,7 @@ def refuse_permitted(permitted: float) -> None:
 
 
 @dataclass(frozen=True)
-class Drift:
+class DriftInterval:
     """first: interval until two checks say how fast the value drifts; permitted: largest error from `target`, in the
     unit of the values; shortest, longest: intervals. Intervals are days, or hours of use inside `InUse`.
 
@@ -203,7 +203,7 @@ class Drift:
         refuse_intervals(self.first, self.shortest, self.longest)
         refuse_permitted(self.permitted)
 
-    def interval(self, steps: Sequence[Step], unit: Unit) -> tuple[float, str]:
+    def interval(self, steps: Sequence[CheckStep], unit: Unit) -> tuple[float, str]:
         """Interval after the last of some steps, oldest first, and why, without an end. Raises DataError for values
         without any uncertainty of which there are two."""
         last = steps[-1]
@@ -257,7 +257,7 @@ class InUse:
     """by: the method, its intervals in hours of use; hours_a_day: use assumed until two readings of the counter show
     it; longest_days: whatever the use. Raises DataError for values out of range."""
 
-    by: Staircase | Drift
+    by: Staircase | DriftInterval
     hours_a_day: float = 16.0
     longest_days: float = 730.0
 
@@ -286,7 +286,7 @@ class InUse:
                 do="Begin a new history.",
                 key="used_h",
             )
-        steps = [Step(h, check.value, check.u) for h, check in zip(hours, history, strict=True)]
+        steps = [CheckStep(h, check.value, check.u) for h, check in zip(hours, history, strict=True)]
         interval, why = self.by.interval(steps, HOURS)
         a_day, since = self._a_day(history, hours)
         days = interval / a_day if a_day > 0.0 else self.longest_days
@@ -304,7 +304,7 @@ class InUse:
         return self.hours_a_day, " (assumed)"
 
 
-Method = Staircase | Drift | InUse
+Method = Staircase | DriftInterval | InUse
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from calib.validation.ballbar import SphereTest, over_the_fixture, sphere_tests
 from calib.validation.compare import Difference, apart, differences, refuse_incomparable
-from calib.validation.holdout import HeldOut, hold_outs
+from calib.validation.holdout import HoldOutErrors, hold_outs
 from calib.validation.iso9283 import VISITS_OF_THE_STANDARD, DistanceFigures, PoseFigures
 from calib.validation.judge import Grouping, Judgement, Repeats, judge, judge_repeats, refuse_other_robot
 from calib.validation.place import place, targets_in_base
@@ -13,7 +13,7 @@ __all__ = [
     "Difference",
     "DistanceFigures",
     "Grouping",
-    "HeldOut",
+    "HoldOutErrors",
     "Judgement",
     "PoseFigures",
     "Repeats",

@@ -18,7 +18,7 @@ from calib.arm.kinematics import forward
 from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.fit.held_out import length_differences
-from calib.model.model import RobotModel
+from calib.model.model import ModelStructure
 
 FEWEST = 10
 """Points of a sphere: fewer are chance neighbours of other campaigns."""
@@ -59,7 +59,7 @@ class LengthRepeats:
 
 
 def sphere_tests(
-    dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array
+    dataset: Dataset, rows: NDArray[np.bool_], model: ModelStructure, estimate: Array
 ) -> tuple[SphereTest, ...]:
     """Every sphere among the distances of some rows (mask), judged by a model."""
     out = []

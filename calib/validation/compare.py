@@ -25,8 +25,8 @@ from calib.data.dataset import Dataset
 from calib.errors import DataError
 from calib.fit.statistics import distances
 from calib.model.effect import Parameter
-from calib.model.model import Design, RobotModel
-from calib.saved.model_file import SavedModel
+from calib.model.model import BoundModel, ModelStructure
+from calib.saved.model_file import CalibratedModel
 from calib.units import to_display
 from calib.validation.summary import Summary, summarise
 
@@ -57,7 +57,7 @@ class Difference:
         return abs(self.difference) / (_COVERAGE * math.hypot(self.u_first, self.u_second))
 
 
-def refuse_incomparable(first: SavedModel, second: SavedModel, file: Path) -> None:
+def refuse_incomparable(first: CalibratedModel, second: CalibratedModel, file: Path) -> None:
     """Raise DataError, for the file of the second, unless both start from the same nominal robot."""
     a, b = first.model.robot, second.model.robot
     if a.name != b.name:
@@ -81,7 +81,7 @@ def refuse_incomparable(first: SavedModel, second: SavedModel, file: Path) -> No
         )
 
 
-def differences(first: SavedModel, second: SavedModel) -> list[Difference]:
+def differences(first: CalibratedModel, second: CalibratedModel) -> list[Difference]:
     """Every parameter of the robot in one of the two models, without carried terms, in the order of the first."""
     units = {p.name: p.unit for saved in (first, second) for p in _robot_parameters(saved.model)}
     out = []
@@ -91,23 +91,23 @@ def differences(first: SavedModel, second: SavedModel) -> list[Difference]:
     return out
 
 
-Placed = tuple[RobotModel, Array]
+Placed = tuple[ModelStructure, Array]
 """A model and its estimate, as `place` gives them."""
 
 
 def apart(dataset: Dataset, rows: NDArray[np.bool_], first: Placed, second: Placed) -> Summary | None:
     """Distance between two predictions over some rows (mask), mm; both robots placed on the same readings before."""
     conditions = dataset.conditions.take(rows)
-    one, other = (Design(model, conditions).predict(estimate) for model, estimate in (first, second))
+    one, other = (BoundModel(model, conditions).predict(estimate) for model, estimate in (first, second))
     return summarise(distances(one, other))
 
 
-def _robot_parameters(model: RobotModel) -> Iterator[Parameter]:
+def _robot_parameters(model: ModelStructure) -> Iterator[Parameter]:
     named = (e for e in model.effects if e.owner == "robot" and not e.is_carried)
     return (p for effect in named for p in effect.parameters)
 
 
-def _of(saved: SavedModel, name: str, unit: str) -> tuple[float | None, float | None]:
+def _of(saved: CalibratedModel, name: str, unit: str) -> tuple[float | None, float | None]:
     """Value and standard uncertainty; None for a parameter that the model lacks, or dropped (its variance is 0)."""
     position = saved.model.index.get(name)
     if position is None or saved.covariance[position, position] <= 0.0:

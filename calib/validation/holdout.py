@@ -34,7 +34,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class HoldOutErrors:
     """Position errors of one kind of hold-out, mm, of all folds together.
 
     left_out: readings that nothing can be said about, since their series or their unknown tool target had no
@@ -49,7 +49,7 @@ class HeldOut:
 
 def hold_outs(
     dataset: Dataset, *, folds: int = FOLDS, progress: Callable[[str], None] = lambda _: None
-) -> list[HeldOut]:
+) -> list[HoldOutErrors]:
     """Errors of the base model by kind of hold-out.
 
     Raises DataError where there are fewer poses than folds, or what a fold leaves cannot carry the model.
@@ -78,9 +78,9 @@ def without(dataset: Dataset, held: Mask) -> Dataset:
     return replace(dataset, sets=np.where(held, "validation", dataset.sets))
 
 
-def _pooled(kind: str, parts: list[tuple[Array, int]]) -> HeldOut:
+def _pooled(kind: str, parts: list[tuple[Array, int]]) -> HoldOutErrors:
     errors = np.concatenate([found for found, _ in parts])
-    return HeldOut(kind, len(parts), summarise(errors), sum(lost for _, lost in parts))
+    return HoldOutErrors(kind, len(parts), summarise(errors), sum(lost for _, lost in parts))
 
 
 def _judge(dataset: Dataset, held: Mask) -> tuple[Array, int]:

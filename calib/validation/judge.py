@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from calib.arm.kinematics import Chain, Placement, nominal_values, propagate
+from calib.arm.kinematics import BasePoses, Chain, nominal_values, propagate
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.data.conditions import Conditions
@@ -41,8 +41,8 @@ from calib.data.dataset import Dataset
 from calib.errors import DataError
 from calib.fit.held_out import length_errors
 from calib.fit.statistics import distances
-from calib.model.model import Design, RobotModel
-from calib.saved.model_file import SavedModel
+from calib.model.model import BoundModel, ModelStructure
+from calib.saved.model_file import CalibratedModel
 from calib.validation.ballbar import (
     LengthRepeats,
     SphereTest,
@@ -149,7 +149,7 @@ def branches(robot: Robot, joints: Array) -> list[str] | None:
 
 def _axes(robot: Robot, joints: Array) -> tuple[Array, Array]:
     """Directions and points (6, n, 3) of the joint axes of the nominal robot, base frame."""
-    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement())
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), BasePoses())
     n = len(joints)
 
     def stacked(by_slot: dict[str, Array]) -> Array:
@@ -190,7 +190,7 @@ def judge(
     name: str,
     dataset: Dataset,
     rows: Mask,
-    model: RobotModel,
+    model: ModelStructure,
     estimate: Array,
     reference: tuple[float, float, float] | None = None,
 ) -> Judgement:
@@ -241,7 +241,7 @@ def judge(
     return Judgement(name, position, length, pairs, orientation, tuple(parts), spheres)
 
 
-def _refuse_unknown_ends(dataset: Dataset, rows: Mask, model: RobotModel) -> None:
+def _refuse_unknown_ends(dataset: Dataset, rows: Mask, model: ModelStructure) -> None:
     """Raise DataError when a distance ends at a base target that the model does not know."""
     for name in dataset.conditions.anchor_names if rows.any() else ():
         if name not in model.anchors:
@@ -265,7 +265,7 @@ class Repeats:
     lengths: LengthRepeats | None = None
 
 
-def judge_repeats(dataset: Dataset, model: RobotModel, estimate: Array) -> Repeats:
+def judge_repeats(dataset: Dataset, model: ModelStructure, estimate: Array) -> Repeats:
     """ISO 9283 figures of every pose visited twice or more with one target in one series, whatever its set.
 
     Repeatability needs no model; the commands that accuracy counts from are where `model` expects the target.
@@ -298,9 +298,9 @@ def judge_repeats(dataset: Dataset, model: RobotModel, estimate: Array) -> Repea
     )
 
 
-def _compared(dataset: Dataset, rows: Mask, model: RobotModel, estimate: Array) -> tuple[Array, Array]:
+def _compared(dataset: Dataset, rows: Mask, model: ModelStructure, estimate: Array) -> tuple[Array, Array]:
     """Predicted points (k, 3), mm, and rotation vectors (k, 3) from predicted to measured, rad, NaN if not measured."""
-    frames = Design(model, dataset.conditions.take(rows)).frames(estimate, ())
+    frames = BoundModel(model, dataset.conditions.take(rows)).frames(estimate, ())
     predicted = np.broadcast_to(frames.p, (3, int(rows.sum()))).T
     turned = dataset.turned[rows]
     vectors = np.full((len(turned), 3), np.nan)
@@ -308,7 +308,7 @@ def _compared(dataset: Dataset, rows: Mask, model: RobotModel, estimate: Array) 
     return predicted, vectors
 
 
-def refuse_other_robot(saved: SavedModel, dataset: Dataset, file: Path) -> None:
+def refuse_other_robot(saved: CalibratedModel, dataset: Dataset, file: Path) -> None:
     """Raise DataError when a model is of another robot than a data set."""
     if saved.model.robot.name != dataset.header.robot.name:
         raise DataError(
@@ -320,7 +320,7 @@ def refuse_other_robot(saved: SavedModel, dataset: Dataset, file: Path) -> None:
         )
 
 
-def refuse_unplaced(dataset: Dataset, rows: Mask, model: RobotModel) -> None:
+def refuse_unplaced(dataset: Dataset, rows: Mask, model: ModelStructure) -> None:
     """Raise DataError when a model does not know where the base of a series is or where a tool target sits."""
     conditions = dataset.conditions
     for s, t in {

@@ -20,27 +20,27 @@ from calib.arm.start import base_and_tool, settled, tool_turn
 from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.errors import DataError
-from calib.model.model import Design, RobotModel
+from calib.model.model import BoundModel, ModelStructure
 from calib.text.toml_table import Vector
 
 FEWEST = 3
 
 
-def frees_tool(model: RobotModel) -> bool:
+def frees_tool(model: ModelStructure) -> bool:
     """Whether the tool targets were unknown to a model, as a whole or in part."""
     return any(effect.places & {"tool", "target"} for effect in model.effects)
 
 
-def of_the_robot(model: RobotModel, estimate: Array) -> tuple[RobotModel, Array]:
+def of_the_robot(model: ModelStructure, estimate: Array) -> tuple[ModelStructure, Array]:
     """The model and the estimate of what belongs to the robot alone: no base, no tool, no instrument."""
     effects = tuple(effect for effect in model.effects if effect.owner == "robot")
-    robot = RobotModel(model.robot, effects, model.targets)
+    robot = ModelStructure(model.robot, effects, model.targets)
     return robot, np.array([estimate[model.index[p.name]] for p in robot.parameters])
 
 
 def place(
-    dataset: Dataset, model: RobotModel, estimate: Array, rows: NDArray[np.bool_] | None = None
-) -> tuple[RobotModel, Array]:
+    dataset: Dataset, model: ModelStructure, estimate: Array, rows: NDArray[np.bool_] | None = None
+) -> tuple[ModelStructure, Array]:
     """The model's robot placed in every series of a data set, fitted to `rows` (default: `fit_rows`).
 
     Returns model and estimate, to predict with. Raises DataError where a series or a target has too few points.
@@ -80,7 +80,7 @@ def place(
     return replace(held, targets=targets, placements=placements, turns=turns), values
 
 
-def targets_in_base(dataset: Dataset, model: RobotModel, estimate: Array) -> Array:
+def targets_in_base(dataset: Dataset, model: ModelStructure, estimate: Array) -> Array:
     """(n, 3) where a model expects the target of every reading, mm, in the base frame of the robot.
 
     The pose of the base and the effects of the instrument are left out; the tool is that of the model.
@@ -92,16 +92,16 @@ def targets_in_base(dataset: Dataset, model: RobotModel, estimate: Array) -> Arr
     )
     robot = replace(model, effects=effects, placements={})
     values = np.array([estimate[model.index[p.name]] for p in robot.parameters])
-    return Design(robot, dataset.conditions).predict(values)
+    return BoundModel(robot, dataset.conditions).predict(values)
 
 
-def flange_poses(robot: RobotModel, estimate: Array, dataset: Dataset) -> Array:
+def flange_poses(robot: ModelStructure, estimate: Array, dataset: Dataset) -> Array:
     """(n, 4, 4) poses of the flange in the base frame, mm, of a robot without base and tool."""
     conditions = dataset.conditions
     at_flange = {
         series: dict.fromkeys(conditions.target_names, (0.0, 0.0, 0.0)) for series in conditions.series_names
     }
-    frames = Design(replace(robot, targets=at_flange), conditions).frames(estimate, ())
+    frames = BoundModel(replace(robot, targets=at_flange), conditions).frames(estimate, ())
     poses = np.tile(np.eye(4), (len(conditions), 1, 1))
     poses[:, :3, :3] = frames.rotation
     poses[:, :3, 3] = np.broadcast_to(frames.p, (3, len(conditions))).T

@@ -3,15 +3,15 @@
 from calib.watch.baseline import too_few_poses
 from calib.watch.cause import in_display
 from calib.watch.history import append, baseline_hash, read_history
-from calib.watch.judge import RATE, Verdict, judge
+from calib.watch.judge import RATE, WatchVerdict, judge
 from calib.watch.nests import NestLimit, nest_limit
-from calib.watch.planning.plan import Plan, judged, plan
-from calib.watch.planning.planned import Visits, planned, within_stroke
-from calib.watch.planning.rounds import REPEATS, TIMES, Proposal, proposals
-from calib.watch.planning.sizes import ALONE, SEEN, WANTED, Shown, Smallest, seen_from
+from calib.watch.planning.plan import WatchPlan, judged, plan
+from calib.watch.planning.planned import PlannedVisits, planned, within_stroke
+from calib.watch.planning.rounds import REPEATS, TIMES, WatchPlanProposal, proposals
+from calib.watch.planning.sizes import ALONE, SEEN, WANTED, DetectableSizes, SmallestDetected, seen_from
 from calib.watch.refusals import missing, refuse_copies, refuse_unlike
-from calib.watch.seen import Missed, Seen, missed
-from calib.watch.thermal import Upkept, cause_to_update, keep_up, later, updated, warms_up
+from calib.watch.seen import CheckPoseErrors, WhitenedReadings, missed
+from calib.watch.thermal import ThermalUpdate, cause_to_update, keep_up, later, updated, warms_up
 from calib.watch.worth import DOUBTFUL, times_as_uncertain
 
 __all__ = [
@@ -22,16 +22,16 @@ __all__ = [
     "SEEN",
     "TIMES",
     "WANTED",
-    "Missed",
+    "CheckPoseErrors",
+    "DetectableSizes",
     "NestLimit",
-    "Plan",
-    "Proposal",
-    "Seen",
-    "Shown",
-    "Smallest",
-    "Upkept",
-    "Verdict",
-    "Visits",
+    "PlannedVisits",
+    "SmallestDetected",
+    "ThermalUpdate",
+    "WatchPlan",
+    "WatchPlanProposal",
+    "WatchVerdict",
+    "WhitenedReadings",
     "append",
     "baseline_hash",
     "cause_to_update",

@@ -21,13 +21,13 @@ from calib.data.dataset import Dataset
 from calib.fit.least_squares import jacobian
 from calib.fit.readings import readings_of
 from calib.model.carried_regressors import OfTime
-from calib.model.effect import Term
-from calib.model.model import AFTER_EVERYTHING, Design, RobotModel
-from calib.model.regressors import Constant, Temperature, Time, WarmUp
-from calib.saved import SavedModel
+from calib.model.effect import EffectTerm
+from calib.model.model import AFTER_EVERYTHING, BoundModel, ModelStructure
+from calib.model.regressors import Constant, Temperature, Time, WarmUpRegressor
+from calib.saved import CalibratedModel
 
 
-def in_series(saved: SavedModel, dataset: Dataset) -> Dataset:
+def in_series(saved: CalibratedModel, dataset: Dataset) -> Dataset:
     """The readings in the one series of a model, whatever both call it, after all that the model says happened during
     the calibration, and where no law of the model needs the air, in that of the calibration unless they say theirs."""
     model, conditions = saved.model, saved.loaded(dataset).conditions
@@ -46,7 +46,7 @@ def in_series(saved: SavedModel, dataset: Dataset) -> Dataset:
 _ANGLES = 2.5  # of joints in all poses, for each parameter
 
 
-def too_few_poses(saved: SavedModel) -> str:
+def too_few_poses(saved: CalibratedModel) -> str:
     """A sentence where a baseline was calibrated at too few poses to hold a stated rate of false alarms, else empty.
 
     With 10 poses a model of some 31 parameters absorbs most of what it lacks without naming it: of 14 such arms 3
@@ -72,13 +72,13 @@ class Baseline:
     the value that they had at the end of the campaign.
     """
 
-    model: RobotModel
+    model: ModelStructure
     estimate: Array
     covariance: Array
     plain: Array
 
     @classmethod
-    def of(cls, saved: SavedModel) -> Baseline:
+    def of(cls, saved: CalibratedModel) -> Baseline:
         """The baseline that a saved model is."""
         model, estimate, covariance = saved.model, saved.estimate, saved.covariance
         if saved.left_open is not None:
@@ -88,7 +88,7 @@ class Baseline:
             for effect in model.effects
             if effect.owner == "instrument"
             for term in effect.terms
-            if isinstance(term.regressor, Time | WarmUp | OfTime)
+            if isinstance(term.regressor, Time | WarmUpRegressor | OfTime)
         }
         # a drift that was left open has done what it did to the parameters; later readings need not carry the time
         own = len(saved.model.effects)
@@ -104,8 +104,8 @@ class Baseline:
 
 
 def _after_campaign(
-    model: RobotModel, estimate: Array, covariance: Array, plain: Array
-) -> tuple[RobotModel, Array, Array, Array]:
+    model: ModelStructure, estimate: Array, covariance: Array, plain: Array
+) -> tuple[ModelStructure, Array, Array, Array]:
     """A baseline whose carried functions of time keep their last value, whenever a watch is.
 
     Why a term follows time is not known, so it may do after the campaign what it did in its second half. That is one
@@ -132,7 +132,7 @@ def _after_campaign(
 _LATER = "later"
 
 
-def _weighed(term: Term, value: Callable[[OfTime], float]) -> Term:
+def _weighed(term: EffectTerm, value: Callable[[OfTime], float]) -> EffectTerm:
     if not isinstance(term.regressor, OfTime):
         return term
     return replace(term, weight=term.weight * value(term.regressor), regressor=Constant())
@@ -157,7 +157,7 @@ def root_of(covariance: Array) -> Array:
     return size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def scatter_beyond(saved: SavedModel, dataset: Dataset) -> Array:
+def scatter_beyond(saved: CalibratedModel, dataset: Dataset) -> Array:
     """(N,) the angles, rad, by which the joints scatter more than declared, as the file of the model says.
 
     Of a file that does not say it, the one angle by which all would have to for the errors that the calibration found
@@ -174,7 +174,7 @@ def scatter_beyond(saved: SavedModel, dataset: Dataset) -> Array:
         return np.zeros(saved.model.robot.joints)
     readings = readings_of(dataset, rows, model, estimate)
     joints, noise = model.robot.joint_slots, dataset.header.noise
-    design = Design(model, readings.conditions)
+    design = BoundModel(model, readings.conditions)
     frames = design.frames(estimate, {*design.slots, *joints})
     size = readings.observed.whiten.shape[0]
     n = len(readings.conditions)

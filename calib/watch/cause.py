@@ -12,7 +12,7 @@ from calib.array import Array
 from calib.effects import kind_of
 from calib.model.effect import Effect
 from calib.units import to_display, to_internal
-from calib.watch.seen import Seen
+from calib.watch.seen import WhitenedReadings
 
 _STEPS = 10
 _NEAR = 0.01  # standard errors that a last step may move
@@ -62,8 +62,9 @@ class Cause:
         return kind_of(self.label).remedy_of(self.label, digits)
 
 
-def fitted(seen: Seen, effect: Effect, whiten: Array, mean: Array | None = None) -> Cause:
-    """A cause fitted to what a baseline sees, held weakly to its usual sizes. whiten (q, q): of `Seen.spread`.
+def fitted(seen: WhitenedReadings, effect: Effect, whiten: Array, mean: Array | None = None) -> Cause:
+    """A cause fitted to what a baseline sees, held weakly to its usual sizes. whiten (q, q): of
+    `WhitenedReadings.spread`.
 
     The usual size of a lone parameter decides how likely it is, not how large: a scale that is usually within 10 ppm
     and is 60 would be told as 35, with a U that does not reach the truth.
@@ -92,7 +93,7 @@ def fitted(seen: Seen, effect: Effect, whiten: Array, mean: Array | None = None)
     )
 
 
-def _freed(seen: Seen, cause: Cause, whiten: Array, mean: Array | None) -> Cause:
+def _freed(seen: WhitenedReadings, cause: Cause, whiten: Array, mean: Array | None) -> Cause:
     """A cause of one parameter without the pull of its usual size; gain and evidence stay."""
     p = cause.effect.parameters[0]
     kept = 1.0 - cause.covariance[0, 0] / to_internal(p.size or 1.0, p.unit) ** 2
@@ -109,7 +110,9 @@ def _freed(seen: Seen, cause: Cause, whiten: Array, mean: Array | None) -> Cause
     return replace(cause, values=values, covariance=covariance, left=left, size=size)
 
 
-def _fit(seen: Seen, effect: Effect, whiten: Array, mean: Array | None, free: NDArray[np.bool_]) -> Cause:
+def _fit(
+    seen: WhitenedReadings, effect: Effect, whiten: Array, mean: Array | None, free: NDArray[np.bool_]
+) -> Cause:
     """A cause with some of its parameters free (p,), the others nothing."""
     prior = np.array([to_internal(p.size or 1.0, p.unit) for p in effect.parameters])
     columns = (whiten @ seen.columns[seen.causes.index(effect)]) * free
@@ -137,7 +140,7 @@ def _fit(seen: Seen, effect: Effect, whiten: Array, mean: Array | None, free: ND
     )
 
 
-def size_of(seen: Seen, effect: Effect, values: Array, covariance: Array) -> Size:
+def size_of(seen: WhitenedReadings, effect: Effect, values: Array, covariance: Array) -> Size:
     """The size of a cause: of a lone parameter its value; of what moves the tool or the base, by how much it moves the
     measured targets, root mean square over the readings, mm; else of the parameters of one unit."""
     if effect.label.endswith("_shift"):

@@ -18,11 +18,11 @@ import numpy as np
 from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.errors import DataError
-from calib.saved import SavedModel
+from calib.saved import CalibratedModel
 from calib.text import read_text, replace_file
 from calib.text.json_text import parse_json
-from calib.watch.judge import Verdict
-from calib.watch.seen import Seen
+from calib.watch.judge import WatchVerdict
+from calib.watch.seen import WhitenedReadings
 
 FORMAT = "truepose-watch-history/1"
 _TEXTS = ("data_sha256", "baseline_sha256", "poses_sha256", "verdict")
@@ -30,12 +30,12 @@ _LARGEST = 1e12  # of a residual, which counts in standard deviations
 
 
 @dataclass(frozen=True)
-class History:
+class WatchHistory:
     """The lines of a history file, oldest first."""
 
     lines: tuple[dict[str, Any], ...]
 
-    def before(self, seen: Seen, dataset: Dataset, baseline: str) -> tuple[list[Array], int]:
+    def before(self, seen: WhitenedReadings, dataset: Dataset, baseline: str) -> tuple[list[Array], int]:
         """Residuals (q,) of earlier watches that belong with this one, up to the last line of this data set where it
         was judged already; and how many lines were left out."""
         marks = (baseline, poses_hash(seen))
@@ -58,10 +58,10 @@ class History:
         return any(line["data_sha256"] == dataset.sha256 for line in self.lines)
 
 
-def read_history(path: Path) -> History:
+def read_history(path: Path) -> WatchHistory:
     """Read a history; one that does not exist is empty. Raises DataError naming the line."""
     if not path.exists():
-        return History(())
+        return WatchHistory(())
     lines = []
     for number, text in enumerate(read_text(path).split("\n"), start=1):
         if not text.strip():
@@ -73,7 +73,7 @@ def read_history(path: Path) -> History:
         if not _whole(line):
             raise _broken(path, number)
         lines.append(line)
-    return History(tuple(lines))
+    return WatchHistory(tuple(lines))
 
 
 def _whole(line: Any) -> bool:
@@ -97,7 +97,9 @@ def _broken(path: Path, number: int) -> DataError:
     )
 
 
-def append(path: Path, seen: Seen, dataset: Dataset, baseline: str, verdict: Verdict) -> None:
+def append(
+    path: Path, seen: WhitenedReadings, dataset: Dataset, baseline: str, verdict: WatchVerdict
+) -> None:
     """Append a watch. Raises OSError, DataError for a file that cannot be read."""
     occasion = dataset.header.occasion
     line = {
@@ -115,7 +117,7 @@ def append(path: Path, seen: Seen, dataset: Dataset, baseline: str, verdict: Ver
     replace_file(path, text + json.dumps(line, allow_nan=False) + "\n")
 
 
-def poses_hash(seen: Seen) -> str:
+def poses_hash(seen: WhitenedReadings) -> str:
     """SHA-256 of where and how the readings were taken, in their order: joints, sides, targets, what was measured."""
     conditions = seen.readings.conditions
     columns = np.column_stack(
@@ -131,6 +133,6 @@ def poses_hash(seen: Seen) -> str:
     return hashlib.sha256(names.encode() + (columns + 0.0).tobytes()).hexdigest()
 
 
-def baseline_hash(saved: SavedModel) -> str:
+def baseline_hash(saved: CalibratedModel) -> str:
     """SHA-256 of what a baseline predicts with: its estimate and the data that it was fitted to."""
     return hashlib.sha256(saved.data_sha256.encode() + saved.estimate.tobytes()).hexdigest()

@@ -23,7 +23,7 @@ from calib.array import Array
 from calib.effects import check_of
 from calib.watch.cause import Cause, fitted
 from calib.watch.odds import Odds
-from calib.watch.seen import Seen
+from calib.watch.seen import WhitenedReadings
 
 WEIGHT = 0.2
 
@@ -52,7 +52,7 @@ Kind = Literal["unchanged", "changed", "ambiguous", "unexplained"]
 
 
 @dataclass(frozen=True)
-class Question:
+class ChangeTest:
     """A test of the alarm: T-squared of all rows and its limit, and the smallest p-value, of T-squared and of
     every cause, and its limit. share: of the variance of noise that is left; watches: how many were averaged."""
 
@@ -70,13 +70,13 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class WatchVerdict:
     """The verdict. causes: the class with its weights, likeliest first; left: p-value of what the likeliest leaves;
     apart: whether other poses could distinguish the members of the class."""
 
     kind: Kind
     rate: float
-    questions: tuple[Question, ...]
+    questions: tuple[ChangeTest, ...]
     causes: tuple[tuple[Cause, float], ...]
     left: float | None
     apart: bool
@@ -97,7 +97,7 @@ class Verdict:
         return " Or: ".join(cause.changed for cause, _ in self.causes)
 
 
-def judge(seen: Seen, before: Sequence[Array] = (), rate: float = RATE) -> Verdict:
+def judge(seen: WhitenedReadings, before: Sequence[Array] = (), rate: float = RATE) -> WatchVerdict:
     """Judge readings as a baseline sees them.
 
     before: residuals (q,) of earlier watches at the same poses, whitened by noise, oldest first; each of the two
@@ -112,7 +112,7 @@ def judge(seen: Seen, before: Sequence[Array] = (), rate: float = RATE) -> Verdi
     questions = tuple(each.question for each in asked)
     alarmed = next((each for each in asked if each.question.alarm), None)
     if alarmed is None:
-        return Verdict("unchanged", rate, questions, (), None, False, "Nothing.")
+        return WatchVerdict("unchanged", rate, questions, (), None, False, "Nothing.")
     return _explained(seen, alarmed, questions, rate)
 
 
@@ -120,7 +120,7 @@ def judge(seen: Seen, before: Sequence[Array] = (), rate: float = RATE) -> Verdi
 class _Asked:
     """A question, its white residual (q,) and the causes that could explain it."""
 
-    question: Question
+    question: ChangeTest
     residual: Array
     whiten: Array
     odds: Odds
@@ -128,12 +128,12 @@ class _Asked:
 
 
 def _asked(
-    seen: Seen, residual: Array, share: float, rate: float, watches: int, mean: Mean | None = None
+    seen: WhitenedReadings, residual: Array, share: float, rate: float, watches: int, mean: Mean | None = None
 ) -> _Asked:
     whiten, odds = odds_of(seen, share)
     white = whiten @ residual
     p_limit = odds.limit(rate)
-    question = Question(
+    question = ChangeTest(
         float(white @ white),
         float(stats.chi2.isf(p_limit, odds.rows)),
         odds.rows,
@@ -144,13 +144,15 @@ def _asked(
     return _Asked(question, white, whiten, odds, mean)
 
 
-def odds_of(seen: Seen, share: float = 1.0) -> tuple[Array, Odds]:
+def odds_of(seen: WhitenedReadings, share: float = 1.0) -> tuple[Array, Odds]:
     """The matrix (q, q) that makes residuals of unchanged robots white, and the causes in its rows."""
     whiten: Array = np.asarray(np.linalg.inv(np.linalg.cholesky(seen.spread(share))), dtype=np.float64)
     return whiten, Odds.of(seen.causes, [whiten @ columns for columns in seen.columns])
 
 
-def _explained(seen: Seen, asked: _Asked, questions: tuple[Question, ...], rate: float) -> Verdict:
+def _explained(
+    seen: WhitenedReadings, asked: _Asked, questions: tuple[ChangeTest, ...], rate: float
+) -> WatchVerdict:
     odds, white = asked.odds, asked.residual[None]
     mean = None if asked.mean is None else asked.mean.residual
     causes = [fitted(seen, column.effect, asked.whiten, mean) for column in odds.causes]
@@ -173,7 +175,7 @@ def _explained(seen: Seen, asked: _Asked, questions: tuple[Question, ...], rate:
         kind: Kind = "unexplained"
     else:
         kind = "changed" if bool(named.alone[0]) else "ambiguous"
-    return Verdict(kind, rate, questions, members, left, apart, _advice(kind, members, apart=apart))
+    return WatchVerdict(kind, rate, questions, members, left, apart, _advice(kind, members, apart=apart))
 
 
 def _advice(kind: Kind, members: Sequence[tuple[Cause, float]], *, apart: bool) -> str:

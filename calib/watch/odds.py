@@ -36,7 +36,7 @@ _DRAWS = 20_000
 
 
 @dataclass(frozen=True)
-class Columns:
+class CauseColumns:
     """A cause in the rows of the readings: U (q, r), s (r,), and S V (p, r) in internal units; bounds of a lone
     parameter, internal units. plain: of a cause that shifts and turns, what it is where it only shifts."""
 
@@ -46,10 +46,10 @@ class Columns:
     back: Array
     low: float
     high: float
-    plain: Columns | None = None
+    plain: CauseColumns | None = None
 
     @classmethod
-    def of(cls, effect: Effect, columns: Array) -> Columns:
+    def of(cls, effect: Effect, columns: Array) -> CauseColumns:
         """A cause from its whitened columns (q, p), internal units."""
         size = np.array([to_internal(p.size or 1.0, p.unit) for p in effect.parameters])
         u, s, vt = np.linalg.svd(columns * size, full_matrices=False)
@@ -109,7 +109,7 @@ class Columns:
 
 
 @dataclass(frozen=True)
-class Named:
+class CauseAssignment:
     """The causes of d watches: best (d,) index of the likeliest; weights (d, c), zero outside the class."""
 
     best: NDArray[np.int64]
@@ -130,13 +130,13 @@ class Named:
 class Odds:
     """The causes that some readings of q rows can show."""
 
-    causes: tuple[Columns, ...]
+    causes: tuple[CauseColumns, ...]
     rows: int
 
     @classmethod
     def of(cls, effects: Sequence[Effect], columns: Sequence[Array]) -> Odds:
         """The odds of effects by their whitened columns (q, p each); those that no reading shows are left out."""
-        every = [Columns.of(e, c) for e, c in zip(effects, columns, strict=True)]
+        every = [CauseColumns.of(e, c) for e, c in zip(effects, columns, strict=True)]
         return cls(tuple(c for c in every if c.freedom), columns[0].shape[0])
 
     def p_values(self, residual: Array) -> Array:
@@ -168,7 +168,7 @@ class Odds:
             low, high = (low, middle) if np.mean(np.any(beyond, axis=1)) > rate else (middle, high)
         return float(np.exp(low))
 
-    def named(self, residual: Array) -> Named:
+    def named(self, residual: Array) -> CauseAssignment:
         """The causes of residuals (d, q), as if something had changed."""
         gain = np.column_stack([cause.gain(residual) for cause in self.causes])
         return self.by(residual, self.evidence(residual), gain)
@@ -177,7 +177,7 @@ class Odds:
         """The evidence (d, c) of every cause in residuals (d, q)."""
         return np.column_stack([cause.evidence(residual) for cause in self.causes])
 
-    def by(self, residual: Array, evidence: Array, gain: Array) -> Named:
+    def by(self, residual: Array, evidence: Array, gain: Array) -> CauseAssignment:
         """The causes of residuals (d, q) by evidence and gain (d, c), linear or from fits through the whole chain."""
         freedom = np.array([cause.freedom for cause in self.causes])
         best = np.argmax(evidence, axis=1)
@@ -190,7 +190,7 @@ class Odds:
             possible = np.isfinite(evidence[mine])
             cost[mine] = np.where(alike & possible, np.minimum(cost[mine], fit), cost[mine])
         weights = np.where(cost < CLASS_WIDTH, np.exp(-0.5 * cost), 0.0)
-        return Named(best, weights / weights.sum(axis=1)[:, None])
+        return CauseAssignment(best, weights / weights.sum(axis=1)[:, None])
 
     def _twins(self, best: int, residual: Array) -> NDArray[np.bool_]:
         """(d, c) causes that do all that the best one does in these watches."""

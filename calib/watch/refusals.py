@@ -10,7 +10,7 @@ import numpy as np
 from calib.data.dataset import Dataset
 from calib.errors import DataError
 from calib.model.regressors import Temperature
-from calib.saved import SavedModel
+from calib.saved import CalibratedModel
 from calib.validation import refuse_other_robot
 from calib.watch.baseline import too_few_poses
 
@@ -22,7 +22,7 @@ _SAME_MM, _SAME_KG = 1e-3, 1e-3
 
 
 def refuse_unlike(
-    saved: SavedModel,
+    saved: CalibratedModel,
     dataset: Dataset,
     path: Path,
     *,
@@ -97,7 +97,7 @@ def missing(dataset: Dataset) -> list[str]:
     return [*out, *deleted, *[f"{header.not_taken} readings that were not taken yet"][: header.not_taken]]
 
 
-def _robot(saved: SavedModel, dataset: Dataset, path: Path) -> tuple[str, ...]:
+def _robot(saved: CalibratedModel, dataset: Dataset, path: Path) -> tuple[str, ...]:
     """Refuse another robot, by its serial number; returns what was not reported."""
     was, now = (_serial(devices, "robot") for devices in (saved.devices, dataset.header.devices))
     if was and now and was != now:
@@ -125,7 +125,7 @@ def _serial(devices: Sequence[Mapping[str, str]], role: str) -> str:
     return next((each.get("serial", "") for each in devices if each.get("role") == role), "")
 
 
-def _same_tool(saved: SavedModel, dataset: Dataset) -> None:
+def _same_tool(saved: CalibratedModel, dataset: Dataset) -> None:
     """Refuse other tool targets, or another load, than those of the baseline."""
     conditions, header = dataset.conditions, dataset.header
     known = next(iter(saved.model.targets.values()))
@@ -156,7 +156,7 @@ def _same_tool(saved: SavedModel, dataset: Dataset) -> None:
         )
 
 
-def _same_warmth(saved: SavedModel, dataset: Dataset) -> tuple[str, ...]:
+def _same_warmth(saved: CalibratedModel, dataset: Dataset) -> tuple[str, ...]:
     was = saved.holds_for.get("temperature_c")
     air = dataset.conditions.temperature[dataset.fit_rows]
     air = air[np.isfinite(air)]
@@ -174,7 +174,7 @@ def _same_warmth(saved: SavedModel, dataset: Dataset) -> tuple[str, ...]:
     return ()
 
 
-def _same_frame(saved: SavedModel, dataset: Dataset) -> tuple[str, ...]:
+def _same_frame(saved: CalibratedModel, dataset: Dataset) -> tuple[str, ...]:
     """Refuse different frames: both campaigns need nests, or an instrument that was not moved."""
     header = dataset.header
     if header.nests or not dataset.pointed.any():
@@ -215,7 +215,7 @@ def refuse_copies(dataset: Dataset) -> None:
         )
 
 
-def _same_sides(saved: SavedModel, dataset: Dataset) -> None:
+def _same_sides(saved: CalibratedModel, dataset: Dataset) -> None:
     """Refuse other sides of approach than the baseline's: old play must not look new."""
     side = dataset.conditions.side[dataset.fit_rows]
     for k, holds in enumerate(saved.holds_for.get("approach") or ()):

@@ -49,11 +49,11 @@ from calib.data.noise import Noise
 from calib.effects import Survey, changes, compliance_of
 from calib.errors import DataError
 from calib.fit.least_squares import jacobian
-from calib.fit.readings import Readings, readings_of
+from calib.fit.readings import FitReadings, readings_of
 from calib.model.effect import Effect, effect
-from calib.model.model import Design, RobotModel
+from calib.model.model import BoundModel, ModelStructure
 from calib.model.regressors import Constant
-from calib.saved import SavedModel
+from calib.saved import CalibratedModel
 from calib.watch.baseline import Baseline, in_series, root_of, scatter_beyond
 
 _FEWEST = 3
@@ -62,7 +62,7 @@ _STEP_MM = 1e-3  # by which a nest is moved to see what its errors do
 
 
 @dataclass(frozen=True)
-class Seen:
+class WhitenedReadings:
     """Readings of q measured rows as a baseline sees them, whitened by noise and repeatability.
 
     estimate (m,), covariance (m, m), plain (m,): the baseline's (`calib.watch.baseline`), internal units; residual
@@ -70,11 +70,11 @@ class Seen:
     what is drawn anew; causes, and the columns (q, p) of each.
     """
 
-    model: RobotModel
+    model: ModelStructure
     estimate: Array
     covariance: Array
     plain: Array
-    readings: Readings
+    readings: FitReadings
     residual: Array
     of_parameters: Array  # (q, m)
     lasting: Array
@@ -84,8 +84,8 @@ class Seen:
 
     @classmethod
     def of(
-        cls, saved: SavedModel, dataset: Dataset, *, frame_known: bool = True, lack: Array | None = None
-    ) -> Seen:
+        cls, saved: CalibratedModel, dataset: Dataset, *, frame_known: bool = True, lack: Array | None = None
+    ) -> WhitenedReadings:
         """The usable readings of a data set. frame_known False: the positions of robot and instrument are not compared.
 
         lack (N,): what the model lacks, as scatter of every joint, rad; None: as `scatter_beyond` finds it.
@@ -97,16 +97,16 @@ class Seen:
         model, estimate, covariance = baseline.model, baseline.estimate, baseline.covariance
         dataset = dataset if frame_known else placed(dataset, model, estimate)
         readings = readings_of(dataset, dataset.fit_rows, model, estimate)
-        design = Design(model, readings.conditions)
+        design = BoundModel(model, readings.conditions)
         causes = _causes(saved, dataset, readings)
         frame = frame_effect()
-        others = RobotModel(
+        others = ModelStructure(
             model.robot,
             (*(cause.apart(_SINCE) for cause in causes), frame),
             model.targets,
             anchors=model.anchors,
         )
-        beside = Design(others, readings.conditions)
+        beside = BoundModel(others, readings.conditions)
         joints = model.robot.joint_slots
         frames = design.frames(estimate, {*design.slots, *beside.slots, *joints})
         measured = _measured(readings)
@@ -164,20 +164,22 @@ class Seen:
         if joint in robot.slides:
             return None
         slot = robot.joint_slots[joint - 1]
-        frames = Design(self.model, self.readings.conditions).frames(self.estimate, (slot,))
+        frames = BoundModel(self.model, self.readings.conditions).frames(self.estimate, (slot,))
         return float(np.sqrt(np.mean(np.sum(frames.velocities((slot,)) ** 2, axis=1))))
 
     def exact(self, cause: Effect, values: Array) -> Array:
         """(q,) residual where a cause has some values (p,), through the whole chain."""
         model = replace(self.model, effects=(*self.model.effects, cause.apart(_SINCE)))
-        frames = Design(model, self.readings.conditions).frames(np.concatenate([self.estimate, values]), ())
+        frames = BoundModel(model, self.readings.conditions).frames(
+            np.concatenate([self.estimate, values]), ()
+        )
         return self.readings.observed.residual(frames).reshape(-1)[self.measured]
 
     def displacement(self, cause: Effect) -> Array:
         """(3 n, p) derivative of the predicted points by the parameters of a cause, mm."""
-        baseline = Design(self.model, self.readings.conditions)
-        design = Design(
-            RobotModel(self.model.robot, (cause,), self.model.targets, anchors=self.model.anchors),
+        baseline = BoundModel(self.model, self.readings.conditions)
+        design = BoundModel(
+            ModelStructure(self.model.robot, (cause,), self.model.targets, anchors=self.model.anchors),
             self.readings.conditions,
         )
         return design.point_columns(baseline.frames(self.estimate, {*design.slots}))
@@ -188,7 +190,7 @@ _SINCE = "since"
 _FREE = 1e4  # standard deviations of the noise by which an unknown frame may be elsewhere
 
 
-def _causes(saved: SavedModel, dataset: Dataset, readings: Readings) -> tuple[Effect, ...]:
+def _causes(saved: CalibratedModel, dataset: Dataset, readings: FitReadings) -> tuple[Effect, ...]:
     """The causes that may have set in. Where the model has an effect already, its bounds hold for both together."""
     model, estimate = saved.model, saved.estimate
     survey = Survey(
@@ -201,7 +203,7 @@ def _causes(saved: SavedModel, dataset: Dataset, readings: Readings) -> tuple[Ef
     return tuple(_beyond(cause, model, estimate) for cause in changes(survey))
 
 
-def _beyond(cause: Effect, model: RobotModel, estimate: Array) -> Effect:
+def _beyond(cause: Effect, model: ModelStructure, estimate: Array) -> Effect:
     parameters = []
     for p in cause.parameters:
         had = (
@@ -218,12 +220,12 @@ def _station(dataset: Dataset) -> tuple[float, float, float]:
     return dataset.header.noise.station_mm
 
 
-def _measured(readings: Readings) -> NDArray[np.bool_]:
+def _measured(readings: FitReadings) -> NDArray[np.bool_]:
     """(k n,) rows of the readings that were measured."""
     return np.any(readings.observed.whiten != 0.0, axis=1).reshape(-1)
 
 
-def _by_joint(readings: Readings, frames: Frames, model: RobotModel, lack: Array) -> Array:
+def _by_joint(readings: FitReadings, frames: Frames, model: ModelStructure, lack: Array) -> Array:
     """(k n, N V) whitened change of the readings where one joint is off by its `lack` in one of V poses, in all visits
     to it; a slide by as many mm as others deg."""
     robot, pose = model.robot, readings.conditions.pose
@@ -238,13 +240,13 @@ def _length(columns: Array) -> Array:
     return np.maximum(np.linalg.norm(columns, axis=0), 1e-300) / np.sqrt(len(columns))
 
 
-def placed(dataset: Dataset, model: RobotModel, estimate: Array) -> Dataset:
+def placed(dataset: Dataset, model: ModelStructure, estimate: Array) -> Dataset:
     """The data set with points, turns and station where the usable points lie nearest to the predicted ones; as it is
     where there are fewer than three points."""
     rows = dataset.fit_rows & dataset.pointed
     if int(rows.sum()) < _FEWEST:
         return dataset
-    predicted = Design(model, dataset.conditions.take(rows)).predict(estimate)
+    predicted = BoundModel(model, dataset.conditions.take(rows)).predict(estimate)
     measured = dataset.points[rows]
     rotation, shift = align(measured, predicted, np.ones(len(measured)))
     turn = Rotation.from_matrix(rotation)
@@ -298,7 +300,7 @@ def frame_covariance(
 
 
 @dataclass(frozen=True)
-class Missed:
+class CheckPoseErrors:
     """RMS and largest of n errors, mm: of positions, or of distances where no point was measured; u: expanded
     uncertainty U (k = 2) of the RMS."""
 
@@ -308,10 +310,10 @@ class Missed:
     u: float
 
 
-def missed(seen: Seen, dataset: Dataset) -> Missed:
+def missed(seen: WhitenedReadings, dataset: Dataset) -> CheckPoseErrors:
     """The errors of the readings of a watch against its baseline."""
     rows = seen.readings.rows
-    design = Design(seen.model, seen.readings.conditions)
+    design = BoundModel(seen.model, seen.readings.conditions)
     frames = design.frames(seen.plain, {*design.slots})
     pointed = dataset.pointed[rows]
     off = dataset.points[rows].T - frames.p  # (3, n), NaN where a distance was measured
@@ -319,17 +321,19 @@ def missed(seen: Seen, dataset: Dataset) -> Missed:
     errors = np.where(pointed, np.linalg.norm(off, axis=0), np.abs(lengths))
     n, rms = len(errors), float(np.sqrt(np.mean(errors**2)))
     if rms == 0.0:
-        return Missed(n, 0.0, 0.0, 0.0)
+        return CheckPoseErrors(n, 0.0, 0.0, 0.0)
     noise = dataset.header.noise
     g = np.where(pointed, off, 0.0) / (n * rms)
     of_points = noise.of_points(dataset.points[rows][pointed], dataset.u_point[rows][pointed])
     variance = float(np.einsum("in,nij,jn->", g[:, pointed], of_points, g[:, pointed]))
-    others = RobotModel(seen.model.robot, (frame_effect(),), seen.model.targets, anchors=seen.model.anchors)
-    by_frame = Design(others, seen.readings.conditions)
+    others = ModelStructure(
+        seen.model.robot, (frame_effect(),), seen.model.targets, anchors=seen.model.anchors
+    )
+    by_frame = BoundModel(others, seen.readings.conditions)
     moved = by_frame.point_columns(design.frames(seen.plain, {*design.slots, *by_frame.slots}))
     turn = moved.T @ g.reshape(-1)
     variance += float(turn @ frame_covariance(dataset.header.nests, noise, seen.model.station) @ turn)
     given = dataset.u_length[rows]
     of_lengths = np.where(np.isfinite(given), given, noise.length_mm)
     variance += float(np.sum((errors * of_lengths / (n * rms))[~pointed] ** 2))
-    return Missed(n, rms, float(errors.max()), 2.0 * float(np.sqrt(variance)))
+    return CheckPoseErrors(n, rms, float(errors.max()), 2.0 * float(np.sqrt(variance)))

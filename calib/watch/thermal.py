@@ -31,13 +31,13 @@ from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.errors import DataError
 from calib.model.effect import Parameter
-from calib.model.model import RobotModel
-from calib.model.regressors import WarmUp
-from calib.saved import SavedModel
+from calib.model.model import ModelStructure
+from calib.model.regressors import WarmUpRegressor
+from calib.saved import CalibratedModel
 from calib.units import to_internal
 from calib.watch.cause import Cause
-from calib.watch.judge import RATE, Verdict, judge
-from calib.watch.seen import Seen
+from calib.watch.judge import RATE, WatchVerdict, judge
+from calib.watch.seen import WhitenedReadings
 
 _SHOWN = 1e-2  # whitened length of a parameter at its usual size
 
@@ -49,26 +49,28 @@ _PASSING = ("arm_growth", "drift_translation", "drift_rotation")
 
 
 @dataclass(frozen=True)
-class Upkept:
+class ThermalUpdate:
     """The warmth of the arm by some readings.
 
     rest: the verdict on what is left beside it, `unchanged` where that is chance; parameters, before (p,), change (p,)
     and covariance (p, p) of the changed ones, internal units; model: the updated one, None where the rest is no chance.
     """
 
-    rest: Verdict
+    rest: WatchVerdict
     parameters: tuple[Parameter, ...]
     before: Array
     change: Array
     covariance: Array
-    model: SavedModel | None
+    model: CalibratedModel | None
 
 
-def keep_up(saved: SavedModel, dataset: Dataset, rate: float = RATE, *, path: Path | None = None) -> Upkept:
+def keep_up(
+    saved: CalibratedModel, dataset: Dataset, rate: float = RATE, *, path: Path | None = None
+) -> ThermalUpdate:
     """Update the thermal parameters of a model by the usable readings of a data set that is no watch for another reason
     (`calib.watch.refusals`). Raises DataError for a model without a thermal effect, naming what would be needed, and
     for readings that do not show it. path: of the model, for that."""
-    seen = Seen.of(saved, dataset)
+    seen = WhitenedReadings.of(saved, dataset)
     model = saved.model
     thermal = [e for e in model.effects if e.group == "thermal" and e.owner == "robot"]
     if not thermal:
@@ -87,7 +89,7 @@ def keep_up(saved: SavedModel, dataset: Dataset, rate: float = RATE, *, path: Pa
     prior = np.array([sizes[p.name] for p in shown])
     columns = seen.of_parameters[:, place]
     rest = judge(_beside(seen, columns * prior), rate=rate)
-    change = Change.of(seen, columns, prior)
+    change = ParameterChange.of(seen, columns, prior)
     values = change.estimate(seen.residual)
     kept = None
     if rest.kind == "unchanged":
@@ -95,7 +97,7 @@ def keep_up(saved: SavedModel, dataset: Dataset, rate: float = RATE, *, path: Pa
         estimate[place] += values
         covariance = change.covariance_of(saved, seen, place, len(estimate))
         kept = replace(saved, estimate=estimate, covariance=covariance)
-    return Upkept(rest, shown, saved.estimate[place], values, change.normal, kept)
+    return ThermalUpdate(rest, shown, saved.estimate[place], values, change.normal, kept)
 
 
 def later(dataset: Dataset, seconds: float) -> Dataset:
@@ -104,16 +106,16 @@ def later(dataset: Dataset, seconds: float) -> Dataset:
     return replace(dataset, conditions=replace(conditions, time=conditions.time + seconds))
 
 
-def warms_up(model: RobotModel) -> bool:
+def warms_up(model: ModelStructure) -> bool:
     """Whether a model follows the time since a cold start."""
     return any(
-        isinstance(term.regressor, WarmUp) and effect.owner == "robot"
+        isinstance(term.regressor, WarmUpRegressor) and effect.owner == "robot"
         for effect in model.effects
         for term in effect.terms
     )
 
 
-def _beside(seen: Seen, columns: Array) -> Seen:
+def _beside(seen: WhitenedReadings, columns: Array) -> WhitenedReadings:
     """The readings as seen where the changes of some columns (q, p) of unit variance are no change, and warmth is no
     cause."""
     kept = [i for i, cause in enumerate(seen.causes) if cause.label != _WARMTH]
@@ -125,7 +127,7 @@ def _beside(seen: Seen, columns: Array) -> Seen:
     )
 
 
-def _without_effect(seen: Seen, rate: float, path: Path | None) -> DataError:
+def _without_effect(seen: WhitenedReadings, rate: float, path: Path | None) -> DataError:
     found = judge(seen, rate=rate)
     labels = [cause.label for cause, _ in found.causes]
     needed = ""
@@ -146,7 +148,9 @@ def _without_effect(seen: Seen, rate: float, path: Path | None) -> DataError:
     )
 
 
-def updated(saved: SavedModel, seen: Seen, cause: Cause) -> tuple[RobotModel, Array, Array]:
+def updated(
+    saved: CalibratedModel, seen: WhitenedReadings, cause: Cause
+) -> tuple[ModelStructure, Array, Array]:
     """Model, estimate (m,) and covariance (m, m) with a change, internal units. What the model has already under the
     label of the cause is changed, else the effect is appended."""
     effect = next(e for e in seen.causes if e.label == cause.label)
@@ -158,19 +162,20 @@ def updated(saved: SavedModel, seen: Seen, cause: Cause) -> tuple[RobotModel, Ar
     estimate = np.concatenate([saved.estimate, np.zeros(len(goal.parameters) - old)])
     estimate[place] += cause.values
     columns = seen.columns[seen.causes.index(effect)]
-    change = Change(np.asarray(np.linalg.solve(seen.spread(), columns), dtype=np.float64), cause.covariance)
+    by_reading = np.linalg.solve(seen.spread(), columns)
+    change = ParameterChange(np.asarray(by_reading, dtype=np.float64), cause.covariance)
     return goal, estimate, change.covariance_of(saved, seen, place, len(estimate))
 
 
 @dataclass(frozen=True)
-class Change:
+class ParameterChange:
     """A change x of some parameters as readings see it: C^-1 A (q, p), and its covariance N (p, p), internal units."""
 
     weighed: Array
     normal: Array
 
     @classmethod
-    def of(cls, seen: Seen, columns: Array, prior: Array) -> Change:
+    def of(cls, seen: WhitenedReadings, columns: Array, prior: Array) -> ParameterChange:
         """The change along columns (q, p), whitened by noise; prior (p,): usual sizes of the parameters."""
         weighed: Array = np.asarray(np.linalg.solve(seen.spread(), columns), dtype=np.float64)
         information = columns.T @ weighed + np.diag(prior**-2.0)
@@ -180,7 +185,9 @@ class Change:
         """The change (p,) that a whitened residual (q,) shows, internal units."""
         return self.normal @ (self.weighed.T @ residual)
 
-    def covariance_of(self, saved: SavedModel, seen: Seen, place: Sequence[int], size: int) -> Array:
+    def covariance_of(
+        self, saved: CalibratedModel, seen: WhitenedReadings, place: Sequence[int], size: int
+    ) -> Array:
         """(size, size) covariance of the estimate once the change is added at some places of it."""
         old = len(saved.estimate)
         # not what the instrument did with time in its own campaign
@@ -193,7 +200,7 @@ class Change:
         return into @ joint @ into.T
 
 
-def cause_to_update(verdict: Verdict) -> Cause:
+def cause_to_update(verdict: WatchVerdict) -> Cause:
     """The cause by which a model may be updated: one that is named alone, or the likeliest of those that no poses tell
     apart, since they move the robot alike. Raises DataError for another verdict."""
     if verdict.kind == "unchanged":

@@ -8,7 +8,7 @@ from typing import Any
 
 from calib.effects import LIBRARY
 from service.commands import app, load
-from service.http.access.roles import Settings, Tokens
+from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
 
 COLUMNS = 78  # of a terminal of 80
@@ -64,7 +64,7 @@ def effects() -> Iterator[str]:
 
 def http() -> Iterator[str]:
     """Every route and every body, from the OpenAPI document that the service serves under /openapi.json."""
-    document = create_app(Settings(record=Path(), tokens=Tokens("", ""))).openapi()
+    document = create_app(ServiceSettings(record=Path(), tokens=Tokens("", ""))).openapi()
     yield "# HTTP"
     yield document["info"]["description"]
     yield "The service serves this as `/openapi.json`, from which client generators work."

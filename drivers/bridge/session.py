@@ -55,7 +55,7 @@ _WEAKNESS = (
 _STATES = ("OFF", "WARMING", "READY", "BUSY", "ERROR", "ESTOP")
 
 
-class Talk(TypedDict, total=False):
+class SessionArguments(TypedDict, total=False):
     """Arguments that a driver hands on to the session with its bridge.
 
     heartbeat_s: seconds between two signs of life while nothing is asked, None for none; wire: what is given every

@@ -31,7 +31,7 @@ _VOID: Mapping[str, type[AcquisitionError]] = {"BEAM_BROKEN": BeamBroken, "TARGE
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class MeasureRequest:
     """The question; `lasted_s` is the averaging time."""
 
     target: str
@@ -83,7 +83,7 @@ def point_at(session: MbpSession, near_mm: Sequence[float], seconds: float, **fi
     session.ask("POINT", {"x": x, "y": y, "z": z, "find": 1, **fields}, "point_s", seconds)
 
 
-def point_of(session: MbpSession, reply: mbp.Message, asked: Asked) -> PointReading:
+def point_of(session: MbpSession, reply: mbp.Message, asked: MeasureRequest) -> PointReading:
     """The reading, in the tracker's own frame. Raises ProtocolError, BeamBroken, TargetNotSeen, NoisyMeasurement."""
 
     def value(key: str, low: float = -FARTHEST_MM, high: float = FARTHEST_MM) -> float:

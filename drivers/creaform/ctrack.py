@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import Unpack
 
 from drivers.bridge import mbp
-from drivers.bridge.session import MbpSession, Talk
+from drivers.bridge.session import MbpSession, SessionArguments
 from drivers.deadlines import InstrumentDeadlines
 from drivers.errors import (
     AcquisitionError,
@@ -55,7 +55,7 @@ class CTrack:
         scatter_limit_mm: float = 0.25,
         scatter_limit_mrad: float = 1.0,
         deadlines: InstrumentDeadlines | None = None,
-        **talk: Unpack[Talk],
+        **talk: Unpack[SessionArguments],
     ) -> None:
         if not rate_hz > 0:
             raise ConfigError(f"rate_hz {rate_hz} must be positive", device=name)

@@ -29,7 +29,14 @@ from drivers.errors import (
     NotArmed,
     NotReached,
 )
-from drivers.fanuc.controller import JOINTS, WIDEST_DEG, FanucController, FanucDeadlines, Move, raise_if_unfit
+from drivers.fanuc.controller import (
+    JOINTS,
+    WIDEST_DEG,
+    FanucController,
+    FanucDeadlines,
+    JointMove,
+    raise_if_unfit,
+)
 from drivers.fanuc.mappdk import MappdkController
 from drivers.fanuc.modbus import ModbusController
 from drivers.interfaces import Identity, JointReading, RobotStatus
@@ -170,7 +177,7 @@ class FanucArm:
                 raise NotArmed("motion without arming", device=self.name, command="move_to")
             try:
                 percent, seconds = self._pace(target)
-                self._controller.move(Move(target, percent, seconds, self._stopped))
+                self._controller.move(JointMove(target, percent, seconds, self._stopped))
                 reached = self._settled(target)
             except BaseException:
                 self._armed = False  # wherever the robot is now, somebody has to look first

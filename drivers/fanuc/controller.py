@@ -49,7 +49,7 @@ class FanucDeadlines:
 
 
 @dataclass(frozen=True, slots=True)
-class Move:
+class JointMove:
     """An absolute joint move: target (deg), speed (% of the joints' maximum), longest time (s).
 
     `stopped` is set by a stop from another thread, which may have overtaken the move.
@@ -79,7 +79,7 @@ class FanucController(Protocol):
     def close(self) -> None: ...
     def identity(self) -> Identity: ...
     def prepare(self) -> None: ...
-    def move(self, move: Move) -> None: ...
+    def move(self, move: JointMove) -> None: ...
     def joints(self) -> JointReading: ...
     def halt(self) -> None: ...
     def status(self) -> RobotStatus: ...
@@ -154,7 +154,7 @@ def raise_if_unfit(status: RobotStatus, device: str, command: str) -> None:
         raise error(text, **where, raw=status.raw)
 
 
-class Looker:
+class MovePoller:
     """A callback for the waiting loop of a question that calls `look` at most every LOOK_S."""
 
     def __init__(self, look: Callable[[], None], clock: Callable[[], float]) -> None:

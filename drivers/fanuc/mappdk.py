@@ -34,8 +34,8 @@ from drivers.fanuc.controller import (
     VERSION,
     WIDEST_DEG,
     FanucDeadlines,
-    Looker,
-    Move,
+    JointMove,
+    MovePoller,
     ended,
     other_version,
     raise_if_unfit,
@@ -49,7 +49,7 @@ from drivers.fanuc.mappdk_link import (
     SEEN,
     SHOWN,
     STATE,
-    Form,
+    AnswerFormat,
     MappdkLink,
     sealed,
     sum_of,
@@ -143,17 +143,17 @@ class MappdkController:
             )
         return JointReading(joints, 1e-3, found[0])
 
-    def move(self, move: Move) -> None:
+    def move(self, move: JointMove) -> None:
         """Move; a stock server begins at once, with CNT 0, which is the nearest to a stop point that it has."""
         joints = b":".join(b"%c%013.6f" % (b"-" if q < 0 else b"+", abs(q)) for q in move.target)
-        look = Looker(self._look_for(move), self._clock)
+        look = MovePoller(self._look_for(move), self._clock)
         if self._ours is not None:
             self._confirmed_move(move, joints, look)
         else:
             request = b"movej:%04d:0100:000:0:%d:%s" % (move.percent, JOINTS, joints)
             self._main.ask(request, MOVED, deadline="move_s", seconds=move.seconds, meanwhile=look)
 
-    def _confirmed_move(self, move: Move, joints: bytes, look: Callable[[], None]) -> None:
+    def _confirmed_move(self, move: JointMove, joints: bytes, look: Callable[[], None]) -> None:
         request = self._request(b"calset", b"%04d:%s" % (move.percent, joints))
         found = self._numbered(self._main, request, SHOWN)
         shown = [float(field) for field in found.groups()[1 : 2 + JOINTS]]
@@ -182,7 +182,7 @@ class MappdkController:
                 raw=raw,
             )
 
-    def _look_for(self, move: Move) -> Callable[[], None]:
+    def _look_for(self, move: JointMove) -> Callable[[], None]:
         """A function that looks at the robot while the answer to a move is outstanding.
 
         Our server reports its state. Of a stock one only the joints are seen: a robot that rests in mid-move was
@@ -235,7 +235,7 @@ class MappdkController:
         return b":".join((what, b"%04d" % next(self._numbers), *rest))
 
     def _numbered(
-        self, talk: MappdkLink, request: bytes, form: Form, **waiting: Unpack[Waiting]
+        self, talk: MappdkLink, request: bytes, form: AnswerFormat, **waiting: Unpack[Waiting]
     ) -> re.Match[bytes]:
         """The answer of our server to a numbered question. Raises LinkError, CommandRefused, JointLimit."""
         found = talk.ask(request, form, **waiting)

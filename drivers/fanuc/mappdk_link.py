@@ -35,16 +35,16 @@ _REFUSALS: dict[bytes, tuple[type[AcquisitionError], str]] = {
 }
 
 
-class Form(NamedTuple):
+class AnswerFormat(NamedTuple):
     """The form of an answer to a question: its first bytes, and the whole."""
 
     heads: tuple[bytes, ...]
     whole: re.Pattern[bytes]
 
 
-def _form(head: bytes, rest: bytes = b"", *, refusable: bool = True) -> Form:
+def _form(head: bytes, rest: bytes = b"", *, refusable: bool = True) -> AnswerFormat:
     heads = (head, *_REFUSALS) if refusable else (head,)
-    return Form(heads, re.compile(b"|".join([re.escape(head) + rest, *map(re.escape, heads[1:])])))
+    return AnswerFormat(heads, re.compile(b"|".join([re.escape(head) + rest, *map(re.escape, heads[1:])])))
 
 
 def _fields(names: Iterable[bytes], forms: Iterable[bytes]) -> bytes:
@@ -100,7 +100,7 @@ class MappdkLink:
     def ask(
         self,
         request: bytes,
-        form: Form,
+        form: AnswerFormat,
         *,
         deadline: str = "reply_s",
         seconds: float | None = None,
@@ -124,7 +124,7 @@ class MappdkLink:
     def _read(
         self,
         command: str,
-        form: Form,
+        form: AnswerFormat,
         deadline: str,
         seconds: float,
         meanwhile: Callable[[], None] | None = None,

@@ -23,7 +23,7 @@ from pymodbus.client import ModbusTcpClient
 from pymodbus.pdu import ExceptionResponse, ModbusPDU
 
 from drivers.errors import Busy, CommandRefused, LinkError, LinkTimeout, NotReady, ProtocolError
-from drivers.fanuc.controller import VERSION, WIDEST_DEG, FanucDeadlines, Looker, Move, other_version
+from drivers.fanuc.controller import VERSION, WIDEST_DEG, FanucDeadlines, JointMove, MovePoller, other_version
 from drivers.fanuc.registers import HmiProfile, IoProfile, MoveProgress, Profile
 from drivers.interfaces import Identity, JointReading, RobotStatus
 from drivers.link import TcpLink
@@ -224,9 +224,9 @@ class ModbusController:
             )
         return JointReading(joints, self._profile.resolution_deg, raw)
 
-    def move(self, move: Move) -> None:
+    def move(self, move: JointMove) -> None:
         self._number = self._next()
-        look = Looker(self._beat, self._clock)
+        look = MovePoller(self._beat, self._clock)
         end = self._clock() + move.seconds
         self._beat()
         self._profile.command(self._registers, move.target, move.percent, self._number)
@@ -260,7 +260,7 @@ class ModbusController:
         self.close()
         raise ProtocolError("the state changes in every answer", device=self.name, command="move_to")
 
-    def _give_up(self, move: Move) -> None:
+    def _give_up(self, move: JointMove) -> None:
         with suppress(LinkError):
             self.halt()
         self.close()

@@ -29,7 +29,7 @@ _FLOAT, _INT = ModbusClientMixin.DATATYPE.FLOAT32, ModbusClientMixin.DATATYPE.IN
 Refusal = tuple[type[AcquisitionError], str]
 
 
-class Registers(Protocol):
+class FanucRegisters(Protocol):
     """Register access; raises LinkError. `write` reads back what it wrote; `poke` is for words that the robot's
     program may change at once.
     """
@@ -65,12 +65,14 @@ class Profile(Protocol):
     resolution_deg: float
     last_number: int
 
-    def joints(self, registers: Registers) -> tuple[tuple[float, ...], bytes]: ...
-    def command(self, registers: Registers, target: Sequence[float], percent: int, number: int) -> None: ...
-    def progress(self, registers: Registers) -> MoveProgress: ...
-    def halt(self, registers: Registers) -> None: ...
-    def beat(self, registers: Registers, count: int) -> None: ...
-    def status(self, registers: Registers) -> RobotStatus: ...
+    def joints(self, registers: FanucRegisters) -> tuple[tuple[float, ...], bytes]: ...
+    def command(
+        self, registers: FanucRegisters, target: Sequence[float], percent: int, number: int
+    ) -> None: ...
+    def progress(self, registers: FanucRegisters) -> MoveProgress: ...
+    def halt(self, registers: FanucRegisters) -> None: ...
+    def beat(self, registers: FanucRegisters, count: int) -> None: ...
+    def status(self, registers: FanucRegisters) -> RobotStatus: ...
 
 
 def _pack(values: Sequence[float], kind: ModbusClientMixin.DATATYPE) -> list[int]:
@@ -113,18 +115,18 @@ class HmiProfile:
         1000,
     )
 
-    def joints(self, registers: Registers) -> tuple[tuple[float, ...], bytes]:
+    def joints(self, registers: FanucRegisters) -> tuple[tuple[float, ...], bytes]:
         words = registers.read("holding", self._HERE, 19)
         valid = words[18] == 1  # VALIDJ; an address that is not assigned reads 0
         return tuple(_unpack(words[: 2 * JOINTS], _FLOAT)) if valid else (math.nan,) * JOINTS, _raw(words)
 
-    def command(self, registers: Registers, target: Sequence[float], percent: int, number: int) -> None:
+    def command(self, registers: FanucRegisters, target: Sequence[float], percent: int, number: int) -> None:
         registers.write(self._TARGET, [*_pack((*target, 0.0, 0.0, 0.0), _FLOAT), 1])
         registers.write(self._R87, [0])
         registers.write(self._R81, [percent, number])
         registers.poke(self._R83, [self._GO_FROM + number])
 
-    def progress(self, registers: Registers) -> MoveProgress:
+    def progress(self, registers: FanucRegisters) -> MoveProgress:
         words = registers.read("holding", *self._VIEW)
         _, number, go, busy, done, status, _, _ = words[:8]
         state, facility, alarm_number = words[self._STATE], words[self._ALARM], words[self._ALARM + 1]
@@ -143,13 +145,13 @@ class HmiProfile:
             trouble=trouble,
         )
 
-    def halt(self, registers: Registers) -> None:
+    def halt(self, registers: FanucRegisters) -> None:
         registers.poke(self._R87, [STOPPED_BY_CLIENT])
 
-    def beat(self, registers: Registers, count: int) -> None:
+    def beat(self, registers: FanucRegisters, count: int) -> None:
         registers.poke(self._R88, [count % 32768])
 
-    def status(self, registers: Registers) -> RobotStatus:
+    def status(self, registers: FanucRegisters) -> RobotStatus:
         """Mode and motors are not in these registers; an emergency stop shows as its alarm."""
         words = registers.read("holding", *self._VIEW)
         facility, number = words[self._ALARM : self._ALARM + 2]
@@ -196,15 +198,15 @@ class IoProfile:
             raise ConfigError(f"table={table!r} is neither holding nor input", device=name)
         return cls(base("inputs", "0"), base("outputs", "100"), table)
 
-    def _view(self, registers: Registers) -> list[int]:
+    def _view(self, registers: FanucRegisters) -> list[int]:
         return registers.read(self._table, self._outputs, self._WORDS)
 
-    def joints(self, registers: Registers) -> tuple[tuple[float, ...], bytes]:
+    def joints(self, registers: FanucRegisters) -> tuple[tuple[float, ...], bytes]:
         words = self._view(registers)
         joints = _unpack(words[self._JOINTS_AT : self._VERSION_AT], _INT)
         return tuple(q * 1e-4 for q in joints), _raw(words)
 
-    def command(self, registers: Registers, target: Sequence[float], percent: int, number: int) -> None:
+    def command(self, registers: FanucRegisters, target: Sequence[float], percent: int, number: int) -> None:
         self._number = number
         registers.write(self._inputs, [number << 8])
         registers.write(self._inputs + 1, [percent])
@@ -213,7 +215,7 @@ class IoProfile:
         registers.write(self._inputs + self._JOINTS_AT, [*joints, proof])
         registers.write(self._inputs, [number << 8 | self._GO])
 
-    def progress(self, registers: Registers) -> MoveProgress:
+    def progress(self, registers: FanucRegisters) -> MoveProgress:
         (asked,) = registers.read("holding", self._inputs, 1)
         word, number, *_, version = self._view(registers)
         runs, fit = bool(word & self._RUNS), bool(word & self._FIT)
@@ -234,13 +236,13 @@ class IoProfile:
             trouble=trouble,
         )
 
-    def halt(self, registers: Registers) -> None:
+    def halt(self, registers: FanucRegisters) -> None:
         registers.poke(self._inputs, [self._number << 8 | self._STOP])
 
-    def beat(self, registers: Registers, count: int) -> None:
+    def beat(self, registers: FanucRegisters, count: int) -> None:
         registers.poke(self._inputs + 2, [count % 32768])
 
-    def status(self, registers: Registers) -> RobotStatus:
+    def status(self, registers: FanucRegisters) -> RobotStatus:
         word, number, *_ = self._view(registers)
         fit, pressed = bool(word & self._FIT), bool(word & self._ESTOP)
         known = bool(word & self._RUNS)  # without its program the outputs say nothing

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Unpack
 
-from drivers.bridge.session import MbpSession, Talk
-from drivers.bridge.tracker import Asked, ask_weather, check_question, point_at, point_of, status_of
+from drivers.bridge.session import MbpSession, SessionArguments
+from drivers.bridge.tracker import MeasureRequest, ask_weather, check_question, point_at, point_of, status_of
 from drivers.deadlines import InstrumentDeadlines
 from drivers.errors import ConfigError
 from drivers.interfaces import Identity, InstrumentStatus, PointReading
@@ -31,7 +31,7 @@ class FaroTracker:
         age_limit_s: float = 1.0,
         scatter_limit_mm: float = 0.25,
         deadlines: InstrumentDeadlines | None = None,
-        **talk: Unpack[Talk],
+        **talk: Unpack[SessionArguments],
     ) -> None:
         if distance_mode not in ("ADM", "IFM", "IFM_ADM"):
             raise ConfigError(f"distance_mode {distance_mode!r} is not ADM, IFM or IFM_ADM", device=name)
@@ -99,7 +99,7 @@ class FaroTracker:
                 fields["target"] = target
             reply = self.session.ask("MEASURE", fields, "measure_s", seconds)
             with self.session.understood():
-                asked = Asked(target, samples, lasts_s, *self._limits)
+                asked = MeasureRequest(target, samples, lasts_s, *self._limits)
                 return point_of(self.session, reply, asked)
 
     def stop(self) -> None:

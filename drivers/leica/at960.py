@@ -14,9 +14,9 @@ from dataclasses import replace
 from typing import Unpack
 
 from drivers.bridge import mbp
-from drivers.bridge.session import MbpSession, Talk
+from drivers.bridge.session import MbpSession, SessionArguments
 from drivers.bridge.stream import point_stream
-from drivers.bridge.tracker import Asked, ask_weather, check_question, point_at, point_of, status_of
+from drivers.bridge.tracker import MeasureRequest, ask_weather, check_question, point_at, point_of, status_of
 from drivers.deadlines import InstrumentDeadlines
 from drivers.errors import CommandRefused, ConfigError, NotReady
 from drivers.interfaces import Identity, InstrumentStatus, PointReading, Sample
@@ -46,7 +46,7 @@ class LeicaTracker:
         age_limit_s: float = 1.0,
         scatter_limit_mm: float = 0.25,
         deadlines: InstrumentDeadlines | None = None,
-        **talk: Unpack[Talk],
+        **talk: Unpack[SessionArguments],
     ) -> None:
         if profile not in _PROFILES or faces not in _FACES:
             raise ConfigError(f"profile is one of {_PROFILES}, faces one of {tuple(_FACES)}", device=name)
@@ -126,7 +126,7 @@ class LeicaTracker:
             seconds = lasts_s + self.deadlines.measure_margin_s
             reply = self.session.ask("MEASURE", fields | {"timeout": seconds}, "measure_s", seconds)
             with self.session.understood():
-                asked = Asked(target, samples, lasts_s, *self._limits)
+                asked = MeasureRequest(target, samples, lasts_s, *self._limits)
                 return point_of(self.session, reply, asked)
 
     def stream(self, rate_hz: float) -> AbstractContextManager[Iterator[Sample | None]]:

@@ -15,11 +15,11 @@ from collections.abc import Sequence
 
 from drivers.caps import Caps
 from drivers.errors import CannotStop, ConfigError, JointLimit, NotArmed
-from drivers.interfaces import Asking, Entry, Identity, JointReading, RobotStatus
+from drivers.interfaces import Asking, Identity, JointReading, RobotStatus, TypedEntry
 from drivers.link import WireSink
-from drivers.manual.asking import Doubt, Questions, in_words
+from drivers.manual.asking import Questions, TypingDoubt, in_words
 from drivers.manual.slips import apart, slip_of
-from drivers.manual.typed import Mistyped, Row
+from drivers.manual.typed import InvalidEntry, TypedRow
 
 RESOLUTION_DEG = 0.01
 BY_HAND = "this robot is moved by hand: Stop does not reach it"
@@ -105,7 +105,7 @@ class ManualArm:
     def position(self) -> JointReading:
         """The joints that a person last entered, or enters now. Raises NoOperator, and what asking raises."""
         if self._here is None:
-            entry = Entry(self._names, self._unit)
+            entry = TypedEntry(self._names, self._unit)
             rows, raw = self._questions.numbers(
                 f"Type the joint angles that the pendant shows now. {BY_HAND[:1].upper()}{BY_HAND[1:]}.",
                 entry,
@@ -129,7 +129,7 @@ class ManualArm:
         for each in (*over_deg, joints_deg):
             self._caps.check(each)
         target = tuple(self._shown(q) for q in joints_deg)
-        entry = Entry(self._names, self._unit, target, needed=False)
+        entry = TypedEntry(self._names, self._unit, target, needed=False)
         way = "".join(f"over {self._listed(each)}, " for each in over_deg)
         self._here = None  # from the question on it may be moving
         rows, raw = self._questions.numbers(
@@ -163,20 +163,20 @@ class ManualArm:
             return ", ".join(f"{one} {unit}" for one, unit in zip(numbers, self._units, strict=True))
         return f"{', '.join(numbers)} {self._units[0]}"
 
-    def _outside(self, rows: Sequence[Row]) -> Mistyped | None:
+    def _outside(self, rows: Sequence[TypedRow]) -> InvalidEntry | None:
         """The mistake in typed rows: not exactly one, or beyond the joint limits, where no path was checked."""
         if len(rows) != 1:
-            return Mistyped("count", "", f"{len(rows)} rows were typed, one is needed")
+            return InvalidEntry("count", "", f"{len(rows)} rows were typed, one is needed")
         try:
             self._caps.check(rows[0].values)
         except JointLimit as error:
-            return Mistyped("limit", "", f"{error.message}: jog it to within its limits first")
+            return InvalidEntry("limit", "", f"{error.message}: jog it to within its limits first")
         return None
 
-    def _wrong(self, rows: Sequence[Row], target: Sequence[str]) -> Mistyped | None:
+    def _wrong(self, rows: Sequence[TypedRow], target: Sequence[str]) -> InvalidEntry | None:
         """The mistake, or what looks like a slip, in angles typed for a target; None where they are plausible."""
         if len(rows) != 1:
-            return Mistyped("count", "", f"{len(rows)} rows were typed, one is needed")
+            return InvalidEntry("count", "", f"{len(rows)} rows were typed, one is needed")
         asked = tuple(map(float, target))
         off = apart(rows[0].values, asked)
         if off <= self._resolution_deg + _ROUNDING:
@@ -191,7 +191,7 @@ class ManualArm:
             of_slip = self._unit if slip.index is None else self._units[slip.index]
             words = f"{far}: {in_words(slip, self._names, of_slip)}"
             doubtful = off <= self._within_deg + _ROUNDING
-            return (Doubt if doubtful else Mistyped)(slip.reason, name, words)
+            return (TypingDoubt if doubtful else InvalidEntry)(slip.reason, name, words)
         if off > self._within_deg + _ROUNDING:
-            return Mistyped("far", self._names[worst], f"{far}; {self._within_deg:g} {unit} are allowed")
+            return InvalidEntry("far", self._names[worst], f"{far}; {self._within_deg:g} {unit} are allowed")
         return self._outside(rows)

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from drivers.errors import NoOperator
-from drivers.interfaces import Asking, Entry
-from drivers.manual.slips import Slip
-from drivers.manual.typed import Mistyped, Row, rows_of
+from drivers.interfaces import Asking, TypedEntry
+from drivers.manual.slips import TypingSlip
+from drivers.manual.typed import InvalidEntry, TypedRow, rows_of
 
 
 class Questions:
@@ -21,14 +21,14 @@ class Questions:
     def numbers(
         self,
         text: str,
-        entry: Entry,
+        entry: TypedEntry,
         picture: str,
-        judge: Callable[[Sequence[Row]], Mistyped | None],
-    ) -> tuple[list[Row], bytes]:
+        judge: Callable[[Sequence[TypedRow]], InvalidEntry | None],
+    ) -> tuple[list[TypedRow], bytes]:
         """Ask until the numbers can be taken: the rows, none where CONFIRM alone was enough, and what was typed.
 
         `judge` says what is wrong with rows, or None. The same rows, confirmed or typed once more after that, are
-        accepted where `judge` has only a doubt (`Doubt`). Raises NoOperator, and what asking raises.
+        accepted where `judge` has only a doubt (`TypingDoubt`). Raises NoOperator, and what asking raises.
         """
         if self.attend is None:
             raise NoOperator("nobody is there to be asked", device=self._device, command=picture)
@@ -43,10 +43,12 @@ class Questions:
                 rows = rows_of(typed, entry.names, entry.unit)
                 said = rows, typed.encode()
                 wrong = judge(rows)
-                if wrong is None or (isinstance(wrong, Doubt) and doubted is not None and doubted[0] == rows):
+                if wrong is None or (
+                    isinstance(wrong, TypingDoubt) and doubted is not None and doubted[0] == rows
+                ):
                     return said
-                doubted = said if isinstance(wrong, Doubt) else None
-            except Mistyped as error:
+                doubted = said if isinstance(wrong, TypingDoubt) else None
+            except InvalidEntry as error:
                 wrong, doubted = error, None
             again = ""
             if doubted is not None:
@@ -56,11 +58,11 @@ class Questions:
             shown = "/".join(part for part in (picture, "again", wrong.reason, wrong.name) if part)
 
 
-class Doubt(Mistyped):
+class TypingDoubt(InvalidEntry):
     """A doubt about numbers that look wrong but may be right."""
 
 
-def in_words(slip: Slip, names: Sequence[str], unit: str) -> str:
+def in_words(slip: TypingSlip, names: Sequence[str], unit: str) -> str:
     """The slip as a question."""
     name = "" if slip.index is None else names[slip.index]
     meant = "" if slip.index is None else f" ({slip.meant[slip.index]:g} {unit})"

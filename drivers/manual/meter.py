@@ -13,12 +13,12 @@ from collections.abc import Callable, Sequence
 from statistics import fmean, stdev
 
 from drivers.errors import ConfigError, NotArmed
-from drivers.interfaces import Asking, Entry, Identity, InstrumentStatus, PointReading
+from drivers.interfaces import Asking, Identity, InstrumentStatus, PointReading, TypedEntry
 from drivers.link import WireSink
-from drivers.manual.asking import Doubt, Questions, in_words
+from drivers.manual.asking import Questions, TypingDoubt, in_words
 from drivers.manual.prediction import Prediction
 from drivers.manual.slips import slip_of
-from drivers.manual.typed import MM_OF, Mistyped, Row
+from drivers.manual.typed import MM_OF, InvalidEntry, TypedRow
 
 _AXES = ("x", "y", "z")
 _ONE_POINT_MM = 1.0  # rows of one point lie closer together
@@ -90,7 +90,7 @@ class ManualMeter:
         rows, raw = self._questions.numbers(
             f"Measure {target} and type x y z as the instrument shows them, {self._unit}; several readings of it may "
             "be pasted at once.",
-            Entry(_AXES, self._unit),
+            TypedEntry(_AXES, self._unit),
             f"read/{target}",
             lambda rows: self._wrong(rows, near_mm),
         )
@@ -117,18 +117,18 @@ class ManualMeter:
         """The status; nothing is reported."""
         return InstrumentStatus("READY")
 
-    def _scatter(self, rows: Sequence[Row]) -> tuple[float, ...]:
+    def _scatter(self, rows: Sequence[TypedRow]) -> tuple[float, ...]:
         if len(rows) == 1:
             return 0.0, 0.0, 0.0
         return tuple(self._mm * stdev(each) for each in zip(*(row.values for row in rows), strict=True))
 
-    def _wrong(self, rows: Sequence[Row], near_mm: Sequence[float] | None) -> Mistyped | None:
+    def _wrong(self, rows: Sequence[TypedRow], near_mm: Sequence[float] | None) -> InvalidEntry | None:
         """Rows that are not of one point, and a point that is not where it should be."""
         middle = [fmean(each) for each in zip(*(row.values for row in rows), strict=True)]
         for number, row in enumerate(rows, start=1):
             if (off := self._mm * math.dist(row.values, middle)) > _ONE_POINT_MM:
                 words = f"row {number} is {off:.3f} mm from the mean of all: are these readings of one point?"
-                return Mistyped("rows", "", words)
+                return InvalidEntry("rows", "", words)
         if near_mm is None:
             return None
         place, within_mm = self._prediction.expect(near_mm)
@@ -138,6 +138,6 @@ class ManualMeter:
         words = f"that is {off:.1f} mm from where the point should be"
         slip = slip_of(rows[0], [each / self._mm for each in place], within_mm / self._mm)
         if slip is None:
-            return Doubt("far", "", words)
+            return TypingDoubt("far", "", words)
         name = "" if slip.index is None else _AXES[slip.index]
-        return Doubt(slip.reason, name, f"{words}: {in_words(slip, _AXES, self._unit)}")
+        return TypingDoubt(slip.reason, name, f"{words}: {in_words(slip, _AXES, self._unit)}")

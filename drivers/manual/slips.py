@@ -14,13 +14,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from drivers.manual.typed import Row
+from drivers.manual.typed import TypedRow
 
 _UNITS = (1000.0, 0.001, 25.4, 1.0 / 25.4, math.degrees(1.0), math.radians(1.0))
 
 
 @dataclass(frozen=True)
-class Slip:
+class TypingSlip:
     """A slip of the hand. `index`: of the number; None where it concerns all. `meant`: the numbers without it."""
 
     reason: str
@@ -28,7 +28,7 @@ class Slip:
     meant: tuple[float, ...]
 
 
-def slip_of(row: Row, expected: Sequence[float], within: float) -> Slip | None:
+def slip_of(row: TypedRow, expected: Sequence[float], within: float) -> TypingSlip | None:
     """The slip that explains a row: the nearest of the likeliest kind; None where there is none."""
     for tried in (_exchanged(row), _in_another_unit(row), *_single(row)):
         fitting = [slip for slip in tried if apart(slip.meant, expected) <= within]
@@ -42,24 +42,24 @@ def apart(one: Sequence[float], other: Sequence[float]) -> float:
     return max(abs(a - b) for a, b in zip(one, other, strict=True))
 
 
-def _exchanged(row: Row) -> Iterator[Slip]:
+def _exchanged(row: TypedRow) -> Iterator[TypingSlip]:
     for i, j in combinations(range(len(row.values)), 2):
         meant = list(row.values)
         meant[i], meant[j] = meant[j], meant[i]
-        yield Slip("order", i, tuple(meant))
+        yield TypingSlip("order", i, tuple(meant))
 
 
-def _in_another_unit(row: Row) -> Iterator[Slip]:
+def _in_another_unit(row: TypedRow) -> Iterator[TypingSlip]:
     for factor in _UNITS:
-        yield Slip("unit", None, tuple(factor * value for value in row.values))
+        yield TypingSlip("unit", None, tuple(factor * value for value in row.values))
 
 
-def _single(row: Row) -> tuple[list[Slip], ...]:
+def _single(row: TypedRow) -> tuple[list[TypingSlip], ...]:
     """Every slip in one number, the likeliest kind first."""
     kinds = (("sign", _signs), ("swap", _swaps), ("point", _points), ("digit", _digits))
     return tuple(
         [
-            Slip(reason, i, (*row.values[:i], float(other), *row.values[i + 1 :]))
+            TypingSlip(reason, i, (*row.values[:i], float(other), *row.values[i + 1 :]))
             for i, text in enumerate(row.texts)
             for other in others(text)
         ]

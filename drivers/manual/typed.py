@@ -27,7 +27,7 @@ MM_OF = _MM
 
 
 @dataclass(eq=False)
-class Mistyped(Exception):
+class InvalidEntry(Exception):
     """An entry that cannot be taken as it was typed. `reason`: a word for tables of texts; `name`: of the number;
     `words`: in full."""
 
@@ -37,17 +37,17 @@ class Mistyped(Exception):
 
 
 @dataclass(frozen=True)
-class Row:
+class TypedRow:
     """A row that was typed: its numbers, and each as text with a decimal point."""
 
     values: tuple[float, ...]
     texts: tuple[str, ...]
 
 
-def rows_of(text: str, names: Sequence[str], unit: str) -> list[Row]:
+def rows_of(text: str, names: Sequence[str], unit: str) -> list[TypedRow]:
     """The rows of a text, one number a name. Raises Mistyped."""
     if len(text) > MOST_CHARACTERS:
-        raise Mistyped("count", "", f"more than {MOST_CHARACTERS} characters were typed")
+        raise InvalidEntry("count", "", f"more than {MOST_CHARACTERS} characters were typed")
     tokens = [token for token in _SEPARATORS.split(text.replace("\u2212", "-").strip()) if token]
     numbers: list[str] = []
     for token in _apart(tokens, names):
@@ -59,18 +59,18 @@ def rows_of(text: str, names: Sequence[str], unit: str) -> list[Row]:
             continue
         numbers.append(_number(token, name, unit))
     if not numbers or len(numbers) % len(names) or len(numbers) > MOST_ROWS * len(names):
-        raise Mistyped(
+        raise InvalidEntry(
             "count",
             "",
             f"{len(numbers)} {'number was' if len(numbers) == 1 else 'numbers were'} typed, "
             f"{len(names)} are needed ({', '.join(names)})",
         )
     if any("," in number for number in numbers) and any("." in number for number in numbers):
-        raise Mistyped("mixed", "", "some numbers have a decimal comma and others a decimal point")
+        raise InvalidEntry("mixed", "", "some numbers have a decimal comma and others a decimal point")
     texts = [number.replace(",", ".") for number in numbers]
     width = len(names)
     return [
-        Row(tuple(map(float, texts[i : i + width])), tuple(texts[i : i + width]))
+        TypedRow(tuple(map(float, texts[i : i + width])), tuple(texts[i : i + width]))
         for i in range(0, len(texts), width)
     ]
 
@@ -88,7 +88,7 @@ def _apart(tokens: Sequence[str], names: Sequence[str]) -> list[str]:
 
 def _refuse_order(token: str, name: str) -> None:
     if token != name:
-        raise Mistyped("order", name, f"{token} stands where {name} belongs")
+        raise InvalidEntry("order", name, f"{token} stands where {name} belongs")
 
 
 def _number(token: str, name: str, unit: str) -> str:
@@ -96,16 +96,18 @@ def _number(token: str, name: str, unit: str) -> str:
         if token.endswith(behind) and _NUMBER.fullmatch(token.removesuffix(behind)):
             token = token.removesuffix(behind)
     if "." in token and "," in token:
-        raise Mistyped(
+        raise InvalidEntry(
             "mixed", name, f"{token!r} has a comma and a point: type it without thousands separators"
         )
     if token.count(",") > 1 or token.count(".") > 1:
-        raise Mistyped("mixed", name, f"{token!r}: put a blank between numbers, and no thousands separators")
+        raise InvalidEntry(
+            "mixed", name, f"{token!r}: put a blank between numbers, and no thousands separators"
+        )
     match = re.match(r"[+-]?[\d.,]{1,24}", token)
     if match and not _NUMBER.fullmatch(token) and _NUMBER.fullmatch(match[0]):
-        raise Mistyped("unit", name, f"{token!r} is not in {unit}")
+        raise InvalidEntry("unit", name, f"{token!r} is not in {unit}")
     if not _NUMBER.fullmatch(token):
-        raise Mistyped("text", name, f"{token!r} is no number")
+        raise InvalidEntry("text", name, f"{token!r} is no number")
     if abs(float(token.replace(",", "."))) > _LARGEST:
-        raise Mistyped("text", name, f"{token} is larger than anything that can be meant")
+        raise InvalidEntry("text", name, f"{token} is larger than anything that can be meant")
     return token

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from typing import Unpack
 
 from drivers.bridge import mbp
-from drivers.bridge.session import MbpSession, Talk
+from drivers.bridge.session import MbpSession, SessionArguments
 from drivers.deadlines import InstrumentDeadlines
 from drivers.errors import (
     AcquisitionError,
@@ -74,7 +74,7 @@ class Qc20w:
         age_limit_s: float = 1.0,
         scatter_limit_mm: float = 0.002,
         deadlines: InstrumentDeadlines | None = None,
-        **talk: Unpack[Talk],
+        **talk: Unpack[SessionArguments],
     ) -> None:
         if not 0.0 < nominal_mm < _LONGEST_MM or not rate_hz > 0.0:
             raise ConfigError(f"nominal_mm {nominal_mm} and rate_hz {rate_hz} must be positive", device=name)

@@ -34,7 +34,7 @@ from drivers.interfaces import Identity, JointReading, RobotStatus, Sample
 from drivers.link import Address, TcpLink, WireSink, beside, parse_url
 from drivers.ur.dashboard import order, read_serial
 from drivers.ur.deadlines import SERVICES, UrDeadlines
-from drivers.ur.motion import STOP_SCRIPT, Limits, Motion, not_ready
+from drivers.ur.motion import STOP_SCRIPT, Motion, MotionLimits, not_ready
 from drivers.ur.other_ways import halt_elsewhere
 from drivers.ur.realtime import Realtime
 from drivers.ur.rtde import Rtde
@@ -97,7 +97,7 @@ class UrArm:
         self._realtime = Realtime(self._to_realtime, name, self._deadlines)
         self._only_realtime = feed == "realtime"
         self._feed: Rtde | Realtime = self._realtime if self._only_realtime else self._rtde
-        allowed = Limits(
+        allowed = MotionLimits(
             speed_mm_s,
             reach_mm,
             math.radians(speed_deg_s),

@@ -29,7 +29,7 @@ from drivers.errors import (
 from drivers.ur.deadlines import UrDeadlines
 from drivers.ur.realtime import Realtime
 from drivers.ur.rtde import FIRST_ARGUMENT, GO_REGISTER, REGISTER, Rtde
-from drivers.ur.state import AGREE_RAD, PAUSED, PLAYING, STOPPED, UrState, Vector, Witness, unfit
+from drivers.ur.state import AGREE_RAD, PAUSED, PLAYING, STOPPED, StateConfirmer, UrState, Vector, unfit
 
 _LEVERS = (1.0, 1.0, 0.6, 0.3, 0.3, 0.15)  # from each axis to the end of the tool, arm outstretched
 STOP_SCRIPT = "stopj(4)\n"  # rad/s2
@@ -44,7 +44,7 @@ def _same(one: Sequence[float], other: Sequence[float], within: float) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class MotionLimits:
     """Limits of the speed of the arm, and of how far from its target a joint may be held; mm/s, mm, rad/s, rad/s2,
     rad, s."""
 
@@ -57,7 +57,7 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True)
-class Program:
+class UrScriptMove:
     """A URScript program that moves to `goal_rad` (rad), with rad/s2 and rad/s of the leading joint.
 
     With a number it guards itself, shows in registers what it was given, and waits for its number. The call that moves
@@ -125,7 +125,9 @@ class Motion:
     """The moves of an arm, one at a time, and `halt` from any thread. `stopped`: by a stop or disconnect since
     arming."""
 
-    def __init__(self, realtime: Realtime, name: str, limits: Limits, clock: Callable[[], float]) -> None:
+    def __init__(
+        self, realtime: Realtime, name: str, limits: MotionLimits, clock: Callable[[], float]
+    ) -> None:
         self.stopped = threading.Event()
         self._realtime = realtime
         self._name = name
@@ -203,14 +205,14 @@ class Motion:
             self.halt()
 
     def _begin(
-        self, feed: Rtde | Realtime, witness: Witness, here: UrState, goal: Vector
+        self, feed: Rtde | Realtime, witness: StateConfirmer, here: UrState, goal: Vector
     ) -> AcquisitionError | None:
         """Send the program, see it begin and let it go."""
         number = None
         if feed.numbered and here.echo is not None:
             number = here.echo % _LAST_NUMBER + 1  # what the register does not hold yet
         limits = self._limits
-        program = Program(goal, limits.acceleration, self._capped(here, goal), number, limits.watchdog_s)
+        program = UrScriptMove(goal, limits.acceleration, self._capped(here, goal), number, limits.watchdog_s)
         with self._realtime.talk("move_to") as (_, send):
             with self._sending:  # a stop comes first and nothing is sent, or later and ends what was sent
                 if self.stopped.is_set():
@@ -223,7 +225,9 @@ class Motion:
                 feed.release(number)
             return problem
 
-    def _begun(self, witness: Witness, here: UrState, program: Program) -> AcquisitionError | None:
+    def _begun(
+        self, witness: StateConfirmer, here: UrState, program: UrScriptMove
+    ) -> AcquisitionError | None:
         """Whether the program that was sent has begun: by its number, else because the controller does something."""
         end = self._clock() + self._deadlines.start_s
         while True:
@@ -252,7 +256,7 @@ class Motion:
             )
 
     def _follow(
-        self, witness: Witness, goal: Vector, seconds: float
+        self, witness: StateConfirmer, goal: Vector, seconds: float
     ) -> tuple[UrState, AcquisitionError | None]:
         """States until the arm is at rest at the end of its program."""
         end = self._clock() + seconds

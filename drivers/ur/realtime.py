@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from drivers.errors import ProtocolError, naming
 from drivers.link import TcpLink
 from drivers.ur.deadlines import UrDeadlines
-from drivers.ur.state import UrState, Witness, check_state
+from drivers.ur.state import StateConfirmer, UrState, check_state
 
 LENGTHS = (1060, 1108, 1116, 1140, 1220)  # 3.2, 3.5 and 5.0, 3.10 and 5.4, 3.14 and 5.9, 5.10
 _TIME, _Q_TARGET, _QD_TARGET, _Q_ACTUAL, _QD_ACTUAL = 4, 12, 60, 252, 300
@@ -64,15 +64,15 @@ class Realtime:
         self._asked: set[TcpLink] = set()
 
     @contextmanager
-    def watch(self, command: str, *, guarding: bool = False) -> Iterator[Witness]:
+    def watch(self, command: str, *, guarding: bool = False) -> Iterator[StateConfirmer]:
         """States from now on, until the block ends; nothing can guard a program here. Raises LinkError."""
         with self._connection(command) as link:
-            yield Witness(lambda: self._next(link, command))
+            yield StateConfirmer(lambda: self._next(link, command))
 
     @contextmanager
     def talk(
         self, command: str, *, outlives_close: bool = False
-    ) -> Iterator[tuple[Witness, Callable[[str], None]]]:
+    ) -> Iterator[tuple[StateConfirmer, Callable[[str], None]]]:
         """A connection on which a UR controller has shown itself, except for a stop, which does not wait for that: its
         states, and how to send it a program.
 
@@ -83,7 +83,7 @@ class Realtime:
             if not outlives_close:
                 self._next(link, command)
             yield (
-                Witness(lambda: self._next(link, command)),
+                StateConfirmer(lambda: self._next(link, command)),
                 lambda program: link.send(
                     program.encode("ascii"), command=command, send_s=self.deadlines.send_s
                 ),

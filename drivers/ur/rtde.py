@@ -22,7 +22,7 @@ from contextlib import contextmanager
 from drivers.errors import Busy, LinkTimeout, ProtocolError, naming
 from drivers.link import TcpLink
 from drivers.ur.deadlines import UrDeadlines
-from drivers.ur.state import UrState, Witness, check_state
+from drivers.ur.state import StateConfirmer, UrState, check_state
 
 _LOG = logging.getLogger(__name__)
 
@@ -179,7 +179,7 @@ class Rtde:
                 time.sleep(_CLAIM_PAUSE_S)
 
     @contextmanager
-    def watch(self, command: str, *, guarding: bool = False) -> Iterator[Witness]:
+    def watch(self, command: str, *, guarding: bool = False) -> Iterator[StateConfirmer]:
         """States from now on, until the block ends; a fault in between closes the link. Raises LinkError.
 
         `guarding`: the watchdog of a running program is kept alive.
@@ -187,7 +187,7 @@ class Rtde:
         with self._question(command):
             self._guarding, self._go, self._next_beat = guarding and self.numbered, 0, -math.inf
             self._switch(_START, command)
-            yield Witness(lambda: self._state(command))
+            yield StateConfirmer(lambda: self._state(command))
             self._guarding = False
             self._switch(_PAUSE, command)
 

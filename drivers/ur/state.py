@@ -138,7 +138,7 @@ def carries(before: UrState, now: UrState) -> bool:
     )
 
 
-class Witness:
+class StateConfirmer:
     """A reader of states that accepts one when the next confirms it."""
 
     def __init__(self, read: Callable[[], UrState]) -> None:

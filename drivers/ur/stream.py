@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 from drivers.interfaces import Sample
 from drivers.ur.rtde import Rtde
-from drivers.ur.state import Witness
+from drivers.ur.state import StateConfirmer
 
 
 @contextmanager
@@ -26,7 +26,7 @@ def joint_stream(rtde: Rtde) -> Iterator[Iterator[Sample]]:
         rtde.close()
 
 
-def _samples(witness: Witness) -> Iterator[Sample]:
+def _samples(witness: StateConfirmer) -> Iterator[Sample]:
     for state, led in witness.every():
         joints = tuple(math.degrees(q) for q in state.actual_rad)
         yield Sample(state.t_s, joints, doubt="" if led else "its speeds do not lead there")

@@ -1,19 +1,27 @@
 """Many data sets diagnosed by many workers, every result once, in the store (docs/decisions/0081)."""
 
-from fleet.diagnose.batch import REFUSED, EngineGone, Order, Source, in_files, in_store
+from fleet.diagnose.batch import REFUSED, DatasetSource, DiagnosisOrder, EngineGone, in_files, in_store
 from fleet.diagnose.call import diagnose_all, for_workers
-from fleet.diagnose.changes import Change, Changes, Side, changes_between, named, release, this_program
-from fleet.diagnose.run import Tally
+from fleet.diagnose.changes import (
+    VersionComparison,
+    VersionDifference,
+    VersionStatement,
+    changes_between,
+    named,
+    release,
+    this_program,
+)
+from fleet.diagnose.run import ProgressCounts
 
 __all__ = [
     "REFUSED",
-    "Change",
-    "Changes",
+    "DatasetSource",
+    "DiagnosisOrder",
     "EngineGone",
-    "Order",
-    "Side",
-    "Source",
-    "Tally",
+    "ProgressCounts",
+    "VersionComparison",
+    "VersionDifference",
+    "VersionStatement",
     "changes_between",
     "diagnose_all",
     "for_workers",

@@ -30,21 +30,21 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from calib.data import Dataset, read_dataset
-from calib.diagnose import MOST_EFFECTS, Diagnosis, Found, diagnose
+from calib.diagnose import MOST_EFFECTS, DiagnosedEffect, DiagnosisFit, diagnose
 from calib.errors import DataError
 from calib.fit import ErrorStatistics
 from calib.saved import parameters_of
 from calib.text import decoded, parse_toml, read_bytes
 from fleet.diagnose.changes import this_program
 from fleet.errors import StoreError, StoreGone
-from fleet.store import Job, Store, Work, dataset_content, dataset_texts, utc_now
+from fleet.store import FleetJob, FleetStore, Work, dataset_content, dataset_texts, utc_now
 from fleet.store.rediagnosed import FORMAT, TASK
 
 MOST = 10_000_000  # data sets of a store
 
 
 @dataclass(frozen=True)
-class Source:
+class DatasetSource:
     """One data set. hash: of its content; name: for people; path: its CSV file, "" for the document of the store."""
 
     hash: str
@@ -52,16 +52,16 @@ class Source:
     path: str = ""
 
 
-class Unseen(Exception):
+class DatasetMismatch(Exception):
     """The files of a data set are not what was listed, on the computer that should read them."""
 
 
-def in_files(given: Sequence[Path]) -> list[Source]:
+def in_files(given: Sequence[Path]) -> list[DatasetSource]:
     """The data sets of files and of folders, which are searched to the bottom; each content once, in the order given.
 
     A file whose header is missing is one too: it will be refused. Raises DataError for a name that leads to nothing.
     """
-    found: dict[str, Source] = {}
+    found: dict[str, DatasetSource] = {}
     for each in given:
         files = sorted(_within(each)) if each.is_dir() else [each]
         if not files:
@@ -70,14 +70,17 @@ def in_files(given: Sequence[Path]) -> list[Source]:
             )
         for file in files:
             digest = file_hash(file)
-            found.setdefault(digest, Source(digest, str(file), str(file.absolute())))
+            found.setdefault(digest, DatasetSource(digest, str(file), str(file.absolute())))
     return list(found.values())
 
 
-def in_store(store: Store) -> list[Source]:
+def in_store(store: FleetStore) -> list[DatasetSource]:
     """The data sets of a store, oldest first. Raises StoreError."""
     entries = reversed(store.documents(kind="dataset", limit=MOST))
-    return [Source(each.hash, f"{each.robot.model} {each.robot.serial}, {each.identity}") for each in entries]
+    return [
+        DatasetSource(each.hash, f"{each.robot.model} {each.robot.serial}, {each.identity}")
+        for each in entries
+    ]
 
 
 def file_hash(path: Path) -> str:
@@ -96,7 +99,7 @@ def file_hash(path: Path) -> str:
 
 
 @contextmanager
-def opened(source: Source, store: Store) -> Iterator[Dataset]:
+def opened(source: DatasetSource, store: FleetStore) -> Iterator[Dataset]:
     """The data set of a reference. Raises Unseen where the files are others than those listed, DataError for data that
     cannot be used, StoreError."""
     if source.path:
@@ -140,13 +143,13 @@ def _refuse_own_robot(header: str) -> None:
         )
 
 
-def _refuse_another(source: Source) -> None:
+def _refuse_another(source: DatasetSource) -> None:
     try:
         now = file_hash(Path(source.path))
     except DataError as error:
-        raise Unseen(f"{source.name} cannot be read here: {error}") from error
+        raise DatasetMismatch(f"{source.name} cannot be read here: {error}") from error
     if now != source.hash:
-        raise Unseen(
+        raise DatasetMismatch(
             f"{source.name} is not the file that was listed: it has changed since, or is another here"
         )
 
@@ -161,7 +164,7 @@ REFUSED = "refused"
 
 
 @dataclass(frozen=True)
-class Order:
+class DiagnosisOrder:
     """An order for workers: data sets and what to do with them. store: address for the results; owner: name of this run
     of the command; most: effects that may be added; expected: the program that shall compute."""
 
@@ -176,13 +179,13 @@ class Order:
         """The task with its settings, as the store keys it."""
         return TASK if self.most == MOST_EFFECTS else f"{TASK} most={self.most}"
 
-    def job(self, source: Source) -> Job:
+    def job(self, source: DatasetSource) -> FleetJob:
         """The job of one data set."""
-        return Job(self.task, source.hash, self.expected)
+        return FleetJob(self.task, source.hash, self.expected)
 
 
 @dataclass(frozen=True)
-class Outcome:
+class BatchOutcome:
     """The outcome of a batch, in data sets. found: had a result already; twice: computed, though a result of somebody
     else was there when it came; seconds: processor time of the diagnoses; held: somebody else works on them; unseen:
     their files are others here, with the reason."""
@@ -192,11 +195,13 @@ class Outcome:
     found: int
     twice: int
     seconds: float
-    held: tuple[Source, ...]
-    unseen: tuple[tuple[Source, str], ...]
+    held: tuple[DatasetSource, ...]
+    unseen: tuple[tuple[DatasetSource, str], ...]
 
 
-def work_off(sources: Sequence[Source], order: Order, find: Callable[..., Diagnosis] = diagnose) -> Outcome:
+def work_off(
+    sources: Sequence[DatasetSource], order: DiagnosisOrder, find: Callable[..., DiagnosisFit] = diagnose
+) -> BatchOutcome:
     """Do a batch. Raises EngineGone on a worker of another program, before anything is read; StoreError where results
     cannot be kept.
 
@@ -210,15 +215,15 @@ def work_off(sources: Sequence[Source], order: Order, find: Callable[..., Diagno
     jobs = {order.job(source): source for source in sources}
     refused = twice = done = 0
     seconds = 0.0
-    unseen: list[tuple[Source, str]] = []
-    with Store.open(order.store) as store:
+    unseen: list[tuple[DatasetSource, str]] = []
+    with FleetStore.open(order.store) as store:
         mine = store.work.claim(list(jobs), order.owner, utc_now(), order.lease_s)
         with _renewed(store.work, mine, order):
             for job in mine:
                 begin = time.thread_time()
                 try:
                     result = _statement(jobs[job], store, order.most, find)
-                except Unseen as error:
+                except DatasetMismatch as error:
                     unseen.append((jobs[job], str(error)))
                     continue
                 spent = time.thread_time() - begin
@@ -232,10 +237,12 @@ def work_off(sources: Sequence[Source], order: Order, find: Callable[..., Diagno
         others = set(jobs) - set(mine)
         found = store.work.done(list(others))
     held = tuple(source for job, source in jobs.items() if job in others - found)
-    return Outcome(done, refused, len(found), twice, seconds, held, tuple(unseen))
+    return BatchOutcome(done, refused, len(found), twice, seconds, held, tuple(unseen))
 
 
-def _statement(source: Source, store: Store, most: int, find: Callable[..., Diagnosis]) -> dict[str, Any]:
+def _statement(
+    source: DatasetSource, store: FleetStore, most: int, find: Callable[..., DiagnosisFit]
+) -> dict[str, Any]:
     """The statement kept of one data set: its diagnosis, or its refusal. Raises Unseen, StoreError."""
     try:
         with opened(source, store) as dataset:
@@ -247,7 +254,7 @@ def _statement(source: Source, store: Store, most: int, find: Callable[..., Diag
 
 
 @contextmanager
-def _renewed(work: Work, jobs: Sequence[Job], order: Order) -> Iterator[None]:
+def _renewed(work: Work, jobs: Sequence[FleetJob], order: DiagnosisOrder) -> Iterator[None]:
     """The claims renewed while they are worked on, as long as this process lives."""
     over = threading.Event()
 
@@ -267,7 +274,7 @@ def _renewed(work: Work, jobs: Sequence[Job], order: Order) -> Iterator[None]:
         thread.join()
 
 
-def of_diagnosis(name: str, found: Diagnosis) -> dict[str, Any]:
+def of_diagnosis(name: str, found: DiagnosisFit) -> dict[str, Any]:
     """Verdict, effects and errors on held-out readings (mm) of a data set of this name."""
     data = found.dataset
     return {
@@ -302,7 +309,7 @@ def of_refusal(name: str, error: DataError) -> dict[str, Any]:
     }
 
 
-def _parameters(found: Diagnosis) -> list[dict[str, Any]]:
+def _parameters(found: DiagnosisFit) -> list[dict[str, Any]]:
     """The parameters of the base model and of named effects, as trends take them."""
     final = found.final
     carried = {p.name for e in final.model.effects if e.is_carried for p in e.parameters}
@@ -319,7 +326,7 @@ def _short(value: float) -> float | None:
     return float(f"{value:.9g}") if math.isfinite(value) else None
 
 
-def _effect(found: Found) -> dict[str, Any]:
+def _effect(found: DiagnosedEffect) -> dict[str, Any]:
     value, std, unit = found.effect.amplitude(found.values, found.covariance)
     return {
         "label": found.effect.label,

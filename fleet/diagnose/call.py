@@ -16,10 +16,10 @@ import sqlalchemy as sa
 from sqlalchemy import exc
 
 from calib.errors import DataError
-from fleet.diagnose.batch import Order, Source
-from fleet.diagnose.run import Tally
+from fleet.diagnose.batch import DatasetSource, DiagnosisOrder
+from fleet.diagnose.run import ProgressCounts
 from fleet.errors import StoreGone
-from fleet.store import Store, utc_now
+from fleet.store import FleetStore, utc_now
 
 MISSING = ("dask", "distributed", "cryptography")
 
@@ -27,14 +27,14 @@ MISSING = ("dask", "distributed", "cryptography")
 
 
 def diagnose_all(
-    sources: Sequence[Source],
-    order: Order,
+    sources: Sequence[DatasetSource],
+    order: DiagnosisOrder,
     tell: Callable[[str], None],
-    progress: Callable[[Tally], None],
+    progress: Callable[[ProgressCounts], None],
     *,
     workers: int | None = None,
     scheduler: str = "",
-) -> Tally:
+) -> ProgressCounts:
     """Diagnose data sets that have no result yet, each result into the store.
 
     workers: processes of this computer, None for one a processor; scheduler: address of one whose workers do it
@@ -42,10 +42,10 @@ def diagnose_all(
     extra is not installed, EngineGone, StoreError; what is done is kept, and the same call does the rest.
     """
     if not sources:
-        return Tally(0)
+        return ProgressCounts(0)
     try:
         from fleet.diagnose.engine import connected, local, processors
-        from fleet.diagnose.run import Run
+        from fleet.diagnose.run import FleetRun
     except ModuleNotFoundError as error:
         if error.name not in MISSING:
             raise
@@ -59,11 +59,11 @@ def diagnose_all(
             "this computer; use tls://, or a network of its own (truepose docs fleet-engine)"
         )
     spent = time.process_time()
-    Store.open(order.store).close()  # tables are made before workers come to them together
-    run: Run | None = None
+    FleetStore.open(order.store).close()  # tables are made before workers come to them together
+    run: FleetRun | None = None
     try:
         with connected(scheduler) if scheduler else local(workers or processors()) as client:
-            run = Run(client, order, sources, tell)
+            run = FleetRun(client, order, sources, tell)
             tally = run.run(progress)
     finally:
         if run is not None and not scheduler:
@@ -72,10 +72,10 @@ def diagnose_all(
     return tally
 
 
-def _free(sources: Sequence[Source], order: Order) -> None:
+def _free(sources: Sequence[DatasetSource], order: DiagnosisOrder) -> None:
     """Let the next call have at once what workers of this computer had in hand: they have ended."""
     if sources:
-        with suppress(StoreGone), Store.open(order.store) as store:
+        with suppress(StoreGone), FleetStore.open(order.store) as store:
             store.work.claim([order.job(each) for each in sources], order.owner, utc_now(), 0.0)
 
 

@@ -22,7 +22,7 @@ from statistics import median
 from typing import Any
 
 from calib.errors import DataError
-from fleet.store import Result
+from fleet.store import JobResult
 
 WORTH = 0.01
 
@@ -34,7 +34,7 @@ _DIGITS = 12
 
 
 @dataclass(frozen=True)
-class Side:
+class VersionStatement:
     """The statement of one version. effects: label -> (size, standard error, unit); rms: held out, mm, None without
     one."""
 
@@ -44,13 +44,13 @@ class Side:
 
 
 @dataclass(frozen=True)
-class Change:
+class VersionDifference:
     """One data set of which the versions say different things."""
 
     data: str
     name: str
-    was: Side
-    now: Side
+    was: VersionStatement
+    now: VersionStatement
 
     @property
     def gone(self) -> list[str]:
@@ -82,7 +82,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Changes:
+class VersionComparison:
     """The data sets that both versions have judged, and those of them that differ, the worst first."""
 
     since: tuple[str, ...]
@@ -90,16 +90,16 @@ class Changes:
     compared: int
     missing: int  # judged now, not before
     ratio: float | None  # median of the held-out errors, now over before
-    changed: tuple[Change, ...]
+    changed: tuple[VersionDifference, ...]
 
 
-def changes_between(before: Iterable[Result], now: Sequence[Result], program: str) -> Changes:
+def changes_between(before: Iterable[JobResult], now: Sequence[JobResult], program: str) -> VersionComparison:
     """The changes between two versions. before: results of other versions, oldest first, of which the newest of a data
     set counts."""
     last = {result.job.data: result for result in before}
     both = [_change(last[each.job.data], each) for each in now if each.job.data in last]
     ratios = [each.ratio for each in both if each.ratio is not None]
-    return Changes(
+    return VersionComparison(
         since=tuple(sorted({last[each.data].job.program for each in both})),
         program=program,
         compared=len(both),
@@ -126,14 +126,16 @@ def named(version: str, programs: Sequence[str], present: str) -> list[str]:
     return found
 
 
-def _change(before: Result, now: Result) -> Change:
+def _change(before: JobResult, now: JobResult) -> VersionDifference:
     table = json.loads(now.content)
-    return Change(now.job.data, str(table["name"]), _side(json.loads(before.content)), _side(table))
+    return VersionDifference(
+        now.job.data, str(table["name"]), _side(json.loads(before.content)), _side(table)
+    )
 
 
-def _side(table: Mapping[str, Any]) -> Side:
+def _side(table: Mapping[str, Any]) -> VersionStatement:
     held_out = table.get("error_after_mm")
-    return Side(
+    return VersionStatement(
         verdict=table["verdict"],
         effects={e["label"]: (e["value"], e["std"], e["unit"]) for e in table.get("effects", ())},
         rms=None if held_out is None else held_out["rms"],

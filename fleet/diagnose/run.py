@@ -28,7 +28,7 @@ from typing import Any
 from distributed import Client, Future, KilledWorker, Worker, wait
 from distributed.comm.core import CommClosedError
 
-from fleet.diagnose.batch import EngineGone, Order, Source, work_off
+from fleet.diagnose.batch import DatasetSource, DiagnosisOrder, EngineGone, work_off
 from fleet.diagnose.changes import this_program
 from fleet.errors import StoreError, StoreGone
 
@@ -65,29 +65,38 @@ def size_of(left: int, workers: int, seconds_each: float | None) -> int:
     return max(1, min(share, round(BATCH_S / max(seconds_each, 1e-3))))
 
 
-class Run:
+class FleetRun:
     """One call: the data sets that wait, and the batches that are out."""
 
     def __init__(
-        self, client: Client, order: Order, sources: Sequence[Source], tell: Callable[[str], None]
+        self,
+        client: Client,
+        order: DiagnosisOrder,
+        sources: Sequence[DatasetSource],
+        tell: Callable[[str], None],
     ) -> None:
         """A call for the data sets `sources`, which have no result yet. tell: hears sentences about workers."""
         self._client, self._order, self._tell = client, order, tell
-        self._crew = Crew(client, order.expected)
+        self._crew = WorkerPool(client, order.expected)
         self._waiting = deque(sources)
-        self._alone: deque[Source] = deque()  # of batches that failed; they wait to be given by themselves
-        self._strikes, self._strikes_by_itself = Counter[Source](), Counter[Source]()  # workers lost with it
+        self._alone: deque[DatasetSource] = (
+            deque()
+        )  # of batches that failed; they wait to be given by themselves
+        self._strikes, self._strikes_by_itself = (
+            Counter[DatasetSource](),
+            Counter[DatasetSource](),
+        )  # workers lost with it
         self._by_itself: Future | None = None  # the last one given so
-        self._held: list[Source] = []  # somebody else works on them; asked again later
-        self._out: dict[Future, tuple[Source, ...]] = {}
+        self._held: list[DatasetSource] = []  # somebody else works on them; asked again later
+        self._out: dict[Future, tuple[DatasetSource, ...]] = {}
         self._lost_before: dict[Future, int] = {}  # workers, when it was given
-        self._store = Patience(tell)
+        self._store = StoreRetry(tell)
         self._begin = time.monotonic()
         self._spent = time.process_time()
         self._looked = self._manned = self._asked = self._begin
-        self.tally = Tally(len(sources))
+        self.tally = ProgressCounts(len(sources))
 
-    def run(self, progress: Callable[[Tally], None]) -> Tally:
+    def run(self, progress: Callable[[ProgressCounts], None]) -> ProgressCounts:
         """Diagnose them all; progress: hears how far it is after every batch.
 
         Raises EngineGone where the scheduler or all workers are gone, StoreError where results cannot be kept; a store
@@ -109,7 +118,7 @@ class Run:
         return self._counted()
 
     @property
-    def in_hand(self) -> list[Source]:
+    def in_hand(self) -> list[DatasetSource]:
         """The data sets given out that have not come back."""
         return [source for batch in self._out.values() for source in batch]
 
@@ -151,12 +160,12 @@ class Run:
                 else:
                     self._again(batch, struck)
 
-    def _again(self, batch: tuple[Source, ...], struck: bool) -> None:
+    def _again(self, batch: tuple[DatasetSource, ...], struck: bool) -> None:
         self._strikes.update(batch if struck else ())
         for source in batch:
             (self._alone if self._strikes[source] >= STRIKES else self._waiting).append(source)
 
-    def _again_by_itself(self, source: Source, struck: bool) -> None:
+    def _again_by_itself(self, source: DatasetSource, struck: bool) -> None:
         self._strikes_by_itself[source] += struck
         if self._strikes_by_itself[source] >= STRIKES:
             self.tally.failed[source.name] = _ENDS_WORKERS
@@ -178,7 +187,7 @@ class Run:
             size = 1 if self._store.away else size_of(len(self._waiting), at_work, self.tally.seconds_each)
             self._give(tuple(self._waiting.popleft() for _ in range(size)))
 
-    def _give(self, batch: tuple[Source, ...]) -> Future:
+    def _give(self, batch: tuple[DatasetSource, ...]) -> Future:
         one = {resource(self._order.expected): 1.0}
         future = self._client.submit(work_off, batch, self._order, resources=one, pure=False)
         self._out[future] = batch
@@ -228,7 +237,7 @@ class Run:
         tally.failed |= {source.name: why for source, why in outcome.unseen}
         self._held += outcome.held
 
-    def _counted(self) -> Tally:
+    def _counted(self) -> ProgressCounts:
         self.tally.elapsed = time.monotonic() - self._begin
         self.tally.overhead_s = time.process_time() - self._spent
         self.tally.workers, self.tally.lost = len(self._crew.at_work), self._crew.lost
@@ -241,7 +250,7 @@ def _in_words(error: BaseException) -> str:
     return f"the program failed ({type(error).__name__}: {error})"
 
 
-class Patience:
+class StoreRetry:
     """The waiting of one call. tell: called when the store goes and comes back; clock: seconds."""
 
     def __init__(self, tell: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
@@ -286,22 +295,22 @@ def resource(of: str) -> str:
 
 
 @dataclass(frozen=True)
-class Told:
+class WorkerReport:
     """A worker's word on itself. threads: of its linear algebra, "" where nothing limits them."""
 
     program: str
     threads: str
 
 
-async def _enrol(expected: str, dask_worker: Worker) -> Told:
+async def _enrol(expected: str, dask_worker: Worker) -> WorkerReport:
     """Enrol a worker; this runs on the worker."""
-    told = Told(this_program(), os.environ.get(BLAS, ""))
+    told = WorkerReport(this_program(), os.environ.get(BLAS, ""))
     if told.program == expected:
         await dask_worker.set_resources(**{resource(expected): 1.0})
     return told
 
 
-class Crew:
+class WorkerPool:
     """The workers seen so far: those at work, and those refused with the reason, by address."""
 
     def __init__(self, client: Client, expected: str) -> None:
@@ -341,7 +350,7 @@ class Crew:
 
     def _why_not(self, told: object) -> str:
         """The reason for which a worker may not compute, from its answer; "" where it may."""
-        if not isinstance(told, Told):
+        if not isinstance(told, WorkerReport):
             return f"it cannot say which TruePose it runs ({type(told).__name__}: {told}); install {self._expected}"
         if told.program != self._expected:
             return f"it runs TruePose {told.program}, this is {self._expected}; install the same there"
@@ -349,7 +358,7 @@ class Crew:
 
 
 @dataclass
-class Tally:
+class ProgressCounts:
     """The progress of a call, in data sets.
 
     known: had a result before; done: by this call, refused among them; found: had a result when a worker came to them,

@@ -34,7 +34,7 @@ _NAME = 150  # letters of what may be long in an identity
 
 
 @dataclass(frozen=True)
-class Cell:
+class CellFolder:
     """The cell whose files they are. serial: of its robot, for documents that name none; simulated: whether documents
     of simulated robots are sent as well."""
 
@@ -43,12 +43,12 @@ class Cell:
     simulated: bool = False
 
 
-Reader = Callable[[Path, Cell], Sequence[Document]]
+Reader = Callable[[Path, CellFolder], Sequence[Document]]
 
 
 def collect(
     folder: Path,
-    cell: Cell,
+    cell: CellFolder,
     outbox: Outbox,
     now: Callable[[], datetime],
     say: Callable[[str], None] = lambda text: None,
@@ -91,7 +91,7 @@ def _files(folder: Path, read_record: Reader) -> Iterator[tuple[Path, Reader]]:
                 yield path, read_data
 
 
-def _stamp(path: Path, cell: Cell) -> str:
+def _stamp(path: Path, cell: CellFolder) -> str:
     """A stamp that changes when a file, its header or its journal changes, or what is sent of it; empty where it has
     gone."""
     stamps = [cell.name, cell.serial, str(cell.simulated)]
@@ -106,7 +106,7 @@ def _stamp(path: Path, cell: Cell) -> str:
     return "; ".join(stamps)
 
 
-def read_result(path: Path, cell: Cell) -> list[Document]:
+def read_result(path: Path, cell: CellFolder) -> list[Document]:
     """The document of a JSON file; none where it is none of ours. Raises DataError, OSError."""
     content = read_bytes(path, LARGEST)
     if _MARK not in content[:200]:
@@ -131,7 +131,7 @@ def read_result(path: Path, cell: Cell) -> list[Document]:
     return [replace(document, identity=_identity(kind, table, document.hash))]
 
 
-def read_data(path: Path, cell: Cell) -> list[Document]:
+def read_data(path: Path, cell: CellFolder) -> list[Document]:
     """The document of a data set, which is read whole first; none for another table. Raises DataError, OSError."""
     header = read_text(path.with_suffix(".toml"), LARGEST)
     if "truepose-dataset/" not in header:
@@ -174,7 +174,7 @@ def _identity(kind: Kind, table: Mapping[str, Any], hash: str) -> str:
     return f"{kind} {hash}"
 
 
-def _robot(model: str, devices: Any, cell: Cell, path: Path) -> RobotKey:
+def _robot(model: str, devices: Any, cell: CellFolder, path: Path) -> RobotKey:
     serials = [
         str(each.get("serial", "")).strip()
         for each in devices
@@ -197,7 +197,7 @@ def _robot(model: str, devices: Any, cell: Cell, path: Path) -> RobotKey:
     return RobotKey(serial, model)
 
 
-def _refuse_simulated(simulated: bool, cell: Cell, path: Path) -> None:
+def _refuse_simulated(simulated: bool, cell: CellFolder, path: Path) -> None:
     if simulated and not cell.simulated:
         raise DataError(
             "is of a simulated robot.",

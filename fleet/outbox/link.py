@@ -35,7 +35,7 @@ _BARRED = (401, 403, 404, 405, 406, 411, 421, 426, 451)
 
 
 @dataclass(frozen=True)
-class Answer:
+class UploadAnswer:
     """The answer to an upload. said: in words, for the person at the cell; after_s: when to ask again, None where
     the server does not say."""
 
@@ -48,7 +48,7 @@ class _Nobody(Exception):
     """The server cannot be reached: another document would not fare better."""
 
 
-class Link:
+class ServerLink:
     """One server. url: as `truepose fleet serve` prints it; its path stands before `/api/v1`. The connection is kept
     open between uploads. Raises DataError for what is no address."""
 
@@ -82,18 +82,20 @@ class Link:
         """Close the connection."""
         self._connection.close()
 
-    def put(self, document: Document) -> Answer:
+    def put(self, document: Document) -> UploadAnswer:
         """Upload a document."""
         try:
             answer, data = self._exchange(document)
         except _Nobody as error:
-            return Answer("away", f"{self.place} does not answer ({error}).")
+            return UploadAnswer("away", f"{self.place} does not answer ({error}).")
         except ssl.SSLError as error:  # before OSError, which it is
             self._connection.close()
-            return Answer("barred", f"{self.place} cannot be trusted ({_words(error)}).")
+            return UploadAnswer("barred", f"{self.place} cannot be trusted ({_words(error)}).")
         except (OSError, http.client.HTTPException) as error:
             self._connection.close()
-            return Answer("failed", f"{self.place} was cut off before it had acknowledged ({_words(error)}).")
+            return UploadAnswer(
+                "failed", f"{self.place} was cut off before it had acknowledged ({_words(error)})."
+            )
         return self._meaning(answer, data, document.hash)
 
     def _exchange(self, document: Document) -> tuple[http.client.HTTPResponse, bytes]:
@@ -141,23 +143,25 @@ class Link:
             self._connection.close()
         return answer, data
 
-    def _meaning(self, answer: http.client.HTTPResponse, data: bytes, hash_: str) -> Answer:
+    def _meaning(self, answer: http.client.HTTPResponse, data: bytes, hash_: str) -> UploadAnswer:
         status, document = answer.status, _document(data)
         if status in (200, 201):
             if document.get("hash") == hash_:
-                return Answer("kept")
-            return Answer("barred", f"{self.place} answers, but not as a fleet's server: is a proxy between?")
+                return UploadAnswer("kept")
+            return UploadAnswer(
+                "barred", f"{self.place} answers, but not as a fleet's server: is a proxy between?"
+            )
         said = f"{document.get('operator_text', '')} {document.get('what_to_do', '')}".strip()
         said = said or f"{self.place} answers {status} {answer.reason}"
         if status in _REFUSED or (status == 403 and document.get("code") == _OTHER_ROBOT):
-            return Answer("refused", said)
+            return UploadAnswer("refused", said)
         if status == 400:
-            return Answer("damaged", said)
+            return UploadAnswer("damaged", said)
         if status in _AWAY:
-            return Answer("away", said, _seconds(answer.getheader("Retry-After", "")))
+            return UploadAnswer("away", said, _seconds(answer.getheader("Retry-After", "")))
         if status in _BARRED or 300 <= status < 400:
-            return Answer("barred", said)
-        return Answer("failed", said)
+            return UploadAnswer("barred", said)
+        return UploadAnswer("failed", said)
 
 
 def _document(data: bytes) -> Mapping[str, Any]:

@@ -50,7 +50,7 @@ CREATE TABLE file (
 
 
 @dataclass(frozen=True)
-class Entry:
+class QueuedDocument:
     """A document in the queue, without its content. said: why it is not acknowledged yet, or never will be."""
 
     hash: str
@@ -156,7 +156,7 @@ class Outbox:
 
     # -- out --------------------------------------------------------------------------------------------------
 
-    def entries(self, *states: State) -> list[Entry]:
+    def entries(self, *states: State) -> list[QueuedDocument]:
         """The documents in these states, oldest first."""
         marks = ", ".join("?" * len(states))
         rows = self._read(
@@ -165,7 +165,7 @@ class Outbox:
             states,
         )
         return [
-            Entry(
+            QueuedDocument(
                 row[0],
                 row[1],
                 RobotKey(row[2], row[3]),

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Protocol
 
-from fleet.outbox.link import Answer
+from fleet.outbox.link import UploadAnswer
 from fleet.outbox.queue import Outbox
 from fleet.store import Document, utc_now
 
@@ -30,13 +30,13 @@ DAMAGED = 20  # times that a document may arrive damaged, before it is set aside
 class Upload(Protocol):
     """The part of a link that a sender needs."""
 
-    def put(self, document: Document) -> Answer:
+    def put(self, document: Document) -> UploadAnswer:
         """Upload a document."""
         ...
 
 
 @dataclass(frozen=True)
-class Round:
+class SendRound:
     """The outcome of one round. trouble: why it ended before its end, empty where it did not; barred: whether a person
     must change something; wait_s: until something can be tried again, None where nothing waits."""
 
@@ -70,7 +70,7 @@ class Sender:
     _server: _Patience = field(default_factory=_Patience)
     _documents: dict[str, _Patience] = field(default_factory=dict)
 
-    def round(self, ended: Callable[[], bool] = lambda: False) -> Round:
+    def round(self, ended: Callable[[], bool] = lambda: False) -> SendRound:
         """Try every document whose time has come once. ended: whether to leave off.
 
         Oldest first, but before those that have failed: a few whose uploads never end well let the others by.
@@ -99,13 +99,13 @@ class Sender:
                 trouble, barred = answer.said, answer.kind == "barred"
                 self._fail(self._server, answer.after_s)
         left = len(waiting) - kept - refused
-        return Round(kept, refused, left, trouble, barred, self._wait(left))
+        return SendRound(kept, refused, left, trouble, barred, self._wait(left))
 
-    def _try(self, hash_: str) -> Answer:
+    def _try(self, hash_: str) -> UploadAnswer:
         """Upload one document and write down what became of it, before anything else is done."""
         document = self.outbox.document(hash_)
         if hashlib.sha256(document.content).hexdigest() != hash_:
-            answer = Answer(
+            answer = UploadAnswer(
                 "refused", "The outbox holds another content than it took in: its disk is failing."
             )
         else:
@@ -113,7 +113,7 @@ class Sender:
         if answer.kind == "damaged":
             tries = self._failures(hash_) + 1
             if tries >= DAMAGED:
-                answer = Answer("refused", f"It arrived damaged {tries} times. {answer.said}")
+                answer = UploadAnswer("refused", f"It arrived damaged {tries} times. {answer.said}")
         if answer.kind == "kept":
             self.outbox.acknowledged(hash_, self.now())
         elif answer.kind == "refused":

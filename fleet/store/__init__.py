@@ -3,22 +3,22 @@
 from fleet.store.document import (
     KINDS,
     LONGEST,
-    Added,
+    AddResult,
     Document,
-    Entry,
+    DocumentSummary,
     Kind,
-    Known,
-    Named,
-    Point,
+    NamedCause,
     RobotKey,
-    Said,
+    RobotSummary,
+    TrendPoint,
+    VerdictRecord,
     utc_now,
 )
 from fleet.store.engine import READER, WRITER, migrate
 from fleet.store.rows import ERROR, dataset_content, dataset_texts
-from fleet.store.standing import Baseline, Standing
-from fleet.store.store import Store
-from fleet.store.work import Job, Result, Work
+from fleet.store.standing import BaselineRecord, RobotState
+from fleet.store.store import FleetStore
+from fleet.store.work import FleetJob, JobResult, Work
 
 __all__ = [
     "ERROR",
@@ -26,20 +26,20 @@ __all__ = [
     "LONGEST",
     "READER",
     "WRITER",
-    "Added",
-    "Baseline",
+    "AddResult",
+    "BaselineRecord",
     "Document",
-    "Entry",
-    "Job",
+    "DocumentSummary",
+    "FleetJob",
+    "FleetStore",
+    "JobResult",
     "Kind",
-    "Known",
-    "Named",
-    "Point",
-    "Result",
+    "NamedCause",
     "RobotKey",
-    "Said",
-    "Standing",
-    "Store",
+    "RobotState",
+    "RobotSummary",
+    "TrendPoint",
+    "VerdictRecord",
     "Work",
     "dataset_content",
     "dataset_texts",

@@ -12,14 +12,14 @@ from sqlalchemy import exc
 
 from calib.errors import DataError
 from fleet.store import tables
-from fleet.store.document import Added, Document, RobotKey, utc_now
+from fleet.store.document import AddResult, Document, RobotKey, utc_now
 from fleet.store.rows import Rows
 
 _MANY = 1000  # hashes in one question
 _DEADLOCK = "40P01"  # PostgreSQL has ended this one of two that wait for each other: for their identities
 
 
-class Overtaken(Exception):
+class ConcurrentInsert(Exception):
     """Another program has added the same document, identity or robot since it was looked for."""
 
 
@@ -54,11 +54,11 @@ def _insert(connection: sa.Connection, table: sa.Table, rows: list[dict[str, Any
     try:
         connection.execute(sa.insert(table), rows)
     except exc.IntegrityError as error:
-        raise Overtaken from error
+        raise ConcurrentInsert from error
     except exc.OperationalError as error:
         if getattr(error.orig, "sqlstate", None) != _DEADLOCK:
             raise
-        raise Overtaken from error
+        raise ConcurrentInsert from error
 
 
 def _robots(connection: sa.Connection, keys: Sequence[RobotKey]) -> dict[RobotKey, int]:
@@ -81,13 +81,13 @@ def _robots(connection: sa.Connection, keys: Sequence[RobotKey]) -> dict[RobotKe
     return look()
 
 
-def added(connection: sa.Connection, documents: Sequence[Document], rows: Sequence[Rows]) -> list[Added]:
+def added(connection: sa.Connection, documents: Sequence[Document], rows: Sequence[Rows]) -> list[AddResult]:
     """Insert the documents that are new, within a transaction. Raises Overtaken, DataError."""
     robots = _robots(connection, [each.robot for each in documents])
     there = already(connection, [each.hash for each in documents])
     versions = _versions(connection, list({each.identity for each in documents}))
     taken: dict[str, tuple[str, int]] = {h: (kind, robot) for h, (_, kind, robot) in there.items()}
-    answers: list[Added] = []
+    answers: list[AddResult] = []
     new: list[tuple[Document, Rows, int]] = []
     now = utc_now()
     for each, its in zip(documents, rows, strict=True):
@@ -99,12 +99,12 @@ def added(connection: sa.Connection, documents: Sequence[Document], rows: Sequen
                     do="Look from which record and robot it is, and send it as that.",
                     file=f"{each.kind} {each.identity}",
                 )
-            answers.append(Added(each.hash, "known", others))
+            answers.append(AddResult(each.hash, "known", others))
             continue
         versions[each.identity].append(each.hash)
         taken[each.hash] = (each.kind, robots[each.robot])
         new.append((each, its, len(versions[each.identity])))
-        answers.append(Added(each.hash, "conflict" if others else "new", others))
+        answers.append(AddResult(each.hash, "conflict" if others else "new", others))
     new.sort(
         key=lambda each: each[0].hash
     )  # programs that add the same never wait for each other in a circle

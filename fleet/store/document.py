@@ -68,7 +68,7 @@ class Document:
 
 
 @dataclass(frozen=True)
-class Added:
+class AddResult:
     """The outcome of adding a document. state: "new"; "known", where the store had this content; "conflict", where it
     has another content for the same identity: both are kept. other_hashes: those contents, oldest first."""
 
@@ -78,7 +78,7 @@ class Added:
 
 
 @dataclass(frozen=True)
-class Entry:
+class DocumentSummary:
     """A document as a list has it. program: the version that wrote it, "" where it does not say; size: bytes;
     conflict: whether the store has another content for the same identity."""
 
@@ -95,7 +95,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Known:
+class RobotSummary:
     """A robot in the store: documents of every kind, and when the first and the last were measured; retired: whether
     somebody has said since that it is measured no more."""
 
@@ -108,7 +108,7 @@ class Known:
 
 
 @dataclass(frozen=True)
-class Point:
+class TrendPoint:
     """One value of a parameter over time. u: expanded uncertainty U (k = 2), None where the model states none; both in
     `unit`. hash: of the document that says it; rediagnosed: that of the data set, of which `program` says it."""
 
@@ -123,7 +123,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Named:
+class NamedCause:
     """A cause or effect that a verdict names. weight: its share among the causes of its class; value and u (U, k = 2)
     in `unit`; each None where the document has none."""
 
@@ -136,7 +136,7 @@ class Named:
 
 
 @dataclass(frozen=True)
-class Said:
+class VerdictRecord:
     """The verdict of a watch or of a diagnosis on a robot."""
 
     robot: RobotKey
@@ -146,7 +146,7 @@ class Said:
     verdict: str
     in_words: str
     advice: str
-    causes: tuple[Named, ...]
+    causes: tuple[NamedCause, ...]
 
 
 def utc_now() -> datetime:

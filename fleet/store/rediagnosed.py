@@ -15,7 +15,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from fleet.store import tables
-from fleet.store.document import Point, RobotKey
+from fleet.store.document import RobotKey, TrendPoint
 from fleet.store.rows import ERROR, K
 
 FORMAT = "truepose-fleet-diagnosis/1"
@@ -26,14 +26,14 @@ _MANY = 500  # keys in one question
 
 def rediagnosed(
     connection: sa.Connection, robot: RobotKey | None, parameter: str | None
-) -> dict[RobotKey, tuple[list[Point], set[datetime]]]:
+) -> dict[RobotKey, tuple[list[TrendPoint], set[datetime]]]:
     """The points of one parameter, or of all (None) with the error on held-out readings, of a robot, or of all (None);
     and when the data sets were measured that have such a model.
 
     Not of data sets that do not say when they were measured, whose time is that of a file; nor of those without
     held-out readings: they are of watches, and too few for a model that one would compare.
     """
-    found: dict[RobotKey, tuple[list[Point], set[datetime]]] = {}
+    found: dict[RobotKey, tuple[list[TrendPoint], set[datetime]]] = {}
     for row, table in _contents(connection, _last(connection, robot)):
         if table.get("parameters") and table.get("error_after_mm"):
             points, times = found.setdefault(RobotKey(row.serial, row.model), ([], set()))
@@ -67,10 +67,10 @@ def _contents(connection: sa.Connection, rows: Mapping[str, Any]) -> list[tuple[
     return out
 
 
-def _points(row: Any, table: Mapping[str, Any], parameter: str | None) -> list[Point]:
+def _points(row: Any, table: Mapping[str, Any], parameter: str | None) -> list[TrendPoint]:
     """The points of one result."""
     points = [
-        Point(
+        TrendPoint(
             row.measured_at,
             each["name"],
             each["value"],
@@ -87,6 +87,8 @@ def _points(row: Any, table: Mapping[str, Any], parameter: str | None) -> list[P
     if parameter in (None, ERROR) and missed["rms"] is not None:
         u = K * missed["rms"] / math.sqrt(6.0 * missed["n"])
         points.append(
-            Point(row.measured_at, ERROR, missed["rms"], u, "mm", row.hash, row.program, rediagnosed=True)
+            TrendPoint(
+                row.measured_at, ERROR, missed["rms"], u, "mm", row.hash, row.program, rediagnosed=True
+            )
         )
     return points

@@ -20,7 +20,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from fleet.store import tables
-from fleet.store.document import Kind, Known, Named, Point, RobotKey, Said
+from fleet.store.document import Kind, NamedCause, RobotKey, RobotSummary, TrendPoint, VerdictRecord
 from fleet.store.rediagnosed import rediagnosed
 from fleet.store.rows import ERROR
 
@@ -28,7 +28,7 @@ _MANY = 500  # numbers in one question
 
 
 @dataclass(frozen=True)
-class Baseline:
+class BaselineRecord:
     """The newest calibration of a robot: what the next watch is judged by."""
 
     hash: str
@@ -36,26 +36,28 @@ class Baseline:
 
 
 @dataclass(frozen=True)
-class Standing:
+class RobotState:
     """What the store knows of one robot now.
 
     watched, diagnosed: the last verdict of each kind; errors: position errors, RMS in mm, oldest first.
     """
 
-    known: Known
-    watched: Said | None
-    diagnosed: Said | None
-    baseline: Baseline | None
-    errors: tuple[Point, ...]
+    known: RobotSummary
+    watched: VerdictRecord | None
+    diagnosed: VerdictRecord | None
+    baseline: BaselineRecord | None
+    errors: tuple[TrendPoint, ...]
 
 
-def standings(connection: sa.Connection, known: Sequence[Known], robot: RobotKey | None) -> list[Standing]:
+def standings(
+    connection: sa.Connection, known: Sequence[RobotSummary], robot: RobotKey | None
+) -> list[RobotState]:
     """The standing of every robot of `known`; robot: the one of them that is asked about, None for all."""
     said = {(each.robot, each.kind): each for each in _said(connection, robot)}
     models = dict(_baselines(connection, robot))
     errors = points_of(connection, robot, ERROR, again=True)
     return [
-        Standing(
+        RobotState(
             each,
             said.get((each.robot, "watch")),
             said.get((each.robot, "diagnosis")),
@@ -66,7 +68,7 @@ def standings(connection: sa.Connection, known: Sequence[Known], robot: RobotKey
     ]
 
 
-def _said(connection: sa.Connection, robot: RobotKey | None) -> list[Said]:
+def _said(connection: sa.Connection, robot: RobotKey | None) -> list[VerdictRecord]:
     """The last verdict of each kind on each robot."""
     v, c, r = tables.verdict.c, tables.cause.c, tables.robot.c
     last = _newest(("watch", "diagnosis"), robot)
@@ -78,19 +80,19 @@ def _said(connection: sa.Connection, robot: RobotKey | None) -> list[Said]:
         .where(last.c.place == 1)
     )
     found = connection.execute(question).all()
-    causes: dict[int, list[Named]] = {row.id: [] for row in found}
+    causes: dict[int, list[NamedCause]] = {row.id: [] for row in found}
     for begin in range(0, len(found), _MANY):
         some = [row.id for row in found[begin : begin + _MANY]]
         named = sa.select(c.document, c.label, c.in_words, c.weight, c.value, c.u, c.unit)
         for number, *rest in connection.execute(named.where(c.document.in_(some)).order_by(c.rank)):
-            causes[number].append(Named(*rest))
+            causes[number].append(NamedCause(*rest))
     return [
-        Said(RobotKey(serial, model), at, kind, hash, verdict, words, advice, tuple(causes[number]))
+        VerdictRecord(RobotKey(serial, model), at, kind, hash, verdict, words, advice, tuple(causes[number]))
         for number, serial, model, at, kind, hash, verdict, words, advice in found
     ]
 
 
-def _baselines(connection: sa.Connection, robot: RobotKey | None) -> list[tuple[RobotKey, Baseline]]:
+def _baselines(connection: sa.Connection, robot: RobotKey | None) -> list[tuple[RobotKey, BaselineRecord]]:
     """The newest calibration of each robot; its newest model where there is no calibration.
 
     What a watch has updated, and so is as old as its readings, is none: by it, what has changed would look unchanged
@@ -107,7 +109,8 @@ def _baselines(connection: sa.Connection, robot: RobotKey | None) -> list[tuple[
         .where(last.c.place == 1)
     )
     return [
-        (RobotKey(serial, model), Baseline(*rest)) for serial, model, *rest in connection.execute(question)
+        (RobotKey(serial, model), BaselineRecord(*rest))
+        for serial, model, *rest in connection.execute(question)
     ]
 
 
@@ -129,7 +132,7 @@ def _newest(kinds: Sequence[Kind], robot: RobotKey | None, *first: sa.ColumnElem
 
 def points_of(
     connection: sa.Connection, robot: RobotKey | None, parameter: str | None, *, again: bool
-) -> dict[RobotKey, list[Point]]:
+) -> dict[RobotKey, list[TrendPoint]]:
     """The values of one parameter, or of all (None), by name and time, of a robot, or of all (None).
 
     again: whether what a re-diagnosis says of the same readings stands in the place of the cell's own model.
@@ -146,12 +149,12 @@ def points_of(
     if parameter is not None:
         question = question.where(p.name == parameter)
     newer = rediagnosed(connection, robot, parameter) if again else {}
-    found: dict[RobotKey, list[Point]] = defaultdict(list)
+    found: dict[RobotKey, list[TrendPoint]] = defaultdict(list)
     for names, rows in groupby(connection.execute(question), key=itemgetter(0, 1)):
         key = RobotKey(*names)
         _, times = newer.get(key, ((), ()))
         found[key] += [
-            Point(*point) for _, _, kind, *point in rows if kind != "model" or point[0] not in times
+            TrendPoint(*point) for _, _, kind, *point in rows if kind != "model" or point[0] not in times
         ]
     for key, (points, _) in newer.items():
         found[key] = sorted((*found[key], *points), key=lambda each: (each.parameter, each.measured_at))

@@ -11,8 +11,18 @@ import sqlalchemy as sa
 from calib.errors import DataError
 from fleet.errors import StoreError, StoreGone
 from fleet.store import tables
-from fleet.store.adding import Overtaken, added, already
-from fleet.store.document import Added, Document, Entry, Kind, Known, Named, Point, RobotKey, Said
+from fleet.store.adding import ConcurrentInsert, added, already
+from fleet.store.document import (
+    AddResult,
+    Document,
+    DocumentSummary,
+    Kind,
+    NamedCause,
+    RobotKey,
+    RobotSummary,
+    TrendPoint,
+    VerdictRecord,
+)
 from fleet.store.engine import (
     WRITES,
     carried_over,
@@ -25,13 +35,13 @@ from fleet.store.engine import (
     writing,
 )
 from fleet.store.rows import rows_of
-from fleet.store.standing import Standing, points_of, standings
+from fleet.store.standing import RobotState, points_of, standings
 from fleet.store.work import Work
 
 _TRIES = 20  # of a batch of which another program has just added a part
 
 
-class Store:
+class FleetStore:
     """A store of documents; may be used by several threads, and by several programs at once.
 
     Every method raises StoreGone where the database is away or full (nothing was kept then: ask again), StoreError
@@ -44,7 +54,7 @@ class Store:
         self.work = Work(engine)
 
     @classmethod
-    def open(cls, url: str) -> Store:
+    def open(cls, url: str) -> FleetStore:
         """The store at an address: `sqlite:///FILE`, made where there is none, or `postgresql://USER@HOST/NAME`.
 
         An SQLite file of an older version is carried over. A PostgreSQL is not, since others use it too: see
@@ -68,25 +78,25 @@ class Store:
         """Close all connections."""
         self._engine.dispose()
 
-    def __enter__(self) -> Store:
+    def __enter__(self) -> FleetStore:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def add(self, document: Document) -> Added:
+    def add(self, document: Document) -> AddResult:
         """Keep one document; one that is there already is not kept twice. Raises DataError for what is not of its
         kind, and for a content that the store has of another robot or as another kind."""
         return self.add_all([document])[0]
 
-    def add_all(self, documents: Sequence[Document]) -> list[Added]:
+    def add_all(self, documents: Sequence[Document]) -> list[AddResult]:
         """Keep documents, all or none of them, durably: when this returns they survive a power cut. Raises as `add`."""
         rows = [rows_of(each) for each in documents]
         for _ in range(_TRIES):
             try:
                 with writing(self._engine) as connection:
                     return added(connection, documents, rows)
-            except Overtaken:  # another program has added the same just now
+            except ConcurrentInsert:  # another program has added the same just now
                 continue
         raise StoreGone(
             "is being written by too many programs at once.",
@@ -119,7 +129,7 @@ class Store:
                 for row in connection.execute(sa.select(r.serial, r.model).order_by(r.model, r.serial))
             ]
 
-    def robots(self, robot: RobotKey | None = None) -> list[Known]:
+    def robots(self, robot: RobotKey | None = None) -> list[RobotSummary]:
         """All robots, by type and serial number; or one."""
         d, r = tables.document.c, tables.robot.c
         its = sa.select(r.id).where(*_of(robot, None, None))
@@ -162,7 +172,7 @@ class Store:
                 last[key] = max(latest, last.get(key, latest))
                 came_at[key] = max(at, came_at.get(key, at))
         return [
-            Known(
+            RobotSummary(
                 key,
                 tuple(cells[key]),
                 counts[key],
@@ -180,7 +190,7 @@ class Store:
         since: datetime | None = None,
         limit: int = 1000,
         identity: str | None = None,
-    ) -> list[Entry]:
+    ) -> list[DocumentSummary]:
         """The newest `limit` documents, newest first. since: measured then or later."""
         d, r = tables.document.c, tables.robot.c
         other = tables.document.alias()
@@ -208,11 +218,11 @@ class Store:
             question = question.where(d.identity == identity)
         with reading(self._engine) as connection:
             found = connection.execute(question).all()
-        return [Entry(h, k, RobotKey(s, m), *rest) for h, k, s, m, *rest in found]
+        return [DocumentSummary(h, k, RobotKey(s, m), *rest) for h, k, s, m, *rest in found]
 
     def trend(
         self, robot: RobotKey, parameter: str | None = None, *, rediagnosed: bool = True
-    ) -> list[Point]:
+    ) -> list[TrendPoint]:
         """The values of one parameter of a robot, or of all (None), by name and time.
 
         rediagnosed: whether what a re-diagnosis says of the same readings stands in the place of the cell's own model.
@@ -220,7 +230,7 @@ class Store:
         with reading(self._engine) as connection:
             return points_of(connection, robot, parameter, again=rediagnosed).get(robot, [])
 
-    def standings(self, robot: RobotKey | None = None) -> list[Standing]:
+    def standings(self, robot: RobotKey | None = None) -> list[RobotState]:
         """The standing of every robot, or of one, by type and serial number."""
         known = self.robots(robot)
         with reading(self._engine) as connection:
@@ -228,7 +238,7 @@ class Store:
 
     def verdicts(
         self, robot: RobotKey | None = None, kind: Kind | None = None, since: datetime | None = None
-    ) -> list[Said]:
+    ) -> list[VerdictRecord]:
         """The verdicts of watches and diagnoses, of a robot or of all, oldest first."""
         v, d, r, c = tables.verdict.c, tables.document.c, tables.robot.c, tables.cause.c
         question = (
@@ -242,13 +252,15 @@ class Store:
             c.document, c.rank
         )
         asked = question.with_only_columns(d.id).order_by(None)
-        causes: dict[int, list[Named]] = defaultdict(list)
+        causes: dict[int, list[NamedCause]] = defaultdict(list)
         with reading(self._engine) as connection:
             for number, *rest in connection.execute(named.where(c.document.in_(asked))):
-                causes[number].append(Named(*rest))
+                causes[number].append(NamedCause(*rest))
             found = connection.execute(question).all()
         return [
-            Said(RobotKey(serial, model), at, what, hash, verdict, words, advice, tuple(causes[number]))
+            VerdictRecord(
+                RobotKey(serial, model), at, what, hash, verdict, words, advice, tuple(causes[number])
+            )
             for number, serial, model, at, what, hash, verdict, words, advice in found
         ]
 

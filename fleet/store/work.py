@@ -23,7 +23,7 @@ _MANY = 1000  # keys in one question
 
 
 @dataclass(frozen=True)
-class Job:
+class FleetJob:
     """task: what to do, with its settings, as text; data: hash of the document; program: version that does it."""
 
     task: str
@@ -37,10 +37,10 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Result:
+class JobResult:
     """The result of a job. owner: who did it; seconds: of work; content: the result."""
 
-    job: Job
+    job: FleetJob
     owner: str
     finished_at: datetime
     seconds: float
@@ -53,14 +53,14 @@ class Work:
     def __init__(self, engine: sa.Engine) -> None:
         self._engine = engine
 
-    def claim(self, jobs: Sequence[Job], owner: str, now: datetime, for_s: float) -> list[Job]:
+    def claim(self, jobs: Sequence[FleetJob], owner: str, now: datetime, for_s: float) -> list[FleetJob]:
         """Claim jobs; those of the given ones that are this owner's from now on: without a result, and nobody
         else's at this time.
 
         An owner claims its own again to have them for longer.
         """
         until = now + timedelta(seconds=for_s)
-        mine: list[Job] = []
+        mine: list[FleetJob] = []
         with writing(self._engine) as connection:
             for job in sorted(set(jobs) - self._done(connection, jobs), key=lambda each: each.key):
                 if _taken(connection, job.key, owner, now, until):
@@ -68,7 +68,7 @@ class Work:
         order = {job: i for i, job in enumerate(jobs)}
         return sorted(mine, key=lambda each: order[each])
 
-    def finish(self, job: Job, owner: str, content: bytes, now: datetime, seconds: float) -> bool:
+    def finish(self, job: FleetJob, owner: str, content: bytes, now: datetime, seconds: float) -> bool:
         """Keep the result of a job; False where it has one already, which stays as it is."""
         row = {
             "key": job.key,
@@ -87,14 +87,14 @@ class Work:
             return False
         return True
 
-    def done(self, jobs: Sequence[Job]) -> set[Job]:
+    def done(self, jobs: Sequence[FleetJob]) -> set[FleetJob]:
         """The jobs, of those given, that have a result."""
         with reading(self._engine) as connection:
             return self._done(connection, jobs)
 
     def results(
         self, task: str | None = None, data: str | None = None, program: str | None = None
-    ) -> list[Result]:
+    ) -> list[JobResult]:
         """Results of a task, of a document, of a version, oldest first."""
         c = tables.result.c
         question = sa.select(tables.result).order_by(c.finished_at, c.key)
@@ -103,8 +103,8 @@ class Work:
                 question = question.where(column == value)
         with reading(self._engine) as connection:
             return [
-                Result(
-                    Job(row.task, row.data, row.program),
+                JobResult(
+                    FleetJob(row.task, row.data, row.program),
                     row.owner,
                     row.finished_at,
                     row.seconds,
@@ -120,9 +120,9 @@ class Work:
         with reading(self._engine) as connection:
             return list(connection.execute(question.order_by(sa.func.max(c.finished_at))).scalars())
 
-    def _done(self, connection: sa.Connection, jobs: Sequence[Job]) -> set[Job]:
+    def _done(self, connection: sa.Connection, jobs: Sequence[FleetJob]) -> set[FleetJob]:
         column, keys = tables.result.c.key, {job.key: job for job in jobs}
-        wanted, found = list(keys), set[Job]()
+        wanted, found = list(keys), set[FleetJob]()
         for begin in range(0, len(wanted), _MANY):
             some = sa.select(column).where(column.in_(wanted[begin : begin + _MANY]))
             found |= {keys[key] for key in connection.execute(some).scalars()}

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from service import exit_codes
 from service.commands import options
-from service.conformance import Finding, bench_of, promises_of, tried
+from service.conformance import PromiseResult, bench_of, promises_of, tried
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed.terminal import Terminal
 
@@ -34,7 +34,7 @@ def conformance_command(
     Exit code 1 where a promise does not hold. The page 'truepose docs extending' says what a package has to bring.
     """
     options.check_outputs({"--json": json})
-    found: list[Finding] = []
+    found: list[PromiseResult] = []
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         promises = promises_of(bench_of(driver))
         terminal.say(f"{driver}: {promises[0].text}")
@@ -56,7 +56,7 @@ def conformance_command(
         raise typer.Exit(exit_codes.FAILED)
 
 
-def _table(found: Sequence[Finding]) -> Table:
+def _table(found: Sequence[PromiseResult]) -> Table:
     """Promise, whether it holds, and what was seen where it does not."""
     table = Table(box=None, pad_edge=False)
     table.add_column("promise", no_wrap=True)

@@ -23,7 +23,7 @@ import typer
 from acquisition import ScaledClock, pausing_on_interrupt, read_status
 from acquisition.loop import Equipment, LoopEnded, LoopResult, close_loop, rehearsal
 from calib.data import read_dataset
-from calib.diagnose import Diagnosis, diagnose
+from calib.diagnose import DiagnosisFit, diagnose
 from calib.errors import DataError
 from calib.text import replace_file
 from service import exit_codes, wording, written
@@ -32,7 +32,7 @@ from service.commands import options
 from service.commands.models.diagnose import show, write_results
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed import tables
-from service.printed.progress import Progress
+from service.printed.progress import RunProgress
 from service.printed.terminal import Terminal
 from service.private import owner_only
 from service.results.cell import loop_results
@@ -134,7 +134,7 @@ def _on_the_cell(
             ScaledClock(time_scale),
             simulated=True,
             guard=pausing_on_interrupt,
-            listen=lambda run: Progress(run, terminal),
+            listen=lambda run: RunProgress(run, terminal),
         )
         try:
             result = close_loop(equipment, campaign, out, say=terminal.say)
@@ -186,7 +186,7 @@ def _truth(port: int) -> list[dict[str, Any]]:
             return json_module.loads(answers.readline())["effects"]
 
 
-def _reveal(hidden: list[dict[str, Any]], diagnosis: Diagnosis, terminal: Terminal) -> None:
+def _reveal(hidden: list[dict[str, Any]], diagnosis: DiagnosisFit, terminal: Terminal) -> None:
     terminal.out.print(tables.revealed(hidden, diagnosis))
 
 

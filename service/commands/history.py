@@ -14,8 +14,8 @@ import typer
 
 from calib.errors import DataError
 from calib.text import replace_file
-from calib.upkeep import Drift, InUse, Staircase
-from fleet.outbox import Cell, read_data, read_result
+from calib.upkeep import DriftInterval, InUse, Staircase
+from fleet.outbox import CellFolder, read_data, read_result
 from fleet.store import Document, utc_now
 from service import exit_codes, wording
 from service.commands import options
@@ -28,7 +28,7 @@ from service.results.history import read_hours
 from service.results.robots import read_record
 
 if TYPE_CHECKING:
-    from fleet.store import Store  # it loads the database library, which not every command needs
+    from fleet.store import FleetStore  # it loads the database library, which not every command needs
 
 app = typer.Typer(help="Keep the results of robots over the years: trends, causes, dates of the next checks.")
 
@@ -100,7 +100,7 @@ def add_command(
 ) -> None:
     """Keep documents, each once. Exit code 3: one contradicts another of the same thing; both are kept."""
     options.check_outputs({"--json": json}, inputs=files)
-    whose = Cell(socket.gethostname() if cell is None else cell, serial, simulated)
+    whose = CellFolder(socket.gethostname() if cell is None else cell, serial, simulated)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         read: list[tuple[Path, Document]] = []
         for file in files:
@@ -251,7 +251,7 @@ def due_command(
     asked = [
         own if given is None else given for given, own in zip((first, shortest, longest), usual, strict=True)
     ]
-    kind = Staircase if method is Way.staircase else Drift
+    kind = Staircase if method is Way.staircase else DriftInterval
     by = kind(asked[0], permitted, shortest=asked[1], longest=asked[2])
     way, counted = (by, None) if hours is None else (InUse(by), read_hours(hours))
     now = utc_now()
@@ -264,7 +264,7 @@ def due_command(
         raise typer.Exit(exit_codes.NOT_MET)
 
 
-def _documents(file: Path, cell: Cell) -> list[Document]:
+def _documents(file: Path, cell: CellFolder) -> list[Document]:
     """The documents of one file or record. Raises DataError."""
     if file.is_dir():
         if not (file / _RECORD).is_file():
@@ -289,9 +289,9 @@ def _documents(file: Path, cell: Cell) -> list[Document]:
     return found
 
 
-def opened(address: str | None, *, make: bool = False) -> Store:
+def opened(address: str | None, *, make: bool = False) -> FleetStore:
     """The store at an address, or this cell's; `make` it where there is none. Raises DataError."""
-    from fleet.store import Store
+    from fleet.store import FleetStore
 
     own = f"sqlite:///{DEFAULT.absolute()}"
     if make:
@@ -305,4 +305,4 @@ def opened(address: str | None, *, make: bool = False) -> Store:
                 do="Name a store with --store URL, or begin one: truepose history add FILE...",
                 file=file if address else DEFAULT,
             )
-    return Store.open(address or own)
+    return FleetStore.open(address or own)

@@ -15,12 +15,12 @@ import typer
 from calib.compensate import Bounds, Usable
 from calib.errors import DataError
 from calib.prior import TypePrior, load_prior
-from calib.saved import SavedModel, load_model
+from calib.saved import CalibratedModel, load_model
 from calib.text import note_files
 from service import exit_codes, written
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed.terminal import Terminal
-from service.results.judgement.acceptance import NAMES, Acceptance, Limits, read_zones
+from service.results.judgement.acceptance import NAMES, AcceptanceLimits, AcceptanceResult, read_zones
 
 Data = Annotated[
     Path, typer.Argument(metavar="DATA.csv", help="Data set; its header DATA.toml lies beside it.")
@@ -107,12 +107,12 @@ _WRITING = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 LARGEST = (Bounds().turn_deg, Bounds().shift_mm)
 
 
-def limits_of(rms: float | None, largest: float | None, zones: Path | None) -> Limits | None:
+def limits_of(rms: float | None, largest: float | None, zones: Path | None) -> AcceptanceLimits | None:
     """The limits of --accept-rms, --accept-max and --accept-zones; None without any. Raises DataError."""
-    return Limits.of(rms, largest, () if zones is None else read_zones(zones))
+    return AcceptanceLimits.of(rms, largest, () if zones is None else read_zones(zones))
 
 
-def read_model(path: Path, robot_file: Path | None, largest: tuple[float, float]) -> SavedModel:
+def read_model(path: Path, robot_file: Path | None, largest: tuple[float, float]) -> CalibratedModel:
     """A model file for a command. Raises DataError naming file, key or option."""
     if not all(0.0 < value < math.inf for value in largest):
         raise DataError("is no bound.", do="Give DEG MM, above zero.", key="--largest-correction")
@@ -121,7 +121,7 @@ def read_model(path: Path, robot_file: Path | None, largest: tuple[float, float]
 
 def read_for_use(
     path: Path, robot_file: Path | None, largest: tuple[float, float], *, named_only: bool
-) -> tuple[SavedModel, Usable]:
+) -> tuple[CalibratedModel, Usable]:
     """A model file for corrections, and what it leaves out of the whole model. Raises DataError."""
     saved = read_model(path, robot_file, largest)
     return saved.for_use(named_only=named_only, bounds=Bounds(*largest))
@@ -132,7 +132,7 @@ def read_prior(path: Path | None) -> TypePrior | None:
     return None if path is None else load_prior(path)
 
 
-def note_without_regression(saved: SavedModel, terminal: Terminal) -> None:
+def note_without_regression(saved: CalibratedModel, terminal: Terminal) -> None:
     """Say that a command leaves out the regression of a model, where there is one."""
     if saved.regression is not None:
         terminal.note("truepose: the regression in the model is left out: only compensate uses it")
@@ -221,7 +221,7 @@ def write_result(document: Mapping[str, Any], json: str | None, terminal: Termin
     terminal.begin("writing")
 
 
-def finish(acceptance: Acceptance | None, terminal: Terminal) -> None:
+def finish(acceptance: AcceptanceResult | None, terminal: Terminal) -> None:
     """End a command by its acceptance. Raises typer.Exit with NOT_MET for a verdict other than accepted."""
     if acceptance is not None and acceptance.verdict != "accepted":
         terminal.note(f"truepose: {NAMES[acceptance.verdict].lower()}: {' '.join(acceptance.sentences)}")

@@ -36,7 +36,7 @@ from service.private import (
 )
 
 if TYPE_CHECKING:
-    from service.http.access.roles import Settings
+    from service.http.access.roles import ServiceSettings
 
 _APP = "service.http.app"
 _ADDRESS = r"https?://\S+, process \d+\n"
@@ -109,7 +109,7 @@ def serve(
             from service.simulated_cell import simulated_cell
 
             simulated = stack.enter_context(simulated_cell(the_cell))
-        from service.http.access.roles import Settings
+        from service.http.access.roles import ServiceSettings
         from service.http.app import create_app
         from service.http.server import run_server
 
@@ -119,7 +119,7 @@ def serve(
             from acquisition.examination import note_low_priority
 
             note_low_priority()
-        settings = Settings(
+        settings = ServiceSettings(
             record=record,
             tokens=tokens,
             token_file=(token_file or record / NAME).absolute(),
@@ -184,7 +184,7 @@ def _lock_in_kernel(held: ExitStack, folder: Path) -> bool:
     return True
 
 
-def _for_programs(settings: Settings, url: str) -> str:
+def _for_programs(settings: ServiceSettings, url: str) -> str:
     hello = {
         "url": url,
         "token": settings.tokens.operator,
@@ -194,7 +194,7 @@ def _for_programs(settings: Settings, url: str) -> str:
     return dumps(hello)
 
 
-def _for_people(settings: Settings, url: str) -> str:
+def _for_people(settings: ServiceSettings, url: str) -> str:
     cell = "no cell: nothing can be measured" if settings.cell is None else f"the cell {settings.cell.name}"
     simulated = "" if settings.simulated is None else ", SIMULATED"
     return "\n".join(

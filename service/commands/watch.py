@@ -21,9 +21,9 @@ from service.files import STANDARD_OUTPUT
 from service.printed.terminal import Terminal
 from service.printed.watch_tables import plan_tables, upkeep_tables, verdict_tables
 from service.private import owner_only
-from service.results.upkept import Upkeep, UpkeepQuestion
-from service.results.watch_plan import Planned, PlanQuestion, refuse_plan
-from service.results.watched import JudgeQuestion, Watched
+from service.results.upkept import ThermalUpdateRequest, ThermalUpdateSummary
+from service.results.watch_plan import PlannedWatch, WatchPlanRequest, refuse_plan
+from service.results.watched import WatchRequest, WatchResultSummary
 
 app = typer.Typer(help="Check with a few poses whether a robot has changed.")
 
@@ -135,7 +135,7 @@ def plan_command(
         None if targets is None else tuple(dict.fromkeys(n.strip() for n in targets.split(",") if n.strip()))
     )
     balls = () if touch is None else tuple(dict.fromkeys(n.strip() for n in touch.split(",") if n.strip()))
-    asked = PlanQuestion(
+    asked = WatchPlanRequest(
         poses,
         candidates,
         names,
@@ -151,7 +151,7 @@ def plan_command(
     )
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         saved = options.read_model(model, robot, options.LARGEST)
-        found = Planned.of(read_cell(cell), cell, saved, model, asked, terminal.say)
+        found = PlannedWatch.of(read_cell(cell), cell, saved, model, asked, terminal.say)
         options.write_result(found.document(), json, terminal)
         for path, text in found.files(out).items():
             replace_file(path, text)
@@ -237,8 +237,8 @@ def judge_command(
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         saved = options.read_model(model, robot, options.LARGEST)
         options.note_without_regression(saved, terminal)
-        asked = JudgeQuestion(history, update, rate, not new_frame, allow_missing, running_s)
-        found = Watched.of(read_dataset(data), saved, model, asked, terminal.say)
+        asked = WatchRequest(history, update, rate, not new_frame, allow_missing, running_s)
+        found = WatchResultSummary.of(read_dataset(data), saved, model, asked, terminal.say)
         options.write_result(found.document(), json, terminal)
         terminal.rest()
         for shown in verdict_tables(found):
@@ -276,8 +276,8 @@ def upkeep_command(
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         saved = options.read_model(model, robot, options.LARGEST)
         options.note_without_regression(saved, terminal)
-        asked = UpkeepQuestion(update, rate, running_s, allow_missing)
-        found = Upkeep.of(read_dataset(data), saved, model, asked, terminal.say)
+        asked = ThermalUpdateRequest(update, rate, running_s, allow_missing)
+        found = ThermalUpdateSummary.of(read_dataset(data), saved, model, asked, terminal.say)
         options.write_result(found.document(), json, terminal)
         terminal.rest()
         for shown in upkeep_tables(found):

@@ -13,16 +13,16 @@ from service.conformance.bench import (
     SimulatedRobot,
     StepsClock,
 )
-from service.conformance.common import SLACK_S, Broken, Rig
-from service.conformance.suite import Finding, Promise, bench_of, promises_of, tried, tried_once
+from service.conformance.common import SLACK_S, DriverRig, RequirementFailed
+from service.conformance.suite import PromiseResult, Requirement, bench_of, promises_of, tried, tried_once
 
 __all__ = [
     "SLACK_S",
-    "Broken",
-    "Finding",
+    "DriverRig",
     "InstrumentBench",
-    "Promise",
-    "Rig",
+    "PromiseResult",
+    "Requirement",
+    "RequirementFailed",
     "RobotBench",
     "SimulatedInstrument",
     "SimulatedRobot",

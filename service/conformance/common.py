@@ -28,7 +28,7 @@ _ASK_AGAIN_S = 0.02  # no driver reports the end of a watchdog: it is asked unti
 
 
 @dataclass
-class Heard:
+class WireByteCount:
     """Counts the bytes that a driver puts on the record of its wire, by direction."""
 
     bytes: dict[str, int] = field(default_factory=dict)
@@ -68,7 +68,7 @@ def says_who_it_is(device: Device) -> None:
     refused(LinkError, "identify after disconnect", device.identify)
 
 
-def puts_bytes_on_record(heard: Heard) -> None:
+def puts_bytes_on_record(heard: WireByteCount) -> None:
     """Both directions of the wire. Raises Broken."""
     for direction, words in ((">", "to the device"), ("<", "from it")):
         hold(heard.bytes.get(direction, 0) > 0, f"no byte {words} was given to `wire`")
@@ -82,14 +82,14 @@ def only_ours(what: str, act: Callable[[], object]) -> None:
         hold(bool(error.what_to_do), f"{what}: {type(error).__name__} does not say what to do")
 
 
-class Broken(AssertionError):
+class RequirementFailed(AssertionError):
     """A promise that does not hold, and what was seen instead, in a sentence."""
 
 
 def hold(condition: bool, otherwise: str) -> None:
     """Raise Broken with the sentence `otherwise` unless the condition is true."""
     if not condition:
-        raise Broken(otherwise)
+        raise RequirementFailed(otherwise)
 
 
 def refused(
@@ -103,12 +103,14 @@ def refused(
     except wanted as error:
         return error
     except AcquisitionError as error:
-        raise Broken(f"{what} ended in {type(error).__name__} ({error.message}), {right} is right") from error
-    raise Broken(f"{what} was not refused, {right} is right")
+        raise RequirementFailed(
+            f"{what} ended in {type(error).__name__} ({error.message}), {right} is right"
+        ) from error
+    raise RequirementFailed(f"{what} was not refused, {right} is right")
 
 
 @dataclass
-class Rig:
+class DriverRig:
     """A driver behind a proxy. `ask(i)` puts question i and returns by how much it missed the truth.
 
     `do`: an order to the simulator by its name (`restart`, `clock_step` with `by_s`). `patient` and `hasty`: values of

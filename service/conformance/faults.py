@@ -18,7 +18,7 @@ from drivers import (
     ProtocolError,
     Unmeasurable,
 )
-from service.conformance.common import SLACK_S, Broken, Rig, hold, refused
+from service.conformance.common import SLACK_S, DriverRig, RequirementFailed, hold, refused
 
 # What the fault may end in where it hits; a right reading is always allowed as well, unless listed in LOUD.
 CLASSES: dict[str, tuple[type[AcquisitionError], ...]] = {
@@ -45,13 +45,13 @@ LOUD = {"half", "half_close", "close", "reset", "black_hole", "garbage", "reboot
 MANY = 120
 
 
-def right(rig: Rig, question: int) -> None:
+def right(rig: DriverRig, question: int) -> None:
     """Put one question. Raises Broken for a wrong answer, AcquisitionError where there is none."""
     miss = rig.ask(question)
     hold(miss <= rig.tolerance, f"question {question} was answered wrongly, by {miss:.4g}")
 
 
-def well(rig: Rig, question: int) -> None:
+def well(rig: DriverRig, question: int) -> None:
     """The rig without a fault: connect, arm, and one question. Raises Broken."""
     rig.proxy.heal()
     rig.be_patient()
@@ -59,7 +59,7 @@ def well(rig: Rig, question: int) -> None:
     right(rig, question)
 
 
-def one_fault(rig: Rig, fault: str, after: int, *, quiet: bool = False) -> None:
+def one_fault(rig: DriverRig, fault: str, after: int, *, quiet: bool = False) -> None:
     """One message is spoiled, the one behind `after` others. Raises Broken.
 
     quiet: this fault need not be noticed on this wire. Errors name device and command, and say what to do.
@@ -79,7 +79,9 @@ def one_fault(rig: Rig, fault: str, after: int, *, quiet: bool = False) -> None:
             break
         except AcquisitionError as error:
             allowed = " or ".join(kind.__name__ for kind in CLASSES[fault]) or "no error"
-            raise Broken(f"{type(error).__name__} ({error.message}), {allowed} is right") from error
+            raise RequirementFailed(
+                f"{type(error).__name__} ({error.message}), {allowed} is right"
+            ) from error
     took_s = time.monotonic() - begin
     hold(rig.proxy.spoiled == hit + 1, f"three questions took fewer than {after + 1} answers")
     hold(took_s < 3 * rig.longest_s + SLACK_S, f"ended after {took_s:.1f} s")
@@ -89,7 +91,7 @@ def one_fault(rig: Rig, fault: str, after: int, *, quiet: bool = False) -> None:
     well(rig, 50)
 
 
-def explained(error: AcquisitionError, rig: Rig) -> None:
+def explained(error: AcquisitionError, rig: DriverRig) -> None:
     """An error says whose it is, during what, and what a person does. Raises Broken."""
     name = type(error).__name__
     hold(error.device.startswith(rig.driver.name), f"{name} names the device '{error.device}'")
@@ -98,7 +100,7 @@ def explained(error: AcquisitionError, rig: Rig) -> None:
 
 
 def many_questions(
-    rig: Rig, faults: Sequence[str], *, questions: int = MANY, rate: float = 0.03
+    rig: DriverRig, faults: Sequence[str], *, questions: int = MANY, rate: float = 0.03
 ) -> tuple[int, int]:
     """Put questions, messages spoiled by any of the faults. How many were answered, and failed. Raises Broken."""
     rig.proxy.heal()
@@ -123,7 +125,7 @@ def many_questions(
     return good, bad
 
 
-def booting(rig: Rig) -> None:
+def booting(rig: DriverRig) -> None:
     """A device that accepts and closes is lost, and works at once when it is up. Raises Broken."""
     rig.be_patient()
     rig.proxy.refuse()
@@ -134,7 +136,7 @@ def booting(rig: Rig) -> None:
     hold(took_s < SLACK_S, f"works {took_s:.1f} s later")
 
 
-def clock_steps(rig: Rig) -> None:
+def clock_steps(rig: DriverRig) -> None:
     """A clock that jumps costs one reading, and not every one behind it. Raises Broken."""
     well(rig, 0)
     for i, by_s in enumerate((-3600.0, 3600.0, 7200.0, -7200.0, -1e6), start=1):
@@ -146,7 +148,7 @@ def clock_steps(rig: Rig) -> None:
             right(rig, i)
 
 
-def damaged_requests(rig: Rig, fault: str, *, rate: float, questions: int = 20) -> int:
+def damaged_requests(rig: DriverRig, fault: str, *, rate: float, questions: int = 20) -> int:
     """Put questions, requests spoiled on their way: nothing wrong is read, and without a fault the next is answered.
     How many failed. Raises Broken."""
     spoiled, failures = rig.proxy.spoiled, 0

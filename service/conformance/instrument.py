@@ -24,7 +24,7 @@ from drivers import (
 from mocks.faultproxy import FaultProxy
 from service.conformance import common
 from service.conformance.bench import InstrumentBench, SimulatedInstrument, StepsClock
-from service.conformance.common import Rig, hold, refused
+from service.conformance.common import DriverRig, hold, refused
 
 SAMPLES = 10
 
@@ -92,7 +92,7 @@ def trial(bench: InstrumentBench) -> Iterator[InstrumentTrial]:
 
 
 @contextmanager
-def rig(bench: InstrumentBench) -> Iterator[Rig]:
+def rig(bench: InstrumentBench) -> Iterator[DriverRig]:
     """The driver behind a proxy. Question i: measure one of its targets."""
     with trial(bench) as on:
 
@@ -105,7 +105,7 @@ def rig(bench: InstrumentBench) -> Iterator[Rig]:
 
         proxy = on.stack.enter_context(FaultProxy(on.instrument.port, boundary=bench.end, device=do))
         meter = on.meter(on.url(proxy.port))
-        yield Rig(
+        yield DriverRig(
             meter,
             proxy,
             do,
@@ -189,7 +189,7 @@ def stops_at_any_time(on: InstrumentTrial) -> None:
 
 def puts_bytes_on_record(on: InstrumentTrial) -> None:
     """The driver hands every byte of the wire to its record. Raises Broken."""
-    heard = common.Heard()
+    heard = common.WireByteCount()
     on.miss(on.ready(wire=heard), 0)
     common.puts_bytes_on_record(heard)
 

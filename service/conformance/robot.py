@@ -27,7 +27,7 @@ from drivers import (
 from mocks.faultproxy import FaultProxy
 from service.conformance import common
 from service.conformance.bench import RobotBench, SimulatedRobot
-from service.conformance.common import Broken, Rig, hold, refused
+from service.conformance.common import DriverRig, RequirementFailed, hold, refused
 
 FAST, SLOW = 1e5, 2.0  # deg/s: at once, and slowly enough for a busy machine to stop it on its way
 POSES = 10
@@ -83,7 +83,7 @@ def trial(bench: RobotBench) -> Iterator[RobotTrial]:
 
 
 @contextmanager
-def rig(bench: RobotBench) -> Iterator[Rig]:
+def rig(bench: RobotBench) -> Iterator[DriverRig]:
     """The driver behind a proxy. Question i: go to a pose of its own, and read it back."""
     with trial(bench) as on:
         orders: dict[str, Callable[..., object]] = {"restart": on.robot.restart, "reboot": on.robot.restart}
@@ -110,7 +110,7 @@ def rig(bench: RobotBench) -> Iterator[Rig]:
                 if all(_apart(sent, goal) > bench.tolerance_deg for goal in goals)
             ]
 
-        yield Rig(
+        yield DriverRig(
             arm,
             proxy,
             do,
@@ -255,7 +255,7 @@ def disconnect_ends_a_move(on: RobotTrial) -> None:
 
 def puts_bytes_on_record(on: RobotTrial) -> None:
     """The driver hands every byte of the wire to its record. Raises Broken."""
-    heard = common.Heard()
+    heard = common.WireByteCount()
     on.ready(wire=heard).position()
     common.puts_bytes_on_record(heard)
 
@@ -301,7 +301,7 @@ def _under_way(on: RobotTrial, arm: RobotArm) -> Future[object]:
     threading.Thread(target=run, daemon=True).start()
     try:
         _wait(lambda: on.robot.moving() or move.done(), "the move did not begin")
-    except Broken:
+    except RequirementFailed:
         with suppress(AcquisitionError):
             arm.disconnect()
         raise

@@ -20,7 +20,7 @@ from drivers import ConfigError, installed
 from mocks.faultproxy import FAULTS, REQUEST_FAULTS
 from service.conformance import faults, instrument, robot
 from service.conformance.bench import InstrumentBench, RobotBench, StepsClock
-from service.conformance.common import Broken, Rig, hold
+from service.conformance.common import DriverRig, RequirementFailed, hold
 
 GROUP = "truepose.benches"
 LIMIT_S = 120.0  # beyond what the deadlines of ten questions allow, for one promise
@@ -30,7 +30,7 @@ Bench = RobotBench | InstrumentBench
 
 
 @dataclass(frozen=True)
-class Promise:
+class Requirement:
     """A sentence about a driver, and what raises where it does not hold. `binding`: it is held against the driver."""
 
     text: str
@@ -39,7 +39,7 @@ class Promise:
 
 
 @dataclass(frozen=True)
-class Finding:
+class PromiseResult:
     """The finding on one promise. holds: None where it does not, and the wire cannot do better. seconds: it took."""
 
     promise: str
@@ -65,19 +65,20 @@ def bench_of(driver: str) -> Bench:
     return found[driver]
 
 
-def promises_of(bench: Bench) -> list[Promise]:
+def promises_of(bench: Bench) -> list[Requirement]:
     """The promises that the suite tries of it, in order."""
     if isinstance(bench, RobotBench):
-        named = [Promise(text, partial(_on_robot, bench, act)) for text, act in robot.PROMISES.items()]
+        named = [Requirement(text, partial(_on_robot, bench, act)) for text, act in robot.PROMISES.items()]
         rig = partial(robot.rig, bench)
     else:
         named = [
-            Promise(text, partial(_on_instrument, bench, act)) for text, act in instrument.PROMISES.items()
+            Requirement(text, partial(_on_instrument, bench, act))
+            for text, act in instrument.PROMISES.items()
         ]
         rig = partial(instrument.rig, bench)
     answers = [fault for fault in FAULTS if fault != "clock_step" or isinstance(bench, InstrumentBench)]
     mixed = [fault for fault in answers if fault not in (*bench.unseen, *SLOW_FAULTS)]
-    with_rig: list[tuple[str, Callable[[Rig], object], bool]] = [
+    with_rig: list[tuple[str, Callable[[DriverRig], object], bool]] = [
         ("one that boots is lost, then works", faults.booting, True),
         *((_words(fault), partial(_one, fault), fault not in bench.unseen) for fault in answers),
         ("many questions, any fault", lambda rig: faults.many_questions(rig, mixed), True),
@@ -88,10 +89,10 @@ def promises_of(bench: Bench) -> list[Promise]:
     ]
     if isinstance(bench, InstrumentBench):
         with_rig.append(("a clock that jumps costs one reading", partial(_clock, bench), True))
-    return named + [Promise(text, partial(_on_rig, rig, act), binding) for text, act, binding in with_rig]
+    return named + [Requirement(text, partial(_on_rig, rig, act), binding) for text, act, binding in with_rig]
 
 
-def tried(driver: str) -> Iterator[Finding]:
+def tried(driver: str) -> Iterator[PromiseResult]:
     """Try every promise of the driver of that name. Raises ConfigError where it has no bench."""
     bench = bench_of(driver)
     count, limit_s = len(promises_of(bench)), LIMIT_S + 10.0 * bench.longest_s
@@ -115,17 +116,17 @@ def tried(driver: str) -> Iterator[Finding]:
             ours.close()
 
 
-def _received(ours: Connection, promises: Iterable[Promise], limit_s: float) -> Iterator[Finding]:
+def _received(ours: Connection, promises: Iterable[Requirement], limit_s: float) -> Iterator[PromiseResult]:
     """The findings of the child, up to where it hangs or ends."""
     for promise in promises:
         begin = time.monotonic()
         if not ours.poll(limit_s):
-            yield Finding(promise.text, False, f"did not end within {limit_s:.0f} s", limit_s)
+            yield PromiseResult(promise.text, False, f"did not end within {limit_s:.0f} s", limit_s)
             return
         try:
             yield ours.recv()
         except EOFError:
-            yield Finding(promise.text, False, "its process ended", time.monotonic() - begin)
+            yield PromiseResult(promise.text, False, "its process ended", time.monotonic() - begin)
             return
 
 
@@ -136,16 +137,16 @@ def _try_all(driver: str, first: int, out: Connection) -> None:
         out.send(tried_once(promise))
 
 
-def tried_once(promise: Promise) -> Finding:
+def tried_once(promise: Requirement) -> PromiseResult:
     """Try one promise. Any exception of the driver is a finding, because it is the code of others."""
     begin = time.monotonic()
     with ThreadPoolExecutor(1) as threads:
         error = threads.submit(promise.act).exception()
     seconds = time.monotonic() - begin
     if error is None:
-        return Finding(promise.text, True, "", seconds)
-    seen = str(error) if isinstance(error, Broken) else f"{type(error).__name__}: {error}"
-    return Finding(promise.text, False if promise.binding else None, seen, seconds)
+        return PromiseResult(promise.text, True, "", seconds)
+    seen = str(error) if isinstance(error, RequirementFailed) else f"{type(error).__name__}: {error}"
+    return PromiseResult(promise.text, False if promise.binding else None, seen, seconds)
 
 
 def _on_robot(bench: RobotBench, act: Callable[[robot.RobotTrial], None]) -> None:
@@ -158,18 +159,20 @@ def _on_instrument(bench: InstrumentBench, act: Callable[[instrument.InstrumentT
         act(on)
 
 
-def _on_rig(make: Callable[[], AbstractContextManager[Rig]], act: Callable[[Rig], object]) -> None:
+def _on_rig(
+    make: Callable[[], AbstractContextManager[DriverRig]], act: Callable[[DriverRig], object]
+) -> None:
     with make() as rig:
         act(rig)
 
 
-def _one(fault: str, rig: Rig) -> None:
+def _one(fault: str, rig: DriverRig) -> None:
     """The fault at the first, the second and the third answer."""
     for after in range(POSITIONS):
         faults.one_fault(rig, fault, after)
 
 
-def _damaged(bench: Bench, fault: str, rig: Rig) -> None:
+def _damaged(bench: Bench, fault: str, rig: DriverRig) -> None:
     """Damaged requests: nothing wrong is read, and the arm goes nowhere else."""
     faults.damaged_requests(rig, fault, rate=0.1 if isinstance(bench, RobotBench) else 0.3)
     if isinstance(bench, RobotBench) and not bench.moves_at_once:
@@ -177,7 +180,7 @@ def _damaged(bench: Bench, fault: str, rig: Rig) -> None:
         hold(not sent, f"the arm was sent elsewhere {len(sent)} times")
 
 
-def _clock(bench: InstrumentBench, rig: Rig) -> None:
+def _clock(bench: InstrumentBench, rig: DriverRig) -> None:
     with bench.simulate() as device:
         steps = isinstance(device, StepsClock)
     if steps:

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from calib.arm import Robot
 from calib.array import Array
-from calib.compensate import Carried, constant_slots, joint_origins, poses_with
+from calib.compensate import RepresentableModel, constant_slots, joint_origins, poses_with
 from calib.errors import DataError
 from calib.robot_file import chain_of, urdf_of
 from calib.text import parse_xml
@@ -41,7 +41,7 @@ _METRE = 1000.0
 
 
 @dataclass(frozen=True)
-class Export:
+class ExportRequest:
     """An export: the robot, how its controller counts, what is carried, lines about it, and the robot's hash.
 
     simulated: the model was identified from simulators; a table of numbers has no place for lines and gets a column.
@@ -49,7 +49,7 @@ class Export:
 
     robot: Robot
     coupling: str
-    carried: Carried
+    carried: RepresentableModel
     about: tuple[str, ...]
     hash: str | None
     simulated: bool = False
@@ -61,8 +61,8 @@ class Format:
     gives at `carried.joints`, mm; says: what it carries, for people."""
 
     holds: Callable[[Robot], tuple[str, ...]]
-    writes: Callable[[Export], str]
-    reads: Callable[[str, Export], Array]
+    writes: Callable[[ExportRequest], str]
+    reads: Callable[[str, ExportRequest], Array]
     says: str
 
 
@@ -83,7 +83,7 @@ def _ur_slots(robot: Robot) -> tuple[str, ...]:
     return tuple(s for s in constant_slots(robot) if s not in behind and not s.startswith("tool."))
 
 
-def _ur_yaml(export: Export) -> str:
+def _ur_yaml(export: ExportRequest) -> str:
     robot = export.robot
     if not robot.maker.casefold().startswith("universal robots") or robot.joints != 6:
         raise DataError(
@@ -106,7 +106,7 @@ def _ur_yaml(export: Export) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _ur_yaml_read(text: str, export: Export) -> Array:
+def _ur_yaml_read(text: str, export: ExportRequest) -> Array:
     numbers = np.array(re.findall(r"^    \w+: (\S+)$", text, re.MULTILINE), dtype=float).reshape(6, 6)
     reached = np.eye(4)
     for (*place, roll, pitch, yaw), angles in zip(numbers, export.carried.joints.T, strict=True):
@@ -120,7 +120,7 @@ def _ur_yaml_read(text: str, export: Export) -> Array:
     return reached @ joint_origins(export.robot, {})[1]
 
 
-def _urdf(export: Export) -> str:
+def _urdf(export: ExportRequest) -> str:
     robot = export.robot
     origins, tip = joint_origins(robot, export.carried.values)
     lower, upper = _model_limits(robot, export.coupling)
@@ -152,7 +152,7 @@ def _urdf(export: Export) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _urdf_read(text: str, export: Export) -> Array:
+def _urdf_read(text: str, export: ExportRequest) -> Array:
     return chain_of(urdf_of(parse_xml(text, "URDF"), Path("URDF"))).forward(export.carried.joints)
 
 
@@ -178,7 +178,7 @@ def _model_limits(robot: Robot, coupling: str) -> tuple[Array, Array]:
     return offset + ends.min(axis=2).sum(axis=1), offset + ends.max(axis=2).sum(axis=1)
 
 
-def _dh_rows(export: Export) -> tuple[list[list[float]], list[float]]:
+def _dh_rows(export: ExportRequest) -> tuple[list[list[float]], list[float]]:
     """alpha, beta, a, theta, d of every link, deg and mm; x, y, z, rx, ry, rz of the base."""
     robot, values = export.robot, export.carried.values
     links = []
@@ -202,7 +202,7 @@ def _convention(robot: Robot) -> str:
     )
 
 
-def _dh_csv(export: Export) -> str:
+def _dh_csv(export: ExportRequest) -> str:
     links, base = _dh_rows(export)
     blank = ",,,,,"
     lines = ["frame,alpha_deg,beta_deg,a_mm,theta_deg,d_mm,x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg,convention"]
@@ -212,17 +212,17 @@ def _dh_csv(export: Export) -> str:
     return _table(lines, export)
 
 
-def _dh_csv_read(text: str, export: Export) -> Array:
+def _dh_csv_read(text: str, export: ExportRequest) -> Array:
     base, *links = [row.split(",") for row in text.splitlines()[1:]]
     return _dh_poses([row[1:6] for row in links], base[6:12], export)
 
 
-def _dh_markdown_read(text: str, export: Export) -> Array:
+def _dh_markdown_read(text: str, export: ExportRequest) -> Array:
     rows = [line.split("|")[1:-1] for line in text.splitlines() if re.match(r"\| -?\d", line)]
     return _dh_poses([row[1:] for row in rows[:-1]], rows[-1], export)
 
 
-def _dh_poses(links: Sequence[Sequence[str]], base: Sequence[str], export: Export) -> Array:
+def _dh_poses(links: Sequence[Sequence[str]], base: Sequence[str], export: ExportRequest) -> Array:
     """(n, 4, 4) of the flange with the numbers of `_dh_rows`."""
     robot = export.robot
     changes = {
@@ -241,7 +241,7 @@ def _dh_poses(links: Sequence[Sequence[str]], base: Sequence[str], export: Expor
     return poses_with(robot, export.carried.joints, changes)
 
 
-def _dh_markdown(export: Export) -> str:
+def _dh_markdown(export: ExportRequest) -> str:
     links, base = _dh_rows(export)
     lines = [f"# {export.robot.name}: DH parameters", "", *(f"{line}  " for line in export.about), ""]
     lines += [f"Convention: {_convention(export.robot)}. q: the joint angle of the model.", ""]
@@ -254,7 +254,7 @@ def _dh_markdown(export: Export) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _mastering(export: Export) -> str:
+def _mastering(export: ExportRequest) -> str:
     robot = export.robot
     offsets = np.array([export.carried.values.get(slot, 0.0) for slot in _theta_slots(robot)])
     # The offset of the joint matrix is no error: only its turns carry over.
@@ -268,7 +268,7 @@ def _mastering(export: Export) -> str:
     return _table(lines, export)
 
 
-def _mastering_read(text: str, export: Export) -> Array:
+def _mastering_read(text: str, export: ExportRequest) -> Array:
     counted = np.array([[float(row.split(",")[1]) for row in text.splitlines()[1:]]]) * DEG
     robot, coupling = export.robot, export.coupling
     offsets = robot.model_angles(counted, coupling) - robot.model_angles(np.zeros_like(counted), coupling)
@@ -277,7 +277,7 @@ def _mastering_read(text: str, export: Export) -> Array:
     )
 
 
-def _table(lines: Sequence[str], export: Export) -> str:
+def _table(lines: Sequence[str], export: ExportRequest) -> str:
     heading, *rows = lines
     if export.simulated:
         heading, rows = f"{heading},simulated", [f"{row},yes" for row in rows]

@@ -11,12 +11,12 @@ import numpy as np
 
 from calib.arm import refuse_slides
 from calib.array import Array
-from calib.compensate import Carried, Usable, carried, poses_with
+from calib.compensate import RepresentableModel, Usable, carried, poses_with
 from calib.data import Dataset
 from calib.errors import DataError
 from calib.fit import ErrorStatistics
-from calib.saved import SIMULATED, SavedModel
-from service.exports.formats import FORMATS, Export
+from calib.saved import SIMULATED, CalibratedModel
+from service.exports.formats import FORMATS, ExportRequest
 from service.programs.compensation import of_carried
 from service.programs.conditions import stated_conditions
 
@@ -27,7 +27,7 @@ _NAMED = 6  # parameters named in one line; the document names all
 
 
 @dataclass(frozen=True)
-class Written:
+class ExportedFile:
     """The file's text, the document for programs, and lines for people: `about` the file, and `notes` of caution."""
 
     text: str
@@ -43,17 +43,17 @@ def refuse_unknown(kind: str) -> None:
 
 
 def written(
-    saved: SavedModel,
+    saved: CalibratedModel,
     usable: Usable,
     name: str,
     kind: str,
     conditions: str | None,
     robot_hash: str | None,
     data: Dataset | None = None,
-) -> Written:
+) -> ExportedFile:
     """Write the model that people know by `name`. Raises DataError.
 
-    saved, usable: the model for corrections and what it leaves out (`SavedModel.for_use`); kind: one of FORMATS;
+    saved, usable: the model for corrections and what it leaves out (`CalibratedModel.for_use`); kind: one of FORMATS;
     conditions: as `stated_conditions` takes them; robot_hash: that of a UR's own calibration; data: readings in whose
     postures the file shall be close, None for random ones within the limits.
     """
@@ -71,7 +71,7 @@ def written(
     )
     held_out = saved.held_out_rms_mm
     # Read back, a file states the error of its own numbers; the lines about it are in no reader's way
-    export = Export(robot, saved.coupling, found, (), robot_hash, saved.simulated)
+    export = ExportRequest(robot, saved.coupling, found, (), robot_hash, saved.simulated)
     loss, nominal = (
         found.off(form.reads(form.writes(export), export)),
         found.off(poses_with(robot, found.joints, {})),
@@ -116,10 +116,10 @@ def written(
         **of_carried(usable),
         "warnings": list(stated.notes),
     }
-    return Written(text, document, about, stated.notes)
+    return ExportedFile(text, document, about, stated.notes)
 
 
-def _measured(saved: SavedModel) -> Array | None:
+def _measured(saved: CalibratedModel) -> Array | None:
     """(n, N) joints drawn within the ranges in which the model was identified; None where it does not say them."""
     ranges, robot = saved.holds_for.get("joints"), saved.model.robot
     if ranges is None:
@@ -129,7 +129,7 @@ def _measured(saved: SavedModel) -> Array | None:
     return robot.model_angles(counted, saved.coupling)
 
 
-def _postures(data: Dataset, saved: SavedModel) -> Array:
+def _postures(data: Dataset, saved: CalibratedModel) -> Array:
     """(n, N) joints of the readings that may enter a fit. Raises DataError for another robot, or too few."""
     if data.header.robot.name != saved.model.robot.name:
         raise DataError(
@@ -148,7 +148,7 @@ def _postures(data: Dataset, saved: SavedModel) -> Array:
 
 
 def _about(
-    found: Carried,
+    found: RepresentableModel,
     off: tuple[ErrorStatistics, ErrorStatistics],
     where: str,
     says: str,

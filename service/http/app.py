@@ -9,10 +9,10 @@ from importlib.metadata import version
 import anyio.to_thread
 from fastapi import FastAPI
 
-from service.http.access.account import Account, Counted
-from service.http.access.gate import Gate
-from service.http.access.lanes import Lanes
-from service.http.access.roles import Settings
+from service.http.access.account import RequestCounters, RequestMetrics
+from service.http.access.gate import AccessGate
+from service.http.access.lanes import RequestLanes
+from service.http.access.roles import ServiceSettings
 from service.http.routes import (
     campaign_file_routes,
     campaign_routes,
@@ -41,7 +41,7 @@ from service.http.wire import problems
 from service.http.wire.paths import PREFIX
 
 
-def create_app(settings: Settings) -> FastAPI:
+def create_app(settings: ServiceSettings) -> FastAPI:
     """The service of one record directory."""
 
     @asynccontextmanager
@@ -87,9 +87,9 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(docs_page.router)
     app.include_router(metrics_routes.router)
     problems.install(app)
-    app.add_middleware(Lanes)
-    app.add_middleware(Gate, settings=settings)  # before the lanes: who may not ask takes nobody's turn
-    app.state.account = Account()
-    app.add_middleware(Counted, account=app.state.account)  # outside all: what is refused counts too
+    app.add_middleware(RequestLanes)
+    app.add_middleware(AccessGate, settings=settings)  # before the lanes: who may not ask takes nobody's turn
+    app.state.account = RequestCounters()
+    app.add_middleware(RequestMetrics, account=app.state.account)  # outside all: what is refused counts too
     describe(app)
     return app

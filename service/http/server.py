@@ -36,7 +36,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from calib.errors import DataError
 from service import exit_codes
-from service.http.access.gate import Known
+from service.http.access.gate import TokenRoles
 from service.http.runs.book import SERVICE_ENDS
 
 GRACE_S = 3  # for answers under way when the service ends
@@ -79,7 +79,7 @@ def most_connections() -> int:
 class Door:
     """Who is connected, whose turn it is, and who goes when there are too many. tokens: those that are known."""
 
-    def __init__(self, most: int, clock: Callable[[], float], tokens: Known) -> None:
+    def __init__(self, most: int, clock: Callable[[], float], tokens: TokenRoles) -> None:
         self._most, self._clock, self._tokens = most, clock, tokens
         self._crowd = OrderedDict[Connection, None]()  # those with data that wait for a turn
         # Oldest first; who is met there as known by now is moved on when room is made
@@ -322,7 +322,7 @@ def _quietly(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         loop.default_exception_handler(context)
 
 
-def run_server(app: FastAPI, address: str, port: int, tokens: Known, hello: Callable[[str], str]) -> int:
+def run_server(app: FastAPI, address: str, port: int, tokens: TokenRoles, hello: Callable[[str], str]) -> int:
     """Serve on a port of an address until SIGINT, SIGTERM or SIGHUP; an exit code. hello: what to print once it is
     ready, from its URL; tokens: with which a request is read before those of strangers.
 

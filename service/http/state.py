@@ -17,18 +17,18 @@ import acquisition
 from acquisition import Cell, Devices, open_devices
 from service.http.access.audit import Audit
 from service.http.access.motion_lease import MotionLease
-from service.http.access.roles import Settings
-from service.http.runs.book import Book
-from service.http.runs.glances import Glances
-from service.http.runs.loops import Loops
+from service.http.access.roles import ServiceSettings
+from service.http.runs.book import RunManager
+from service.http.runs.glances import RunCache
+from service.http.runs.loops import LoopStore
 from service.http.wire.problems import Problem
-from service.http.work.campaigns import Shelf
-from service.http.work.datasets import Datasets
-from service.http.work.deletions import Deletions
-from service.http.work.history import History
-from service.http.work.idempotency import Keys
+from service.http.work.campaigns import CampaignStore
+from service.http.work.datasets import DatasetStore
+from service.http.work.deletions import DeletionLog
+from service.http.work.history import RobotHistory
+from service.http.work.idempotency import IdempotencyKeys
 from service.http.work.jobs import Jobs
-from service.http.work.readings import Readings
+from service.http.work.readings import DocumentCache
 from service.http.work.workers import Workers
 
 _T = TypeVar("_T")
@@ -46,21 +46,21 @@ FILE_READERS, FILES, FILE_S = 2, 6, 30.0  # the same for files that users send, 
 class Service:
     """The parts of the service. Made within the event loop."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: ServiceSettings) -> None:
         record = settings.record
         record.mkdir(parents=True, exist_ok=True)
         self.settings = settings
-        self.keys = Keys(record)
-        self.deletions = Deletions(record)
+        self.keys = IdempotencyKeys(record)
+        self.deletions = DeletionLog(record)
         self.workers = Workers(WORKERS, waiting=CALLS)
         # Files of users have processes of their own: none of them keeps a run from being planned
         self.file_readers = Workers(FILE_READERS, waiting=FILES, most_s=FILE_S)
-        self.book = Book(
+        self.book = RunManager(
             record / "runs", self.devices, self.workers, simulated=settings.simulated is not None
         )
-        self.shelf = Shelf(record / "campaigns")
-        self.datasets = Datasets(record / "datasets")
-        self.history = History(
+        self.shelf = CampaignStore(record / "campaigns")
+        self.datasets = DatasetStore(record / "datasets")
+        self.history = RobotHistory(
             record,
             settings.store,
             socket.gethostname() if settings.cell is None else settings.cell.name,
@@ -70,7 +70,7 @@ class Service:
         self.jobs = Jobs(record, self.history.look)
         self.book.at_rest = self.history.look
         self.lease = MotionLease(Audit(record))
-        self.loops = Loops(
+        self.loops = LoopStore(
             record / "loops",
             self.book,
             self.datasets,
@@ -84,9 +84,9 @@ class Service:
         self._orders = anyio.CapacityLimiter(ORDERS)  # which are written down first: a disk may hold them
         self._resting = anyio.CapacityLimiter(RESTING)
         self._waiters = anyio.CapacityLimiter(WAITERS)
-        self.reading = Readings(READERS)  # how a run, a loop or a job is
-        self.glances = Glances(self.book, self.reading)
-        self.listing = Readings(1)  # everything that was kept, which may be much
+        self.reading = DocumentCache(READERS)  # how a run, a loop or a job is
+        self.glances = RunCache(self.book, self.reading)
+        self.listing = DocumentCache(1)  # everything that was kept, which may be much
         self._watches: dict[str, asyncio.Task[int]] = {}
         self.stream_turns = asyncio.Lock()
         anyio.to_thread.current_default_thread_limiter().total_tokens = ORDINARY
@@ -103,7 +103,7 @@ class Service:
             raise Problem(404, "This service has no cell.", "Start it with --cell CELL.toml.", code=8108)
         return self.settings.cell
 
-    def let_move(self, lease_id: str, begin: Callable[[acquisition.Lease], _T]) -> _T:
+    def let_move(self, lease_id: str, begin: Callable[[acquisition.LeaseDeadline], _T]) -> _T:
         """Begin a motion by leave of the lease with this secret. Raises Problem 409 without one."""
         held = self.lease.needed(lease_id)
         begun = begin(held.beats)

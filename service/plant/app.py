@@ -19,10 +19,10 @@ from starlette.responses import Response
 
 from fleet.errors import StoreError, StoreFull
 from fleet.outbox import LARGEST
-from fleet.store import Store, utc_now
+from fleet.store import FleetStore, utc_now
 from service import refusals
-from service.http.access.account import Account, Counted
-from service.http.access.gate import Gate, Rules
+from service.http.access.account import RequestCounters, RequestMetrics
+from service.http.access.gate import AccessGate, Rules
 from service.http.access.roles import Role
 from service.http.routes.pages.openapi import serve_openapi
 from service.http.wire import problems
@@ -37,7 +37,7 @@ _OPEN = (path_of("health"), "/openapi.json")
 
 
 @dataclass(frozen=True)
-class Settings:
+class FleetServerSettings:
     """The settings that the server was started with. names: by which cells call it, besides its address; upload_bytes:
     of the largest document; now: the time by which documents may be dated."""
 
@@ -48,7 +48,7 @@ class Settings:
     now: Callable[[], datetime] = utc_now
 
 
-def create_plant(store: Store, settings: Settings) -> FastAPI:
+def create_plant(store: FleetStore, settings: FleetServerSettings) -> FastAPI:
     """The server of a store. The caller closes the store."""
     app = FastAPI(
         title="TruePose fleet",
@@ -65,11 +65,11 @@ def create_plant(store: Store, settings: Settings) -> FastAPI:
     problems.install(app)
     app.add_exception_handler(StoreError, _of_store)
     app.add_middleware(
-        Gate,
+        AccessGate,
         settings=settings,
         rules=Rules(_OPEN.__contains__, _refusal, "truepose fleet serve", settings.names),
     )
-    app.add_middleware(Counted, account=Account())
+    app.add_middleware(RequestMetrics, account=RequestCounters())
     return app
 
 

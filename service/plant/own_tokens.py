@@ -29,7 +29,7 @@ _ROLES = {"cell": Role.OPERATOR, "viewer": Role.VIEWER}
 
 
 @dataclass(frozen=True)
-class Own:
+class OwnToken:
     """One token. name: of the cell, or of who reads; role: "cell" puts documents in under its name, "viewer" reads;
     sha256: of the token, 64 hexadecimal digits; made: day, "2026-03-02"; robots: of which it may send documents, of all
     where it names none."""
@@ -64,7 +64,7 @@ def robots_of(names: Sequence[str]) -> tuple[RobotKey, ...]:
     return tuple(RobotKey(serial, model) for model, _, serial in parts)
 
 
-def read_tokens(file: Path) -> list[Own]:
+def read_tokens(file: Path) -> list[OwnToken]:
     """The tokens of a file; none where there is no file. Raises DataError where others may read it, or it is none."""
     if not file.exists():
         return []
@@ -75,7 +75,7 @@ def read_tokens(file: Path) -> list[Own]:
         )
     try:
         return [
-            Own(
+            OwnToken(
                 each["name"],
                 each["role"],
                 each["sha256"],
@@ -88,7 +88,7 @@ def read_tokens(file: Path) -> list[Own]:
         raise DataError(f"is damaged ({error}).", do="Make it anew; cells wait.", file=file) from error
 
 
-def write_tokens(file: Path, tokens: Sequence[Own]) -> None:
+def write_tokens(file: Path, tokens: Sequence[OwnToken]) -> None:
     """Replace the file at once, whole, readable by its owner alone where `service.private.owner_only` is in force."""
     table = {"format": FORMAT, "tokens": [asdict(each) for each in tokens]}
     replace_file(file, json.dumps(table, indent=1) + "\n")
@@ -102,7 +102,7 @@ def issue(file: Path, name: str, role: May, made: str, robots: tuple[RobotKey, .
             f"'{name}' has a token.", do="Take that away first: truepose fleet token revoke", file=file
         )
     token = secrets.token_urlsafe(32)
-    write_tokens(file, [*known, Own(name, role, _digest(token), made, robots)])
+    write_tokens(file, [*known, OwnToken(name, role, _digest(token), made, robots)])
     return token
 
 
@@ -117,7 +117,7 @@ def revoke(file: Path, name: str) -> None:
     write_tokens(file, _named(file, name)[1])
 
 
-def _named(file: Path, name: str) -> tuple[Own, list[Own]]:
+def _named(file: Path, name: str) -> tuple[OwnToken, list[OwnToken]]:
     """The token of a name, and the others. Raises DataError where it has none."""
     known = read_tokens(file)
     for i, each in enumerate(known):
@@ -156,7 +156,7 @@ class Senders:
         with self._lock:
             return [each.name for each in self._known.values() if each.role == "cell" and not each.robots]
 
-    def own(self, token: str) -> Own | None:
+    def own(self, token: str) -> OwnToken | None:
         """The entry of a token of somebody's own; None for one that all share."""
         with self._lock:
             stamp = self._stamped()
@@ -164,7 +164,7 @@ class Senders:
                 self._stamp, self._known = stamp, self._again()
             return self._known.get(_digest(token))
 
-    def _again(self) -> dict[str, Own]:
+    def _again(self) -> dict[str, OwnToken]:
         assert self._file is not None
         try:
             return {each.sha256: each for each in read_tokens(self._file)}

@@ -19,13 +19,13 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse, Response
 
-from fleet.store import Added, Document, Entry, Kind, Known, RobotKey, Store
+from fleet.store import AddResult, Document, DocumentSummary, FleetStore, Kind, RobotKey, RobotSummary
 from service.http.access.gate import bearer
 from service.http.wire.problems import Problem
 from service.plant.own_tokens import Senders
 
 
-class AddedShown(BaseModel):
+class Acknowledgement(BaseModel):
     """The acknowledgement of a document: it survives a power cut of the server."""
 
     hash: str = Field(description="SHA-256 of the content that was kept.")
@@ -48,7 +48,7 @@ class DocumentShown(BaseModel):
     conflict: bool = Field(description="Whether another content was sent for the same identity.")
 
     @classmethod
-    def of(cls, entry: Entry) -> DocumentShown:
+    def of(cls, entry: DocumentSummary) -> DocumentShown:
         """The document of an entry."""
         return cls(
             hash=entry.hash,
@@ -71,7 +71,7 @@ class DocumentsShown(BaseModel):
     documents: Sequence[DocumentShown]
 
 
-class RobotShown(BaseModel):
+class FleetRobotResponse(BaseModel):
     """A robot that documents were sent of."""
 
     serial: str
@@ -81,7 +81,7 @@ class RobotShown(BaseModel):
     last: datetime = Field(description="When the last was measured.")
 
     @classmethod
-    def of(cls, known: Known) -> RobotShown:
+    def of(cls, known: RobotSummary) -> FleetRobotResponse:
         """The document of a robot."""
         return cls(
             serial=known.robot.serial,
@@ -95,7 +95,7 @@ class RobotShown(BaseModel):
 class RobotsShown(BaseModel):
     """All robots."""
 
-    robots: Sequence[RobotShown]
+    robots: Sequence[FleetRobotResponse]
 
 
 class PointShown(BaseModel):
@@ -113,7 +113,7 @@ class PointShown(BaseModel):
     rediagnosed: bool = Field(description="Whether a re-diagnosis says it, in place of the cell's own model.")
 
 
-class TrendShown(BaseModel):
+class FleetTrendResponse(BaseModel):
     """The values of parameters over time, by name and time."""
 
     serial: str
@@ -151,11 +151,11 @@ _DAMAGED = 8611
 _OTHER_ROBOT = 8612
 
 
-async def _store(request: Request) -> Store:
+async def _store(request: Request) -> FleetStore:
     return request.app.state.store
 
 
-Here = Annotated[Store, Depends(_store)]
+Here = Annotated[FleetStore, Depends(_store)]
 
 Hash = Annotated[
     str, InPath(pattern="^[0-9a-f]{64}$", description="SHA-256 of the content, 64 hexadecimal digits.")
@@ -168,7 +168,7 @@ async def health() -> HealthShown:
     return HealthShown(status="ok", version=version("truepose"))
 
 
-@router.put("/documents/{hash}", response_model=AddedShown, status_code=201)
+@router.put("/documents/{hash}", response_model=Acknowledgement, status_code=201)
 async def put_document(
     request: Request,
     store: Here,
@@ -234,7 +234,7 @@ async def put_document(
             other_hashes=list(added.other_hashes),
             kept=True,
         )
-    shown = AddedShown(hash=added.hash, state=added.state)
+    shown = Acknowledgement(hash=added.hash, state=added.state)
     return JSONResponse(shown.model_dump(), 201 if added.state == "new" else 200)
 
 
@@ -270,10 +270,10 @@ def get_document(store: Here, hash: Hash) -> Response:
 @router.get("/robots", response_model=RobotsShown)
 def list_robots(store: Here) -> RobotsShown:
     """All robots that documents were sent of."""
-    return RobotsShown(robots=[RobotShown.of(known) for known in store.robots()])
+    return RobotsShown(robots=[FleetRobotResponse.of(known) for known in store.robots()])
 
 
-@router.get("/robots/{serial:path}/trend", response_model=TrendShown)
+@router.get("/robots/{serial:path}/trend", response_model=FleetTrendResponse)
 def get_trend(
     store: Here,
     serial: str,
@@ -281,14 +281,14 @@ def get_trend(
     parameter: Annotated[
         str | None, Query(description="This one; left out: all.", examples=["theta2"])
     ] = None,
-) -> TrendShown:
+) -> FleetTrendResponse:
     """The values of a robot's parameters over time, with U."""
     robot = _robot(store, serial, model)
     points = [PointShown.model_validate(point) for point in store.trend(robot, parameter)]
-    return TrendShown(serial=robot.serial, model=robot.model, points=points)
+    return FleetTrendResponse(serial=robot.serial, model=robot.model, points=points)
 
 
-def _added(store: Store, document: Document, hash: str) -> Added:
+def _added(store: FleetStore, document: Document, hash: str) -> AddResult:
     """Keep a document. Raises Problem 400 where its content is not what was meant."""
     if document.hash != hash:
         raise Problem(
@@ -313,7 +313,7 @@ def _refuse_ahead(measured_at: datetime, now: datetime) -> None:
         )
 
 
-def _robot(store: Store, serial: str, model: str) -> RobotKey:
+def _robot(store: FleetStore, serial: str, model: str) -> RobotKey:
     """The robot that is meant. Raises Problem 404, and 422 where two have the serial number."""
     found = [each for each in store.named() if each.serial == serial and model in ("", each.model)]
     if not found:

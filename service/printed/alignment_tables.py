@@ -9,10 +9,10 @@ from rich.text import Text
 
 from service import wording
 from service.printed.tables import grid, warnings
-from service.results.files.alignment import Result
+from service.results.files.alignment import StreamAlignment
 
 
-def aligned(result: Result) -> Iterable[RenderableType]:
+def aligned(result: StreamAlignment) -> Iterable[RenderableType]:
     """Clocks, streams, standstills, the moving error by speed, and what limits them."""
     found, clocks = result.aligned, result.aligned.clocks
     shown = grid("Clocks: robot's less tracker's", "", "value", "k = 2", "unit")
@@ -41,7 +41,7 @@ def aligned(result: Result) -> Iterable[RenderableType]:
     yield warnings(result.warnings)
 
 
-def _moving(result: Result) -> RenderableType:
+def _moving(result: StreamAlignment) -> RenderableType:
     if not result.bands:
         return Text("Too few samples in motion for an error by speed.", "yellow")
     shown = grid(

@@ -7,11 +7,11 @@ from collections.abc import Collection, Iterable
 from rich.console import RenderableType
 from rich.text import Text
 
-from calib.foreign import Converted, Proposal
+from calib.foreign import Converted, MapProposal
 from service.printed.tables import grid
 
 
-def proposal(of: Proposal) -> Iterable[RenderableType]:
+def proposal(of: MapProposal) -> Iterable[RenderableType]:
     """Columns, remarks and questions of a proposal."""
     for part in of.parts:
         sheet = part.layout.sheet
@@ -50,7 +50,7 @@ def converted(of: Converted, told: Collection[str] = ()) -> Iterable[RenderableT
             )
 
 
-def remarks(of: Proposal) -> list[str]:
+def remarks(of: MapProposal) -> list[str]:
     """The first lines of a map's file: what was left aside, and what must be decided where it says '?'."""
     out = ['Map of foreign files (docs/howto/own-data.md): quantity = "column[unit]".']
     for part in of.parts:

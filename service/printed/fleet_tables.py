@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from rich.console import RenderableType
 
-from fleet.diagnose import Change, Changes, Tally
+from fleet.diagnose import ProgressCounts, VersionComparison, VersionDifference
 from service import wording
 from service.printed.tables import grid
 from service.printed.terminal import Terminal, duration
@@ -23,14 +23,14 @@ class FleetProgress:
         self._terminal = terminal
         self._step = -1
 
-    def __call__(self, tally: Tally) -> None:
+    def __call__(self, tally: ProgressCounts) -> None:
         step = (tally.total - tally.left) * LINES // max(tally.total, 1)
         if self._terminal.live or step != self._step:
             self._step = step
             self._terminal.say(line(tally))
 
 
-def line(tally: Tally) -> str:
+def line(tally: ProgressCounts) -> str:
     """The progress in one line: data sets, price of one, time left."""
     parts = [f"{tally.total - tally.left:,} of {tally.total:,} data sets"]
     if tally.seconds_each is not None:
@@ -63,7 +63,7 @@ def shown(found: FleetDiagnosed) -> Iterable[RenderableType]:
     yield _price(found.tally)
 
 
-def changed(found: Changes) -> Iterable[RenderableType]:
+def changed(found: VersionComparison) -> Iterable[RenderableType]:
     """The statements of another version."""
     same = found.compared - len(found.changed)
     versions = ", ".join(found.since) or "no other version"
@@ -86,7 +86,7 @@ def _from_to(was: str, now: str) -> str:
     return now if was == now else f"{was} -> {now}"
 
 
-def _effects(change: Change) -> str:
+def _effects(change: VersionDifference) -> str:
     parts = [f"+ {label}" for label in change.new] + [f"- {label}" for label in change.gone]
     for label in change.resized:
         was, now = change.was.effects[label], change.now.effects[label]
@@ -94,7 +94,7 @@ def _effects(change: Change) -> str:
     return "\n".join(parts) or "the same"
 
 
-def _errors(change: Change) -> str:
+def _errors(change: VersionDifference) -> str:
     return f"{_mm(change.was.rms)} -> {_mm(change.now.rms)}"
 
 
@@ -110,7 +110,7 @@ def _listed(title: str, lines: list[str]) -> Iterable[RenderableType]:
             yield f"  {len(lines) - SHOWN} more in the JSON"
 
 
-def _price(tally: Tally) -> str:
+def _price(tally: ProgressCounts) -> str:
     parts = [f"{tally.done:,} diagnosed now"]
     if tally.known:
         parts.append(f"{tally.known:,} had a result")

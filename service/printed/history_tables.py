@@ -7,16 +7,16 @@ from pathlib import Path
 
 from rich.table import Table
 
-from fleet.store import Added, Document, Known, RobotKey
+from fleet.store import AddResult, Document, RobotKey, RobotSummary
 from service import wording
 from service.printed.tables import grid
-from service.results.history import Line, Next, Trend
+from service.results.history import HistoryLine, NextCheck, Trend
 
 SHORT = 12  # letters of a hash that people read
 _STATES = {"new": "kept", "known": "known already", "conflict": "kept; contradicts"}
 
 
-def added(place: str, read: Sequence[tuple[Path, Document]], found: Sequence[Added]) -> Table:
+def added(place: str, read: Sequence[tuple[Path, Document]], found: Sequence[AddResult]) -> Table:
     """The outcome of adding documents."""
     shown = grid(f"In {place}", "file", "kind", "robot", "measured", "document", "", left=6)
     for (file, document), its in zip(read, found, strict=True):
@@ -27,7 +27,7 @@ def added(place: str, read: Sequence[tuple[Path, Document]], found: Sequence[Add
     return shown
 
 
-def robots(found: Sequence[Known]) -> Table:
+def robots(found: Sequence[RobotSummary]) -> Table:
     """The robots, with the number of documents of each."""
     title = wording.counted(len(found), "robot")
     shown = grid(title, "serial number", "type", "cells", "last measured", "documents", left=5)
@@ -38,7 +38,7 @@ def robots(found: Sequence[Known]) -> Table:
     return shown
 
 
-def lines(robot: RobotKey, found: Sequence[Line]) -> Table:
+def lines(robot: RobotKey, found: Sequence[HistoryLine]) -> Table:
     """Everything of one robot, oldest first."""
     shown = grid(f"Robot {_name(robot)}", "measured", "kind", "what it says", "program", "document", left=5)
     for line in found:
@@ -77,7 +77,7 @@ def values(trend: Trend) -> Table:
     return shown
 
 
-def due(found: Sequence[Next], permitted: float) -> Table:
+def due(found: Sequence[NextCheck], permitted: float) -> Table:
     """The date at which each robot is to be checked next."""
     title = f"{wording.counted(len(found), 'robot')}, {permitted:g} mm permitted"
     shown = grid(

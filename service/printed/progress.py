@@ -30,7 +30,7 @@ _SENTENCES = {
 }
 
 
-class Progress:
+class RunProgress:
     """Hears the events of a run. `prompt`: what was asked last."""
 
     def __init__(self, run: Run, terminal: Terminal) -> None:

@@ -9,14 +9,14 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from calib.comparison import Comparison, mae, rmse
+from calib.comparison import RegressionComparison, mae, rmse
 from service.results.models.regression_document import UM, waypoints
 
 _NO_DECIMALS = 1000.0  # um
 COLUMNS = ("MAE x", "y", "z", "mean", "RMSE x", "y", "z", "mean")
 
 
-def rows(comparison: Comparison) -> Iterator[tuple[str, str, list[str]]]:
+def rows(comparison: RegressionComparison) -> Iterator[tuple[str, str, list[str]]]:
     """Name, "in sample" or "by waypoint", and eight figures in um of every predictor."""
     for scored in comparison.scored:
         for kind, errors in (("in sample", scored.in_sample), ("by waypoint", scored.by_waypoint)):
@@ -28,7 +28,7 @@ def _um(value: float) -> str:
     return f"{value:.1f}" if value < _NO_DECIMALS else f"{value:,.0f}"
 
 
-def shown(comparison: Comparison, findings: list[str]) -> Iterator[RenderableType]:
+def shown(comparison: RegressionComparison, findings: list[str]) -> Iterator[RenderableType]:
     """The table and the sentences below it."""
     table = Table(
         title=f"Error of {len(comparison.rows)} samples at {waypoints(comparison)} waypoints, um",

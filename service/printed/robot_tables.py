@@ -9,7 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from calib.arm import Robot
-from calib.robot_file import Described, Verdict, in_words
+from calib.robot_file import Described, RobotFileVerdict, in_words
 from calib.units import DEG
 
 
@@ -46,7 +46,7 @@ def described_lines(found: Described) -> Iterator[str]:
     yield from (f"Look: {remark}" for remark in found.remarks)
 
 
-def verdict_lines(verdict: Verdict) -> Iterator[str]:
+def verdict_lines(verdict: RobotFileVerdict) -> Iterator[str]:
     """The verdict of a handful of readings on a robot file, line by line."""
     tool = " (the tool comes out of them)" if verdict.tool_unknown else ""
     yield (
@@ -66,7 +66,7 @@ def verdict_lines(verdict: Verdict) -> Iterator[str]:
         yield from (f"    {line}" for line in dict.fromkeys(lines))
 
 
-def verdict_document(verdict: Verdict) -> dict[str, Any]:
+def verdict_document(verdict: RobotFileVerdict) -> dict[str, Any]:
     """The same as a document, lengths mm."""
     return {
         "count": verdict.readings,

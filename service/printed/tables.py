@@ -11,15 +11,15 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from calib.diagnose import SEPARATES, CarryOver, Diagnosis, FollowUp
-from calib.fit import ErrorStatistics, Identification, LeftOut
+from calib.diagnose import SEPARATES, CarryOver, DiagnosisFit, FollowUp
+from calib.fit import ErrorStatistics, ExcludedReading, IdentificationFit
 from calib.fit import left_out as rows_left_out
 from calib.units import percent
 from service import wording
-from service.results.judgement.acceptance import NAMES, RULE, Acceptance
+from service.results.judgement.acceptance import NAMES, RULE, AcceptanceResult
 from service.results.models import positions
-from service.results.models.documents import Patched
-from service.results.models.parameters import Row, rows_of
+from service.results.models.documents import PatchResult
+from service.results.models.parameters import ParameterRow, rows_of
 
 _SHOWN = 24  # effects listed on a terminal; the report and the JSON hold all
 _LEFT_OUT = 20  # readings left out that are listed on a terminal
@@ -35,7 +35,7 @@ def grid(title: str, *columns: str, left: int = 1) -> Table:
 
 
 def diagnosis(
-    result: Diagnosis, carried: CarryOver | None, patched: Patched | None
+    result: DiagnosisFit, carried: CarryOver | None, patched: PatchResult | None
 ) -> Iterable[RenderableType]:
     """Everything of a diagnosis: verdict, effects, errors, what is left, what cannot be seen, what to do."""
     yield Text.assemble(
@@ -80,7 +80,7 @@ def diagnosis(
     )
 
 
-def effects(result: Diagnosis) -> RenderableType:
+def effects(result: DiagnosisFit) -> RenderableType:
     """Every confirmed effect with amplitude, uncertainty and share, strongest first, by group where there are many.
 
     Where the causes are not known the effects have no rivals to be listed: the law itself is a rival of them all.
@@ -121,7 +121,7 @@ def effects(result: Diagnosis) -> RenderableType:
     return Group(*((table,) if found else ()), *below)
 
 
-def checks(result: Diagnosis) -> RenderableType:
+def checks(result: DiagnosisFit) -> RenderableType:
     """The checks of a technician for the strongest effects; nothing where there is no reason for one."""
     known = result.causes_known
     rows = [(f.effect.label, wording.advice_on(f, causes_known=known)) for f in result.effects]
@@ -144,7 +144,7 @@ def follow_up(planned: FollowUp) -> RenderableType:
     return Group(table, settles, *(Text(advice) for advice in planned.procedures))
 
 
-def left_out(rows: Sequence[LeftOut]) -> RenderableType:
+def left_out(rows: Sequence[ExcludedReading]) -> RenderableType:
     """The readings that the fit left out, worst first, with their poses; nothing at all where there are none."""
     if not rows:
         return Text("")
@@ -167,7 +167,7 @@ def left_out(rows: Sequence[LeftOut]) -> RenderableType:
     return Group(table, Text(f"… and {len(rows) - _LEFT_OUT} more; --json and --report list all.", "dim"))
 
 
-def patch(patched: Patched) -> RenderableType:
+def patch(patched: PatchResult) -> RenderableType:
     """The gain of a smooth map of the residual, apart from everything that has a cause."""
     table = errors({"without the patch": patched.without, "with the patch": patched.with_it}, "as above")
     return Group(Text("Patch", "bold"), Text(wording.patch_in_words(patched.patch)), table)
@@ -188,7 +188,7 @@ def errors(
     return Group(table, Text(f"Hold-out: {wording.holdout_in_words(holdout)}.", "dim"))
 
 
-def acceptance(found: Acceptance | None) -> RenderableType:
+def acceptance(found: AcceptanceResult | None) -> RenderableType:
     """The verdict on limits with its rule; nothing where none were given."""
     if found is None:
         return Text("")
@@ -201,7 +201,7 @@ def acceptance(found: Acceptance | None) -> RenderableType:
     return Group(table, Text(f"{RULE} U by: {by}.", "dim"))
 
 
-def parameters(found: Identification) -> RenderableType:
+def parameters(found: IdentificationFit) -> RenderableType:
     """Every parameter with its change from nominal and standard error; dropped ones with their reason."""
     table = grid("Parameters", "parameter", "nominal", "identified", "change", "std. error", "unit")
     table.columns[5].justify = "left"
@@ -210,7 +210,7 @@ def parameters(found: Identification) -> RenderableType:
     return table
 
 
-def _cells(row: Row) -> tuple[str, ...]:
+def _cells(row: ParameterRow) -> tuple[str, ...]:
     nominal = "" if row.nominal is None else f"{row.nominal:.4f}"
     if row.absolute is None or row.absolute_std is None:
         with_whom = ", ".join(row.confounded_with[:4])
@@ -222,7 +222,7 @@ def _cells(row: Row) -> tuple[str, ...]:
     return row.name, nominal, f"{row.absolute:.{places}f}", change, error, row.unit
 
 
-def offsets(found: Identification) -> RenderableType:
+def offsets(found: IdentificationFit) -> RenderableType:
     """Targets known to an uncertainty, beside where the file puts them; nothing where there are none."""
     rows = positions.rows_of(found)
     if not rows:
@@ -249,7 +249,7 @@ def warnings(texts: Sequence[str]) -> RenderableType:
     return numbered("Warnings and notes", texts)
 
 
-def revealed(hidden: Sequence[Mapping[str, Any]], result: Diagnosis) -> RenderableType:
+def revealed(hidden: Sequence[Mapping[str, Any]], result: DiagnosisFit) -> RenderableType:
     """The effects that the simulation had hidden beside those found."""
     labels = {str(effect["label"]) for effect in hidden}
     classes = {name for found in result.effects for name in found.evidence.candidates}

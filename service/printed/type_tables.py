@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from rich.console import RenderableType
 from rich.text import Text
 
-from calib.fit import Identification
-from calib.prior import Lesson
+from calib.fit import IdentificationFit
+from calib.prior import TypeStatistics
 from calib.units import percent
 from service import wording
 from service.printed import tables
@@ -17,7 +17,7 @@ from service.printed import tables
 _HARDLY = 0.05  # chance of the whole, below which a member is one of the odd ones
 
 
-def weights(found: Identification) -> Sequence[RenderableType]:
+def weights(found: IdentificationFit) -> Sequence[RenderableType]:
     """The share of the readings and of the prior in each parameter; nothing where the fit knew no type."""
     beside = found.beside
     if beside is None:
@@ -55,7 +55,7 @@ def weights(found: Identification) -> Sequence[RenderableType]:
     )
 
 
-def lesson(found: Lesson) -> Sequence[RenderableType]:
+def lesson(found: TypeStatistics) -> Sequence[RenderableType]:
     """The lesson, for people."""
     robots = len(found.members)
     table = tables.grid(

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from calib.data import Dataset
-from calib.validation import VISITS_OF_THE_STANDARD, Difference, HeldOut, Judgement, Repeats, Summary
+from calib.validation import VISITS_OF_THE_STANDARD, Difference, HoldOutErrors, Judgement, Repeats, Summary
 from service import wording
 from service.printed.tables import grid
 from service.results.judgement.validation_document import MRAD
@@ -128,7 +128,7 @@ def repeated(dataset: Dataset, repeats: Repeats, model: str) -> Iterator[Rendera
     )
 
 
-def held_out(found: Sequence[HeldOut]) -> Iterator[RenderableType]:
+def held_out(found: Sequence[HoldOutErrors]) -> Iterator[RenderableType]:
     """Hold-outs side by side."""
     table = grid("Error of the base model by kind of hold-out, mm", "held out", *_FIGURES, "")
     table.columns[-1].justify = "left"

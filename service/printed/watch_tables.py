@@ -7,17 +7,17 @@ from collections.abc import Sequence
 from rich.console import RenderableType
 
 from calib.units import percent
-from calib.watch import ALONE, SEEN, Proposal
+from calib.watch import ALONE, SEEN, WatchPlanProposal
 from service import wording
 from service.printed import tables
-from service.results.upkept import Upkeep
-from service.results.watch_plan import Planned
-from service.results.watched import Watched
+from service.results.upkept import ThermalUpdateSummary
+from service.results.watch_plan import PlannedWatch
+from service.results.watched import WatchResultSummary
 
 _PROPOSALS = 4
 
 
-def plan_tables(found: Planned) -> list[RenderableType]:
+def plan_tables(found: PlannedWatch) -> list[RenderableType]:
     """The sizes of the causes that the check poses detect, and what it would take to detect more."""
     causes = found.plan.shown.causes
     poses = wording.counted(found.asked.poses, "pose")
@@ -62,7 +62,7 @@ def _alarms(rate: float) -> str:
     return f"{100.0 * rate:.2g}\u00a0% false alarms"
 
 
-def _proposals(proposals: Sequence[Proposal]) -> list[RenderableType]:
+def _proposals(proposals: Sequence[WatchPlanProposal]) -> list[RenderableType]:
     table = tables.grid(
         "Fewest readings at these poses that detect the wanted sizes",
         "--targets",
@@ -78,7 +78,7 @@ def _proposals(proposals: Sequence[Proposal]) -> list[RenderableType]:
     return [table]
 
 
-def verdict_tables(found: Watched) -> list[RenderableType]:
+def verdict_tables(found: WatchResultSummary) -> list[RenderableType]:
     """The verdict, the questions that were asked of the readings, and the causes."""
     verdict = found.verdict
     shown: list[RenderableType] = [
@@ -115,7 +115,7 @@ def verdict_tables(found: Watched) -> list[RenderableType]:
     return shown
 
 
-def upkeep_tables(found: Upkeep) -> list[RenderableType]:
+def upkeep_tables(found: ThermalUpdateSummary) -> list[RenderableType]:
     """The thermal part of the change, and whether the rest is chance."""
     rest = found.found.rest.questions[0]
     table = tables.grid("Thermal parameters", "parameter", "before", "now", "U (k = 2)", "", left=1)

@@ -25,13 +25,13 @@ from calib.array import Array
 from calib.compensate import Calibrated, Usable, correct, nominal_of
 from calib.errors import DataError
 from calib.fit import radius_95
-from calib.model import FLANGE, RobotModel, StatedConditions
-from calib.saved import SavedModel
+from calib.model import FLANGE, ModelStructure, StatedConditions
+from calib.saved import CalibratedModel
 from calib.units import DEG
 from service import wording
 from service.programs.frames import KnownFrames
 from service.programs.postures import leaves_window, postures
-from service.programs.program import Driven, Program, Target, rewritten
+from service.programs.program import NewTarget, ProgramTarget, RobotProgram, rewritten
 from service.programs.read import as_written, parse
 
 CORRECTED, EMPTY, REFUSED = "corrected", "empty", "refused"
@@ -56,7 +56,7 @@ class TargetOutcome:
     those of the target's tool point.
     """
 
-    target: Target
+    target: ProgramTarget
     status: str
     why: str
     moved: tuple[float, float]
@@ -82,9 +82,9 @@ class Compensation:
 
 
 def compensate(
-    program: Program,
+    program: RobotProgram,
     path: Path,
-    saved: SavedModel,
+    saved: CalibratedModel,
     stated: StatedConditions,
     known: KnownFrames,
     *,
@@ -119,7 +119,7 @@ def compensate(
         ),
     )
     flange = _flanges(robot, done.joints)
-    driven: dict[int, Driven] = {}
+    driven: dict[int, NewTarget] = {}
     for i, target in enumerate(targets):
         if target.empty or why[i]:
             continue
@@ -128,7 +128,7 @@ def compensate(
         if not why[i] and (change := leaves_window(target, counted[i], kept)):
             why[i] = f"its configuration would change: {change}"
         if not why[i]:
-            driven[i] = Driven(counted[i], flange[i])
+            driven[i] = NewTarget(counted[i], flange[i])
     radius = np.full(len(targets), np.nan)
     if driven:
         at = done.joints[[*driven]] if not inverse else nominal[[*driven]]
@@ -175,7 +175,7 @@ def _outside(robot: Robot, measured: Sequence[Sequence[float]] | None, *joints: 
     return [[name for name, there in zip(names, row, strict=True) if there] for row in off]
 
 
-def _with_tool(model: RobotModel, targets: Sequence[Target]) -> tuple[RobotModel, str]:
+def _with_tool(model: ModelStructure, targets: Sequence[ProgramTarget]) -> tuple[ModelStructure, str]:
     """The model, and its target at the tool point of the targets; the flange if there are several."""
     tools = np.unique([target.tool[:3, 3] for target in targets], axis=0)
     if len(tools) > 1 or not np.any(tools):
@@ -187,7 +187,7 @@ def _with_tool(model: RobotModel, targets: Sequence[Target]) -> tuple[RobotModel
 def _read_back(
     text: str,
     path: Path,
-    targets: Sequence[Target],
+    targets: Sequence[ProgramTarget],
     robot: Robot,
     coupling: str,
     known: KnownFrames,

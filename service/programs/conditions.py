@@ -24,7 +24,7 @@ from calib.compensate import model_sides, sides_that_move
 from calib.data import ABSOLUTE_ACCURACY
 from calib.errors import DataError
 from calib.model import StatedConditions
-from calib.saved import SavedModel
+from calib.saved import CalibratedModel
 from calib.units import DEG
 
 _OPTION = "--conditions"
@@ -58,7 +58,7 @@ class ProgramConditions:
         return ", ".join(parts)
 
 
-def stated_conditions(text: str | None, saved: SavedModel) -> ProgramConditions:
+def stated_conditions(text: str | None, saved: CalibratedModel) -> ProgramConditions:
     """Conditions from the option's text. Raises DataError naming the key that is wrong."""
     given = _pairs(text or "")
     robot = saved.model.robot
@@ -139,7 +139,7 @@ def _pairs(text: str) -> dict[str, str]:
     return out
 
 
-def _sides(text: str, saved: SavedModel) -> Array:
+def _sides(text: str, saved: CalibratedModel) -> Array:
     """(N,) sides of the model's joints from those of the controller's."""
     robot = saved.model.robot
     words = text.split(":")

@@ -28,7 +28,7 @@ from calib.errors import DataError
 from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import KnownFrames
-from service.programs.program import TWICE, Driven, Target, Window, beside, rules
+from service.programs.program import TWICE, NewTarget, ProgramTarget, Window, beside, rules
 from service.programs.text import Edit, Lines
 
 PLACES = 3
@@ -84,7 +84,7 @@ class _Field:
 
 
 @dataclass(frozen=True)
-class _Place:
+class _FanucPlace:
     fields: Mapping[str, _Field] = field(default_factory=dict)
     frame: Array = field(default_factory=lambda: np.eye(4))
 
@@ -117,11 +117,11 @@ class FanucProgram:
             self._odd |= {number: TWICE} if count > 1 else {}
         found = [self._position(m) for m in positions]
         self._refuse_leftovers(begin.end(), stop, len(found))
-        found = beside(found, statements, _RULES, self._lines, _Place())
-        self.targets: Sequence[Target] = tuple(target for target, _ in found)
+        found = beside(found, statements, _RULES, self._lines, _FanucPlace())
+        self.targets: Sequence[ProgramTarget] = tuple(target for target, _ in found)
         self._places = tuple(place for _, place in found)
 
-    def edits(self, index: int, driven: Driven) -> list[Edit]:
+    def edits(self, index: int, driven: NewTarget) -> list[Edit]:
         """Edits of the numbers that differ; each keeps the width of its field."""
         target, place = self.targets[index], self._places[index]
         if target.joints is not None:
@@ -144,13 +144,13 @@ class FanucProgram:
                 )
         return out
 
-    def _position(self, match: re.Match[str]) -> tuple[Target, _Place]:
+    def _position(self, match: re.Match[str]) -> tuple[ProgramTarget, _FanucPlace]:
         number, comment = match["number"], (match["comment"] or "").strip().strip('"')
         name = f"P[{number}:{comment}]" if comment else f"P[{number}]"
-        target = Target(name, self._lines.at(match.start()))
+        target = ProgramTarget(name, self._lines.at(match.start()))
         begin, end = self._first_group(match)
         if begin == end:
-            return replace(target, empty=True, notes=("has no position of group 1",)), _Place()
+            return replace(target, empty=True, notes=("has no position of group 1",)), _FanucPlace()
         body = self.text[begin:end]
         fields = {
             m["name"]: _Field(
@@ -158,7 +158,7 @@ class FanucProgram:
             )
             for m in _VALUE.finditer(body)
         }
-        place = _Place(fields)
+        place = _FanucPlace(fields)
         wanted = _JOINTS if "J1" in fields else _POSE
         missing = [key for key in wanted if key not in fields]
         if missing:
@@ -179,8 +179,8 @@ class FanucProgram:
             return replace(target, refused=str(error)), place
 
     def _pose(
-        self, target: Target, body: str, place: _Place, values: list[float], *, others: bool
-    ) -> tuple[Target, _Place]:
+        self, target: ProgramTarget, body: str, place: _FanucPlace, values: list[float], *, others: bool
+    ) -> tuple[ProgramTarget, _FanucPlace]:
         """A Cartesian position; others: whether it positions another motion group as well.
 
         Raises ValueError, saying why, where its joints cannot be found.

@@ -27,7 +27,7 @@ from calib.compensate import inverse_poses
 from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames
-from service.programs.program import Driven, Target, Window, beside, rules
+from service.programs.program import NewTarget, ProgramTarget, Window, beside, rules
 from service.programs.text import Edit, Lines, Number, decimal
 
 PLACES = 5  # mm and deg; the controller keeps some seven digits
@@ -80,7 +80,7 @@ _Frames = Callable[[], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
-class _Place:
+class _KukaPlace:
     """The places of a target's numbers in the text, and the frame in which it counts."""
 
     at: int
@@ -113,11 +113,11 @@ class KukaProgram:
         self._odd = dict[str, str]()
         self._used = self._read_uses()
         self._met: dict[str, tuple[Array, Array] | str] = {}
-        found = beside(list(self._read()), self._statements, _RULES, self._lines, _Place(0))
-        self.targets: Sequence[Target] = tuple(target for target, _ in found)
+        found = beside(list(self._read()), self._statements, _RULES, self._lines, _KukaPlace(0))
+        self.targets: Sequence[ProgramTarget] = tuple(target for target, _ in found)
         self._places = tuple(place for _, place in found)
 
-    def edits(self, index: int, driven: Driven) -> list[Edit]:
+    def edits(self, index: int, driven: NewTarget) -> list[Edit]:
         """Edits of the numbers that differ, and of T where an axis changes its sign."""
         target, place = self.targets[index], self._places[index]
         if target.joints is not None:
@@ -191,7 +191,7 @@ class KukaProgram:
                     self._odd.setdefault(name, f"is also used in line {line}, which is not read here")
         return out
 
-    def _read(self) -> Iterator[tuple[Target, _Place]]:
+    def _read(self) -> Iterator[tuple[ProgramTarget, _KukaPlace]]:
         missing = set(self._used) - {
             _name(m["name"]) for _, code in self._statements if (m := _DECLARED.match(code))
         }
@@ -204,7 +204,9 @@ class KukaProgram:
                 if body is not None and _is_target(body[1]):
                     of = partial(self._declared, _name(name))
                     odd = self._odd.get(_name(name)) or self._odd.get(_name(name).partition("[")[0], "")
-                    yield self._target(Target(name, line, refused=odd), body[1], at + body.start(1), of)
+                    yield self._target(
+                        ProgramTarget(name, line, refused=odd), body[1], at + body.start(1), of
+                    )
             elif motion is not None:
                 plain, why = _plain(code), ""
                 if plain is None:
@@ -213,14 +215,14 @@ class KukaProgram:
                 for name in map(_name, _NAME.findall("" if plain is None else plain["points"])):
                     if name in missing:
                         missing.remove(name)
-                        yield Target(name, line, refused="is not in this file"), _Place(at)
+                        yield ProgramTarget(name, line, refused="is not in this file"), _KukaPlace(at)
                 bodies = list(_AGGREGATE.finditer(code, motion.start("rest")))
                 for body in bodies:
                     of = partial(self._tool_and_base, [valid])
-                    target = Target(f"line {line}", line, refused=why)
+                    target = ProgramTarget(f"line {line}", line, refused=why)
                     yield self._target(target, body[1], at + body.start(1), of)
                 if why and not bodies and not _HERE.fullmatch(motion["rest"]):
-                    yield Target(f"line {line}", line, refused=why), _Place(at)
+                    yield ProgramTarget(f"line {line}", line, refused=why), _KukaPlace(at)
 
     def _of(self, name: str) -> list[_Valid]:
         """Tool and base of a declared point: its FDAT's, else those of the motions to it, else of the command line."""
@@ -245,8 +247,10 @@ class KukaProgram:
             raise ValueError(met)
         return met
 
-    def _target(self, target: Target, body: str, at: int, of: _Frames) -> tuple[Target, _Place]:
-        place = _Place(at, _numbers(body, at))
+    def _target(
+        self, target: ProgramTarget, body: str, at: int, of: _Frames
+    ) -> tuple[ProgramTarget, _KukaPlace]:
+        place = _KukaPlace(at, _numbers(body, at))
         if target.refused:
             return target, place
         try:
@@ -254,7 +258,9 @@ class KukaProgram:
         except ValueError as error:
             return replace(target, refused=str(error)), place
 
-    def _understood(self, target: Target, place: _Place, body: str, of: _Frames) -> tuple[Target, _Place]:
+    def _understood(
+        self, target: ProgramTarget, place: _KukaPlace, body: str, of: _Frames
+    ) -> tuple[ProgramTarget, _KukaPlace]:
         """Raises ValueError, saying why, for what has no joints that can be found."""
         numbers = place.numbers
         wanted = _AXES if "A1" in numbers or not set(_POSE) & set(numbers) else _POSE
@@ -395,7 +401,7 @@ def _outside(joints: Array, windows: Mapping[int, Window]) -> bool:
     return any(not begin <= joints[k] <= end for k, (begin, end) in windows.items())
 
 
-def _changed(place: _Place, values: Mapping[str, float]) -> list[Edit]:
+def _changed(place: _KukaPlace, values: Mapping[str, float]) -> list[Edit]:
     out = []
     for name, value in values.items():
         slot = place.numbers[name]

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from calib.arm import (
-    Reached,
+    BranchResult,
     Robot,
     inverse_kinematics,
     nearest_branch,
@@ -15,12 +15,12 @@ from calib.arm import (
     within_limits,
 )
 from calib.array import Array
-from service.programs.program import Target
+from service.programs.program import ProgramTarget
 
 _NO_POSTURE = "no joint target before it says which posture the arm has: begin with one"
 
 
-def postures(targets: Sequence[Target], robot: Robot, coupling: str) -> tuple[Array, list[str]]:
+def postures(targets: Sequence[ProgramTarget], robot: Robot, coupling: str) -> tuple[Array, list[str]]:
     """Controller angles (n, N), rad, NaN where they cannot be found, and why not, as sentence parts ('' where found).
 
     Poses without a branch are solved nearest to the target before them; a track stands, and seven axes have their
@@ -31,7 +31,7 @@ def postures(targets: Sequence[Target], robot: Robot, coupling: str) -> tuple[Ar
     why = [target.refused for target in targets]
     posed = [i for i, t in enumerate(targets) if t.flange is not None and not t.refused]
     branches: tuple[str, ...] = ()
-    solved: dict[int, tuple[Array, tuple[Reached, ...]]] = {}
+    solved: dict[int, tuple[Array, tuple[BranchResult, ...]]] = {}
     if posed:
         flange = np.stack([t.flange for t in targets if t.flange is not None and not t.refused])
         taught = _taught_before(targets, robot.joints)[posed]
@@ -58,7 +58,7 @@ def postures(targets: Sequence[Target], robot: Robot, coupling: str) -> tuple[Ar
     return angles, why
 
 
-def _taught_before(targets: Sequence[Target], joints: int) -> Array:
+def _taught_before(targets: Sequence[ProgramTarget], joints: int) -> Array:
     """(n, N) the last joint target before each target, or itself, as the controller counts; NaN where there is none."""
     taught, here = np.full((len(targets), joints), np.nan), np.full(joints, np.nan)
     for i, target in enumerate(targets):
@@ -69,9 +69,9 @@ def _taught_before(targets: Sequence[Target], joints: int) -> Array:
 
 
 def _chosen(
-    target: Target,
+    target: ProgramTarget,
     counted: Array,
-    reached: tuple[Reached, ...],
+    reached: tuple[BranchResult, ...],
     branches: tuple[str, ...],
     before: Array | None,
     robot: Robot,
@@ -88,12 +88,16 @@ def _chosen(
         nearest = int(nearest_branch(turned, before))
         if nearest < 0:
             return nowhere, "it is out of reach, or beyond the joint limits, in every branch"
-        return (turned[nearest], "") if reached[nearest] is Reached.YES else (nowhere, reached[nearest].value)
+        return (
+            (turned[nearest], "")
+            if reached[nearest] is BranchResult.YES
+            else (nowhere, reached[nearest].value)
+        )
     if target.branch not in branches:
         return nowhere, f"this arm has no branch '{target.branch}', only {', '.join(branches)}"
     branch = branches.index(target.branch)
     solution = counted[branch]
-    if reached[branch] is not Reached.YES:
+    if reached[branch] is not BranchResult.YES:
         return nowhere, f"{reached[branch]} ({target.branch})"
     # Where the program asks for a turn it is that one, whether within the limits or not: reported after the correction.
     seed = np.zeros(robot.joints)
@@ -107,7 +111,11 @@ def _chosen(
 
 
 def _only_one(
-    target: Target, counted: Array, reached: tuple[Reached, ...], branches: tuple[str, ...], robot: Robot
+    target: ProgramTarget,
+    counted: Array,
+    reached: tuple[BranchResult, ...],
+    branches: tuple[str, ...],
+    robot: Robot,
 ) -> tuple[Array, str]:
     """The one solution of `counted` (B, N) within the limits that fits every window, or why there is none."""
     if not set(target.among) <= set(branches):
@@ -121,7 +129,7 @@ def _only_one(
     for branch in target.among:
         k, other = branches.index(branch), branches.index(_other_elbow(branch))
         elbow_fits = target.larger_elbow in (None, bool(elbows[k] > elbows[other]))
-        if reached[k] is Reached.YES and elbow_fits:
+        if reached[k] is BranchResult.YES and elbow_fits:
             turned = nearest_turns(counted[k], seed, lower, upper, slides=robot.slides)
             fits = np.all(np.isfinite(turned)) and not leaves_window(target, turned)
             fitting += [turned] if fits else []
@@ -136,7 +144,7 @@ def _other_elbow(branch: str) -> str:
     return "/".join((side, {"up": "down", "down": "up"}[elbow], wrist))
 
 
-def leaves_window(target: Target, angles: Array, joints: Collection[int] | None = None) -> str:
+def leaves_window(target: ProgramTarget, angles: Array, joints: Collection[int] | None = None) -> str:
     """The joint, of `joints` where given, that is outside the turns that the program asks for, as a sentence part; ''
     where none is."""
     for joint, (begin, end) in target.windows.items():

@@ -1,6 +1,6 @@
 """The program, whatever its dialect: targets in the order of the file, and how new joints are written back.
 
-A dialect reads a file into a `Program`. Each target says what the controller makes of it: joint angles as the
+A dialect reads a file into a `RobotProgram`. Each target says what the controller makes of it: joint angles as the
 controller counts them, or a pose with the branch and the turns that the program asks for. Nothing here knows a
 dialect; no dialect knows a model.
 """
@@ -28,7 +28,7 @@ _NOTES = {
 
 
 @dataclass(frozen=True)
-class Target:
+class ProgramTarget:
     """One target of a program, or why it cannot be read.
 
     joints: (N,) controller angles, rad; or flange: (4, 4) in the nominal base frame, mm. tool: (4, 4) tool point on
@@ -64,14 +64,14 @@ class Target:
 
 
 @dataclass(frozen=True)
-class Driven:
+class NewTarget:
     """The new values of a target: controller angles (N,), rad, and the flange pose (4, 4), base frame, mm."""
 
     joints: Array
     flange: Array
 
 
-class Program(Protocol):
+class RobotProgram(Protocol):
     """A program file: its text, its targets, and the edits that give one of them new values."""
 
     @property
@@ -80,11 +80,11 @@ class Program(Protocol):
         ...
 
     @property
-    def targets(self) -> Sequence[Target]:
+    def targets(self) -> Sequence[ProgramTarget]:
         """Every target, in the order of the file."""
         ...
 
-    def edits(self, index: int, driven: Driven) -> list[Edit]:
+    def edits(self, index: int, driven: NewTarget) -> list[Edit]:
         """Edits that make target `index` what is to be driven."""
         ...
 
@@ -109,16 +109,16 @@ def rules(**words: str) -> tuple[Rule, ...]:
 
 
 def beside(
-    found: Sequence[tuple[Target, _P]],
+    found: Sequence[tuple[ProgramTarget, _P]],
     statements: Iterable[tuple[int, str]],
     known: Sequence[Rule],
     lines: Lines,
     nowhere: _P,
-) -> list[tuple[Target, _P]]:
+) -> list[tuple[ProgramTarget, _P]]:
     """Targets with their places, as the statements (position, code without comments) that the reader does not follow
     leave them: one more, refused, for each that drives; every pose refused where one displaces, and every target where
     one shifts; a note where one changes the payload or the posture."""
-    more: list[tuple[Target, _P]] = []
+    more: list[tuple[ProgramTarget, _P]] = []
     displaced, shifted, notes = "", False, dict[str, Does]()
     for at, code in statements:
         for rule in known:
@@ -128,7 +128,7 @@ def beside(
             line, word = lines.at(at), " ".join(match.group().split())
             if rule.does == "drives":
                 why = f"'{word}' is not read here: where it drives to stays as it is"
-                more.append((Target(f"line {line}", line, refused=why), nowhere))
+                more.append((ProgramTarget(f"line {line}", line, refused=why), nowhere))
             elif rule.does in _NOTES:
                 notes[f"'{word}' in line {line} {_NOTES[rule.does]}"] = rule.does
             else:
@@ -139,7 +139,7 @@ def beside(
                 )
             break
 
-    def left(target: Target) -> Target:
+    def left(target: ProgramTarget) -> ProgramTarget:
         about = [note for note, does in notes.items() if does == "loads" or target.flange is not None]
         target = replace(target, notes=(*target.notes, *about)) if about else target
         refuse = displaced and (shifted or target.flange is not None) and not target.refused
@@ -148,6 +148,6 @@ def beside(
     return [*((left(target), place) for target, place in found), *more]
 
 
-def rewritten(program: Program, driven: Mapping[int, Driven]) -> str:
+def rewritten(program: RobotProgram, driven: Mapping[int, NewTarget]) -> str:
     """The program's text with new values for some targets, everything else untouched."""
     return edited(program.text, (e for i, d in driven.items() for e in program.edits(i, d)))

@@ -21,9 +21,9 @@ from calib.compensate import inverse_poses
 from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames
-from service.programs.program import Driven, Target, Window, beside, rules
-from service.programs.rapid_module import Declaration, Module, Use
-from service.programs.syntax import Node, Unknown, literal
+from service.programs.program import NewTarget, ProgramTarget, Window, beside, rules
+from service.programs.rapid_module import Declaration, Module, TargetUse
+from service.programs.syntax import Node, SyntaxUnknown, literal
 from service.programs.text import Edit, Lines, decimal
 
 MM_PLACES, QUATERNION_PLACES, DEG_PLACES = 5, 9, 6
@@ -60,11 +60,11 @@ class RapidProgram:
         }
         found = [*self._declared(), *self._in_place()]
         found.sort(key=lambda pair: pair[1].at)
-        found = beside(found, self._module.instructions, _RULES, Lines(text, file), _Place(0))
-        self.targets: Sequence[Target] = tuple(target for target, _ in found)
+        found = beside(found, self._module.instructions, _RULES, Lines(text, file), _RapidPlace(0))
+        self.targets: Sequence[ProgramTarget] = tuple(target for target, _ in found)
         self._places = tuple(place for _, place in found)
 
-    def edits(self, index: int, driven: Driven) -> list[Edit]:
+    def edits(self, index: int, driven: NewTarget) -> list[Edit]:
         """Edits of the numbers that differ."""
         place, target = self._places[index], self.targets[index]
         if place.node is None:
@@ -95,9 +95,9 @@ class RapidProgram:
             if other
         ]
 
-    def _declared(self) -> list[tuple[Target, _Place]]:
+    def _declared(self) -> list[tuple[ProgramTarget, _RapidPlace]]:
         out = []
-        uses: dict[str, list[Use]] = {}
+        uses: dict[str, list[TargetUse]] = {}
         for use in self._module.uses:
             uses.setdefault(use.name.lower(), []).append(use)
         for name, declarations in self._module.declarations.items():
@@ -108,13 +108,13 @@ class RapidProgram:
         return out
 
     def _of_declaration(
-        self, declaration: Declaration, uses: list[Use], *, twice: bool
-    ) -> list[tuple[Target, _Place]]:
+        self, declaration: Declaration, uses: list[TargetUse], *, twice: bool
+    ) -> list[tuple[ProgramTarget, _RapidPlace]]:
         line = self._module.line(declaration.at)
-        nowhere = _Place(declaration.at)
+        nowhere = _RapidPlace(declaration.at)
 
-        def whole(why: str) -> list[tuple[Target, _Place]]:
-            return [(Target(declaration.name, line, refused=why), nowhere)]
+        def whole(why: str) -> list[tuple[ProgramTarget, _RapidPlace]]:
+            return [(ProgramTarget(declaration.name, line, refused=why), nowhere)]
 
         if not declaration.value:
             return whole("has no value in this module") if uses else []
@@ -128,14 +128,14 @@ class RapidProgram:
             return whole(f"gets another value while the program runs (line {assigned})")
         try:
             elements = _elements(self._module, literal(declaration.value), declaration.dimensions)
-        except Unknown as unknown:
+        except SyntaxUnknown as unknown:
             return whole(f"is not a plain value: {unknown}")
         out = []
         for indices, node in elements:
             name = declaration.name + ("{" + ",".join(map(str, indices)) + "}" if indices else "")
-            target = Target(name, self._module.line(node.start))
+            target = ProgramTarget(name, self._module.line(node.start))
             if node.kind == "name":
-                out.append((replace(target, refused=f"is a copy of '{node.text}'"), _Place(node.start)))
+                out.append((replace(target, refused=f"is a copy of '{node.text}'"), _RapidPlace(node.start)))
                 continue
             if any(not use.plain for use in uses):
                 target = replace(
@@ -144,24 +144,28 @@ class RapidProgram:
             out.append(self._read(target, node, uses, joints=declaration.type == "jointtarget"))
         return out
 
-    def _in_place(self) -> list[tuple[Target, _Place]]:
+    def _in_place(self) -> list[tuple[ProgramTarget, _RapidPlace]]:
         """Targets written into motions, and those that are not in this module."""
         out, missing = [], set[str]()
         for use in self._module.uses:
             line = self._module.line(use.at)
             if use.unknown:
                 why = f"is not a plain target: {use.unknown}"
-                out.append((Target(f"line {line}", line, refused=why), _Place(use.at)))
+                out.append((ProgramTarget(f"line {line}", line, refused=why), _RapidPlace(use.at)))
             elif use.target is not None:
-                out.append(self._read(Target(f"line {line}", line), use.target, [use], joints=use.joints))
+                out.append(
+                    self._read(ProgramTarget(f"line {line}", line), use.target, [use], joints=use.joints)
+                )
             elif use.name.lower() not in self._module.declarations and use.name.lower() not in missing:
                 missing.add(use.name.lower())
                 why = "is not declared in this module"
-                out.append((Target(use.name, line, refused=why), _Place(use.at)))
+                out.append((ProgramTarget(use.name, line, refused=why), _RapidPlace(use.at)))
         return out
 
-    def _read(self, target: Target, node: Node, uses: list[Use], *, joints: bool) -> tuple[Target, _Place]:
-        place = _Place(node.start, node)
+    def _read(
+        self, target: ProgramTarget, node: Node, uses: list[TargetUse], *, joints: bool
+    ) -> tuple[ProgramTarget, _RapidPlace]:
+        place = _RapidPlace(node.start, node)
         try:
             if joints:
                 degrees = self._module.numbers(self._module.items(node, 2)[0], 6)
@@ -176,7 +180,7 @@ class RapidProgram:
             used = any(abs(value) < UNUSED for value in self._module.numbers(external, 6))
             beside = self._known.note_external(used=used)
             tool, frame = self._tool_and_frame(uses)
-        except Unknown as unknown:
+        except SyntaxUnknown as unknown:
             return replace(target, refused=f"is not a plain value: {unknown}"), place
         except ValueError as error:
             return replace(target, refused=str(error)), place
@@ -193,7 +197,7 @@ class RapidProgram:
             replace(place, frame=frame),
         )
 
-    def _tool_and_frame(self, uses: list[Use]) -> tuple[Array, Array]:
+    def _tool_and_frame(self, uses: list[TargetUse]) -> tuple[Array, Array]:
         """The tool on the flange and the work object in the base frame. Raises ValueError when not known."""
         pairs = {(use.tool.lower(), use.work_object.lower()) for use in uses} or {(UNNAMED, UNNAMED)}
         found = [(self._tool(tool), self._world @ self._frame(frame)) for tool, frame in sorted(pairs)]
@@ -241,7 +245,7 @@ class RapidProgram:
 
 
 @dataclass(frozen=True)
-class _Place:
+class _RapidPlace:
     """The place of a target in the text: its position, its value, and the frame in which its pose counts."""
 
     at: int
@@ -267,7 +271,7 @@ def _elements(module: Module, node: Node, dimensions: tuple[int, ...]) -> list[t
     for size in dimensions:
         copied = next((each for each in nodes if each.kind == "name"), None)
         if copied is not None:
-            raise Unknown(copied.start, f"it is a copy of '{copied.text}'")
+            raise SyntaxUnknown(copied.start, f"it is a copy of '{copied.text}'")
         nodes = [item for each in nodes for item in module.items(each, size)]
     indices = itertools.product(*(range(1, size + 1) for size in dimensions))
     return list(zip(indices, nodes, strict=True))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from calib.errors import DataError
-from service.programs.syntax import Node, Token, Unknown, brackets, lexer, literal, split
+from service.programs.syntax import Node, SyntaxUnknown, Token, brackets, lexer, literal, split
 from service.programs.text import Lines
 
 tokens_of = lexer("!", '"')
@@ -83,7 +83,7 @@ class Declaration:
 
 
 @dataclass(frozen=True)
-class Use:
+class TargetUse:
     """One target of one motion: a name, or a literal in place; tool and work object as the instruction names them.
 
     plain: the target itself, not one moved along by Offs or RelTool. unknown: why the argument is neither.
@@ -114,7 +114,7 @@ class Module:
         self._names_at: set[int] = set()
         self.declarations: dict[str, list[Declaration]] = {}
         self._each(self._declare)
-        uses: list[Use] = []
+        uses: list[TargetUse] = []
         self._each(lambda i: self._motion(i, uses))
         self.uses = tuple(uses)
         self.instructions, self.foreign = self._others()
@@ -130,11 +130,11 @@ class Module:
             return node
         found = self.declarations.get(node.text.lower(), [])
         if len(found) != 1 or not found[0].value or found[0].dimensions or depth > _DEEPEST:
-            raise Unknown(node.start, f"'{node.text}' has no value in this module")
+            raise SyntaxUnknown(node.start, f"'{node.text}' has no value in this module")
         if node.text.lower() in self.assigned:
-            raise Unknown(node.start, f"'{node.text}' gets another value while the program runs")
+            raise SyntaxUnknown(node.start, f"'{node.text}' gets another value while the program runs")
         if len(found[0].value) > _LONGEST_VALUE:
-            raise Unknown(node.start, f"'{node.text}' is a longer value than any part of a target")
+            raise SyntaxUnknown(node.start, f"'{node.text}' is a longer value than any part of a target")
         return self.constant(literal(found[0].value), depth + 1)
 
     def numbers(self, node: Node, count: int) -> list[float]:
@@ -142,14 +142,14 @@ class Module:
         values = [self.constant(item) for item in self.items(node, count)]
         for value in values:
             if value.kind != "number":
-                raise Unknown(node.start, f"'{value.text}' is there where a number is needed")
+                raise SyntaxUnknown(node.start, f"'{value.text}' is there where a number is needed")
         return [value.value for value in values]
 
     def items(self, node: Node, count: int) -> tuple[Node, ...]:
         """The `count` parts of a list. Raises Unknown when it is not one."""
         found = self.constant(node)
         if found.kind != "list" or len(found.items) != count:
-            raise Unknown(node.start, f"a list of {count} values is needed here")
+            raise SyntaxUnknown(node.start, f"a list of {count} values is needed here")
         return found.items
 
     def _each(self, read: Callable[[int], int]) -> None:
@@ -184,7 +184,7 @@ class Module:
         )
         return at + len(value) + 1
 
-    def _motion(self, i: int, uses: list[Use]) -> int:
+    def _motion(self, i: int, uses: list[TargetUse]) -> int:
         token = self._tokens[i]
         motion = MOTIONS.get(token.text.lower()) if token.kind == "name" else None
         follows = self._tokens[i + 1].text if i + 1 < len(self._tokens) else ""
@@ -208,19 +208,21 @@ class Module:
         ]
         return i + 1 + len(statement)
 
-    def _use(self, part: Sequence[Token], *, joints: bool, tool: str, work_object: str) -> Use:
+    def _use(self, part: Sequence[Token], *, joints: bool, tool: str, work_object: str) -> TargetUse:
         at = part[0].start
         try:
             node = literal(part)
             plain = not (node.kind == "call" and node.text.lower() in _MOVED and node.items)
             node = node if plain else node.items[0]
             if node.kind in ("name", "element"):
-                return Use(node.start, joints, node.text, None, tool, work_object, plain)
+                return TargetUse(node.start, joints, node.text, None, tool, work_object, plain)
             if node.kind == "list" and plain:
-                return Use(at, joints, "", node, tool, work_object)
-            raise Unknown(at, f"'{self._text[node.start : node.end]}' is computed while the program runs")
-        except Unknown as unknown:
-            return Use(at, joints, "", None, tool, work_object, unknown=str(unknown))
+                return TargetUse(at, joints, "", node, tool, work_object)
+            raise SyntaxUnknown(
+                at, f"'{self._text[node.start : node.end]}' is computed while the program runs"
+            )
+        except SyntaxUnknown as unknown:
+            return TargetUse(at, joints, "", None, tool, work_object, unknown=str(unknown))
 
     def _others(self) -> tuple[list[tuple[int, str]], dict[str, tuple[int, str]]]:
         """Instructions that are no motions read here, by position and words; and the targets that something else than

@@ -11,7 +11,7 @@ from calib.errors import DataError
 from service.programs.fanuc import FanucProgram
 from service.programs.frames import KnownFrames
 from service.programs.kuka import KukaProgram
-from service.programs.program import Program
+from service.programs.program import RobotProgram
 from service.programs.rapid import RapidProgram
 from service.programs.target_table import TargetTable, without_formulas
 from service.programs.text import read_text
@@ -68,7 +68,7 @@ def dialect_of(path: Path, robot: Robot) -> str:
     return dialect
 
 
-def parse(text: str, path: Path, robot: Robot, known: KnownFrames) -> Program:
+def parse(text: str, path: Path, robot: Robot, known: KnownFrames) -> RobotProgram:
     """A program from its text. Raises DataError where it cannot be read."""
     dialect = dialect_of(path, robot)
     if dialect == TABLE:
@@ -88,7 +88,7 @@ def as_written(text: str, path: Path) -> str:
     return without_formulas(text) if SUFFIXES.get(path.suffix.lower()) == TABLE else text
 
 
-def read_program(path: Path, robot: Robot, known: KnownFrames) -> Program:
+def read_program(path: Path, robot: Robot, known: KnownFrames) -> RobotProgram:
     """Read a program file. Raises DataError."""
     dialect_of(path, robot)
     return parse(read_text(path), path, robot, known)

@@ -1,6 +1,7 @@
 """Words and literals that RAPID and URScript share: numbers, names, strings, bracketed lists, and where they are.
 
-Only what a literal can hold is understood; anything else is `Unknown`, with its line, and left alone by the caller.
+Only what a literal can hold is understood; anything else is `SyntaxUnknown`, with its line, and left alone by
+the caller.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class Node:
     items: tuple[Node, ...] = ()
 
 
-class Unknown(Exception):
+class SyntaxUnknown(Exception):
     """Something this parser does not know, at a position of the text."""
 
     def __init__(self, at: int, what: str) -> None:
@@ -97,7 +98,7 @@ def _closing(tokens: Sequence[Token], at: int) -> int:
             depth -= 1
             if depth == 0:
                 return i
-    raise Unknown(tokens[at].start, "a bracket is not closed")
+    raise SyntaxUnknown(tokens[at].start, "a bracket is not closed")
 
 
 def split(tokens: Sequence[Token], *separators: str) -> list[list[Token]]:
@@ -117,18 +118,18 @@ def split(tokens: Sequence[Token], *separators: str) -> list[list[Token]]:
 def literal(tokens: Sequence[Token], depth: int = 0) -> Node:
     """All tokens as one literal, within so many brackets. Raises Unknown for anything else."""
     if not tokens:
-        raise Unknown(0, "nothing is here")
+        raise SyntaxUnknown(0, "nothing is here")
     if depth > DEEPEST:
-        raise Unknown(tokens[0].start, f"more than {DEEPEST} brackets lie within one another")
+        raise SyntaxUnknown(tokens[0].start, f"more than {DEEPEST} brackets lie within one another")
     node, used = _literal(tokens, 0, depth)
     if used != len(tokens):
-        raise Unknown(tokens[used].start, f"'{tokens[used].text}' is not part of a plain value")
+        raise SyntaxUnknown(tokens[used].start, f"'{tokens[used].text}' is not part of a plain value")
     return node
 
 
 def _literal(tokens: Sequence[Token], at: int, depth: int) -> tuple[Node, int]:
     if at >= len(tokens):
-        raise Unknown(tokens[-1].end, "the value ends too early")
+        raise SyntaxUnknown(tokens[-1].end, "the value ends too early")
     token = tokens[at]
     if token.kind == "sign" and token.text in "+-" and at + 1 < len(tokens):
         number = tokens[at + 1]
@@ -153,13 +154,13 @@ def _literal(tokens: Sequence[Token], at: int, depth: int) -> tuple[Node, int]:
         end = _closing(tokens, at)
         items = _items(tokens[at + 1 : end], depth + 1)
         return Node("list", token.start, tokens[end].end, items=items), end + 1
-    raise Unknown(token.start, f"'{token.text}' is not part of a plain value")
+    raise SyntaxUnknown(token.start, f"'{token.text}' is not part of a plain value")
 
 
 def _number(token: Token) -> float:
     value = float(token.text)
     if not math.isfinite(value):
-        raise Unknown(token.start, f"'{token.text[:20]}' is larger than any number")
+        raise SyntaxUnknown(token.start, f"'{token.text[:20]}' is larger than any number")
     return value
 
 
@@ -172,6 +173,6 @@ def _plain(tokens: Sequence[Token], depth: int) -> tuple[Node, ...]:
     for part in split(tokens, ","):
         try:
             out.append(literal(part, depth))
-        except Unknown:
+        except SyntaxUnknown:
             out.append(Node("unknown", part[0].start if part else 0, part[-1].end if part else 0))
     return tuple(out)

@@ -22,7 +22,7 @@ from calib.errors import DataError
 from calib.text import LONGEST_LINE, MOST_COLUMNS, meant_by, no_formula, other_mark
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames
-from service.programs.program import Driven, Target
+from service.programs.program import NewTarget, ProgramTarget
 from service.programs.text import Edit, decimal, edited
 
 PLACES = 9
@@ -55,7 +55,7 @@ class TargetTable:
         header = [cell.text for cell in rows[0][1]]
         self._check_header(header)
         found = [self._row(line, header, cells) for line, cells in rows[1:]]
-        self.targets: Sequence[Target] = tuple(target for target, _ in found)
+        self.targets: Sequence[ProgramTarget] = tuple(target for target, _ in found)
         self._cells = tuple(cells for _, cells in found)
         seen: set[str] = set()
         for target in self.targets:
@@ -65,7 +65,7 @@ class TargetTable:
                 )
             seen.add(target.name)
 
-    def edits(self, index: int, driven: Driven) -> list[Edit]:
+    def edits(self, index: int, driven: NewTarget) -> list[Edit]:
         """Edits of the cells that differ."""
         target, cells = self.targets[index], self._cells[index]
         if target.joints is not None:
@@ -132,11 +132,13 @@ class TargetTable:
                 f"column '{name}': the robot has {count} joints.", "Use the model of this robot.", 1
             )
 
-    def _row(self, line: int, header: list[str], cells: list[_Cell]) -> tuple[Target, dict[str, _Cell]]:
+    def _row(
+        self, line: int, header: list[str], cells: list[_Cell]
+    ) -> tuple[ProgramTarget, dict[str, _Cell]]:
         if len(cells) != len(header):
             raise self._refuse(f"has {len(cells)} cells, the header {len(header)}.", "Correct the row.", line)
         row = dict(zip(header, cells, strict=True))
-        target = Target(meant_by(row["target_id"].text), line)
+        target = ProgramTarget(meant_by(row["target_id"].text), line)
         if not target.name:
             raise self._refuse("column 'target_id' is empty.", "Give every target an id.", line)
         others = [name for name in header if _EXTERNAL.fullmatch(name) and name not in self._joints]

@@ -23,8 +23,8 @@ from calib.compensate import inverse_poses
 from calib.errors import DataError
 from service.programs import frames
 from service.programs.frames import UNNAMED, KnownFrames
-from service.programs.program import Driven, Target, beside, rules
-from service.programs.syntax import Node, Unknown, brackets, lexer, literal, split
+from service.programs.program import NewTarget, ProgramTarget, beside, rules
+from service.programs.syntax import Node, SyntaxUnknown, brackets, lexer, literal, split
 from service.programs.text import Edit, Lines, decimal
 
 PLACES = 8  # m and rad
@@ -55,12 +55,12 @@ class UrScript:
         self._brackets = brackets(self._tokens)
         self._values = self._assigned()
         self._tool: Array | None = known.tools.get(UNNAMED)
-        self._seen: dict[str, Target] = {}
+        self._seen: dict[str, ProgramTarget] = {}
         self._two_tools: set[str] = set()
         self._plain: set[int] = set()  # where a named waypoint stands in a motion that is read
         self._no_tool = "no set_tcp comes before it, so its tool is not known: give --tool"
         self._elsewhere = ""
-        found: list[tuple[Target, Node | None]] = []
+        found: list[tuple[ProgramTarget, Node | None]] = []
         own = {after.text for token, after in pairwise(self._tokens) if token.text in ("def", "thread")}
         several = self._tools_set() > 1
         done = 0  # what is in the brackets of a motion is not looked at again
@@ -98,10 +98,10 @@ class UrScript:
             for target, node in found
         ]
         found = beside(found, calls, _RULES, self._lines, None)
-        self.targets: Sequence[Target] = tuple(target for target, _ in found)
+        self.targets: Sequence[ProgramTarget] = tuple(target for target, _ in found)
         self._nodes = tuple(node for _, node in found)
 
-    def edits(self, index: int, driven: Driven) -> list[Edit]:
+    def edits(self, index: int, driven: NewTarget) -> list[Edit]:
         """Edits of the numbers that differ."""
         target, node = self.targets[index], self._nodes[index]
         if node is None:
@@ -112,7 +112,7 @@ class UrScript:
         vector = frames.rotation_vector(pose, [_number(item) for item in node.items[3:]])
         return _set(node, np.array([*(pose[:3, 3] / METRE), *vector]))
 
-    def _motion(self, i: int, count: int) -> list[tuple[Target, Node | None]]:
+    def _motion(self, i: int, count: int) -> list[tuple[ProgramTarget, Node | None]]:
         parts = split(self._tokens[i + 2 : self._closing(i + 1)], ",")
         out = []
         for part in parts[:count]:
@@ -123,9 +123,9 @@ class UrScript:
                 self._plain.add(node.start)
                 name = node.text if node.kind == "name" else f"line {line}"
                 out += self._waypoint(name, line, node)
-            except Unknown as unknown:
+            except SyntaxUnknown as unknown:
                 why = f"is computed while the program runs: {unknown}"
-                out.append((Target(f"line {line}", line, refused=why), None))
+                out.append((ProgramTarget(f"line {line}", line, refused=why), None))
             if self._tokens[i].text == "movej" and out and out[-1][0].refused:
                 self._elsewhere = f"'movej' (line {line})"
         return out
@@ -149,15 +149,15 @@ class UrScript:
                 out.setdefault(token.text, why)
         return out
 
-    def _waypoint(self, name: str, line: int, node: Node) -> list[tuple[Target, Node | None]]:
+    def _waypoint(self, name: str, line: int, node: Node) -> list[tuple[ProgramTarget, Node | None]]:
         if node.kind == "name":
             values = self._values.get(node.text, [])
             if len(values) != 1 or values[0] is None:
                 why = "is computed while the program runs" if values else "has no value in this program"
-                return [(Target(name, line, refused=why), None)]
+                return [(ProgramTarget(name, line, refused=why), None)]
             node = values[0]
             line = self._lines.at(node.start)
-        target = self._read(Target(name, line), node)
+        target = self._read(ProgramTarget(name, line), node)
         if name in self._seen:  # a named waypoint used again: the same text, already a target
             before = self._seen[name]
             same = before.flange is None or np.allclose(before.tool, target.tool)
@@ -168,7 +168,7 @@ class UrScript:
             self._seen[name] = target
         return [(target, node if not target.refused else None)]
 
-    def _read(self, target: Target, node: Node) -> Target:
+    def _read(self, target: ProgramTarget, node: Node) -> ProgramTarget:
         try:
             if node.kind != "list" or node.text not in ("", "p") or len(node.items) != 6:
                 raise ValueError("is neither six joint angles nor a pose")
@@ -183,7 +183,7 @@ class UrScript:
                     f"the posture before it is not known: {self._elsewhere} is not followed here"
                 )
             pose = frames.of_vector([METRE * v for v in values[:3]], values[3:])
-        except Unknown as unknown:
+        except SyntaxUnknown as unknown:
             return replace(target, refused=f"is computed while the program runs: {unknown}")
         except ValueError as error:
             return replace(target, refused=str(error))
@@ -202,7 +202,7 @@ class UrScript:
                 return None
             values = [_number(item) for item in node.items]
             return frames.of_vector([METRE * v for v in values[:3]], values[3:])
-        except (Unknown, ValueError):
+        except (SyntaxUnknown, ValueError):
             return None
 
     def _assigned(self) -> dict[str, list[Node | None]]:
@@ -231,7 +231,7 @@ class UrScript:
             return None
         try:
             return literal(self._tokens[at:end])
-        except Unknown:
+        except SyntaxUnknown:
             return None
 
     def _statement_ends(self) -> list[int]:
@@ -265,7 +265,7 @@ def _number(node: Node) -> float:
         return node.value
     if node.kind == "call" and node.text == "d2r" and len(node.items) == 1 and node.items[0].kind == "number":
         return math.radians(node.items[0].value)
-    raise Unknown(node.start, f"'{node.text}' is there where a number is needed")
+    raise SyntaxUnknown(node.start, f"'{node.text}' is there where a number is needed")
 
 
 def _set(node: Node, values: Array) -> list[Edit]:

@@ -22,7 +22,7 @@ import numpy as np
 from calib.errors import DataError
 from calib.units import DEG
 from service.programs import frames
-from service.programs.program import TWICE, Driven, Target
+from service.programs.program import TWICE, NewTarget, ProgramTarget
 from service.programs.text import Edit, Lines, decimal
 
 PLACES = 6
@@ -62,10 +62,10 @@ class Val3Data:
             else (target, numbers)
             for target, numbers in found
         ]
-        self.targets: Sequence[Target] = tuple(target for target, _ in found)
+        self.targets: Sequence[ProgramTarget] = tuple(target for target, _ in found)
         self._numbers = tuple(numbers for _, numbers in found)
 
-    def edits(self, index: int, driven: Driven) -> list[Edit]:
+    def edits(self, index: int, driven: NewTarget) -> list[Edit]:
         """Edits of the angles that differ."""
         values: dict[str, float] = dict(zip(_AXES, np.degrees(driven.joints), strict=True))
         return [
@@ -86,7 +86,7 @@ class Val3Data:
             at = end + 3
         return "".join([*parts, self.text[at:]])
 
-    def _read(self) -> Iterator[tuple[Target, Mapping[str, _Number]]]:
+    def _read(self) -> Iterator[tuple[ProgramTarget, Mapping[str, _Number]]]:
         name, kind = "", ""
         for tag in _TAG.finditer(self._tags):
             if tag["name"] not in ("Data", "/Data", "Value"):
@@ -100,7 +100,7 @@ class Val3Data:
             if kind not in ("jointrx", *_POINT) or not name:
                 continue
             key = attributes["key"]["value"] if "key" in attributes else "0"
-            target = Target(f"{name}[{key}]", self._lines.at(tag.start()))
+            target = ProgramTarget(f"{name}[{key}]", self._lines.at(tag.start()))
             if kind in _POINT:
                 why = "it is a point: its tool is named in the .pgx, and righty or lefty is not known of the robot"
                 yield replace(target, refused=why), {}
@@ -108,8 +108,8 @@ class Val3Data:
                 yield self._joints(target, attributes, tag.start("rest"))
 
     def _joints(
-        self, target: Target, attributes: Mapping[str, re.Match[str]], at: int
-    ) -> tuple[Target, Mapping[str, _Number]]:
+        self, target: ProgramTarget, attributes: Mapping[str, re.Match[str]], at: int
+    ) -> tuple[ProgramTarget, Mapping[str, _Number]]:
         if missing := [axis for axis in _AXES if axis not in attributes]:
             return replace(
                 target, refused=f"it has no {missing[0]} that could be corrected: write it as 0"

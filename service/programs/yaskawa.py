@@ -25,7 +25,7 @@ from calib.errors import DataError
 from calib.units import DEG
 from service.programs import frames
 from service.programs.frames import KnownFrames
-from service.programs.program import TWICE, Driven, Target, beside, rules
+from service.programs.program import TWICE, NewTarget, ProgramTarget, beside, rules
 from service.programs.text import Edit, Lines, Number
 
 _LINE = re.compile(r"[^\r\n]++")
@@ -67,10 +67,10 @@ class YaskawaJob:
         names = Counter(m["name"] for _, line in statements if (m := _POSITION.match(line)) is not None)
         self._odd |= {name: TWICE for name, count in names.items() if count > 1}
         found = beside(list(self._read()), statements, _RULES, self._lines, [])
-        self.targets: Sequence[Target] = tuple(target for target, _ in found)
+        self.targets: Sequence[ProgramTarget] = tuple(target for target, _ in found)
         self._pulses = tuple(pulses for _, pulses in found)
 
-    def edits(self, index: int, driven: Driven) -> list[Edit]:
+    def edits(self, index: int, driven: NewTarget) -> list[Edit]:
         """Edits of the pulses that differ."""
         wanted = np.round(np.degrees(driven.joints) * self._per_deg)
         return [
@@ -81,7 +81,7 @@ class YaskawaJob:
             if int(count) != slot.value
         ]
 
-    def _read(self) -> Iterator[tuple[Target, list[Number]]]:
+    def _read(self) -> Iterator[tuple[ProgramTarget, list[Number]]]:
         kind, within = "", False
         for line in _LINE.finditer(self.text):
             words = line.group().strip()
@@ -91,12 +91,14 @@ class YaskawaJob:
                 kind = match[1].upper()
             position = _POSITION.match(line.group())
             if within and position is not None:
-                target = Target(position["name"], self._lines.at(line.start()))
+                target = ProgramTarget(position["name"], self._lines.at(line.start()))
                 yield self._position(
                     target, kind, position["values"], line.start() + position.start("values")
                 )
 
-    def _position(self, target: Target, kind: str, values: str, at: int) -> tuple[Target, list[Number]]:
+    def _position(
+        self, target: ProgramTarget, kind: str, values: str, at: int
+    ) -> tuple[ProgramTarget, list[Number]]:
         if target.name in self._odd:
             return replace(target, refused=self._odd[target.name]), []
         if kind != "PULSE":

@@ -11,20 +11,20 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from acquisition.loop import FollowedUp
+from acquisition.loop import FollowUpResult
 from acquisition.record import Verification
 from calib.array import Array
-from calib.comparison import Comparison
+from calib.comparison import RegressionComparison
 from calib.data import Dataset
-from calib.diagnose import CarryOver, Diagnosis
+from calib.diagnose import CarryOver, DiagnosisFit
 from calib.effects import words_of
-from calib.fit import ErrorStatistics, Identification, errors_on, left_out, statistics_of
-from calib.model import Effect, RobotModel
-from calib.saved import SavedModel, save_model
+from calib.fit import ErrorStatistics, IdentificationFit, errors_on, left_out, statistics_of
+from calib.model import Effect, ModelStructure
+from calib.saved import CalibratedModel, save_model
 from service import wording
 from service.report import certificate, scope
 from service.report.figures import drawing, errors, panels, scatter
-from service.report.figures.residuals import Sample
+from service.report.figures.residuals import PlotSample
 from service.report.sections import (
     ballbar,
     follow_up_section,
@@ -36,11 +36,11 @@ from service.report.sections import (
     verification,
 )
 from service.report.sections.findings import DRAWN, effects_of, power_of, structure_of
-from service.results.judgement.acceptance import NAMES, RULE, Acceptance
+from service.results.judgement.acceptance import NAMES, RULE, AcceptanceResult
 from service.results.judgement.validated import Validated
 from service.results.models import positions
-from service.results.models.documents import Patched
-from service.results.models.parameters import Row, rows_of
+from service.results.models.documents import PatchResult
+from service.results.models.parameters import ParameterRow, rows_of
 
 _LEFT_OUT_SHOWN = 30  # readings, largest errors first
 _ABSENT: Mapping[str, Any] = {
@@ -56,14 +56,14 @@ _ABSENT: Mapping[str, Any] = {
 
 
 def diagnosis_report(
-    diagnosis: Diagnosis,
+    diagnosis: DiagnosisFit,
     document: Mapping[str, Any],
     carried: CarryOver | None = None,
-    patched: Patched | None = None,
+    patched: PatchResult | None = None,
     *,
     verified: Verification | None = None,
-    followed_up: FollowedUp | None = None,
-    acceptance: Acceptance | None = None,
+    followed_up: FollowUpResult | None = None,
+    acceptance: AcceptanceResult | None = None,
     model_sha256: str | None = None,
 ) -> str:
     """The report of a diagnosis as HTML. `document` is its JSON, of which the report carries a copy.
@@ -74,7 +74,7 @@ def diagnosis_report(
     """
     dataset, final = diagnosis.dataset, diagnosis.final
     found = tuple(f.effect for f in diagnosis.effects)
-    sample = Sample.of(dataset, final)
+    sample = PlotSample.of(dataset, final)
     models = {
         "nominal robot": (diagnosis.nominal, diagnosis.nominal_estimate, drawing.NOMINAL),
         "base model": (diagnosis.base.model, diagnosis.base.estimate, drawing.BEFORE),
@@ -146,13 +146,13 @@ def diagnosis_report(
 
 def identification_report(
     dataset: Dataset,
-    found: Identification,
-    nominal: RobotModel,
+    found: IdentificationFit,
+    nominal: ModelStructure,
     placed: Array,
     document: Mapping[str, Any],
-    acceptance: Acceptance | None = None,
+    acceptance: AcceptanceResult | None = None,
     model_sha256: str | None = None,
-    preliminary: SavedModel | None = None,
+    preliminary: CalibratedModel | None = None,
 ) -> str:
     """The report of an identification alone as HTML; `placed` is the estimate of the nominal robot in its place.
 
@@ -165,7 +165,7 @@ def identification_report(
     }
     measured = _held_out(dataset, models)
     before, after = [statistics_of(e.distances) for e in measured] or [None, None]
-    joints = _joints(Sample.of(dataset, found), found.model, ())
+    joints = _joints(PlotSample.of(dataset, found), found.model, ())
     return _render(
         dataset,
         found,
@@ -213,26 +213,26 @@ def validation_report(validated: Validated, document: Mapping[str, Any], model_s
     )
 
 
-def judged_in(validated: Validated) -> tuple[list[errors.Errors], dict[str, Any]]:
+def judged_in(validated: Validated) -> tuple[list[errors.ErrorSample], dict[str, Any]]:
     """The errors of every model on the validation rows, and their pictures and table; arrows of the first two."""
     colours = (drawing.NOMINAL, drawing.AFTER, drawing.FITTED, drawing.BEFORE)
     dataset = validated.dataset
     measured = [
-        errors.Errors(name, errors_on(under, dataset.validation_rows, model, estimate), colour)
+        errors.ErrorSample(name, errors_on(under, dataset.validation_rows, model, estimate), colour)
         for colour, (name, (under, model, estimate)) in zip(colours, validated.models.items(), strict=False)
     ]
     drawn = {each.name: (*validated.models[each.name][1:], each.colour) for each in measured[:2]}
     return measured, judged.section_of(dataset, drawn, measured)
 
 
-def _colour_of(diagnosis: Diagnosis) -> str:
+def _colour_of(diagnosis: DiagnosisFit) -> str:
     """The class of the verdict's box: a warning where held-out readings are worse with what was found than without."""
     before, after = diagnosis.error_before, diagnosis.error_after
     worse = bool(diagnosis.effects) and before is not None and after is not None and after.rms > before.rms
     return "not_carried" if worse else diagnosis.verdict
 
 
-def _with(preliminary: SavedModel | None, models: ballbar.Models) -> ballbar.Models:
+def _with(preliminary: CalibratedModel | None, models: ballbar.Models) -> ballbar.Models:
     """The models in the order of a campaign: nominal, preliminary, final."""
     if preliminary is None:
         return models
@@ -242,14 +242,14 @@ def _with(preliminary: SavedModel | None, models: ballbar.Models) -> ballbar.Mod
 
 
 def regression_report(
-    comparison: Comparison, document: Mapping[str, Any], model_sha256: str | None = None
+    comparison: RegressionComparison, document: Mapping[str, Any], model_sha256: str | None = None
 ) -> str:
     """The report of a regression as HTML: the panel of its comparison, and the model that it is based on, with its
     hash."""
     asked = comparison.asked.predictor
     assert asked.found is not None  # of what is asked for only the nominal robot has none
     dataset, found = comparison.dataset, asked.found
-    joints = _joints(Sample.of(dataset, found), found.model, ())
+    joints = _joints(PlotSample.of(dataset, found), found.model, ())
     return _render(
         dataset,
         found,
@@ -264,7 +264,7 @@ def regression_report(
     )
 
 
-def _joints(sample: Sample, model: RobotModel, found: tuple[Effect, ...]) -> Markup:
+def _joints(sample: PlotSample, model: ModelStructure, found: tuple[Effect, ...]) -> Markup:
     """A panel a joint of what is left, with the lines of the effects found."""
     return Markup(
         scatter.joints_figure([panels.of_joint(sample, k, found) for k in range(1, model.robot.joints + 1)])
@@ -292,7 +292,7 @@ def _template() -> Template:
 
 def _render(
     dataset: Dataset,
-    found: Identification | None,
+    found: IdentificationFit | None,
     document: Mapping[str, Any],
     model_sha256: str | None,
     **parts: Any,
@@ -319,7 +319,7 @@ def _render(
     )
 
 
-def _of_fit(dataset: Dataset, found: Identification) -> dict[str, Any]:
+def _of_fit(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:
     """What a report says of a fit: its readings, parameters and trust."""
     return {
         "fit_count": len(found.readings.rows),
@@ -337,18 +337,20 @@ def _of_fit(dataset: Dataset, found: Identification) -> dict[str, Any]:
     }
 
 
-def _held_out(dataset: Dataset, models: Mapping[str, tuple[RobotModel, Array, str]]) -> list[errors.Errors]:
+def _held_out(
+    dataset: Dataset, models: Mapping[str, tuple[ModelStructure, Array, str]]
+) -> list[errors.ErrorSample]:
     """Distances of every model on the measured validation readings; empty where there are none."""
     rows = dataset.validation_rows
     if not rows.any():
         return []
     return [
-        errors.Errors(name, errors_on(dataset, rows, model, estimate), colour)
+        errors.ErrorSample(name, errors_on(dataset, rows, model, estimate), colour)
         for name, (model, estimate, colour) in models.items()
     ]
 
 
-def _error_figures(measured: list[errors.Errors]) -> dict[str, Markup] | None:
+def _error_figures(measured: list[errors.ErrorSample]) -> dict[str, Markup] | None:
     if not measured:
         return None
     return {
@@ -365,7 +367,7 @@ def _error_table(title: str, holdout: str, rows: Mapping[str, ErrorStatistics | 
     }
 
 
-def _patch(patched: Patched) -> dict[str, Any]:
+def _patch(patched: PatchResult) -> dict[str, Any]:
     table = _error_table(
         "Without and with the patch",
         "validation readings of this data set",
@@ -379,7 +381,7 @@ def _begun(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _parameter(row: Row) -> dict[str, Any]:
+def _parameter(row: ParameterRow) -> dict[str, Any]:
     shown: dict[str, Any] = {
         "name": row.name,
         "unit": row.unit,

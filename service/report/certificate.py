@@ -1,8 +1,9 @@
 """A digital calibration certificate (DCC) beside the report: the same figures as XML for programs.
 
 Written after the schema of the PTB, version 3.3.0, with quantities in D-SI 2.2. What a data set does not know,
-laboratory, customer and who is responsible, is told by `About`; it is not a certificate of an accredited laboratory
-unless one issues it. Sources: PTB, dcc.xsd v3.3.0 (structure, order, enumerations); D-SI 2.2 (quantities, units).
+laboratory, customer and who is responsible, is told by `CertificateParties`; it is not a certificate of an accredited
+laboratory unless one issues it. Sources: PTB, dcc.xsd v3.3.0 (structure, order, enumerations); D-SI 2.2 (quantities,
+units).
 
 The marks of a report that can be filed and signed: its number, who measured and when, program and hashes.
 """
@@ -70,7 +71,7 @@ _OF_THE_RUN = ("seconds",)  # keys of a result that differ each time it is worke
 
 
 @dataclass(frozen=True)
-class About:
+class CertificateParties:
     """The entries of a certificate that no data set knows. country: two letters (ISO 3166-1); `ZZ` where it is not
     told."""
 
@@ -80,7 +81,7 @@ class About:
     customer: str = "not stated"
     responsible: str = "not stated"
 
-    def refuse_unusable(self) -> About:
+    def refuse_unusable(self) -> CertificateParties:
         """The same entries, once they are known to fit a certificate. Raises DataError naming one that does not."""
         for each in fields(self):
             if not getattr(self, each.name).strip():
@@ -91,7 +92,7 @@ class About:
 
 
 @dataclass(frozen=True)
-class Certified:
+class CertificateContent:
     """The content of a certificate: a result (`identify --json` or `diagnose --json`), the parameters of its model with
     value, std and unit, and the hash of that model; None where the fit did not converge."""
 
@@ -101,7 +102,7 @@ class Certified:
     model_sha256: str | None
 
 
-def certificate_xml(certified: Certified, about: About) -> str:
+def certificate_xml(certified: CertificateContent, about: CertificateParties) -> str:
     """The XML of a certificate, with the number of the report, issued today (UTC).
 
     Raises DataError where the data set does not say when it was measured, or `about` cannot be used.
@@ -118,7 +119,9 @@ def certificate_xml(certified: Certified, about: About) -> str:
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _administrative(parent: ElementTree.Element, certified: Certified, about: About, issued: date) -> None:
+def _administrative(
+    parent: ElementTree.Element, certified: CertificateContent, about: CertificateParties, issued: date
+) -> None:
     dataset = certified.dataset
     began, ended = measured_on(dataset)
     software = _add(_add(parent, "dccSoftware"), "software")
@@ -155,7 +158,7 @@ def _administrative(parent: ElementTree.Element, certified: Certified, about: Ab
     _statements(parent, certified)
 
 
-def _statements(parent: ElementTree.Element, certified: Certified) -> None:
+def _statements(parent: ElementTree.Element, certified: CertificateContent) -> None:
     statements = _add(parent, "statements")
     if certified.dataset.header.simulated:
         told = _add(statements, "statement")
@@ -190,7 +193,7 @@ def _judged(criterion: Mapping[str, Any]) -> str:
     return f"{_FIGURES[criterion['quantity']]}{where}: {figure}, U {u}, limit {criterion['limit_mm']:g} mm: {verdict}."
 
 
-def _results(parent: ElementTree.Element, certified: Certified) -> None:
+def _results(parent: ElementTree.Element, certified: CertificateContent) -> None:
     document, dataset = certified.document, certified.dataset
     result = _add(parent, "measurementResult")
     _text(result, "name", f"{_simulated(dataset)}Position error and parameters of the robot")
@@ -330,7 +333,7 @@ def _simulated(dataset: Dataset) -> str:
     return "SIMULATED: " if dataset.header.simulated else ""
 
 
-def _contact(parent: ElementTree.Element, name: str, about: About) -> None:
+def _contact(parent: ElementTree.Element, name: str, about: CertificateParties) -> None:
     _text(parent, "name", name)
     location = _add(parent, "location")
     _add(location, "city", about.city)

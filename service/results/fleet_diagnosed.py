@@ -16,11 +16,11 @@ from typing import Any
 from calib.errors import DataError
 from fleet.diagnose import (
     REFUSED,
-    Change,
-    Changes,
-    Order,
-    Side,
-    Tally,
+    DiagnosisOrder,
+    ProgressCounts,
+    VersionComparison,
+    VersionDifference,
+    VersionStatement,
     changes_between,
     diagnose_all,
     for_workers,
@@ -28,14 +28,14 @@ from fleet.diagnose import (
     in_store,
     named,
 )
-from fleet.store import Result, Store, utc_now
+from fleet.store import FleetStore, JobResult, utc_now
 from service.wording import counted
 
 FORMAT = "truepose-fleet-run/1"
 
 
 @dataclass(frozen=True)
-class Question:
+class FleetDiagnosisRequest:
     """The question: what to diagnose and where. data: files and folders, nothing for the data sets of the store;
     workers: processes of this computer, None for one a processor; scheduler: address of one, "" for this computer;
     since: the version to compare with, "" for none."""
@@ -54,17 +54,17 @@ class FleetDiagnosed:
 
     place: str
     program: str
-    tally: Tally
+    tally: ProgressCounts
     tables: tuple[dict[str, Any], ...]
-    changes: Changes | None
+    changes: VersionComparison | None
 
     @classmethod
     def of(
         cls,
-        asked: Question,
+        asked: FleetDiagnosisRequest,
         say: Callable[[str], None],
         tell: Callable[[str], None],
-        progress: Callable[[Tally], None],
+        progress: Callable[[ProgressCounts], None],
     ) -> FleetDiagnosed:
         """Diagnose what has no result yet. Raises DataError, EngineGone, StoreError.
 
@@ -72,8 +72,8 @@ class FleetDiagnosed:
         """
         address = for_workers(asked.store, asked.scheduler)
         owner = f"{gethostname()} {getpid()} {utc_now():%Y-%m-%dT%H:%M:%S}"
-        with Store.open(address) as store:
-            order = Order(address, owner, asked.most)
+        with FleetStore.open(address) as store:
+            order = DiagnosisOrder(address, owner, asked.most)
             versions = []
             if asked.since:  # refused before the work, not after it
                 versions = named(asked.since, store.work.programs(order.task), order.expected)
@@ -142,7 +142,7 @@ class FleetDiagnosed:
         }
 
 
-def _finished(result: Result) -> datetime:
+def _finished(result: JobResult) -> datetime:
     return result.finished_at
 
 
@@ -152,7 +152,7 @@ def _median(tables: Sequence[dict[str, Any]], key: str) -> float | None:
     return median(values) if values else None
 
 
-def _changes(found: Changes) -> dict[str, Any]:
+def _changes(found: VersionComparison) -> dict[str, Any]:
     return {
         "since": list(found.since),
         "compared": found.compared,
@@ -162,7 +162,7 @@ def _changes(found: Changes) -> dict[str, Any]:
     }
 
 
-def _change(each: Change) -> dict[str, Any]:
+def _change(each: VersionDifference) -> dict[str, Any]:
     return {
         "data": each.data,
         "name": each.name,
@@ -175,7 +175,7 @@ def _change(each: Change) -> dict[str, Any]:
     }
 
 
-def _side(side: Side) -> dict[str, Any]:
+def _side(side: VersionStatement) -> dict[str, Any]:
     table = asdict(side)
     table["effects"] = [
         {"label": label, "value": value, "std": std, "unit": unit}

@@ -25,7 +25,19 @@ import numpy as np
 from calib.errors import DataError
 from calib.text import read_text, rows_of
 from calib.upkeep import Check, ControlChart, Due, Method, chart_of, next_due
-from fleet.store import ERROR, LONGEST, Added, Document, Entry, Known, Point, RobotKey, Said, Standing, Store
+from fleet.store import (
+    ERROR,
+    LONGEST,
+    AddResult,
+    Document,
+    DocumentSummary,
+    FleetStore,
+    RobotKey,
+    RobotState,
+    RobotSummary,
+    TrendPoint,
+    VerdictRecord,
+)
 
 FORMAT = "truepose-history/1"
 
@@ -46,7 +58,7 @@ _EARLIEST = datetime(2001, 1, 1, tzinfo=UTC)
 _AHEAD = timedelta(days=1)
 
 
-def robot_of(store: Store, serial: str, model: str | None) -> RobotKey:
+def robot_of(store: FleetStore, serial: str, model: str | None) -> RobotKey:
     """The robot of a serial number; model: its type, where several types have that number. Raises DataError."""
     found = [each for each in store.named() if each.serial == serial]
     if model is not None:
@@ -67,12 +79,12 @@ def robot_of(store: Store, serial: str, model: str | None) -> RobotKey:
 
 
 @dataclass(frozen=True)
-class Line:
+class HistoryLine:
     """A document of a robot, and what it said where it said something."""
 
-    entry: Entry
-    said: Said | None
-    error: Point | None
+    entry: DocumentSummary
+    said: VerdictRecord | None
+    error: TrendPoint | None
 
     @property
     def in_words(self) -> str:
@@ -86,12 +98,12 @@ class Line:
         return ", ".join(words)
 
 
-def lines_of(store: Store, robot: RobotKey) -> list[Line]:
+def lines_of(store: FleetStore, robot: RobotKey) -> list[HistoryLine]:
     """All of a robot, oldest first."""
     said = {each.hash: each for each in store.verdicts(robot)}
     errors = {each.hash: each for each in store.trend(robot, ERROR, rediagnosed=False)}
     entries = reversed(store.documents(robot, limit=MOST))
-    return [Line(each, said.get(each.hash), errors.get(each.hash)) for each in entries]
+    return [HistoryLine(each, said.get(each.hash), errors.get(each.hash)) for each in entries]
 
 
 @dataclass(frozen=True)
@@ -101,12 +113,12 @@ class Trend:
     robot: RobotKey
     parameter: str
     unit: str
-    points: tuple[Point, ...]
+    points: tuple[TrendPoint, ...]
     chart: ControlChart | None
     because: str
 
     @classmethod
-    def of(cls, robot: RobotKey, points: Sequence[Point]) -> Trend:
+    def of(cls, robot: RobotKey, points: Sequence[TrendPoint]) -> Trend:
         """The trend of values of one parameter. Raises DataError for values in different units."""
         units = sorted({point.unit for point in points})
         if len(units) > 1:
@@ -153,7 +165,7 @@ class Trend:
         }
 
 
-def trends_of(store: Store, robot: RobotKey, parameter: str | None) -> list[Trend]:
+def trends_of(store: FleetStore, robot: RobotKey, parameter: str | None) -> list[Trend]:
     """The trends of a robot, of one parameter or of all, by name. Raises DataError for a parameter that it has not."""
     points = store.trend(robot, parameter)
     if not points:
@@ -166,20 +178,20 @@ def trends_of(store: Store, robot: RobotKey, parameter: str | None) -> list[Tren
     return trends_in(robot, points)
 
 
-def trends_in(robot: RobotKey, points: Sequence[Point]) -> list[Trend]:
+def trends_in(robot: RobotKey, points: Sequence[TrendPoint]) -> list[Trend]:
     """The trends of values that stand by name and time. Raises DataError as `Trend.of`."""
     by_name = groupby(points, key=lambda point: point.parameter)
     return [Trend.of(robot, list(each)) for _, each in by_name]
 
 
 @dataclass(frozen=True)
-class Next:
+class NextCheck:
     """A robot and its next check; said: what a watch said last; error: its last value; because: why, or why no date
     can be given."""
 
-    known: Known
-    said: Said | None
-    error: Point | None
+    known: RobotSummary
+    said: VerdictRecord | None
+    error: TrendPoint | None
     due: Due | None
     because: str
 
@@ -188,7 +200,7 @@ class Next:
         return self.due is not None and self.due.date <= now
 
 
-def due_of(store: Store, method: Method, now: datetime, hours: Hours | None = None) -> list[Next]:
+def due_of(store: FleetStore, method: Method, now: datetime, hours: Hours | None = None) -> list[NextCheck]:
     """The date at which each robot is to be checked next, now where it has changed; those first that are due first,
     and those that are retired not at all.
     hours: of use, for a method that goes by them."""
@@ -198,17 +210,17 @@ def due_of(store: Store, method: Method, now: datetime, hours: Hours | None = No
             continue
         due, because = next_of(each, method, now, hours)
         errors = errors_by(each, now)
-        out.append(Next(each.known, each.watched, errors[-1] if errors else None, due, because))
+        out.append(NextCheck(each.known, each.watched, errors[-1] if errors else None, due, because))
     return sorted(out, key=lambda each: (each.due is not None, now if each.due is None else each.due.date))
 
 
-def errors_by(standing: Standing, now: datetime) -> Sequence[Point]:
+def errors_by(standing: RobotState, now: datetime) -> Sequence[TrendPoint]:
     """The errors of a robot, oldest first, without those that a clock that was ahead dated later than now."""
     return [each for each in standing.errors if each.measured_at <= now] or standing.errors
 
 
 def next_of(
-    standing: Standing, method: Method, now: datetime, hours: Hours | None = None
+    standing: RobotState, method: Method, now: datetime, hours: Hours | None = None
 ) -> tuple[Due | None, str]:
     """The next check of a robot, None where it has no date; and why then, or why not."""
     due = due_now(standing)
@@ -221,7 +233,7 @@ def next_of(
     return due, due.because
 
 
-def checks_of(points: Iterable[Point], hours: Hours | None = None, serial: str = "") -> list[Check]:
+def checks_of(points: Iterable[TrendPoint], hours: Hours | None = None, serial: str = "") -> list[Check]:
     """The values as checks; without a stated U only their scatter counts."""
     return [
         Check(
@@ -234,7 +246,7 @@ def checks_of(points: Iterable[Point], hours: Hours | None = None, serial: str =
     ]
 
 
-def added_document(added: Sequence[tuple[Document, Added]]) -> dict[str, Any]:
+def added_document(added: Sequence[tuple[Document, AddResult]]) -> dict[str, Any]:
     """The outcome of adding documents, as JSON has it."""
     told = [
         {
@@ -257,7 +269,7 @@ def trends_document(robot: RobotKey, trends: Sequence[Trend]) -> dict[str, Any]:
     return {"format": FORMAT, "serial": robot.serial, "model": robot.model, "trends": told}
 
 
-def history_document(robot: RobotKey, lines: Sequence[Line]) -> dict[str, Any]:
+def history_document(robot: RobotKey, lines: Sequence[HistoryLine]) -> dict[str, Any]:
     """The lines of a robot, as JSON has them."""
     told = [
         {
@@ -278,7 +290,7 @@ def history_document(robot: RobotKey, lines: Sequence[Line]) -> dict[str, Any]:
     return {"format": FORMAT, "serial": robot.serial, "model": robot.model, "history": told}
 
 
-def causes_of(said: Said) -> list[dict[str, Any]]:
+def causes_of(said: VerdictRecord) -> list[dict[str, Any]]:
     """The causes or effects that a verdict names, as JSON has them."""
     return [
         {
@@ -300,7 +312,7 @@ def retired(robot: RobotKey, cell: str, because: str, now: datetime) -> Document
     return Document("retired", robot, cell, identity, now, json.dumps(table | asdict(robot)).encode())
 
 
-def robots_document(robots: Sequence[Known]) -> dict[str, Any]:
+def robots_document(robots: Sequence[RobotSummary]) -> dict[str, Any]:
     """The robots of a store, as JSON has them."""
     return {
         "format": FORMAT,
@@ -318,7 +330,7 @@ def robots_document(robots: Sequence[Known]) -> dict[str, Any]:
     }
 
 
-def due_document(found: Sequence[Next], now: datetime) -> dict[str, Any]:
+def due_document(found: Sequence[NextCheck], now: datetime) -> dict[str, Any]:
     """The dates at which robots are due, as JSON has them."""
     return {
         "format": FORMAT,
@@ -384,7 +396,7 @@ def read_hours(path: Path) -> Hours:
     return Hours({serial: sorted(readings) for serial, readings in found.items()})
 
 
-def state_of(standing: Standing) -> str:
+def state_of(standing: RobotState) -> str:
     """The state of a robot by now: that of the last watch, unless it is retired or a model is newer."""
     watched, model = standing.watched, standing.baseline
     if standing.known.retired:
@@ -396,7 +408,7 @@ def state_of(standing: Standing) -> str:
     return watched.verdict if watched.verdict in ("unchanged", *CHANGED) else "not_watched"
 
 
-def due_now(standing: Standing) -> Due | None:
+def due_now(standing: RobotState) -> Due | None:
     """A robot that has changed is due since the watch that says so; None for any other state."""
     watched = standing.watched
     if watched is None or state_of(standing) not in CHANGED:
@@ -406,7 +418,7 @@ def due_now(standing: Standing) -> Due | None:
     )
 
 
-def doubtful_date(known: Known, now: datetime) -> datetime | None:
+def doubtful_date(known: RobotSummary, now: datetime) -> datetime | None:
     """A date among the documents of a robot that only a wrong clock can have written; None where there is none."""
     if known.last > now + _AHEAD:
         return known.last

@@ -25,11 +25,11 @@ import acquisition
 from acquisition import State, read_status
 from calib.errors import DataError
 from calib.text import written_by
-from calib.upkeep import Drift, Method, Staircase
+from calib.upkeep import DriftInterval, Method, Staircase
 from drivers.errors import AcquisitionError
 from fleet.errors import StoreError
-from fleet.outbox import Cell, read_data, read_result
-from fleet.store import Document, RobotKey, Said, Standing, Store, utc_now
+from fleet.outbox import CellFolder, read_data, read_result
+from fleet.store import Document, FleetStore, RobotKey, RobotState, VerdictRecord, utc_now
 from service import refusals
 from service.files import as_json
 from service.kept_dataset import CSV, TOML, refuse_paths
@@ -62,11 +62,11 @@ RESULT = "result.json"
 
 _RECORD = "record.sqlite3"
 
-Reader = Callable[[Path, Cell], Sequence[Document]]
+Reader = Callable[[Path, CellFolder], Sequence[Document]]
 
 
 @dataclass(frozen=True)
-class DueQuestion:
+class DueDateRequest:
     """The question of dates and how they are reckoned. permitted_mm: largest position error, RMS, None where nobody has
     said; first_days, shortest_days, longest_days: intervals."""
 
@@ -80,7 +80,7 @@ class DueQuestion:
         """The method of ILAC-G24; None where no error is permitted. Raises DataError for intervals that make none."""
         if self.permitted_mm is None:
             return None
-        kind = Staircase if self.method == "staircase" else Drift
+        kind = Staircase if self.method == "staircase" else DriftInterval
         return kind(
             self.first_days, self.permitted_mm, shortest=self.shortest_days, longest=self.longest_days
         )
@@ -91,10 +91,10 @@ def id_of(robot: RobotKey) -> str:
     return hashlib.sha256(f"{robot.model}\0{robot.serial}".encode()).hexdigest()[:16]
 
 
-def told_robots(address: str, asked: DueQuestion) -> dict[str, Any]:
+def told_robots(address: str, asked: DueDateRequest) -> dict[str, Any]:
     """All robots of a store, those first that are to be looked at first. Raises DataError."""
     way, now = asked.way(), utc_now()
-    with Store.open(address) as store:
+    with FleetStore.open(address) as store:
         lines = [_line(each, asked.permitted_mm, way, now) for each in store.standings()]
         place = store.place
     lines.sort(key=_urgency)
@@ -109,13 +109,13 @@ def told_robots(address: str, asked: DueQuestion) -> dict[str, Any]:
     )
 
 
-def told_robot(address: str, name: str, asked: DueQuestion, most: int) -> dict[str, Any] | None:
+def told_robot(address: str, name: str, asked: DueDateRequest, most: int) -> dict[str, Any] | None:
     """One robot with its newest documents; None where the store has none of this id or serial number.
 
     Raises DataError for a serial number of several types.
     """
     way, now = asked.way(), utc_now()
-    with Store.open(address) as store:
+    with FleetStore.open(address) as store:
         robot = _found(store, name)
         found = [] if robot is None else store.standings(robot)
         if robot is None or not found:
@@ -140,7 +140,7 @@ def told_trends(address: str, name: str, parameter: str | None, most: int) -> di
 
     The chart is that of all values. Raises DataError for a parameter that the robot has not.
     """
-    with Store.open(address) as store:
+    with FleetStore.open(address) as store:
         robot = _found(store, name)
         if robot is None:
             return None
@@ -160,11 +160,11 @@ def told_trends(address: str, name: str, parameter: str | None, most: int) -> di
 
 def content_of(address: str, hash: str) -> bytes | None:
     """The bytes of a document; None for one that the store has not."""
-    with Store.open(address) as store:
+    with FleetStore.open(address) as store:
         return store.content(hash) if store.known([hash]) else None
 
 
-def put(address: str, name: str, content: bytes, header: bytes | None, cell: Cell) -> dict[str, Any]:
+def put(address: str, name: str, content: bytes, header: bytes | None, cell: CellFolder) -> dict[str, Any]:
     """Keep a document that somebody sends: a model, a verdict, a diagnosis, an upkeep; with a header, a data set.
     Raises DataError."""
     with TemporaryDirectory(prefix="truepose-history-") as folder:
@@ -185,13 +185,13 @@ def put(address: str, name: str, content: bytes, header: bytes | None, cell: Cel
             "CSV as the file and its header as toml.",
             file=name,
         )
-    with Store.open(address) as store:
+    with FleetStore.open(address) as store:
         added = store.add_all(found)
     told = history.added_document(list(zip(found, added, strict=True)))
     return told | {"robot_id": id_of(found[0].robot)}
 
 
-def _found(store: Store, name: str) -> RobotKey | None:
+def _found(store: FleetStore, name: str) -> RobotKey | None:
     known = store.named()
     same = [each for each in known if id_of(each) == name] or [each for each in known if each.serial == name]
     if len(same) > 1:
@@ -204,7 +204,7 @@ def _found(store: Store, name: str) -> RobotKey | None:
 
 
 def _line(
-    standing: Standing, permitted_mm: float | None, way: Method | None, now: datetime
+    standing: RobotState, permitted_mm: float | None, way: Method | None, now: datetime
 ) -> dict[str, Any]:
     """The line of a robot in a list."""
     known, watched, model = standing.known, standing.watched, standing.baseline
@@ -237,7 +237,7 @@ def _line(
     }
 
 
-def _said(said: Said) -> dict[str, Any]:
+def _said(said: VerdictRecord) -> dict[str, Any]:
     return {
         "measured": history.text_of(said.measured_at),
         "verdict": said.verdict,
@@ -248,7 +248,7 @@ def _said(said: Said) -> dict[str, Any]:
     }
 
 
-def _due(standing: Standing, way: Method | None, now: datetime) -> dict[str, Any]:
+def _due(standing: RobotState, way: Method | None, now: datetime) -> dict[str, Any]:
     """The date of the next check, which is known for what has changed; without a date, the reason."""
     if standing.known.retired:
         due, because = None, "It is retired."
@@ -279,7 +279,7 @@ def _urgency(line: dict[str, Any]) -> tuple[int, float, str, str]:
     )
 
 
-def read_record(path: Path, cell: Cell) -> list[Document]:
+def read_record(path: Path, cell: CellFolder) -> list[Document]:
     """The documents of a record that is finished; none of another. Raises DataError."""
     folder = path.parent
     try:
@@ -311,7 +311,7 @@ def read_record(path: Path, cell: Cell) -> list[Document]:
 
 
 @dataclass(frozen=True)
-class Kept:
+class RecordedFile:
     """The outcome for a file, by its path below the record. documents: hashes; robot_id: of the robot; because: why it
     was refused, or what it contradicts; empty otherwise."""
 
@@ -322,11 +322,11 @@ class Kept:
     because: str = ""
 
 
-def keep_results(address: str, record: Path, cell: Cell, done: Collection[str]) -> list[Kept]:
+def keep_results(address: str, record: Path, cell: CellFolder, done: Collection[str]) -> list[RecordedFile]:
     """Keep every result of a record that is not among `done`, paths below it. Raises StoreError: what was kept before
     is known again the next time."""
-    out: list[Kept] = []
-    with Store.open(address) as store:
+    out: list[RecordedFile] = []
+    with FleetStore.open(address) as store:
         for path, reader in _results(record):
             name = path.relative_to(record).as_posix()
             if name not in done and (kept := _keep(store, path, name, reader, cell)) is not None:
@@ -344,7 +344,7 @@ def _results(record: Path) -> Iterator[tuple[Path, Reader]]:
         yield place, read_record
 
 
-def _keep(store: Store, path: Path, name: str, reader: Reader, cell: Cell) -> Kept | None:
+def _keep(store: FleetStore, path: Path, name: str, reader: Reader, cell: CellFolder) -> RecordedFile | None:
     """The outcome for one file; None for what is not finished."""
     try:
         found = reader(path, cell)
@@ -354,10 +354,10 @@ def _keep(store: Store, path: Path, name: str, reader: Reader, cell: Cell) -> Ke
     except StoreError:
         raise
     except (DataError, OSError) as error:
-        return Kept(name, "refused", because=str(error).replace(str(path), name))
+        return RecordedFile(name, "refused", because=str(error).replace(str(path), name))
     hashes, robot = tuple(each.hash for each in added), id_of(found[0].robot)
     others = [hash for each in added for hash in each.other_hashes]
     if others:
-        return Kept(name, "conflict", hashes, robot, f"It contradicts the document {others[-1]}.")
+        return RecordedFile(name, "conflict", hashes, robot, f"It contradicts the document {others[-1]}.")
     state = "new" if any(each.state == "new" for each in added) else "known"
-    return Kept(name, state, hashes, robot)
+    return RecordedFile(name, state, hashes, robot)

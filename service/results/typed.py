@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from calib.fit import Identification
+from calib.fit import IdentificationFit
 
 
-def document_of(found: Identification) -> dict[str, Any]:
+def document_of(found: IdentificationFit) -> dict[str, Any]:
     """The key `prior` of a fit that knew its type; nothing otherwise."""
     beside = found.beside
     if beside is None:

@@ -16,10 +16,10 @@ from calib import watch
 from calib.data import Dataset
 from calib.errors import DataError
 from calib.fit import silent
-from calib.saved import SavedModel, save_update
+from calib.saved import CalibratedModel, save_update
 from calib.text import written_by
 from calib.units import to_display
-from calib.watch import Upkept
+from calib.watch import ThermalUpdate
 from service import exit_codes
 from service.plain import finite
 
@@ -27,7 +27,7 @@ FORMAT = "truepose-upkeep/1"
 
 
 @dataclass(frozen=True)
-class UpkeepQuestion:
+class ThermalUpdateRequest:
     """The question: how to update. update: file, None for none; rate: of false alarms; running_s: how long the robot
     had run, from cold, when the readings began, None if not stated; missing_allowed: whether readings may be
     missing."""
@@ -39,23 +39,23 @@ class UpkeepQuestion:
 
 
 @dataclass(frozen=True)
-class Upkeep:
+class ThermalUpdateSummary:
     """The result and what else is said of it."""
 
     dataset: Dataset
     model: Path
-    asked: UpkeepQuestion
-    found: Upkept
+    asked: ThermalUpdateRequest
+    found: ThermalUpdate
     notes: tuple[str, ...]
 
     @staticmethod
     def of(
         dataset: Dataset,
-        saved: SavedModel,
+        saved: CalibratedModel,
         model: Path,
-        asked: UpkeepQuestion,
+        asked: ThermalUpdateRequest,
         say: Callable[[str], None] = silent,
-    ) -> Upkeep:
+    ) -> ThermalUpdateSummary:
         """Test the rest, update the thermal parameters, write the model. Raises DataError, OSError."""
         watch.refuse_copies(dataset)
         notes = saved.notes + watch.refuse_unlike(
@@ -94,7 +94,7 @@ class Upkeep:
                     "changed": changed,
                 },
             )
-        return Upkeep(dataset, model, asked, found, notes)
+        return ThermalUpdateSummary(dataset, model, asked, found, notes)
 
     @property
     def thermal(self) -> bool:
@@ -164,7 +164,7 @@ class Upkeep:
         )
 
 
-def on_its_clock(saved: SavedModel, dataset: Dataset, model: Path, running_s: float | None) -> Dataset:
+def on_its_clock(saved: CalibratedModel, dataset: Dataset, model: Path, running_s: float | None) -> Dataset:
     """The readings on the clock of a model that warms up. Raises DataError where nobody said how long the robot had run
     before them."""
     if running_s is not None:

@@ -23,21 +23,21 @@ import numpy as np
 import tomli_w
 
 from acquisition import Cell
-from acquisition.campaign import Arrival, Pose, Visit, drawn_poses, stance_poses, touch_poses
+from acquisition.campaign import ApproachRule, Pose, Visit, drawn_poses, stance_poses, touch_poses
 from acquisition.record import planned_header
 from calib import watch
 from calib.data import Header, Noise, header_of
 from calib.errors import DataError
 from calib.fit import silent
-from calib.saved import SavedModel
+from calib.saved import CalibratedModel
 from calib.units import DEG
-from calib.watch import NestLimit, Plan, Proposal, Visits
+from calib.watch import NestLimit, PlannedVisits, WatchPlan, WatchPlanProposal
 from service.plain import finite
 from service.results.watched import in_words
 
 
 @dataclass(frozen=True)
-class PlanQuestion:
+class WatchPlanRequest:
     """The question: what to plan. targets: names, None for all of the cell; offset_deg: from how far every joint
     arrives; both: from sides drawn for every joint, else from below; rate: of false alarms; rounds: how often each pose
     is visited; touch: balls that are touched, empty where an instrument measures; touch_mm: how well a touch repeats;
@@ -72,7 +72,7 @@ NOT_TOUCHED = "rejected:not touched yet"
 
 
 @dataclass(frozen=True)
-class Planned:
+class PlannedWatch:
     """The check poses of a cell and what they show. poses: one for each visit, in order; balls: that each
     touches; robot: the device that the baseline is of; doubted: why it holds no rate of false alarms, or
     empty; proposals: what it would take to see every cause from the size
@@ -80,13 +80,13 @@ class Planned:
 
     cell: Cell
     model: Path
-    asked: PlanQuestion
+    asked: WatchPlanRequest
     targets: tuple[str, ...]
     poses: tuple[Pose, ...]
     balls: tuple[str, ...]
-    plan: Plan
+    plan: WatchPlan
     noise: Noise
-    proposals: tuple[Proposal, ...]
+    proposals: tuple[WatchPlanProposal, ...]
     robot: Mapping[str, str]
     doubted: str
 
@@ -94,11 +94,11 @@ class Planned:
     def of(
         cell: Cell,
         file: Path,
-        saved: SavedModel,
+        saved: CalibratedModel,
         model: Path,
-        asked: PlanQuestion,
+        asked: WatchPlanRequest,
         say: Callable[[str], None] = silent,
-    ) -> Planned:
+    ) -> PlannedWatch:
         """Draw, choose, predict, for the cell of `file`. Raises DataError, ConfigError."""
         targets = _targets(cell, asked)
         _refuse_one_sided(saved, model, both=asked.both)
@@ -106,7 +106,7 @@ class Planned:
         balls: list[str] = []
         lengths = cell.instrument.declared.measures_lengths
         times, repeats = _often(asked, by_points=not lengths, by_hand=cell.instrument.declared.by_hand)
-        arrival = Arrival(asked.offset_deg, asked.both, opposite=times != 1)
+        arrival = ApproachRule(asked.offset_deg, asked.both, opposite=times != 1)
         rng = np.random.default_rng(asked.seed)
         if asked.touch:
             drawn, sat = touch_poses(cell, asked.candidates, targets[0], asked.touch, arrival, rng)
@@ -156,7 +156,7 @@ class Planned:
             )
         robot = next((each for each in saved.devices if each.get("role") == "robot"), {})
         touched = tuple(balls[i] for i in found.chosen) * found.rounds if balls else ()
-        return Planned(
+        return PlannedWatch(
             cell,
             model,
             asked,
@@ -263,7 +263,7 @@ class Planned:
         )
 
 
-def _often(asked: PlanQuestion, *, by_points: bool, by_hand: bool) -> tuple[int | None, int | None]:
+def _often(asked: WatchPlanRequest, *, by_points: bool, by_hand: bool) -> tuple[int | None, int | None]:
     """Visits to a pose and readings in a visit, None for as few as are enough: a person, and a bar, read once unless
     asked otherwise, and from one side there is no second visit from the other."""
     if asked.touch or not by_points:
@@ -273,7 +273,7 @@ def _often(asked: PlanQuestion, *, by_points: bool, by_hand: bool) -> tuple[int 
     return asked.rounds if asked.both else asked.rounds or 1, asked.repeats
 
 
-def _targets(cell: Cell, asked: PlanQuestion) -> tuple[str, ...]:
+def _targets(cell: Cell, asked: WatchPlanRequest) -> tuple[str, ...]:
     """The targets that are asked for. Raises DataError for what the cell does not have or cannot do."""
     targets = tuple(cell.tool.targets) if asked.targets is None else asked.targets
     if unknown := [name for name in targets if name not in cell.tool.targets]:
@@ -301,7 +301,7 @@ def _targets(cell: Cell, asked: PlanQuestion) -> tuple[str, ...]:
     return targets[:3] if cell.instrument.declared.measures_lengths and not asked.touch else targets
 
 
-def _header_of(cell: Cell, file: Path, asked: PlanQuestion) -> Header:
+def _header_of(cell: Cell, file: Path, asked: WatchPlanRequest) -> Header:
     values = planned_header(cell)
     if asked.touch:
         values["noise"] = {
@@ -313,14 +313,14 @@ def _header_of(cell: Cell, file: Path, asked: PlanQuestion) -> Header:
     return header_of(values, file, "")
 
 
-def _visits(cell: Cell, poses: Sequence[Pose], read: Sequence[tuple[tuple[str, str], ...]]) -> Visits:
+def _visits(cell: Cell, poses: Sequence[Pose], read: Sequence[tuple[tuple[str, str], ...]]) -> PlannedVisits:
     """The visits as the model counts joints; a side is 0 where a joint of the model stays where it is, since two of the
     controller's turn against each other."""
     joints = cell.robot.model_angles([pose.joints_deg for pose in poses])
     moved = joints - cell.robot.model_angles(
         [np.subtract(pose.joints_deg, np.multiply(pose.sides, 1.0)) for pose in poses]
     )
-    return Visits(
+    return PlannedVisits(
         joints,
         np.where(np.abs(moved) < 1e-9, 0.0, np.sign(moved)),
         np.array([pose.reach_deg for pose in poses]) * DEG,
@@ -328,7 +328,9 @@ def _visits(cell: Cell, poses: Sequence[Pose], read: Sequence[tuple[tuple[str, s
     )
 
 
-def _in_stroke(cell: Cell, saved: SavedModel, header: Header, candidates: Visits) -> tuple[list[int], Visits]:
+def _in_stroke(
+    cell: Cell, saved: CalibratedModel, header: Header, candidates: PlannedVisits
+) -> tuple[list[int], PlannedVisits]:
     """The candidates whose legs the model brings within the stroke, by index and with their joints."""
     found, off = watch.within_stroke(saved, header, candidates, cell.instrument.nominal_mm)
     near = np.max(np.abs(found.joints - candidates.joints), axis=1) < _CORRECTED_DEG * DEG
@@ -343,14 +345,14 @@ def _moved(cell: Cell, pose: Pose, joints: np.ndarray) -> Pose:
     return pose._replace(joints_deg=tuple(round(float(q), 4) for q in counted))
 
 
-def _choices(cell: Cell, saved: SavedModel, targets: tuple[str, ...]) -> list[tuple[str, ...]]:
+def _choices(cell: Cell, saved: CalibratedModel, targets: tuple[str, ...]) -> list[tuple[str, ...]]:
     """The targets that are asked for, and every other choice among those of cell and model, few first."""
     known = [name for name in cell.tool.targets if name in next(iter(saved.model.targets.values()))]
     every = [some for count in range(1, len(known) + 1) for some in combinations(known, count)]
     return list(dict.fromkeys([targets, *every]))[:_SETS]
 
 
-def _refuse_one_sided(saved: SavedModel, model: Path, *, both: bool) -> None:
+def _refuse_one_sided(saved: CalibratedModel, model: Path, *, both: bool) -> None:
     sides = saved.holds_for.get("approach") or ()
     if both and any(side != "both sides" for side in sides):
         raise DataError(
@@ -362,14 +364,20 @@ def _refuse_one_sided(saved: SavedModel, model: Path, *, both: bool) -> None:
 
 
 def refuse_visits(
-    saved: SavedModel, header: Header, visits: Visits, file: Path, model: Path, *, frame_known: bool = True
+    saved: CalibratedModel,
+    header: Header,
+    visits: PlannedVisits,
+    file: Path,
+    model: Path,
+    *,
+    frame_known: bool = True,
 ) -> None:
     """Raise DataError where the readings of some visits in the cell of `file` would be no watch of a baseline."""
     would = replace(watch.planned(saved, header, visits), path=file)
     watch.refuse_unlike(saved, would, model, frame_known=frame_known, missing_allowed=False)
 
 
-def refuse_plan(cell: Cell, file: Path, saved: SavedModel, model: Path, visits: Sequence[Visit]) -> None:
+def refuse_plan(cell: Cell, file: Path, saved: CalibratedModel, model: Path, visits: Sequence[Visit]) -> None:
     """Raise DataError where the readings of a campaign's visits would be no watch of a baseline, before anything
     moves."""
     those = [visit for visit in visits if visit.kind == "pose"]
@@ -383,10 +391,10 @@ def refuse_plan(cell: Cell, file: Path, saved: SavedModel, model: Path, visits: 
 
 def campaign_of(
     model: str,
-    asked: PlanQuestion,
+    asked: WatchPlanRequest,
     targets: Sequence[str],
     poses: Sequence[Pose],
-    visits: Visits,
+    visits: PlannedVisits,
     repeats: int,
     nest_limit_mm: float | None,
     robot: Mapping[str, str],
@@ -419,7 +427,7 @@ def campaign_of(
 
 
 def touched_files(
-    out: Path, cell: Cell, asked: PlanQuestion, target: str, poses: Sequence[Pose], balls: Sequence[str]
+    out: Path, cell: Cell, asked: WatchPlanRequest, target: str, poses: Sequence[Pose], balls: Sequence[str]
 ) -> dict[Path, str]:
     """The data set of touches by path: a row a pose with the place of its ball, one of `balls`; whoever has touched it
     writes the joints that the controller shows, and empties the status. Raises DataError where `out` is no CSV file."""

@@ -16,9 +16,20 @@ from calib import watch
 from calib.data import Dataset
 from calib.errors import DataError
 from calib.fit import silent
-from calib.saved import SavedModel, save_update
+from calib.saved import CalibratedModel, save_update
 from calib.units import percent
-from calib.watch import REPEATS, SEEN, TIMES, WANTED, Missed, Plan, Proposal, Seen, Smallest, Verdict
+from calib.watch import (
+    REPEATS,
+    SEEN,
+    TIMES,
+    WANTED,
+    CheckPoseErrors,
+    SmallestDetected,
+    WatchPlan,
+    WatchPlanProposal,
+    WatchVerdict,
+    WhitenedReadings,
+)
 from service import exit_codes
 from service.plain import finite
 from service.results.upkept import on_its_clock, origin_of
@@ -49,7 +60,7 @@ _HIDDEN = (
 
 
 @dataclass(frozen=True)
-class JudgeQuestion:
+class WatchRequest:
     """The question: how to judge. history, update: files, None for none; rate: of false alarms; frame_known: whether
     robot and instrument stand where they stood; missing_allowed: whether check poses may be missing; running_s: how
     long the robot had run, from cold, when the readings began, None where nobody said."""
@@ -63,25 +74,25 @@ class JudgeQuestion:
 
 
 @dataclass(frozen=True)
-class Watched:
+class WatchResultSummary:
     """A verdict and what else is said of it."""
 
     dataset: Dataset
     model: Path
-    asked: JudgeQuestion
-    verdict: Verdict
-    error: Missed
+    asked: WatchRequest
+    verdict: WatchVerdict
+    error: CheckPoseErrors
     notes: tuple[str, ...]
     updated: bool
 
     @staticmethod
     def of(
         dataset: Dataset,
-        saved: SavedModel,
+        saved: CalibratedModel,
         model: Path,
-        asked: JudgeQuestion,
+        asked: WatchRequest,
         say: Callable[[str], None] = silent,
-    ) -> Watched:
+    ) -> WatchResultSummary:
         """Judge, append to the history, write the updated model where a cause is known. Raises DataError, OSError."""
         watch.refuse_copies(dataset)
         notes = saved.notes + watch.refuse_unlike(
@@ -90,7 +101,7 @@ class Watched:
         dataset = on_its_clock(saved, dataset, model, asked.running_s)
         history = None if asked.history is None else watch.read_history(asked.history)
         say("judging")
-        seen = Seen.of(saved, dataset, frame_known=asked.frame_known)
+        seen = WhitenedReadings.of(saved, dataset, frame_known=asked.frame_known)
         baseline = watch.baseline_hash(saved)
         before: Sequence[Any] = ()
         if history is not None:
@@ -109,7 +120,7 @@ class Watched:
         updated = False
         if asked.update is not None and verdict.kind != "unchanged":
             notes, updated = _update(saved, seen, dataset, model, asked.update, verdict, notes)
-        return Watched(dataset, model, asked, verdict, watch.missed(seen, dataset), notes, updated)
+        return WatchResultSummary(dataset, model, asked, verdict, watch.missed(seen, dataset), notes, updated)
 
     @property
     def exit_code(self) -> int:
@@ -162,12 +173,12 @@ class Watched:
 
 
 def _update(
-    saved: SavedModel,
-    seen: Seen,
+    saved: CalibratedModel,
+    seen: WhitenedReadings,
     dataset: Dataset,
     model: Path,
     out: Path,
-    verdict: Verdict,
+    verdict: WatchVerdict,
     notes: tuple[str, ...],
 ) -> tuple[tuple[str, ...], bool]:
     """Write the updated model, or say why there is none: the verdict stands without it."""
@@ -217,7 +228,9 @@ def _targets(dataset: Dataset) -> tuple[str, ...]:
     )
 
 
-def in_words(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], poses: int) -> str:
+def in_words(
+    plan: WatchPlan, proposals: Sequence[WatchPlanProposal], targets: Sequence[str], poses: int
+) -> str:
     """The plan in words: which causes its check poses detect at their wanted sizes, and what would detect the rest.
 
     targets: names of those that are read; poses: number of check poses that was asked for.
@@ -261,13 +274,15 @@ def left_to_see(sizes: Mapping[str, float]) -> str:
     return f"What is left shows, in {percent(SEEN)} of watches: {', '.join(said)}." if said else ""
 
 
-def _named(cause: Smallest) -> str:
+def _named(cause: SmallestDetected) -> str:
     name, _, joint = cause.label.partition(":j")
     seen = percent(cause.share or 0.0)
     return f"{_NAMES[name].format(joint)} of {cause.wanted:g} {cause.unit} (in {seen} of watches)"
 
 
-def _ways(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], poses: int) -> list[str]:
+def _ways(
+    plan: WatchPlan, proposals: Sequence[WatchPlanProposal], targets: Sequence[str], poses: int
+) -> list[str]:
     """The remedies: more readings at these poses, other targets, more poses, a target farther off the axis."""
     least = len(plan.beyond)
     ways = []
@@ -288,7 +303,7 @@ def _ways(plan: Plan, proposals: Sequence[Proposal], targets: Sequence[str], pos
     return ways
 
 
-def _elsewhere(plan: Plan, proposals: Sequence[Proposal]) -> str:
+def _elsewhere(plan: WatchPlan, proposals: Sequence[WatchPlanProposal]) -> str:
     """Other targets that detect more of the causes."""
     first = next(iter(proposals), None)
     if first is None or len(first.beyond) >= len(plan.beyond):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from acquisition.cell.cell import Cell
-from acquisition.cell.obstacles import Box, Post, Table
+from acquisition.cell.obstacles import Box, FloorObstacle, Post
 from calib.array import Array
 
 _INVERSE_GOLDEN = 0.5 * (5.0**0.5 - 1.0)
@@ -75,7 +75,7 @@ _COARSE_MM = 2.0  # by which a point between two of these may be nearer to an ed
 def _from(obstacle: object, places: Array) -> Array:
     """mm between points (..., 3) and a shape; from inside, nought or less."""
     match obstacle:
-        case Table(z_mm=height):
+        case FloorObstacle(z_mm=height):
             return places[..., 2] - height
         case Box(low_mm=low, high_mm=high):
             return np.linalg.norm(places - np.clip(places, low, high), axis=-1)

@@ -20,7 +20,7 @@ from acquisition.cell.cell import Cell, cell_from
 from acquisition.cell.devices import Devices
 from acquisition.cell.workspace import targets_at
 from acquisition.cell.world_frame import WorldFrame
-from acquisition.record.store import Moment, Store
+from acquisition.record.store import EventTime, RecordStore
 from drivers.errors import MotionStopped, NotArmed, OutOfRange, TargetNotSeen
 from drivers.interfaces import (
     Answer,
@@ -376,12 +376,12 @@ def devices_of(bench: Bench, operator: Operator | None = None, *, can_stop: bool
     return Devices(FakeArm(bench, can_stop=can_stop), meter, operator)
 
 
-def new_store(folder: Path) -> Store:
+def new_store(folder: Path) -> RecordStore:
     """A record of `a_campaign` in `a_cell`, whose clock ticks a second a look."""
     cell, campaign = a_cell(), a_campaign()
-    store = Store.create(
+    store = RecordStore.create(
         folder, "test", cell.source, campaign.source, make_plan(cell, campaign), simulated=True
     )
     ticks = itertools.count(1)
-    store.moment = lambda: Moment(1e9, float(next(ticks)))
+    store.moment = lambda: EventTime(1e9, float(next(ticks)))
     return store

@@ -7,14 +7,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from acquisition import Event, Outcome, Run
+from acquisition import Event, ExecutionOutcome, Run
 from acquisition.errors import StorageError
-from acquisition.record import Store
+from acquisition.record import RecordStore
 from drivers import AcquisitionError
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 
 
-def fill_disk(store: Store) -> None:
+def fill_disk(store: RecordStore) -> None:
     """No more room in the file of a record: what is added next is refused."""
     count = store.database.query("PRAGMA page_count")[0][0]
     store.database.script(f"PRAGMA max_page_count = {count}")
@@ -34,7 +34,7 @@ class Stage:
         self.clock = JumpingClock()
         self.can_stop = True
 
-    def execute(self, on_event: Callable[[Event], None] | None = None) -> Outcome:
+    def execute(self, on_event: Callable[[Event], None] | None = None) -> ExecutionOutcome:
         devices = devices_of(self.bench, self.operator, can_stop=self.can_stop)
         return self.run.execute(devices, self.clock, on_event)
 

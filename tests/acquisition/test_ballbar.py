@@ -17,8 +17,8 @@ from acquisition.campaign.plan import check_plan
 from acquisition.cell import targets_at
 from acquisition.errors import NotResumed, RecordError
 from acquisition.record import export_together
-from acquisition.record.store import Planned
-from acquisition.run.prompts.hands import Hands
+from acquisition.record.store import PlannedReading
+from acquisition.run.prompts.hands import ManualSteps
 from calib import identify, read_dataset
 from drivers import Answer, ConfigError, LinkLost, NotReady, OutOfRange
 from tests.acquisition.bars import OFF_DEG, TWO_STAGES, Bar, made
@@ -85,10 +85,10 @@ def test_a_leg_is_attached_anew_after_it_was_taken_off_or_somebody_was_at_it(bet
         asked.append(text.partition(" ")[0])
         return Answer.CONFIRM
 
-    hands = Hands(cell, ask, lambda planned: False)
+    hands = ManualSteps(cell, ask, lambda planned: False)
     visit = make_plan(cell, a_campaign(block=HEXAPOD))[0]
     target, base = visit.readings[0]
-    leg = Planned(1, visit, target, "planned", base)
+    leg = PlannedReading(1, visit, target, "planned", base)
     for _ in range(2):
         assert hands.span(leg) is Answer.CONFIRM
     assert asked == ["Attach"], "what hangs there is not asked for again"

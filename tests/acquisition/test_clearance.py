@@ -16,10 +16,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.cell.arm import Arm
+from acquisition.cell.arm import CellArm
 from acquisition.cell.cell import Cell, cell_from
 from acquisition.cell.clearance import NEAREST_MM
-from acquisition.cell.obstacles import Box, Post, Table, between_lines
+from acquisition.cell.obstacles import Box, FloorObstacle, Post, between_lines
 from calib.arm import load_robot
 from calib.array import Array
 from drivers.errors import ConfigError
@@ -159,7 +159,7 @@ def test_bends_are_bounds_where_joints_slide(machine: str, tmp_path: Path) -> No
     path = tmp_path / "own.toml"
     path.write_text(machine, encoding="utf-8")
     robot = load_robot(str(path))
-    arm = Arm.of(robot, "none", {"T1": (30.0, 40.0, 120.0)}, 25.0)
+    arm = CellArm.of(robot, "none", {"T1": (30.0, 40.0, 120.0)}, 25.0)
     slides = np.array([kind == "slides" for kind in robot.kinds])
     share, rng = np.linspace(0.0, 1.0, 201)[:, None], np.random.default_rng(3)
     low, high = np.array([robot.lower, robot.upper]) / robot.joint_units
@@ -217,7 +217,7 @@ def test_a_post_has_a_radius_and_round_ends() -> None:
     lines = np.array([[[50.0, -9.0, 50.0], [50.0, 9.0, 50.0]], [[0.0, 0.0, 130.0], [5.0, 0.0, 200.0]]])
     assert np.linalg.norm(post.towards(lines), axis=1) == pytest.approx([30.0, 10.0])
     assert post.reach(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])) == pytest.approx([120.0, 20.0])
-    assert Table(20.0).reach(np.array([[0.0, 0.0, 1.0]])) == pytest.approx([20.0])
+    assert FloorObstacle(20.0).reach(np.array([[0.0, 0.0, 1.0]])) == pytest.approx([20.0])
 
 
 def test_the_arm_has_its_thickness() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from acquisition.record.export import export, export_events, table_of
-from acquisition.record.store import Store
+from acquisition.record.store import RecordStore
 from acquisition.run.run import Run
 from calib.data.read import read_dataset
 from drivers.interfaces import Answer
@@ -117,7 +117,7 @@ def test_what_the_wire_could_not_see_is_in_record_and_data_set(tmp_path: Path, w
 
 def test_a_data_set_says_when_it_was_measured_and_by_whom(tmp_path: Path) -> None:
     folder = measured(tmp_path / "r", move=True)
-    with closing(Store.open(folder)) as store:
+    with closing(RecordStore.open(folder)) as store:
         for who in ("anna", "watchdog of anna", "bert", "anna"):
             store.command("pause", by=who)
         began, ended = [

@@ -12,7 +12,7 @@ import pytest
 
 from acquisition import Cell, campaign_from, checked_plan, read_campaign, read_cell
 from acquisition.loop import campaign_table, campaign_text, in_cell, rehearsal
-from calib import DataError, Diagnosis, read_dataset
+from calib import DataError, DiagnosisFit, read_dataset
 from calib.diagnose import POSES, FollowUp, diagnose, later_visits
 from calib.diagnose.follow_up import choose
 from calib.units import DEG
@@ -24,12 +24,12 @@ CELL = read_cell(EXAMPLE / "cell.toml")
 
 
 @pytest.fixture(scope="module")
-def diagnosis(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+def diagnosis(tmp_path_factory: pytest.TempPathFactory) -> DiagnosisFit:
     return diagnose(read_dataset(write_narrow_data(tmp_path_factory.mktemp("narrow"))))
 
 
 @pytest.fixture(scope="module")
-def planned(diagnosis: Diagnosis) -> FollowUp:
+def planned(diagnosis: DiagnosisFit) -> FollowUp:
     assert diagnosis.follow_up is not None
     return in_cell(CELL, diagnosis.final, diagnosis.follow_up.rivals)
 
@@ -77,7 +77,9 @@ def test_settings_come_from_the_first_campaign(planned: FollowUp) -> None:
     assert (table["settle_s"], table["samples"], table["retries"]) == (7.0, 33, 1)
 
 
-def test_chosen_poses_separate_far_better_than_random_ones(diagnosis: Diagnosis, planned: FollowUp) -> None:
+def test_chosen_poses_separate_far_better_than_random_ones(
+    diagnosis: DiagnosisFit, planned: FollowUp
+) -> None:
     final = diagnosis.final
     rng = np.random.default_rng(1)
     joints = rng.uniform(-30.0, 30.0, (POSES, 6)) * DEG + planned.joints.mean(axis=0)
@@ -86,7 +88,7 @@ def test_chosen_poses_separate_far_better_than_random_ones(diagnosis: Diagnosis,
     assert min(planned.separations.values()) > 3.0 * float(brought.min())
 
 
-def test_short_ranges_leave_out_long_approaches(diagnosis: Diagnosis) -> None:
+def test_short_ranges_leave_out_long_approaches(diagnosis: DiagnosisFit) -> None:
     assert diagnosis.follow_up is not None
     small = tuple((middle - 12.0, middle + 12.0) for middle in (0.0, 20.0, -40.0, 0.0, 30.0, 0.0))
     chosen = in_cell(narrowed(small), diagnosis.final, diagnosis.follow_up.rivals)
@@ -96,7 +98,7 @@ def test_short_ranges_leave_out_long_approaches(diagnosis: Diagnosis) -> None:
     assert np.all((stood >= low - 1e-6) & (stood <= high + 1e-6))
 
 
-def test_a_cell_that_does_not_fit_is_refused(diagnosis: Diagnosis) -> None:
+def test_a_cell_that_does_not_fit_is_refused(diagnosis: DiagnosisFit) -> None:
     assert diagnosis.follow_up is not None
     rivals = diagnosis.follow_up.rivals
     others = replace(CELL, tool=replace(CELL.tool, targets={"A": (0.0, 0.0, 100.0)}))

@@ -14,10 +14,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition import Devices, Event, Outcome, Run, export
+from acquisition import Devices, Event, ExecutionOutcome, Run, export
 from acquisition.campaign.blocks.block import Settle
 from acquisition.campaign.campaign import campaign_of_record
-from acquisition.record.readings import Drift, drift_of
+from acquisition.record.readings import ReferenceDrift, drift_of
 from acquisition.run.rig.settling import TRIES, until_still
 from calib import read_dataset
 from drivers import Answer, ConfigError, JointReading, NoisyMeasurement, NoOperator, PointReading, Prompt
@@ -67,7 +67,7 @@ class Stage:
         campaign = {"block": [{"count": 6, "targets": ["T1"]}]} | campaign
         self.run = Run.create(folder / "r", self.bench.cell, a_campaign(**campaign), simulated=True)
 
-    def execute(self, on_event: Callable[[Event], None] | None = None) -> Outcome:
+    def execute(self, on_event: Callable[[Event], None] | None = None) -> ExecutionOutcome:
         return self.run.execute(Devices(self.arm, self.meter, self.operator), self.clock, on_event)
 
     def events(self, kind: str) -> list[Event]:
@@ -286,7 +286,7 @@ def test_a_campaign_resumed_at_its_second_station_stays_there(make: Callable[...
 
 def test_drift_is_that_of_the_reference_pose(make: Callable[..., Stage]) -> None:
     stage = make(reference_every=2)
-    shown: list[Drift | None] = []
+    shown: list[ReferenceDrift | None] = []
 
     def watch(event: Event) -> None:
         if event.kind == "reading" and event.data["set"] == "reference":

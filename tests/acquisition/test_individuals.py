@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from acquisition import Outcome, export
+from acquisition import ExecutionOutcome, export
 from acquisition.errors import OtherIndividual
-from acquisition.record import Acceptance, export_together
+from acquisition.record import DeviceAcceptance, export_together
 from acquisition.record.individuals import Individual, individuals_of
 from acquisition.run.run import Run
 from calib import read_dataset
@@ -56,7 +56,7 @@ def half_done(make: Callable[..., Stage]) -> Stage:
     return stage
 
 
-def refused(stage: Stage, role: str, outcome: Outcome) -> None:
+def refused(stage: Stage, role: str, outcome: ExecutionOutcome) -> None:
     """Nothing was armed or moved since the log was cleared, and the run says why."""
     assert outcome.state.value == "paused"
     assert isinstance(outcome.error, OtherIndividual)
@@ -71,7 +71,7 @@ def refused(stage: Stage, role: str, outcome: Outcome) -> None:
 def test_another_one_is_refused_on_resuming(make: Callable[..., Stage], role: str) -> None:
     stage = half_done(make)
     exchange(stage, role)
-    for accepted in (None, Acceptance("1", "a mistake", "anna")):  # no leave, and leave for another
+    for accepted in (None, DeviceAcceptance("1", "a mistake", "anna")):  # no leave, and leave for another
         stage.bench.log.clear()
         stage.run.resume(by="anna", accepted=accepted)
         refused(stage, role, stage.execute())
@@ -100,7 +100,7 @@ def test_an_accepted_one_is_kept_with_its_reason_and_is_a_series(
     stage = half_done(make)
     before = stage.run.status().done
     exchange(stage, role)
-    stage.run.resume(by="anna", accepted=Acceptance(" 777777", "arm replaced under warranty", "anna"))
+    stage.run.resume(by="anna", accepted=DeviceAcceptance(" 777777", "arm replaced under warranty", "anna"))
     assert stage.execute().state.value == "succeeded"
     by_kind = {event.kind: event.data for event in stage.run.events()}
     assert by_kind["accept_other"]["reason"] == "arm replaced under warranty"
@@ -182,9 +182,9 @@ def test_another_model_is_another_device_and_new_software_is_not(make: Callable[
     stage.run.resume()
     assert stage.execute().error is None
     stage.bench.who["instrument"] = replace(stage.bench.who["instrument"], model="another", serial="")
-    stage.run.resume(accepted=Acceptance("meter", "no", "anna"))
+    stage.run.resume(accepted=DeviceAcceptance("meter", "no", "anna"))
     assert isinstance(stage.execute().error, OtherIndividual)
-    stage.run.resume(accepted=Acceptance("another", "it reports no serial number", "anna"))
+    stage.run.resume(accepted=DeviceAcceptance("another", "it reports no serial number", "anna"))
     assert stage.execute().state.value == "succeeded"
 
 
@@ -201,7 +201,7 @@ def test_the_robot_of_a_model_is_needed_in_every_program(make: Callable[..., Sta
         assert not [call for call in stage.bench.log if call.startswith(MOTIONS)]
         stage.run.close()
         stage.run = Run.open(stage.folder)
-        stage.run.resume(accepted=Acceptance("777777", "why not", "bert"))
+        stage.run.resume(accepted=DeviceAcceptance("777777", "why not", "bert"))
     exchange(stage, "robot", "1")
     assert stage.execute().state.value == "succeeded"
 
@@ -224,7 +224,7 @@ def test_a_campaign_names_the_one_robot_that_it_is_for(make: Callable[..., Stage
 @pytest.mark.parametrize("given", [("", "why"), ("777777", " ")])
 def test_a_serial_number_and_a_reason(given: tuple[str, str]) -> None:
     with pytest.raises(ConfigError, match="for a reason"):
-        Acceptance(*given)
+        DeviceAcceptance(*given)
 
 
 @pytest.mark.parametrize("role", ROLES)
@@ -234,7 +234,7 @@ def test_a_verification_is_of_the_same_robot(make: Callable[..., Stage], role: s
     second.run.expect(list(individuals_of(first.folder).values()))
     exchange(second, role)
     refused(second, role, second.execute())
-    second.run.resume(accepted=Acceptance("777777", "why not", "bert"))
+    second.run.resume(accepted=DeviceAcceptance("777777", "why not", "bert"))
     assert second.execute().state.value == "succeeded"
     assert individuals_of(second.folder)[role].why().endswith("was accepted by bert beside another: why not")
 
@@ -249,10 +249,10 @@ def test_records_of_two_robots_are_not_poured_together(make: Callable[..., Stage
     with pytest.raises(OtherIndividual, match=r"serial number 777777, .* with ABB IRB 120, serial number 1"):
         export_together([first.folder, second.folder], out)
     with pytest.raises(OtherIndividual):
-        export_together([first.folder, second.folder], out, Acceptance("1", "the wrong one"))
+        export_together([first.folder, second.folder], out, DeviceAcceptance("1", "the wrong one"))
     assert not out.exists()
     export_together(
-        [first.folder, second.folder, third.folder], out, Acceptance("777777", "same build", "eve")
+        [first.folder, second.folder, third.folder], out, DeviceAcceptance("777777", "same build", "eve")
     )
     assert [row["series"] for row in read_rows(out)] == ["1+1"] * 24 + ["777777+1"] * 24 + [
         "1+tracker-2"

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import RecordError
 from acquisition.record.export import DataTable
-from acquisition.record.merge import Part, merge
-from calib.data.header import Occasion
+from acquisition.record.merge import CampaignPart, merge
+from calib.data.header import MeasurementOccasion
 from calib.data.read import read_dataset
 from tests.service.campaigns import edit_text, read_rows, write_data
 
@@ -37,7 +37,9 @@ def _table(data: Path) -> DataTable:
 def test_ids_clock_and_sets(campaigns: tuple[Path, Path], tmp_path: Path) -> None:
     first, later = campaigns
     out = merge(
-        _table(first), WORLD, [Part(_table(later), 5000.0, None), Part(_table(later), 9000.0, None)]
+        _table(first),
+        WORLD,
+        [CampaignPart(_table(later), 5000.0, None), CampaignPart(_table(later), 9000.0, None)],
     ).write(tmp_path / "all.csv")
     rows, one, two = read_rows(out), read_rows(first), read_rows(later)
     assert rows[: len(one)] == one
@@ -55,7 +57,7 @@ def test_ids_clock_and_sets(campaigns: tuple[Path, Path], tmp_path: Path) -> Non
 
 def test_points_come_into_the_first_frame(campaigns: tuple[Path, Path], tmp_path: Path) -> None:
     first, later = campaigns
-    out = merge(_table(first), WORLD, [Part(_table(later), 0.0, AGAIN)]).write(tmp_path / "all.csv")
+    out = merge(_table(first), WORLD, [CampaignPart(_table(later), 0.0, AGAIN)]).write(tmp_path / "all.csv")
     exported, joined = read_dataset(later).points, read_dataset(out).points[-len(read_rows(later)) :]
     seen = AGAIN.to_tracker(exported)
     np.testing.assert_allclose(joined, seen + WORLD.origin, atol=2e-6)
@@ -68,10 +70,10 @@ def test_another_station_is_no_other_cell_but_another_tool_is(
     first, later = campaigns
     header = later.with_suffix(".toml")
     edit_text(header, "2400.0", "2400.02")
-    merge(_table(first), WORLD, [Part(_table(later), 0.0, AGAIN)])
+    merge(_table(first), WORLD, [CampaignPart(_table(later), 0.0, AGAIN)])
     edit_text(header, "93.675", "93.775")
     with pytest.raises(RecordError, match="not measured in the cell"):
-        merge(_table(first), WORLD, [Part(_table(later), 0.0, AGAIN)])
+        merge(_table(first), WORLD, [CampaignPart(_table(later), 0.0, AGAIN)])
 
 
 @pytest.mark.parametrize(
@@ -91,9 +93,9 @@ def test_what_a_wire_could_not_see_of_any_part_is_said_of_the_whole(
     for data, text in zip((first, later, again), said, strict=True):
         header = data.with_suffix(".toml")
         header.write_text((f'unprotected = "{text}"\n' if text else "") + header.read_text("utf-8"), "utf-8")
-    out = merge(_table(first), WORLD, [Part(_table(later), 0.0, None), Part(_table(again), 0.0, None)]).write(
-        tmp_path / "all.csv"
-    )
+    out = merge(
+        _table(first), WORLD, [CampaignPart(_table(later), 0.0, None), CampaignPart(_table(again), 0.0, None)]
+    ).write(tmp_path / "all.csv")
     assert read_dataset(out).header.unprotected == whole
 
 
@@ -110,6 +112,8 @@ def test_the_whole_was_measured_from_the_first_reading_to_the_last_by_everybody(
         header = data.with_suffix(".toml")
         header.write_text(header.read_text("utf-8") + table, "utf-8")
     # the first of the parts says nothing
-    parts = [Part(_table(campaigns[1]), 0.0, None), Part(_table(again), 0.0, None)]
+    parts = [CampaignPart(_table(campaigns[1]), 0.0, None), CampaignPart(_table(again), 0.0, None)]
     occasion = merge(_table(campaigns[0]), WORLD, parts).dataset().header.occasion
-    assert occasion == Occasion("2026-03-01 08:00 UTC", "2026-03-02 10:00 UTC", ("anna", "bert"), campaigns=3)
+    assert occasion == MeasurementOccasion(
+        "2026-03-01 08:00 UTC", "2026-03-02 10:00 UTC", ("anna", "bert"), campaigns=3
+    )

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from acquisition import Devices, Event, Outcome, Run, campaign_from, read_cell
+from acquisition import Devices, Event, ExecutionOutcome, Run, campaign_from, read_cell
 from acquisition.errors import NotResumed
 from acquisition.record import export_streams
 from acquisition.record.streams import read_stream
@@ -120,7 +120,7 @@ class Scene:
         campaign = campaign_from({"format": "truepose-campaign/1", "block": [PATH]}, "campaign.toml")
         self.run = Run.create(self.folder, cell, campaign, simulated=True)
 
-    def execute(self, on_event: Callable[[Event], None] = lambda event: None) -> Outcome:
+    def execute(self, on_event: Callable[[Event], None] = lambda event: None) -> ExecutionOutcome:
         arm = StreamingArm(self.bench, self.streams, self.at)
         devices = Devices(arm, StreamingMeter(self.bench, self.streams[1]))
         return self.run.execute(devices, JumpingClock(), on_event)

@@ -10,7 +10,7 @@ import pytest
 from acquisition import Campaign, Cell, campaign_from, checked_plan, read_cell
 from acquisition.campaign.plan import Forecast
 from acquisition.errors import UnsafePlan
-from acquisition.record import Store
+from acquisition.record import RecordStore
 from acquisition.run.rig.recorder import Feed
 from drivers import ConfigError, Sample
 from tests.acquisition.fakes import a_cell
@@ -34,7 +34,7 @@ def test_a_path_is_one_visit_and_comes_back_from_the_record(tmp_path: Path) -> N
     visits = checked_plan(ur(), path())
     (visit,) = (visit for visit in visits if visit.kind == "pose")
     assert [visit.joints_deg, *visit.waypoints] == [tuple(MIDDLE), tuple(BESIDE), tuple(MIDDLE)]
-    store = Store.create(tmp_path, "ur", ur().source, path().source, visits, simulated=True)
+    store = RecordStore.create(tmp_path, "ur", ur().source, path().source, visits, simulated=True)
     assert [planned.visit for planned in store.left("planned")] == [visit]
     store.close()
 

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from acquisition.campaign.placements import Hexapod, Placement, best_first, grid
+from acquisition.campaign.placements import BallPlacement, HexapodSurvey, best_first, grid
 from acquisition.cell.cell import Cell, read_cell
 from acquisition.cell.obstacles import Box, Post
 from calib.arm.kinematics import forward
@@ -24,7 +24,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 BALLBAR = EXAMPLES / "lrmate_ballbar" / "cell.toml"
 TOOL = ["T1", "T2", "T3"]
 SVG = "{http://www.w3.org/2000/svg}"
-MOVED = Placement((-60.0, 40.0, 15.0), 25.0)
+MOVED = BallPlacement((-60.0, 40.0, 15.0), 25.0)
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +32,8 @@ def cell() -> Cell:
     return read_cell(BALLBAR)
 
 
-def hexapod(cell: Cell) -> Hexapod:
-    return Hexapod(cell, ["B1", "B2", "B3"], ["T1", "T2", "T3"])
+def hexapod(cell: Cell) -> HexapodSurvey:
+    return HexapodSurvey(cell, ["B1", "B2", "B3"], ["T1", "T2", "T3"])
 
 
 def balls_of(cell: Cell) -> np.ndarray:
@@ -107,7 +107,7 @@ def test_cups_move_along_and_other_fixtures_stay(cell: Cell) -> None:
 def test_no_leg_passes_through_the_arm(cell: Cell, monkeypatch: pytest.MonkeyPatch) -> None:
     """Against points along legs and limbs, and thick legs leave fewer configurations."""
     six = hexapod(cell)
-    (found,) = six.survey([Placement()])
+    (found,) = six.survey([BallPlacement()])
     counts = []
     for radius in (0.0, 15.0, 90.0):
         monkeypatch.setattr("acquisition.campaign.placements.LEG_RADIUS_MM", radius)
@@ -217,11 +217,11 @@ def test_a_tracker_has_no_placement(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_fourth_cup_carries_the_tool_on_every_three_of_four(cell: Cell) -> None:
     four = replace(cell, nests={**cell.nests, "B4": (500.0, 210.0, 60.0)})
     one, all_of_them = (
-        Hexapod(four, ["B1", "B2", "B3"], ["T1", "T2", "T3"]),
-        Hexapod(four, list(four.nests), TOOL),
+        HexapodSurvey(four, ["B1", "B2", "B3"], ["T1", "T2", "T3"]),
+        HexapodSurvey(four, list(four.nests), TOOL),
     )
     assert len(all_of_them.stances.flange) > 2 * len(one.stances.flange)
-    (few,), (many,) = one.survey([Placement()]), all_of_them.survey([Placement()])
+    (few,), (many,) = one.survey([BallPlacement()]), all_of_them.survey([BallPlacement()])
     assert many.poses > few.poses
     balls = np.array(list(four.nests.values()))
     tool = np.array([four.tool.targets[name] for name in TOOL])

@@ -14,7 +14,7 @@ import pytest
 
 from acquisition import read_status
 from acquisition.errors import RecordError, RecordInUse, StorageError
-from acquisition.record import FILE, Store, sha256_of
+from acquisition.record import FILE, RecordStore, sha256_of
 from acquisition.record.schema import SCRIPT
 from tests.acquisition.fakes import new_store
 
@@ -22,12 +22,12 @@ from tests.acquisition.fakes import new_store
 def test_one_owner_and_readers_beside_it(tmp_path: Path) -> None:
     store = new_store(tmp_path)
     with pytest.raises(RecordInUse) as caught:
-        Store.open(tmp_path)
+        RecordStore.open(tmp_path)
     assert caught.value.exit_code == 4
     status = read_status(tmp_path)
     assert (status.state, status.done, status.total) == ("ready", 0, 5)
     store.close()
-    Store.open(tmp_path).close()
+    RecordStore.open(tmp_path).close()
 
 
 def test_a_run_whose_program_was_killed_is_not_shown_as_running(tmp_path: Path) -> None:
@@ -49,7 +49,7 @@ def test_a_run_whose_program_was_killed_is_not_shown_as_running(tmp_path: Path) 
 def test_a_file_is_no_record(tmp_path: Path) -> None:
     file = tmp_path / "record.csv"
     file.write_text("a,b\n")
-    for look in (read_status, Store.open, lambda folder: Store.open(folder, writer=False)):
+    for look in (read_status, RecordStore.open, lambda folder: RecordStore.open(folder, writer=False)):
         with pytest.raises(RecordError, match="there is no record") as caught:
             look(file)
         assert caught.value.exit_code == 2
@@ -89,9 +89,9 @@ def seen_by_another_process(folder: Path) -> str:
 
 def test_refuses_no_record_two_records_and_a_newer_one(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="no record"):
-        Store.open(tmp_path / "nowhere")
+        RecordStore.open(tmp_path / "nowhere")
     with pytest.raises(RecordError, match="no record"):
-        Store.open(tmp_path)
+        RecordStore.open(tmp_path)
     new_store(tmp_path).close()
     with pytest.raises(RecordError, match="already"):
         new_store(tmp_path)
@@ -100,17 +100,17 @@ def test_refuses_no_record_two_records_and_a_newer_one(tmp_path: Path) -> None:
     db.close()
     for writer in (True, False):
         with pytest.raises(RecordError, match="newer version"):
-            Store.open(tmp_path, writer=writer)
+            RecordStore.open(tmp_path, writer=writer)
     (tmp_path / "half").mkdir()  # the program ended while it made the record
     with closing(sqlite3.connect(tmp_path / "half" / FILE)) as half:
         half.executescript(SCRIPT)
     with pytest.raises(RecordError, match="start it anew in this folder"):
-        Store.open(tmp_path / "half")
+        RecordStore.open(tmp_path / "half")
     new_store(tmp_path / "half").close()
     (tmp_path / "junk").mkdir()
     (tmp_path / "junk" / FILE).write_bytes(b"this is not a database at all" * 100)
     with pytest.raises(StorageError):
-        Store.open(tmp_path / "junk")
+        RecordStore.open(tmp_path / "junk")
     with pytest.raises(RecordError, match="already"):
         new_store(tmp_path / "junk")
     (tmp_path / "file").touch()

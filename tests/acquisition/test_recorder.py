@@ -12,9 +12,9 @@ from typing import Any, cast
 import pytest
 
 from acquisition import campaign_from
-from acquisition.record import Store
+from acquisition.record import RecordStore
 from acquisition.run.rig.recorder import Recorder
-from acquisition.run.rig.rig import Rig
+from acquisition.run.rig.rig import DevicePair
 from drivers import Identity, LinkTimeout, MotionStopped, Sample
 from tests.acquisition.fakes import a_cell
 
@@ -50,10 +50,10 @@ def test_what_disarmed_itself_at_the_end_of_a_failed_path_is_armed_again(tmp_pat
     robot, tracker = Streaming(fails=False), Streaming(fails=True)
     devices = SimpleNamespace(robot=robot, instrument=tracker)
     control = SimpleNamespace(check_stop=lambda: None)
-    rig = Rig(cast(Any, devices), cast(Any, control), lambda _: None)
+    rig = DevicePair(cast(Any, devices), cast(Any, control), lambda _: None)
     rig.make_ready()
     campaign = campaign_from({"format": "truepose-campaign/1", "block": [{"count": 10}]}, "campaign.toml")
-    store = Store.create(tmp_path, "cell", a_cell().source, campaign.source, [], simulated=True)
+    store = RecordStore.create(tmp_path, "cell", a_cell().source, campaign.source, [], simulated=True)
     rates = {"robot": 125.0, "instrument": 10.0}
     with pytest.raises(MotionStopped, match="stopped on its way"), Recorder(store, 1, rig, rates):
         raise MotionStopped("stopped on its way", device="robot", command="move_to")

@@ -18,7 +18,7 @@ import pytest
 
 from acquisition import Event, Run, export, read_status
 from acquisition.errors import DamagedRecord, RecordError, RecordInUse, StorageError
-from acquisition.record import FILE, Store, rescue, salvage
+from acquisition.record import FILE, RecordStore, rescue, salvage
 from calib import read_dataset
 from drivers import ConfigError
 from service.cli import main
@@ -280,7 +280,7 @@ def test_what_may_not_be_rescued(record: Path, tmp_path: Path) -> None:
     make(tmp_path / "there")
     with pytest.raises(RecordError, match="already"):
         rescue(record, tmp_path / "there")
-    with closing(Store.open(record)), pytest.raises(RecordInUse):
+    with closing(RecordStore.open(record)), pytest.raises(RecordInUse):
         rescue(record, tmp_path / "out")
 
 

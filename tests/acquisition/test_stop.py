@@ -14,8 +14,8 @@ import pytest
 from acquisition import Devices
 from acquisition.errors import StorageError
 from acquisition.run.orders.control import Control
-from acquisition.run.orders.noting import Noting
-from acquisition.run.rig.rig import PRESS, Rig
+from acquisition.run.orders.noting import StopOrders
+from acquisition.run.rig.rig import PRESS, DevicePair
 from drivers import AcquisitionError, CannotStop, LinkLost, LinkTimeout, ProtectiveStop
 from tests.acquisition.fakes import FakeArm, FakeMeter, JumpingClock, devices_of
 from tests.acquisition.stage import Stage
@@ -239,7 +239,7 @@ def test_an_order_that_could_not_be_noted_is_noted_with_the_end(
 def test_the_end_of_a_run_waits_for_what_is_being_noted(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    let_go, noting = threading.Event(), Noting(stage.run._store)
+    let_go, noting = threading.Event(), StopOrders(stage.run._store)
     monkeypatch.setattr(stage.run._store, "command", lambda *order: let_go.wait(PATIENCE_S))
     noting.begin("anna", None)
     ending = in_thread(noting.finish)
@@ -254,7 +254,9 @@ def test_the_end_of_a_run_waits_for_what_is_being_noted(
 def test_a_stop_that_comes_after_the_run_has_let_go_keeps_no_connection(stage: Stage) -> None:
     """A controller has one place for a program: the next run would not be answered."""
     arm = ReachingArm(stage.bench)
-    rig = Rig(Devices(arm, FakeMeter(stage.bench), stage.operator), Control(JumpingClock()), lambda _: None)
+    rig = DevicePair(
+        Devices(arm, FakeMeter(stage.bench), stage.operator), Control(JumpingClock()), lambda _: None
+    )
     rig.make_ready()
     rig.release()
     assert rig.halt() == []
@@ -272,7 +274,9 @@ def test_a_stop_does_not_wait_for_a_device_that_is_slow_to_let_go(stage: Stage) 
             let_go.wait(PATIENCE_S)
 
     arm = SlowToLetGo(stage.bench)
-    rig = Rig(Devices(arm, FakeMeter(stage.bench), stage.operator), Control(JumpingClock()), lambda _: None)
+    rig = DevicePair(
+        Devices(arm, FakeMeter(stage.bench), stage.operator), Control(JumpingClock()), lambda _: None
+    )
     rig.make_ready()
     ending = in_thread(rig.release)
     try:

@@ -15,7 +15,7 @@ from pathlib import Path
 import apsw
 import pytest
 
-from acquisition import Event, Outcome, Run
+from acquisition import Event, ExecutionOutcome, Run
 from acquisition.errors import ClockJumped, RecordTaken, RobotInUse, StorageError
 from acquisition.record import FILE
 from acquisition.record.database import LOCK
@@ -35,7 +35,7 @@ class Stage:
         self.clock = JumpingClock()
         self.reported: list[int] = []
 
-    def execute(self, run: Run | None = None) -> Outcome:
+    def execute(self, run: Run | None = None) -> ExecutionOutcome:
         def heard(event: Event) -> None:
             if event.kind == "reading":
                 self.reported.append(event.data["attempt"])

@@ -19,10 +19,10 @@ from acquisition import State
 from acquisition.campaign import make_plan
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import IllegalTransition, StorageError
-from acquisition.record import FILE, Store
+from acquisition.record import FILE, RecordStore
 from acquisition.record.attempts import Attempts
 from acquisition.record.states import TRANSITIONS, check_transition
-from acquisition.record.store import Planned
+from acquisition.record.store import PlannedReading
 from acquisition.run.status import status_of
 from drivers import JointReading, LinkLost, PointReading, Prompt
 from tests.acquisition.fakes import a_campaign, a_cell, new_store
@@ -31,20 +31,20 @@ from tests.drivers.waiting import PATIENCE_S, in_thread
 READING = PointReading("T1", (1.0, 2.0, 3.0), (0.1, 0.1, 0.1), 10, 5.0, 0.0, 22.5, raw=b"\x00raw")
 
 
-def half_a_change(store: Store) -> None:
+def half_a_change(store: RecordStore) -> None:
     with store.changing() as db:
         store.add_event("never")
         store.change_state(db, State.SUCCEEDED, "")
 
 
-def fill(store: Store) -> Iterator[int]:
+def fill(store: RecordStore) -> Iterator[int]:
     """Events until the disk is full."""
     for number in itertools.count(1):
         store.add_event("filler", text="x" * 500)
         yield number
 
 
-def poses(store: Store) -> list[Planned]:
+def poses(store: RecordStore) -> list[PlannedReading]:
     return [planned for planned in store.plan() if planned.visit.kind == "pose"]
 
 
@@ -215,7 +215,7 @@ def test_events_reach_listeners_after_they_are_durable(tmp_path: Path) -> None:
     seen: list[tuple[int, int]] = []
 
     def look(event: object) -> None:
-        reader = Store.open(tmp_path, writer=False)
+        reader = RecordStore.open(tmp_path, writer=False)
         seen.append((event.id, reader.version))  # type: ignore[attr-defined]
         reader.close()
 
@@ -235,7 +235,7 @@ def test_recovery_marks_what_was_open(tmp_path: Path) -> None:
     store.start()
     arrival = attempts.begin_arrival(poses(store)[0].visit)
     store.close()
-    store = Store.open(tmp_path)
+    store = RecordStore.open(tmp_path)
     assert store.state is State.RUNNING
     store.recover()
     assert store.state is State.PAUSED

@@ -14,7 +14,7 @@ import pytest
 
 from acquisition import State
 from acquisition.errors import RecordTaken, StorageError
-from acquisition.record import Store, seal
+from acquisition.record import RecordStore, seal
 from acquisition.record.attempts import Attempts
 from drivers import Prompt
 from tests.acquisition.fakes import new_store
@@ -23,19 +23,19 @@ from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
+def store(tmp_path: Path) -> Iterator[RecordStore]:
     store = new_store(tmp_path)
     yield store
     store.close()
 
 
-def last(store: Store) -> tuple[str, dict]:
+def last(store: RecordStore) -> tuple[str, dict]:
     """Kind and data of the event noted last."""
     event = store.events()[-1]
     return event.kind, dict(event.data)
 
 
-def test_a_record_that_another_program_took_over_is_not_written(store: Store) -> None:
+def test_a_record_that_another_program_took_over_is_not_written(store: RecordStore) -> None:
     """Whoever opens a file by other means than ours, or on a network drive whose locks do not hold."""
     store.add_event("mine")
     with store.database.transaction() as db:
@@ -45,7 +45,7 @@ def test_a_record_that_another_program_took_over_is_not_written(store: Store) ->
     assert last(store)[0] == "mine"
 
 
-def test_whoever_waits_is_woken_by_a_change(store: Store) -> None:
+def test_whoever_waits_is_woken_by_a_change(store: RecordStore) -> None:
     """Not only at the end of the time for which it would wait."""
     version = store.version
     waiting = in_thread(lambda: store.wait_beyond(version, 10 * PATIENCE_S))
@@ -56,13 +56,13 @@ def test_whoever_waits_is_woken_by_a_change(store: Store) -> None:
 
 def test_a_record_that_was_looked_at_can_be_moved(tmp_path: Path) -> None:
     new_store(tmp_path).close()
-    with Store.reading(tmp_path) as looked:
+    with RecordStore.reading(tmp_path) as looked:
         assert looked.state is State.READY
     with pytest.raises(StorageError, match="closed database"):
         looked.database.query("SELECT 1")
 
 
-def test_what_is_done_is_noted(store: Store) -> None:
+def test_what_is_done_is_noted(store: RecordStore) -> None:
     first, second = poses(store)[:2]
     store.command("pause", "anna")
     assert last(store) == ("command", {"verb": "pause", "by": "anna"})
@@ -79,7 +79,7 @@ def test_what_is_done_is_noted(store: Store) -> None:
     assert store.version == before
 
 
-def test_a_visit_that_is_planned_elsewhere_is_sealed_and_replaces_the_one(store: Store) -> None:
+def test_a_visit_that_is_planned_elsewhere_is_sealed_and_replaces_the_one(store: RecordStore) -> None:
     visit = poses(store)[0].visit
     old = [each for each in store.plan() if each.visit == visit]
     elsewhere = replace(visit, name="elsewhere", joints_deg=tuple(q + 1.0 for q in visit.joints_deg))
@@ -94,17 +94,17 @@ def test_a_visit_that_is_planned_elsewhere_is_sealed_and_replaces_the_one(store:
     seal.check(store.database)
 
 
-def test_a_question_that_a_crash_left_open_is_void(store: Store, tmp_path: Path) -> None:
+def test_a_question_that_a_crash_left_open_is_void(store: RecordStore, tmp_path: Path) -> None:
     store.start()
     Attempts(store).ask(Prompt("seat", "Seat the SMR."))
     store.close()
-    store = Store.open(tmp_path)
+    store = RecordStore.open(tmp_path)
     store.recover()
     assert [row[0] for row in store.database.query("SELECT answer FROM prompt")] == ["void"]
     store.close()
 
 
-def test_nests_of_the_world_frame(store: Store) -> None:
+def test_nests_of_the_world_frame(store: RecordStore) -> None:
     assert store.world_nests_mm is None
     store.set_world(WORLD, {"N1": (1.0, 2.0, 3.0)}, new_station=False)
     assert store.world_nests_mm == {"N1": (1.0, 2.0, 3.0)}

@@ -16,7 +16,7 @@ import numpy as np
 
 from calib import load_robot
 from calib.motion import Aligned, JointStream, PointStream, align
-from service.results.files.alignment import Order, aligned_of
+from service.results.files.alignment import AlignmentRequest, aligned_of
 from tests.benchmarks.clock import line
 from tests.calib.bending import gears
 from tests.calib.moving import TOOL, Moving, simulate, write_robot, write_tracker
@@ -118,7 +118,7 @@ def _time() -> float:
         robot = write_robot(Path(folder) / "robot.csv", moving)
         tracker = write_tracker(Path(folder) / "tracker.csv", moving)
         begin = time.process_time()
-        aligned_of(robot, tracker, Order(tool=TOOL, robot="ur5"))
+        aligned_of(robot, tracker, AlignmentRequest(tool=TOOL, robot="ur5"))
         return time.process_time() - begin
 
 

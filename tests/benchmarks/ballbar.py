@@ -34,7 +34,7 @@ from calib import identify, read_dataset
 from calib.arm.start import align
 from calib.convert import IMPORTERS
 from calib.fit import base_model_of, place_nominal
-from calib.model import RobotModel
+from calib.model import ModelStructure
 from calib.validation.judge import branches
 from mocks.world import ArmState
 from tests.benchmarks.clock import line
@@ -75,12 +75,12 @@ def judged_joints() -> dict[str, Array]:
     cups = np.array(list(cell.nests.values()))
     middle = cups.mean(axis=0)
     above = middle + np.array([0.0, 0.0, np.sqrt(FROM_CUPS_MM**2 - np.sum((cups[0] - middle) ** 2))])
-    nominal = RobotModel(cell.robot.model, (), {"main": dict(cell.tool.targets)})
+    nominal = ModelStructure(cell.robot.model, (), {"main": dict(cell.tool.targets)})
     off = np.linalg.norm(predicted_mm(nominal, np.zeros(0), near, cell) - above, axis=1)
     return {"front/up": front_up, "near": near[off < NEAR_MM][:_JUDGED]}
 
 
-def errors_mm(model: RobotModel, estimate: Array, truth: Truth, cell: Cell) -> dict[str, float]:
+def errors_mm(model: ModelStructure, estimate: Array, truth: Truth, cell: Cell) -> dict[str, float]:
     """Mean position error of a model, mm, of each set of `judged_joints`."""
     out = {}
     for name, joints in judged_joints().items():

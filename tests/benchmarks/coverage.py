@@ -2,7 +2,7 @@
 
 Every campaign draws a robot from the priors, poses and noise of its own, and is measured by the second arm
 (`tests.benchmarks.arm`). Counted are parameters, by estimate +- 1.96 standard errors, and positions at poses that took
-no part, by the ellipsoid of `Identification.predict_with_covariance`. Of parameters that readings cannot tell apart
+no part, by the ellipsoid of `IdentificationFit.predict_with_covariance`. Of parameters that readings cannot tell apart
 the truth keeps those at nominal that the program drops: only the combination has a true value.
 """
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, norm
 
-from calib import Dataset, Identification, identify, load_robot
+from calib import Dataset, IdentificationFit, identify, load_robot
 from calib.data import Header, Noise
 from calib.fit import base_model_of
 from calib.units import to_internal
@@ -175,7 +175,7 @@ def true_frames(
     return frames
 
 
-def covered(campaign: Campaign, result: Identification) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def covered(campaign: Campaign, result: IdentificationFit) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which true parameters (p,) and which true positions (f,) lie within what the program says, at 95 %."""
     truth = dict(campaign.truth)
     for target in campaign.data.conditions.target_names:

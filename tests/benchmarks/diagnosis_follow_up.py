@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 
 from calib.array import Array
-from calib.diagnose.diagnosis import Diagnosis, diagnose
+from calib.diagnose.diagnosis import DiagnosisFit, diagnose
 from calib.diagnose.follow_up import FollowUp
 from mocks.campaign import Campaign, plan
 from mocks.world import ArmState, Robot, Session, World, scaled, stream
@@ -105,7 +105,7 @@ def _apart(draw: Draw, world: World) -> float:
     return truth_of(wide, load(wide)).effects[0].gap
 
 
-def _diagnosed(draw: Draw, campaign: Campaign) -> tuple[Case, Diagnosis]:
+def _diagnosed(draw: Draw, campaign: Campaign) -> tuple[Case, DiagnosisFit]:
     data = load(campaign)
     result = diagnose(data)
     return case_of(draw, truth_of(campaign, data), result), result

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from unittest import mock
 
-from calib import Diagnosis
+from calib import DiagnosisFit
 from calib.diagnose import diagnose, select
 from calib.diagnose import diagnosis as end_to_end
 from calib.effects import Survey, offers
@@ -142,7 +142,7 @@ class Case:
         )
 
 
-def case_of(draw: Draw, truth: Truth, result: Diagnosis) -> Case:
+def case_of(draw: Draw, truth: Truth, result: DiagnosisFit) -> Case:
     """What was told, beside what was hidden."""
     before, after = result.error_before, result.error_after
     return Case(

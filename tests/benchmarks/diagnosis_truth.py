@@ -20,10 +20,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib import Dataset, Identification, identify
+from calib import Dataset, IdentificationFit, identify
 from calib.array import Array
 from calib.effects import Survey, offers
-from calib.model import Design
+from calib.model import BoundModel
 from calib.scan import Family, Scores, Space
 from calib.scan.families import HarmonicScores, StepScores
 from mocks.campaign import Campaign
@@ -91,7 +91,7 @@ def true_columns(world: World, effect: Effect, campaign: Campaign) -> Array:
     return np.stack([displacement(world, one, campaign.readings) for one in alone], axis=2)
 
 
-def _whitened(base: Identification, columns: Array) -> Array:
+def _whitened(base: IdentificationFit, columns: Array) -> Array:
     """(k n, p) whitened columns of the readings of a fit."""
     readings = base.readings
     return np.einsum("abn,nbp->anp", readings.observed.whiten, columns[readings.rows]).reshape(
@@ -164,7 +164,7 @@ def _ideal(data: Dataset, moved: Array, space: Space, columns: list[Array], whit
     stacked[: space.size, live.sum() :] = np.column_stack([np.zeros((space.size, 0)), *whitened])
     scale = np.maximum(np.linalg.norm(stacked, axis=0), 1e-300)
     step = np.linalg.lstsq(stacked / scale, space.held, rcond=1e-12)[0] / scale
-    design = Design(base.model, data.conditions.take(rows))
+    design = BoundModel(base.model, data.conditions.take(rows))
     frames = design.frames(base.estimate, design.slots)
     n = int(rows.sum())
     predicted = frames.p.T + (design.point_columns(frames)[:, live] @ step[: live.sum()]).reshape(3, n).T

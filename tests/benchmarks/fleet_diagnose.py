@@ -23,10 +23,10 @@ from typing import Any
 
 from distributed import Client
 
-from fleet.diagnose import Order, Source, Tally, in_files
+from fleet.diagnose import DatasetSource, DiagnosisOrder, ProgressCounts, in_files
 from fleet.diagnose.engine import local
-from fleet.diagnose.run import Run
-from fleet.store import Store
+from fleet.diagnose.run import FleetRun
+from fleet.store import FleetStore
 from mocks.campaign import make_campaign, write_campaign
 from tests.benchmarks.clock import line
 
@@ -41,7 +41,7 @@ class Spent:
     """One run. Seconds of processor time: start_s: of all processes until the workers wait for work; workers_s: of each
     worker from then on; tally.overhead_s: of scheduler and command. Waiting, a second: command_idle, worker_idle."""
 
-    tally: Tally
+    tally: ProgressCounts
     start_s: float
     workers_s: tuple[float, ...]
     bytes_each: float
@@ -126,9 +126,9 @@ def write_sets(folder: Path, count: int, readings: int) -> None:
         (folder / f"{i:05d}.toml").write_text(f"# {i}\n{header}", "utf-8")
 
 
-def _measured(root: Path, sources: list[Source], workers: int) -> Spent:
-    order = Order(f"sqlite:///{root}/{workers}.sqlite3", f"{workers}")
-    Store.open(order.store).close()
+def _measured(root: Path, sources: list[DatasetSource], workers: int) -> Spent:
+    order = DiagnosisOrder(f"sqlite:///{root}/{workers}.sqlite3", f"{workers}")
+    FleetStore.open(order.store).close()
     began = time.process_time()
     with local(workers) as client:
         first = _processor_times(client)
@@ -136,10 +136,10 @@ def _measured(root: Path, sources: list[Source], workers: int) -> Spent:
         began = time.process_time()
         threading.Event().wait(WAIT_S)
         idle, before = time.process_time() - began, _processor_times(client)
-        tally = Run(client, order, sources, print).run(_quiet)
+        tally = FleetRun(client, order, sources, print).run(_quiet)
         after = _processor_times(client)
     assert not tally.failed
-    with Store.open(order.store) as store:
+    with FleetStore.open(order.store) as store:
         results = store.work.results(order.task)
     assert len(results) == tally.done == len(sources)
     return Spent(
@@ -164,5 +164,5 @@ def _processor_time() -> float:
     return time.process_time()
 
 
-def _quiet(_: Tally) -> None:
+def _quiet(_: ProgressCounts) -> None:
     """The progress of a bench is its end."""

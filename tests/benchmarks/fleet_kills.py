@@ -20,8 +20,8 @@ from pathlib import Path
 
 from dask import config
 
-from fleet.diagnose import EngineGone, Order, Source, Tally, diagnose_all, in_store
-from fleet.store import Document, Store, dataset_content, migrate
+from fleet.diagnose import DatasetSource, DiagnosisOrder, EngineGone, ProgressCounts, diagnose_all, in_store
+from fleet.store import Document, FleetStore, dataset_content, migrate
 from tests.benchmarks.clock import line
 from tests.fleet.diagnose.certificates import make_certificates
 from tests.fleet.diagnose.noted import NOTED
@@ -77,13 +77,13 @@ def _run(count: int, cluster: Cluster | None) -> bool:
         migrate(url)
         sources = _put(url, root, count)
         plant = Plant(root, make_certificates(root / "tls"))
-        order, began = Order(url, "first"), time.monotonic()
+        order, began = DiagnosisOrder(url, "first"), time.monotonic()
         with config.set(settings(plant.files)):
             first = _killed(plant, order, sources)
             with plant.running(2):
                 tally = _again(plant, replace(order, owner="second"), sources, cluster)
         elapsed = time.monotonic() - began
-        with Store.open(url) as store:
+        with FleetStore.open(url) as store:
             last = store.work.results(order.task)
         said = Counter((root / "noted").read_text("utf-8").splitlines())
     again = sum(times - 1 for times in said.values())
@@ -103,14 +103,14 @@ def _run(count: int, cluster: Cluster | None) -> bool:
     return left == changed == 0 and len(last) == count and again <= 4
 
 
-def _killed(plant: Plant, order: Order, sources: list[Source]) -> set[tuple[str, bytes]]:
+def _killed(plant: Plant, order: DiagnosisOrder, sources: list[DatasetSource]) -> set[tuple[str, bytes]]:
     """One call whose worker is killed after a quarter, and whose scheduler after half; the results that it has made."""
     with plant.running(1):
         assert plant.worker is not None
         assert plant.scheduler is not None
         worker, scheduler = plant.worker, plant.scheduler
 
-        def kill(tally: Tally) -> None:
+        def kill(tally: ProgressCounts) -> None:
             if 4 * tally.done >= tally.total:
                 worker.kill()
             if 2 * tally.done >= tally.total:
@@ -120,15 +120,17 @@ def _killed(plant: Plant, order: Order, sources: list[Source]) -> set[tuple[str,
             diagnose_all(sources, order, print, kill, scheduler=plant.address)
         except EngineGone as error:
             print(f"the command says: {error}")
-    with Store.open(order.store) as store:
+    with FleetStore.open(order.store) as store:
         return {(each.job.data, each.content) for each in store.work.results(order.task)}
 
 
-def _again(plant: Plant, order: Order, sources: list[Source], cluster: Cluster | None) -> Tally:
+def _again(
+    plant: Plant, order: DiagnosisOrder, sources: list[DatasetSource], cluster: Cluster | None
+) -> ProgressCounts:
     """The same call, which does what is left; its database goes in the middle, and comes back when that is told."""
     gone: list[int] = []
 
-    def stop(tally: Tally) -> None:
+    def stop(tally: ProgressCounts) -> None:
         if cluster is not None and not gone and tally.done:
             gone.append(tally.done)
             cluster.stop()
@@ -143,12 +145,12 @@ def _again(plant: Plant, order: Order, sources: list[Source], cluster: Cluster |
     return tally
 
 
-def _put(url: str, folder: Path, count: int) -> list[Source]:
+def _put(url: str, folder: Path, count: int) -> list[DatasetSource]:
     documents = []
     for i in range(count):
         data = (bad if i % REAL else good)(folder, f"set{i}")
         content = dataset_content(data.read_text("utf-8"), data.with_suffix(".toml").read_text("utf-8"))
         documents.append(Document("dataset", ROBOT, "cell-1", f"set{i}", BEGAN, content))
-    with Store.open(url) as store:
+    with FleetStore.open(url) as store:
         store.add_all(documents)
         return in_store(store)

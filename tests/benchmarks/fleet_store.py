@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import sqlalchemy as sa
 
-from fleet.store import Document, Job, RobotKey, Store, migrate, tables
+from fleet.store import Document, FleetJob, FleetStore, RobotKey, migrate, tables
 from fleet.store.engine import engine_of, writing
 from fleet.store.rediagnosed import FORMAT, TASK
 from tests.benchmarks.clock import line
@@ -53,7 +53,7 @@ def _measured(name: str, url: str, models: int, cluster: Cluster | None = None) 
     first = [RobotKey(f"SN-{i:05d}", "irb120") for i in range(max(1, models // A_ROBOT // ALIKE))]
     robots = first + [RobotKey(f"{each.serial}-{k}", each.model) for k in range(1, ALIKE) for each in first]
     draw = random.Random(1)
-    with Store.open(url) as store:
+    with FleetStore.open(url) as store:
         began, spent, count = time.perf_counter(), time.process_time(), len(first) * A_ROBOT
         for batch in _batches(first):
             store.add_all(batch)
@@ -149,7 +149,7 @@ def _wait(ask: Callable[[RobotKey], Sized], robot: RobotKey) -> float:
     return time.perf_counter() - began
 
 
-def _rediagnose(store: Store, robot: RobotKey) -> None:
+def _rediagnose(store: FleetStore, robot: RobotKey) -> None:
     """A data set for every model of a robot, and what three versions say of it."""
     models = store.documents(robot, "model")
     for model in models:
@@ -162,7 +162,7 @@ def _rediagnose(store: Store, robot: RobotKey) -> None:
             "error_after_mm": {"n": 100, "rms": 0.05},  # without it the data set is a watch's
         }
         for version in range(3):
-            job = Job(TASK, data.hash, f"0.{version}.0")
+            job = FleetJob(TASK, data.hash, f"0.{version}.0")
             store.work.finish(job, "w", json.dumps(table).encode(), BEGAN + timedelta(days=version), 1.0)
     points = store.trend(robot)
     assert {(each.rediagnosed, each.program) for each in points} == {(True, "0.2.0")}

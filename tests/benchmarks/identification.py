@@ -18,7 +18,7 @@ from calib import Dataset, identify, read_dataset
 from calib.array import Array
 from calib.fit import base_model_of, readings_of
 from calib.fit.least_squares import jacobian
-from calib.model import Design
+from calib.model import BoundModel
 from mocks.campaign import make_campaign, write_campaign
 from tests.benchmarks.by_hand import identify_by_hand
 from tests.benchmarks.clock import line, seconds
@@ -34,7 +34,7 @@ def plain_gauss_newton(dataset: Dataset) -> Array:
     model = base_model_of(dataset)
     estimate = np.zeros(len(model.parameters))
     readings = readings_of(dataset, dataset.fit_rows, model, estimate)
-    design = Design(model, readings.conditions)
+    design = BoundModel(model, readings.conditions)
     for _ in range(20):
         frames = design.frames(estimate)
         residual = readings.observed.residual(frames).ravel()
@@ -84,7 +84,7 @@ def beside_plain() -> bool:
     dataset = drawn(READINGS)
     ours, plain = identify(dataset), plain_gauss_newton(dataset)
     conditions = dataset.conditions
-    apart = ours.predict(conditions) - Design(ours.model, conditions).predict(plain)
+    apart = ours.predict(conditions) - BoundModel(ours.model, conditions).predict(plain)
     if np.abs(apart).max() > 2e-3:
         print(f"the two identifications differ by {np.abs(apart).max():.4f} mm: nothing to compare")
         return False

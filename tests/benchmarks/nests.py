@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 from acquisition import Cell, checked_plan, read_campaign, read_cell
 from acquisition.campaign import Visit
-from calib import Dataset, Diagnosis, Identification, read_dataset
+from calib import Dataset, DiagnosisFit, IdentificationFit, read_dataset
 from calib.arm.kinematics import statics
 from calib.arm.start import align
 from calib.diagnose import diagnose
-from calib.model import Design, RobotModel
+from calib.model import BoundModel, ModelStructure
 from mocks.world import ArmState, World
 from tests.benchmarks.clock import line
 from tests.calib.campaigns import Row, conditions_of, write_files
@@ -138,7 +138,7 @@ def header_of(cell: Cell, cups: Places, balls: Places, **more: Any) -> dict[str,
     }
 
 
-def predicted_mm(model: RobotModel, estimate: Array, joints: Array, cell: Cell) -> Array:
+def predicted_mm(model: ModelStructure, estimate: Array, joints: Array, cell: Cell) -> Array:
     """(n, 3) where a model puts the first target of the cell's tool, mm, under the loads of the cell."""
     n, loading = len(joints), statics(model.robot, joints, cell.loads)
     conditions = replace(
@@ -153,10 +153,10 @@ def predicted_mm(model: RobotModel, estimate: Array, joints: Array, cell: Cell) 
         target_names=tuple(cell.tool.targets),
         anchor_names=(),
     )
-    return Design(model, conditions).predict(estimate)
+    return BoundModel(model, conditions).predict(estimate)
 
 
-def judged_mm(found: Identification, truth: World, cell: Cell, visits: Sequence[Visit]) -> float:
+def judged_mm(found: IdentificationFit, truth: World, cell: Cell, visits: Sequence[Visit]) -> float:
     """RMS position error near the point above the cups, mm, of a frame laid over the points of the simulated arm."""
     rng = np.random.default_rng(0)
     some = np.array([visits[i].joints_deg for i in rng.integers(0, len(visits), 20 * _JUDGED)])
@@ -199,7 +199,7 @@ def data_sets(seed: int, folder: Path, cups_u_mm: float | None = None) -> tuple[
     return truth, {name: read_dataset(path) for name, path in files.items()}
 
 
-def study(seed: int, folder: Path) -> dict[str, tuple[Diagnosis, float]]:
+def study(seed: int, folder: Path) -> dict[str, tuple[DiagnosisFit, float]]:
     """Diagnosis and judged error, mm, of each of the data sets of a seed."""
     cell, visits = example()
     truth, sets = data_sets(seed, folder)

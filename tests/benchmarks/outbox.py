@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import IO
 
 from fleet.outbox import FILE, Outbox
-from fleet.store import Store
+from fleet.store import FleetStore
 from tests.fleet import documents
 from tests.fleet.lossy import Lossy, lossy
 
@@ -101,7 +101,7 @@ def run(count: int) -> bool:
         send(folder, proxy, [(number + 1) * count // (RESTARTS + 1) for number in range(RESTARTS)])
         seconds = time.perf_counter() - filled
         spent = sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
-        with Store.open(f"sqlite:///{folder}/plant.sqlite3") as store, Outbox(folder / FILE) as outbox:
+        with FleetStore.open(f"sqlite:///{folder}/plant.sqlite3") as store, Outbox(folder / FILE) as outbox:
             there = store.documents(limit=2 * count)
             left = outbox.entries("waiting", "aside")
             conflicts = sum(entry.conflict for entry in there)

@@ -7,7 +7,7 @@ import threading
 from contextlib import closing
 from pathlib import Path
 
-from fleet.outbox import Link, Outbox, Sender
+from fleet.outbox import Outbox, Sender, ServerLink
 
 _PAUSE = threading.Event()
 LONGEST_S = 0.2  # of a wait, in truth: the server may be starting
@@ -17,7 +17,7 @@ def main() -> int:
     """Exit code 0 when all is acknowledged, 1 where something was set aside."""
     file, port, token = sys.argv[1:]
     jumped = 0.0
-    with Outbox(Path(file)) as outbox, closing(Link(f"http://127.0.0.1:{port}", token)) as link:
+    with Outbox(Path(file)) as outbox, closing(ServerLink(f"http://127.0.0.1:{port}", token)) as link:
         sender = Sender(outbox, link, lambda: jumped)
         while (done := sender.round()).wait_s is not None:
             jumped += done.wait_s

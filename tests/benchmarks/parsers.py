@@ -22,11 +22,11 @@ from calib import DataError, load_robot
 from calib.convert import IMPORTERS
 from calib.foreign import propose
 from calib.robot_file import import_dh, import_urdf
-from calib.text import Columns, parse_json, parse_toml, rows_of
+from calib.text import TextTable, parse_json, parse_toml, rows_of
 from calib.watch import read_history
 from drivers import ProtocolError
 from drivers.bridge import mbp
-from drivers.manual.typed import Mistyped
+from drivers.manual.typed import InvalidEntry
 from drivers.manual.typed import rows_of as rows_typed
 from service.programs import KnownFrames, parse
 from tests.benchmarks.clock import line, seconds
@@ -258,7 +258,7 @@ def run() -> bool:
         ("JSON", JSON, lambda text: parse_json(text, "f")),
         ("TOML", TOML, lambda text: parse_toml(text, "f")),
         ("CSV", TABLE, lambda text: rows_of(text, "f")),
-        ("columns of a data set", TABLE, partial(_of_file, Columns.read)),
+        ("columns of a data set", TABLE, partial(_of_file, TextTable.read)),
         ("published readings", TABLE, partial(_of_file, IMPORTERS["ipa-ur10"])),
         *(
             (f"program {Path(name).suffix}", programs[Path(name).suffix], partial(_program, name, robot))
@@ -341,7 +341,7 @@ def _robot(count: int, parent: Callable[[int], int]) -> str:
 def _typed(text: str) -> object:
     try:
         return rows_typed(text, ("X", "Y", "Z"), "mm")
-    except Mistyped:
+    except InvalidEntry:
         return None
 
 

@@ -21,12 +21,12 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2
 
-from calib import Dataset, Identification, identify, save_model
+from calib import Dataset, IdentificationFit, identify, save_model
 from calib.array import Array
 from calib.data import Noise
 from calib.fit import base_model_of, expanded
 from calib.fit.of_type import TypePrior
-from calib.prior import FEWEST, Member, learn, load_prior, save_prior
+from calib.prior import FEWEST, TypeMember, learn, load_prior, save_prior
 from calib.units import to_internal
 from mocks.world.robots import THESIS_COMPLIANCE
 from tests.benchmarks.clock import line
@@ -164,7 +164,7 @@ def learnt(cell: Cell, kind: Type, seed: int, folder: Path, robots: int = ROBOTS
         robot = kind.robot(np.random.default_rng([seed, 2, i]))
         path = folder / f"{i}.json"
         save_model(path, identify(data_of(cell, robot, 1000 * seed + i)[0]))
-        members.append(Member.read(path))
+        members.append(TypeMember.read(path))
     save_prior(folder / "prior.json", learn(members))
     return load_prior(folder / "prior.json")
 
@@ -179,7 +179,7 @@ class Judged:
     covered: float
 
     @classmethod
-    def of(cls, found: Identification, dataset: Dataset, positions: Array) -> Judged:
+    def of(cls, found: IdentificationFit, dataset: Dataset, positions: Array) -> Judged:
         """A fit judged at the validation poses, where the truth is known."""
         at, covariance = found.predict_with_covariance(dataset.conditions.take(dataset.validation_rows))
         miss = at - positions

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.convert.ipa_ur10 import read
-from calib.convert.table import Table
+from calib.convert.table import ConvertedTable
 from calib.data.read import read_dataset
 from calib.diagnose.diagnosis import carry_over, diagnose
 from calib.errors import DataError
@@ -85,7 +85,7 @@ class Figures:
         return {name: figure for name, figure in named.items() if figure is not None}
 
 
-def two_series(a: Table, b: Table) -> Table:
+def two_series(a: ConvertedTable, b: ConvertedTable) -> ConvertedTable:
     """All of A and OF_B poses of B, spread over it, to be fitted; the rest of B to be predicted."""
     taken = set(np.linspace(0, len(b) - 1, OF_B).round().astype(int).tolist())
     sets = ["calibration"] * len(a) + ["calibration" if i in taken else "validation" for i in range(len(b))]
@@ -97,11 +97,11 @@ def two_series(a: Table, b: Table) -> Table:
     return replace(a, columns=columns)
 
 
-def _of_ur10() -> Mapping[str, Callable[[], Table]]:
-    def a() -> Table:
+def _of_ur10() -> Mapping[str, Callable[[], ConvertedTable]]:
+    def a() -> ConvertedTable:
         return read(DATA / "series_A.csv")
 
-    def b() -> Table:
+    def b() -> ConvertedTable:
         return read(DATA / "series_B.csv")
 
     return {

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.comparison import NOMINAL, Comparison, Plan, away, compare, mae
-from calib.regression import Wanted
+from calib.comparison import NOMINAL, ComparisonRequest, RegressionComparison, away, compare, mae
+from calib.regression import RegressionRequest
 from tests.benchmarks.clock import line
 from tests.calib.ur5_path import simulate
 
@@ -75,13 +75,13 @@ def run(count: int = 40) -> bool:
     )
 
 
-def _compared(seed: int, waves: float = 0.0, features: str = "tool-down") -> Comparison:
-    plan = Plan(Wanted("residuals", features), level=3, compare=True)
+def _compared(seed: int, waves: float = 0.0, features: str = "tool-down") -> RegressionComparison:
+    plan = ComparisonRequest(RegressionRequest("residuals", features), level=3, compare=True)
     with tempfile.TemporaryDirectory() as folder:
         return compare(simulate(Path(folder), seed, waves=waves), plan)
 
 
-def _um(found: list[Comparison], name: str, judged: str) -> np.ndarray:
+def _um(found: list[RegressionComparison], name: str, judged: str) -> np.ndarray:
     predictors = [next(s for s in c.scored if s.predictor.name == name) for c in found]
     return np.array([1e3 * mae(getattr(s, judged))[3] for s in predictors])
 

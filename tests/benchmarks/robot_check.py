@@ -20,8 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from calib import Robot, forward, load_robot
 from calib.array import Array
-from calib.data import Meaning
-from calib.robot_file import Draft, DraftLink, Handful, held_against, written_robot
+from calib.data import InterpretedReadings
+from calib.robot_file import CheckReadings, Draft, DraftLink, held_against, written_robot
 from calib.units import DEG
 from tests.benchmarks.clock import at_most, line
 
@@ -210,9 +210,9 @@ def _free(robot: Robot) -> int:
 
 def named(robot: Robot, joints: Array, which: NDArray[np.int64], points: Array) -> tuple[str, ...]:
     """What the check says is wrong."""
-    everything = Meaning(robot, "none", joints, which, points)
+    everything = InterpretedReadings(robot, "none", joints, which, points)
     usable = np.ones(len(joints), dtype=bool)
-    handful = Handful(everything, np.flatnonzero(usable), usable, TARGETS, tool_unknown=False)
+    handful = CheckReadings(everything, np.flatnonzero(usable), usable, TARGETS, tool_unknown=False)
     return tuple(each.what for each in held_against(Path("own.toml"), "", handful).mistakes)
 
 

@@ -13,12 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib import Dataset, SavedModel
+from calib import CalibratedModel, Dataset
 from calib.diagnose import diagnose
-from calib.model import Design
+from calib.model import BoundModel
 from calib.saved import as_saved
 from calib.units import DEG
-from calib.watch import Visits, keep_up, later, plan, planned
+from calib.watch import PlannedVisits, keep_up, later, plan, planned
 from mocks.world import ArmState, Effect, World
 from mocks.world.poses import approach_point, random_pose
 from tests.benchmarks.clock import line
@@ -31,7 +31,7 @@ TARGETS = ("T2",)
 BUMP_MM = 0.3
 
 
-def baseline(seed: int) -> tuple[World, Effect, SavedModel, Dataset]:
+def baseline(seed: int) -> tuple[World, Effect, CalibratedModel, Dataset]:
     """An arm that warms up, its warm-up, its model and the header of its calibration."""
     world = world_of(seed)
     drawn = world.draw_effect("warm_up")
@@ -55,18 +55,21 @@ def of_today(seed: int, warming: Effect, rng: np.random.Generator, *, bumped: bo
     return world
 
 
-def checked(saved: SavedModel, dataset: Dataset, world: World) -> Visits:
+def checked(saved: CalibratedModel, dataset: Dataset, world: World) -> PlannedVisits:
     """The few poses of one target that a watch chooses."""
     rng = np.random.default_rng(5)
     joints = np.radians([random_pose(world.robot, world.targets, rng) for _ in range(CANDIDATES)])
     sides = np.ones_like(joints)
     return plan(
-        saved, dataset.header, Visits.of_points(joints, sides, np.full(CANDIDATES, 5.0 * DEG), TARGETS), POSES
+        saved,
+        dataset.header,
+        PlannedVisits.of_points(joints, sides, np.full(CANDIDATES, 5.0 * DEG), TARGETS),
+        POSES,
     ).visits
 
 
 def measured(
-    saved: SavedModel, dataset: Dataset, check: Visits, world: World, at_s: float, first: int
+    saved: CalibratedModel, dataset: Dataset, check: PlannedVisits, world: World, at_s: float, first: int
 ) -> Dataset:
     """The check poses measured, beginning at a time since the cold start; first: number of the first reading."""
     template = later(planned(saved, dataset.header, check), at_s)
@@ -78,15 +81,15 @@ def measured(
     return replace(template, points=np.array(points))
 
 
-def error_mm(saved: SavedModel, dataset: Dataset, world: World, at_s: float, seed: int) -> float:
+def error_mm(saved: CalibratedModel, dataset: Dataset, world: World, at_s: float, seed: int) -> float:
     """RMS distance of predicted from true positions at fresh poses at one time."""
     rng = np.random.default_rng(seed)
     poses = [random_pose(world.robot, world.targets, rng) for _ in range(FRESH)]
     ones = np.ones((FRESH, 6))
-    visits = Visits.of_points(np.radians(poses), ones, np.full(FRESH, 5.0 * DEG), TARGETS)
+    visits = PlannedVisits.of_points(np.radians(poses), ones, np.full(FRESH, 5.0 * DEG), TARGETS)
     conditions = planned(saved, dataset.header, visits).conditions
     conditions = replace(conditions, time=np.full(FRESH, at_s))
-    predicted = Design(saved.model, conditions).predict(saved.estimate)
+    predicted = BoundModel(saved.model, conditions).predict(saved.estimate)
     states = [ArmState(q, approach_point(q, (1,) * 6), (1,) * 6, at_s) for q in poses]
     true = np.array([world.true_point(state, TARGETS[0]) for state in states])
     return float(np.sqrt(np.mean(np.sum((predicted - true) ** 2, axis=1))))

@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
-from calib import DataError, Dataset, SavedModel, read_dataset
+from calib import CalibratedModel, DataError, Dataset, read_dataset
 from calib.array import Array
 from calib.diagnose import diagnose
-from calib.model import Design
+from calib.model import BoundModel
 from calib.saved import as_saved
 from calib.units import DEG
-from calib.watch import RATE, Seen, Visits, cause_to_update, judge, plan, planned
+from calib.watch import RATE, PlannedVisits, WhitenedReadings, cause_to_update, judge, plan, planned
 from calib.watch.judge import odds_of
 from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
 from mocks.world import ArmState, Effect, Session, World
@@ -73,26 +73,28 @@ def calibrated(world: World, seed: int, groups: Sequence[str] = DEFAULT_FIT) -> 
         return read_dataset(write_campaign(campaign, Path(folder))["csv"])
 
 
-def planned_for(saved: SavedModel, dataset: Dataset, world: World, often: int | None) -> Visits:
+def planned_for(saved: CalibratedModel, dataset: Dataset, world: World, often: int | None) -> PlannedVisits:
     """The check poses of one target that `plan` chooses among random ones; often: visits to each and readings in each,
     None for what the plan chooses."""
     candidates = drawn(world, CANDIDATES, np.random.default_rng(5))
     return plan(saved, dataset.header, candidates, POSES, times=often, repeats=often).visits
 
 
-def drawn(world: World, count: int, rng: np.random.Generator) -> Visits:
+def drawn(world: World, count: int, rng: np.random.Generator) -> PlannedVisits:
     """Random poses of one target, each joint from either side."""
     joints = np.radians([random_pose(world.robot, world.targets, rng) for _ in range(count)])
     sides = rng.choice((-1.0, 1.0), size=joints.shape)
-    return Visits.of_points(joints, sides, np.full(count, 5.0 * DEG), TARGETS)
+    return PlannedVisits.of_points(joints, sides, np.full(count, 5.0 * DEG), TARGETS)
 
 
-def watched(saved: SavedModel, dataset: Dataset, check: Visits, world: World, first: int) -> Dataset:
+def watched(
+    saved: CalibratedModel, dataset: Dataset, check: PlannedVisits, world: World, first: int
+) -> Dataset:
     """The check poses measured in a world, as a data set."""
     return replace(planned(saved, dataset.header, check), points=measured(world, check, 22.0, first))
 
 
-def measured(world: World, check: Visits, air_c: float, first: int) -> Array:
+def measured(world: World, check: PlannedVisits, air_c: float, first: int) -> Array:
     """(n, 3) mm: the check poses measured; first: number of the first visit, which draws where the arm rests."""
     points = []
     for i, (joints, side, read) in enumerate(
@@ -104,7 +106,7 @@ def measured(world: World, check: Visits, air_c: float, first: int) -> Array:
     return np.array(points)
 
 
-def error_mm(saved: SavedModel, dataset: Dataset, world: World) -> tuple[float, float]:
+def error_mm(saved: CalibratedModel, dataset: Dataset, world: World) -> tuple[float, float]:
     """RMS distance of predicted positions of the watched target at fresh poses from readings, and from truth, mm."""
     rng = np.random.default_rng(8)
     poses = [random_pose(world.robot, world.targets, rng) for _ in range(_JUDGED)]
@@ -112,9 +114,9 @@ def error_mm(saved: SavedModel, dataset: Dataset, world: World) -> tuple[float, 
     at = planned(
         saved,
         dataset.header,
-        Visits.of_points(np.radians(poses), sides.astype(float), np.full(_JUDGED, 5.0 * DEG), TARGETS),
+        PlannedVisits.of_points(np.radians(poses), sides.astype(float), np.full(_JUDGED, 5.0 * DEG), TARGETS),
     )
-    predicted = Design(saved.model, at.conditions).predict(saved.estimate)
+    predicted = BoundModel(saved.model, at.conditions).predict(saved.estimate)
     states = [
         ArmState(q, approach_point(q, s), s) for q, s in zip(poses, map(tuple, sides.tolist()), strict=True)
     ]
@@ -161,7 +163,7 @@ def _counted(
         if check is None:
             check = planned_for(saved, dataset, world, often)
             print(f"{check.readings} readings in {len(check)} visits", flush=True)
-        whiten, odds = odds_of(Seen.of(saved, watched(saved, dataset, check, world, 0)))
+        whiten, odds = odds_of(WhitenedReadings.of(saved, watched(saved, dataset, check, world, 0)))
         limit, labels = odds.limit(RATE), [cause.effect.label for cause in odds.causes]
         for k, kind in enumerate(kinds):
             for i in range(WATCHES * (1 if k else UNCHANGED)):
@@ -170,7 +172,7 @@ def _counted(
                 first = 1000 * (1 + k * UNCHANGED * WATCHES + i)
                 there._noise_rng = np.random.default_rng([seed, first])
                 data = watched(saved, dataset, check, there, first)
-                seen = Seen.of(saved, data)
+                seen = WhitenedReadings.of(saved, data)
                 white = (whiten @ seen.residual)[None]
                 alarm = bool(odds.p_values(white).min() < limit)
                 named = odds.named(white)

@@ -24,8 +24,8 @@ from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.data.read import read_dataset
 from calib.diagnose import diagnose
-from calib.saved import SavedModel, as_saved
-from calib.watch import Seen, Visits, plan, too_few_poses
+from calib.saved import CalibratedModel, as_saved
+from calib.watch import PlannedVisits, WhitenedReadings, plan, too_few_poses
 from calib.watch.judge import RATE, odds_of
 from calib.watch.planning.planned import planned
 from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
@@ -99,13 +99,15 @@ def calibrated(world: World, kind: Kind) -> Dataset:
         return read_dataset(write_campaign(Campaign(rows, header, {}, world, readings), Path(folder))["csv"])
 
 
-def checks(saved: SavedModel, dataset: Dataset, world: World) -> Visits:
+def checks(saved: CalibratedModel, dataset: Dataset, world: World) -> PlannedVisits:
     """The visits that the plan makes of random poses."""
     rng = np.random.default_rng([world.seed, _POSES])
     return plan(saved, dataset.header, drawn(world, CANDIDATES, rng), POSES, times=None, repeats=None).visits
 
 
-def watched(saved: SavedModel, dataset: Dataset, check: Visits, world: World, number: int) -> Dataset:
+def watched(
+    saved: CalibratedModel, dataset: Dataset, check: PlannedVisits, world: World, number: int
+) -> Dataset:
     """A watch of the unchanged arm, in a frame of its own, at the air of some moment of its calibration."""
     template = planned(saved, dataset.header, check)
     air_c = round(world.air_c(world.session.duration_s * (number + 1) / WATCHES), 2)
@@ -124,7 +126,7 @@ def alarms(kind: Kind, seed: int) -> tuple[list[int], bool]:
     diagnosis = diagnose(dataset)
     saved = as_saved(diagnosis.final, diagnosis)
     check = checks(saved, dataset, world)
-    every = [Seen.of(saved, watched(saved, dataset, check, world, k)) for k in range(WATCHES)]
+    every = [WhitenedReadings.of(saved, watched(saved, dataset, check, world, k)) for k in range(WATCHES)]
     whiten, odds = odds_of(every[0])
     white = np.array([whiten @ seen.residual for seen in every])
     least = odds.p_values(white).min(axis=1)

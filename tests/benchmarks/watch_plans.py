@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calib import Dataset, SavedModel, identify, inverse_kinematics
+from calib import CalibratedModel, Dataset, identify, inverse_kinematics
 from calib.array import Array
-from calib.model import Design
+from calib.model import BoundModel
 from calib.saved import as_saved
 from calib.units import DEG
-from calib.watch import RATE, SEEN, Plan, Seen, Visits, plan, planned
+from calib.watch import RATE, SEEN, PlannedVisits, WatchPlan, WhitenedReadings, plan, planned
 from calib.watch.judge import odds_of
 from tests.benchmarks.clock import line
 from tests.benchmarks.coverage import (
@@ -65,7 +65,7 @@ WAYS = (
 )
 
 
-def candidates(way: Way, rng: np.random.Generator) -> tuple[Visits, Array]:
+def candidates(way: Way, rng: np.random.Generator) -> tuple[PlannedVisits, Array]:
     """Candidates of a way, and (V, 3) the ball of each, mm; without balls NaN."""
     joints = rng.uniform(RANGE[:, 0], RANGE[:, 1], (CANDIDATES, ROBOT.joints))
     balls = np.full((CANDIDATES, 3), np.nan)
@@ -77,14 +77,14 @@ def candidates(way: Way, rng: np.random.Generator) -> tuple[Visits, Array]:
         reached = np.all(np.isfinite(every), axis=1)
         joints, balls = every[reached], balls[reached]
     sides = rng.choice((-1.0, 1.0), size=joints.shape)
-    return Visits(joints, sides, np.full(len(joints), 5.0 * DEG), (way.read,) * len(joints)), balls
+    return PlannedVisits(joints, sides, np.full(len(joints), 5.0 * DEG), (way.read,) * len(joints)), balls
 
 
 def measured(
     way: Way,
     campaign: Campaign,
-    saved: SavedModel,
-    visits: Visits,
+    saved: CalibratedModel,
+    visits: PlannedVisits,
     would: Dataset,
     balls: Array,
     changes: dict[str, float],
@@ -112,7 +112,7 @@ def measured(
             moved = Rotation.from_rotvec(0.01 * rng.normal(size=3))
             place = moved.apply(place - BALLS.mean(axis=0)) + BALLS.mean(axis=0) + 3.0 * rng.normal(size=3)
         for _ in range(4):  # a person jogs until the target sits in its ball
-            design = Design(saved.model, replace(at, joints=joints))
+            design = BoundModel(saved.model, replace(at, joints=joints))
             columns = design.frames(saved.estimate, ROBOT.joint_slots).velocities(ROBOT.joint_slots)
             columns = columns.transpose(2, 1, 0)
             joints = joints + np.einsum("nja,na->nj", np.linalg.pinv(columns), place - held(joints)[:, :3, 3])
@@ -137,7 +137,7 @@ def measured(
     return out
 
 
-def found(seen: Seen, plan_of: Plan) -> bool:
+def found(seen: WhitenedReadings, plan_of: WatchPlan) -> bool:
     """Whether an alarm is raised, at the limit of the plan."""
     whiten, odds = odds_of(seen)
     return bool(odds.p_values((whiten @ seen.residual)[None]).min() < plan_of.shown.limit)
@@ -166,7 +166,7 @@ def run(count: int = 500) -> bool:
                 label = list(sizes)[i % len(sizes)]
                 for changes, kept in (({}, alarms), ({label: sizes[label]}, seen)):
                     data = measured(way, campaign, saved, chosen.visits, would, at, changes, rng)
-                    kept.append(found(Seen.of(saved, data, frame_known=way.frame_known), chosen))
+                    kept.append(found(WhitenedReadings.of(saved, data, frame_known=way.frame_known), chosen))
         rate, share = float(np.mean(alarms)), float(np.mean(seen))
         good &= 0.005 <= rate <= 0.015
         line(

@@ -16,7 +16,7 @@ from calib import Dataset, Robot, load_robot, read_dataset
 from calib.arm.kinematics import statics
 from calib.array import Array
 from calib.data import Conditions
-from calib.model import RobotModel
+from calib.model import ModelStructure
 from mocks.campaign import Campaign, make_campaign
 
 Row = dict[str, Any]
@@ -99,7 +99,7 @@ def conditions_of(robot: Robot, joints: Array, seed: int = 0) -> Conditions:
     )
 
 
-def situation(name: str, n: int = 40) -> tuple[RobotModel, Conditions]:
+def situation(name: str, n: int = 40) -> tuple[ModelStructure, Conditions]:
     """A placed robot of two series, and random conditions."""
     robot = load_robot(name)
     rng = np.random.default_rng(4)
@@ -108,7 +108,7 @@ def situation(name: str, n: int = 40) -> tuple[RobotModel, Conditions]:
     turned = np.eye(4)
     turned[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     turned[:3, 3] = [500.0, -200.0, 900.0]
-    model = RobotModel(
+    model = ModelStructure(
         robot,
         (),
         {"day": targets, "night": targets},

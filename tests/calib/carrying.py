@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from calib import Dataset, identify
-from calib.fit import Identification
+from calib.fit import IdentificationFit
 from calib.fit.identify import carry, fit_plain
-from calib.model import Design, Effect, RobotModel, Term
+from calib.model import BoundModel, Effect, EffectTerm, ModelStructure
 from calib.model.carried_regressors import Held, OfTime
 from calib.model.effect import Parameter
 from calib.model.regressors import Regressor
@@ -21,7 +21,7 @@ def carried(label: str, unit: str, regressor: Regressor, size: float = 0.1) -> E
     parameter = Parameter(f"{label}.size", unit, size)
     meaning = f"{slot} follows something, for no known cause."
     return Effect(
-        label, "carried", "robot", meaning, (parameter,), (Term(parameter.name, slot, 1.0, regressor),)
+        label, "carried", "robot", meaning, (parameter,), (EffectTerm(parameter.name, slot, 1.0, regressor),)
     )
 
 
@@ -33,7 +33,7 @@ def step(times: np.ndarray) -> OfTime:
     )
 
 
-def fit_with(dataset: Dataset, fitted: Identification, model: RobotModel) -> Identification:
+def fit_with(dataset: Dataset, fitted: IdentificationFit, model: ModelStructure) -> IdentificationFit:
     """The readings of a fit fitted with another model."""
     found = {
         p.name for p, v in zip(fitted.model.parameters, np.diag(fitted.covariance), strict=True) if v > 0.0
@@ -52,7 +52,7 @@ def fit_with(dataset: Dataset, fitted: Identification, model: RobotModel) -> Ide
     )
 
 
-def carrying(data: Dataset) -> tuple[Dataset, Identification]:
+def carrying(data: Dataset) -> tuple[Dataset, IdentificationFit]:
     """Readings of a robot whose theta4 follows joint 3 and whose d5 steps, and the fit that carries both."""
     base, q = identify(data), data.conditions.joints[data.fit_rows, 2]
     inner = Held("angle", 3, "cubic", 1.0, 0.0, float(np.quantile(q, 0.1)), float(np.quantile(q, 0.9)))
@@ -63,7 +63,7 @@ def carrying(data: Dataset) -> tuple[Dataset, Identification]:
     model = base.model.append(*effects)
     truth = np.r_[base.estimate, to_internal(0.05, "deg"), 0.3]
     with_them, without = (
-        Design(model, data.conditions).predict(x) for x in (truth, np.r_[base.estimate, 0.0, 0.0])
+        BoundModel(model, data.conditions).predict(x) for x in (truth, np.r_[base.estimate, 0.0, 0.0])
     )
     dataset = replace(data, points=data.points + with_them - without)
     again = identify(dataset)

@@ -18,7 +18,7 @@ from calib.effects.geometry import base_shift, tool_shift
 from calib.effects.instrument import drift_rotation, drift_translation
 from calib.effects.thermal import thermal_growth
 from calib.effects.transmission import backlash, periodic
-from calib.model import RobotModel, base_model
+from calib.model import ModelStructure, base_model
 from calib.units import to_internal
 from tests.calib.chain import chain
 
@@ -43,17 +43,17 @@ EFFECTS = {
 }
 
 
-def only_geometry(robot: Robot, seed: int) -> tuple[RobotModel, Array]:
+def only_geometry(robot: Robot, seed: int) -> tuple[ModelStructure, Array]:
     """The base model of a robot, its parameters drawn: tenths of a millimetre and hundredths of a degree."""
     rng = np.random.default_rng(seed)
     effects = base_model.build(DEFAULT_GROUPS, robot, ("main",), ({"T1": False},))
-    model = RobotModel(robot, effects, {"main": {"T1": (0.0, 0.0, 100.0)}})
+    model = ModelStructure(robot, effects, {"main": {"T1": (0.0, 0.0, 100.0)}})
     sizes = {"mm": 0.25, "deg": 0.04}
     estimate = [to_internal(rng.normal() * sizes.get(p.unit, 0.1), p.unit) for p in model.parameters]
     return model, np.array(estimate)
 
 
-def real_robot(seed: int, robot: Robot = ROBOT) -> tuple[RobotModel, Array]:
+def real_robot(seed: int, robot: Robot = ROBOT) -> tuple[ModelStructure, Array]:
     """A model with the errors of a real arm and every kind of effect; drawn from the seed."""
     rng = np.random.default_rng(seed)
     effects = (
@@ -66,7 +66,7 @@ def real_robot(seed: int, robot: Robot = ROBOT) -> tuple[RobotModel, Array]:
         drift_translation(),
         drift_rotation(),
     )
-    model = RobotModel(robot, effects, {"main": TARGETS}, station=(2400.0, -900.0, 350.0))
+    model = ModelStructure(robot, effects, {"main": TARGETS}, station=(2400.0, -900.0, 350.0))
     estimate = np.zeros(len(model.parameters))
     for i, parameter in enumerate(model.parameters):
         size = EFFECTS.get(parameter.name)
@@ -83,7 +83,7 @@ def random_targets(n: int, seed: int) -> Array:
     return np.random.default_rng(seed).uniform(RANGES[:, 0], RANGES[:, 1], (n, 6))
 
 
-def landing(model: RobotModel, estimate: Array, joints: Array, target: Any = (0.0, 0.0, 0.0)) -> Array:
+def landing(model: ModelStructure, estimate: Array, joints: Array, target: Any = (0.0, 0.0, 0.0)) -> Array:
     """(n, 4, 4) where the robot of `model` really lands at the conditions STATED, by the slow second chain."""
     value = dict(zip((p.name for p in model.parameters), estimate, strict=True))
     torques = gravity_torques(model.robot, joints)

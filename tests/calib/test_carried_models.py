@@ -11,17 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib import DataError, Dataset, SavedModel, identify, load_model, save_model
+from calib import CalibratedModel, DataError, Dataset, identify, load_model, save_model
 from calib.compensate import Bounds, correct, refuse_unlikely
-from calib.fit import Identification, radius_95
+from calib.fit import IdentificationFit, radius_95
 from calib.fit.identification import expanded, predict_with_covariance
-from calib.model import Design, conditions_at, named_only
+from calib.model import BoundModel, conditions_at, named_only
 from calib.model.carried_regressors import Held, HeldPair
-from calib.prior.lesson import Member
+from calib.prior.lesson import TypeMember
 from calib.saved.document import FORMAT, WITH_CARRIED
 from calib.units import DEG, to_internal
 from calib.validation import differences
-from calib.watch import Seen, judge
+from calib.watch import WhitenedReadings, judge
 from tests.calib.campaigns import simulate
 from tests.calib.carrying import carried, carrying, fit_with
 
@@ -34,19 +34,21 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 @pytest.fixture(scope="module")
-def moved(data: Dataset) -> tuple[Dataset, Identification]:
+def moved(data: Dataset) -> tuple[Dataset, IdentificationFit]:
     return carrying(data)
 
 
 @pytest.fixture(scope="module")
-def saved(moved: tuple[Dataset, Identification], tmp_path_factory: pytest.TempPathFactory) -> SavedModel:
+def saved(
+    moved: tuple[Dataset, IdentificationFit], tmp_path_factory: pytest.TempPathFactory
+) -> CalibratedModel:
     path = tmp_path_factory.mktemp("model") / "model.json"
     save_model(path, moved[1])
     return load_model(path)
 
 
 def test_a_file_holds_carried_terms_with_covariance_and_range(
-    moved: tuple[Dataset, Identification], saved: SavedModel
+    moved: tuple[Dataset, IdentificationFit], saved: CalibratedModel
 ) -> None:
     dataset, fitted = moved
     for label, truth in SIZES.items():
@@ -55,12 +57,12 @@ def test_a_file_holds_carried_terms_with_covariance_and_range(
         assert off < 4.0 * np.sqrt(saved.covariance[place, place]) / saved.model.unit[place] < 0.2 * truth
     assert saved.model.effects == fitted.model.effects
     np.testing.assert_allclose(saved.covariance, fitted.covariance, rtol=1e-9)
-    predicted = Design(saved.model, dataset.conditions).predict(saved.estimate)
+    predicted = BoundModel(saved.model, dataset.conditions).predict(saved.estimate)
     np.testing.assert_allclose(predicted, fitted.predict(dataset.conditions), atol=1e-9)
 
 
 def test_older_programs_and_fleet_servers_refuse_the_format(
-    data: Dataset, moved: tuple[Dataset, Identification], tmp_path: Path
+    data: Dataset, moved: tuple[Dataset, IdentificationFit], tmp_path: Path
 ) -> None:
     """Both compare the format: `load_model` before this change took `truepose-model/1` alone, and so did `rows_of` of a
     fleet server, which reads no effects. A model without carried terms is still of that format."""
@@ -89,7 +91,7 @@ def test_older_programs_and_fleet_servers_refuse_the_format(
     ],
 )
 def test_damaged_regressors_are_refused(
-    effect: int, change: dict[str, object], moved: tuple[Dataset, Identification], tmp_path: Path
+    effect: int, change: dict[str, object], moved: tuple[Dataset, IdentificationFit], tmp_path: Path
 ) -> None:
     pair = carried("carried:theta2:pair:3", "deg", HeldPair(2, 3, "sine", 1.0, -1.0, -1.0, 1.0, -0.5, 0.5))
     dataset, fitted = moved
@@ -109,7 +111,7 @@ def _written(path: Path, document: dict[str, object]) -> Path:
     return path
 
 
-def test_without_carried_terms_the_rest_is_as_a_new_fit(moved: tuple[Dataset, Identification]) -> None:
+def test_without_carried_terms_the_rest_is_as_a_new_fit(moved: tuple[Dataset, IdentificationFit]) -> None:
     dataset, fitted = moved
     model, estimate, covariance = named_only(fitted.model, fitted.estimate, fitted.covariance)
     fresh = fit_with(dataset, fitted, model)
@@ -133,7 +135,7 @@ def test_radius_contains_95_percent() -> None:
     assert expanded(np.eye(3)[None])[0] < 0.8 * radius_95(np.eye(3)[None])[0]
 
 
-def test_u_grows_beyond_the_measured_range_and_not_within(saved: SavedModel) -> None:
+def test_u_grows_beyond_the_measured_range_and_not_within(saved: CalibratedModel) -> None:
     model = saved.model
     regressor = model.effects[-2].terms[0].regressor
     assert isinstance(regressor, Held)
@@ -156,7 +158,7 @@ def test_u_grows_beyond_the_measured_range_and_not_within(saved: SavedModel) -> 
     assert np.all(np.isfinite(points))
 
 
-def test_corrections_leave_out_what_only_the_campaign_knew(saved: SavedModel) -> None:
+def test_corrections_leave_out_what_only_the_campaign_knew(saved: CalibratedModel) -> None:
     used, part = saved.for_use()
     assert [e.label for e in part.left_out] == ["carried:d5:time:2"]
     assert part.loss is not None
@@ -183,20 +185,20 @@ def test_corrections_leave_out_what_only_the_campaign_knew(saved: SavedModel) ->
     assert np.abs(done[0].joints - done[1].joints).max() > 0.01 * DEG
 
 
-def as_saved_without(saved: SavedModel) -> SavedModel:
+def as_saved_without(saved: CalibratedModel) -> CalibratedModel:
     model, estimate, covariance = named_only(saved.model, saved.estimate, saved.covariance)
     return replace(
         saved, model=model, estimate=estimate, covariance=covariance, held_std=None, left_open=None
     )
 
 
-def test_the_whole_model_corrects_without_a_time(saved: SavedModel) -> None:
+def test_the_whole_model_corrects_without_a_time(saved: CalibratedModel) -> None:
     """Also where nobody has taken out the terms first."""
     joints = np.radians([[10.0, -20.0, 0.0, 15.0, 40.0, 5.0]])
     assert correct(saved.model, saved.estimate, joints, saved.usual).good.all()
 
 
-def test_bounds_hold_for_the_sum_of_named_and_carried(saved: SavedModel) -> None:
+def test_bounds_hold_for_the_sum_of_named_and_carried(saved: CalibratedModel) -> None:
     bounds = Bounds(turn_deg=0.5, shift_mm=15.0)
     effect = carried("carried:theta4:air:9", "deg", Held("angle", 1, "linear", 0.0, -1.0, -3.0, 3.0))
     shift = carried("carried:theta4:side:8", "deg", Held("angle", 1, "cosine", 0.0, 0.0, -3.0, 3.0))
@@ -206,7 +208,9 @@ def test_bounds_hold_for_the_sum_of_named_and_carried(saved: SavedModel) -> None
         refuse_unlikely(model, 2.0 * one, saved.usual, bounds)
 
 
-def test_a_watch_after_calibration_is_quiet(moved: tuple[Dataset, Identification], saved: SavedModel) -> None:
+def test_a_watch_after_calibration_is_quiet(
+    moved: tuple[Dataset, IdentificationFit], saved: CalibratedModel
+) -> None:
     """The second half of the campaign measured again on a clock of its own: what is carried is no news."""
     dataset, _ = moved
     rows = np.flatnonzero(dataset.usable)[-40:]
@@ -216,14 +220,16 @@ def test_a_watch_after_calibration_is_quiet(moved: tuple[Dataset, Identification
     for clock in (time, np.full_like(time, np.nan)):
         sets = np.where(np.isin(np.arange(len(dataset)), rows), "calibration", "validation")
         later = replace(dataset, conditions=replace(conditions, time=clock), sets=sets)
-        assert judge(Seen.of(saved, later)).kind == "unchanged"
+        assert judge(WhitenedReadings.of(saved, later)).kind == "unchanged"
     # without the carried step the same readings are a change
     named = as_saved_without(saved)
     later = replace(later, conditions=replace(conditions, time=time))
-    assert np.sum(Seen.of(named, later).residual ** 2) > 1.5 * np.sum(Seen.of(saved, later).residual ** 2)
+    assert np.sum(WhitenedReadings.of(named, later).residual ** 2) > 1.5 * np.sum(
+        WhitenedReadings.of(saved, later).residual ** 2
+    )
 
 
-def test_labels_of_carried_terms_are_compared_nowhere(saved: SavedModel) -> None:
+def test_labels_of_carried_terms_are_compared_nowhere(saved: CalibratedModel) -> None:
     assert not [d.name for d in differences(saved, saved) if d.name.startswith("carried")]
-    member = Member(Path("model.json"), "", saved)
+    member = TypeMember(Path("model.json"), "", saved)
     assert not any(name.startswith("carried") for name in member.own)

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib import Dataset, SavedModel, load_model, read_dataset, save_model
+from calib import CalibratedModel, Dataset, load_model, read_dataset, save_model
 from calib.compensate import correct
 from calib.diagnose import diagnose
 from calib.model import named_only
-from calib.watch import Seen, judge
+from calib.watch import WhitenedReadings, judge
 
 CASES = Path(__file__).parents[3] / "shared" / "cases" / "drifting_geometry"
 pytestmark = pytest.mark.skipif(not CASES.is_dir(), reason=f"{CASES} is absent")
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.skipif(not CASES.is_dir(), reason=f"{CASES} is absent")
 @pytest.fixture(scope="module", params=["f_couple56_ur", "g_9_step"])
 def case(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Dataset, SavedModel]:
+) -> tuple[Dataset, CalibratedModel]:
     path = tmp_path_factory.mktemp("model") / "model.json"
     dataset = read_dataset(CASES / f"{request.param}.csv")
     found = diagnose(dataset)
@@ -35,7 +35,7 @@ def case(
 
 
 def test_what_follows_time_is_left_out_and_what_follows_a_joint_is_used(
-    case: tuple[Dataset, SavedModel],
+    case: tuple[Dataset, CalibratedModel],
 ) -> None:
     dataset, saved = case
     used, part = saved.for_use()
@@ -48,7 +48,7 @@ def test_what_follows_time_is_left_out_and_what_follows_a_joint_is_used(
 
 
 def test_a_watch_on_its_own_clock_is_quiet_and_needs_the_carried_terms(
-    case: tuple[Dataset, SavedModel],
+    case: tuple[Dataset, CalibratedModel],
 ) -> None:
     """Twelve poses from the second half of the campaign, after the step, measured on a clock that starts at 0."""
     dataset, saved = case
@@ -65,5 +65,5 @@ def test_a_watch_on_its_own_clock_is_quiet_and_needs_the_carried_terms(
         time[rows] -= time[rows].min()
         sets = np.where(np.isin(np.arange(len(dataset)), rows), "calibration", "validation")
         later = replace(dataset, conditions=replace(conditions, time=time), sets=sets)
-        assert judge(Seen.of(saved, later)).kind == "unchanged"
-        assert judge(Seen.of(named, later)).kind == "unexplained"
+        assert judge(WhitenedReadings.of(saved, later)).kind == "unchanged"
+        assert judge(WhitenedReadings.of(named, later)).kind == "unexplained"

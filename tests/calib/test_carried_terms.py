@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from calib.data import Dataset
-from calib.diagnose import Diagnosis, diagnose
+from calib.diagnose import DiagnosisFit, diagnose
 from calib.diagnose.dictionary import Dictionary, OfClock, bound
 from calib.diagnose.pursuit import Groups, Pursuit, Screening, shrunk
-from calib.model import Design
+from calib.model import BoundModel
 from calib.model.carried_regressors import Held, HeldPair, OfTime
-from calib.model.effect import Effect, Parameter, Term
+from calib.model.effect import Effect, EffectTerm, Parameter
 from calib.model.regressors import Constant, Regressor, from_json, to_json
 from tests.calib.campaigns import simulate
 
@@ -24,13 +24,13 @@ OUT = 0.25  # share of a range by which conditions are moved beyond it
 
 
 @pytest.fixture(scope="module")
-def clean(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, Diagnosis]:
+def clean(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, DiagnosisFit]:
     folder = tmp_path_factory.mktemp("carried")
     _, data = simulate(folder, "abb-irb120", 11, 240, 80, [], approach="varied")
     return data, diagnose(data)
 
 
-def bent(clean: tuple[Dataset, Diagnosis], slot: str, regressor: Regressor, size: float) -> Dataset:
+def bent(clean: tuple[Dataset, DiagnosisFit], slot: str, regressor: Regressor, size: float) -> Dataset:
     """The data set of a robot one of whose slots follows a condition as well."""
     data, found = clean
     law = Effect(
@@ -39,11 +39,11 @@ def bent(clean: tuple[Dataset, Diagnosis], slot: str, regressor: Regressor, size
         "robot",
         "A law.",
         (Parameter("law.size", "mm"),),
-        (Term("law.size", slot, 1.0, regressor),),
+        (EffectTerm("law.size", slot, 1.0, regressor),),
     )
     base = found.base
     bare, whole = (
-        Design(model, data.conditions).predict(estimate)
+        BoundModel(model, data.conditions).predict(estimate)
         for model, estimate in (
             (base.model, base.estimate),
             (base.model.append(law), np.append(base.estimate, size)),
@@ -52,7 +52,7 @@ def bent(clean: tuple[Dataset, Diagnosis], slot: str, regressor: Regressor, size
     return replace(data, points=data.points + whole - bare)
 
 
-def test_a_complete_model_carries_nothing(clean: tuple[Dataset, Diagnosis]) -> None:
+def test_a_complete_model_carries_nothing(clean: tuple[Dataset, DiagnosisFit]) -> None:
     _, found = clean
     assert (found.verdict, found.carried, found.withdrawn) == ("complete", (), ())
     assert found.shares.named + found.shares.carried == 0.0
@@ -60,7 +60,7 @@ def test_a_complete_model_carries_nothing(clean: tuple[Dataset, Diagnosis]) -> N
     assert found.error_named == found.error_after
 
 
-def test_a_length_that_jumps_is_placed_and_dated(clean: tuple[Dataset, Diagnosis]) -> None:
+def test_a_length_that_jumps_is_placed_and_dated(clean: tuple[Dataset, DiagnosisFit]) -> None:
     """No effect of the library moves a length of one link between two readings."""
     data, plain = clean
     times = data.conditions.time
@@ -84,7 +84,7 @@ def test_a_length_that_jumps_is_placed_and_dated(clean: tuple[Dataset, Diagnosis
 
 
 def test_an_error_of_one_joint_that_follows_another_is_carried_and_usable(
-    clean: tuple[Dataset, Diagnosis],
+    clean: tuple[Dataset, DiagnosisFit],
 ) -> None:
     data, plain = clean
     law = Held("angle", 3, "sine", 2.0, 0.0, -np.pi, np.pi)
@@ -98,7 +98,7 @@ def test_an_error_of_one_joint_that_follows_another_is_carried_and_usable(
     assert len(data) == len(found.dataset)
 
 
-def test_without_times_only_an_order_is_claimed(clean: tuple[Dataset, Diagnosis]) -> None:
+def test_without_times_only_an_order_is_claimed(clean: tuple[Dataset, DiagnosisFit]) -> None:
     moment = float(np.sort(clean[0].conditions.time)[150])
     data = bent(clean, "a2", OfTime((moment, moment + 1e-3), (0.0, 1.0)), 0.25)
     untimed = replace(data.conditions, time=np.full(len(data), np.nan))
@@ -108,7 +108,7 @@ def test_without_times_only_an_order_is_claimed(clean: tuple[Dataset, Diagnosis]
     assert found.next_measurements
 
 
-def test_rows_that_come_back_are_no_longer_left_out(clean: tuple[Dataset, Diagnosis]) -> None:
+def test_rows_that_come_back_are_no_longer_left_out(clean: tuple[Dataset, DiagnosisFit]) -> None:
     """A law within a few degrees of a joint, so large that its readings were rejected as gross errors."""
     data = bent(clean, "theta3", Held("angle", 3, "window", 1.0 / 0.3, 0.2, -np.pi, np.pi), 4e-3)
     found = diagnose(data)
@@ -118,7 +118,7 @@ def test_rows_that_come_back_are_no_longer_left_out(clean: tuple[Dataset, Diagno
     assert found.carried[0].condition == "joint 3 angle"
 
 
-def test_held_out_readings_choose_no_term(clean: tuple[Dataset, Diagnosis]) -> None:
+def test_held_out_readings_choose_no_term(clean: tuple[Dataset, DiagnosisFit]) -> None:
     data = bent(clean, "theta5", Held("angle", 3, "sine", 2.0, 0.0, -np.pi, np.pi), 1.5e-3)
     points = data.points.copy()
     points[data.validation_rows] += RNG.normal(0.0, 50.0, (int(data.validation_rows.sum()), 3))
@@ -141,7 +141,7 @@ def test_held_out_readings_choose_no_term(clean: tuple[Dataset, Diagnosis]) -> N
     ],
 )
 def test_beyond_its_range_a_regressor_keeps_its_value(
-    clean: tuple[Dataset, Diagnosis], regressor: Held | HeldPair | OfTime
+    clean: tuple[Dataset, DiagnosisFit], regressor: Held | HeldPair | OfTime
 ) -> None:
     assert from_json(to_json(regressor)) == regressor
     conditions = clean[0].conditions
@@ -226,7 +226,7 @@ def test_evidence_shrinks_a_term_that_is_none_and_keeps_one_that_is() -> None:
     assert covariance[2, 2] == pytest.approx(noise / (columns[:, 2] @ columns[:, 2]), rel=0.2)
 
 
-def test_what_rows_lack_is_not_offered(clean: tuple[Dataset, Diagnosis]) -> None:
+def test_what_rows_lack_is_not_offered(clean: tuple[Dataset, DiagnosisFit]) -> None:
     data, found = clean
     whole = Dictionary.of(found.base.model, found.base.readings, data.conditions)
     assert whole.clock == "time"

@@ -16,7 +16,7 @@ from calib.arm import gravity_torques
 from calib.arm.inverse_kinematics import nominal_inverse
 from calib.array import Array
 from calib.compensate import Status
-from calib.model import FLANGE, RobotModel, conditions_at
+from calib.model import FLANGE, ModelStructure, conditions_at
 from calib.model.model import nominal_poses
 from tests.calib.chain import chain
 from tests.calib.errant import (
@@ -32,7 +32,7 @@ from tests.calib.errant import (
 from tests.calib.singular import least_singular_value
 
 
-def miss_of(model: RobotModel, estimate: Array, wanted: Array, done: Correction) -> Array:
+def miss_of(model: ModelStructure, estimate: Array, wanted: Array, done: Correction) -> Array:
     """(k,) mm between wanted and reached positions of the flange, for the targets that were corrected."""
     reached = landing(model, estimate, done.joints[done.good])
     return np.linalg.norm(reached[:, :3, 3] - wanted[done.good][:, :3, 3], axis=1)
@@ -194,7 +194,7 @@ def test_a_free_world_corrects_relative_to_its_own_base() -> None:
     at_home[of_base] = 0.0
     targets = random_targets(20, 11)
     placement = chain(ROBOT, np.zeros(6), {"base.x": 900.0, "base.rz": 1.0}).real
-    free = RobotModel(ROBOT, model.effects, model.targets, {"main": placement}, model.station)
+    free = ModelStructure(ROBOT, model.effects, model.targets, {"main": placement}, model.station)
     np.testing.assert_allclose(
         correct(free, estimate, targets, STATED).joints,
         correct(model, at_home, targets, STATED).joints,
@@ -214,8 +214,8 @@ def test_inverse_finds_the_joints_of_a_pose(name: str) -> None:
     assert np.max(np.abs(found - joints)) < 1e-9
 
 
-def _bare(robot: Robot) -> RobotModel:
-    return RobotModel(robot, (), {"main": {}})
+def _bare(robot: Robot) -> ModelStructure:
+    return ModelStructure(robot, (), {"main": {}})
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from calib.arm.kinematics import joint_scale, nominal_jacobian
 from calib.array import Array
 from calib.compensate import Status, nominal_of
 from calib.data import DEFAULT_GROUPS
-from calib.model import RobotModel, base_model
+from calib.model import ModelStructure, base_model
 from calib.units import to_internal
 from tests.calib.chain import chain
 from tests.calib.level import built, random_postures
@@ -25,11 +25,11 @@ TOOL = (30.0, -20.0, 100.0)
 SIZES = {"alpha": 0.04, "beta": 0.03, "theta": 0.1, "a": 0.25, "d": 0.25}
 
 
-def errant(robot: Robot, seed: int) -> tuple[RobotModel, Array, dict[str, float]]:
+def errant(robot: Robot, seed: int) -> tuple[ModelStructure, Array, dict[str, float]]:
     """A robot whose geometry and base are off by what is usual, and the same as changes of slots."""
     rng = np.random.default_rng(seed)
     effects = base_model.build(DEFAULT_GROUPS, robot, ("main",), ({"T1": False},))
-    model = RobotModel(robot, effects, {"main": {"T1": TOOL}})
+    model = ModelStructure(robot, effects, {"main": {"T1": TOOL}})
     estimate, slots = np.zeros(len(model.parameters)), dict[str, float]()
     for i, parameter in enumerate(model.parameters):
         name = parameter.name

@@ -14,7 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib import DataError, read_dataset
-from calib.convert import IMPORTERS, Table
+from calib.convert import IMPORTERS, ConvertedTable
 from calib.convert.ipa_ur10 import read
 from tests.fuzz import formats
 
@@ -118,16 +118,16 @@ def test_samples_of_one_waypoint_are_held_out_together() -> None:
         "waypoint": [str(i % 6) for i in range(n)],
         "j1_deg": joints,
     }
-    marked = Table(columns, "").hold_out("random", 1.0 / 3.0, 1).columns
+    marked = ConvertedTable(columns, "").hold_out("random", 1.0 / 3.0, 1).columns
     held = [{marked["set"][i] for i in range(n) if i % 6 == waypoint} for waypoint in range(6)]
     assert sorted(map(sorted, held)) == [["calibration"]] * 4 + [["validation"]] * 2
 
 
-def poses_of(joints: np.ndarray, **more: list[str]) -> Table:
+def poses_of(joints: np.ndarray, **more: list[str]) -> ConvertedTable:
     """A table of joints (n, 2), deg."""
     columns = {"reading_id": [str(i) for i in range(len(joints))]}
     columns |= {f"j{k + 1}_deg": [f"{value:.6f}" for value in joints[:, k]] for k in range(2)}
-    return Table({**columns, **more}, "")
+    return ConvertedTable({**columns, **more}, "")
 
 
 def test_what_is_held_out_unless_told() -> None:
@@ -172,7 +172,7 @@ def test_what_is_not_held_out() -> None:
 @pytest.mark.parametrize("share", [0.0, 1.0, -0.2, 1.5, math.nan])
 def test_a_share_that_cannot_be(share: float) -> None:
     with pytest.raises(DataError, match="share"):
-        Table({"reading_id": ["1", "2"]}, "").hold_out("random", share, 1)
+        ConvertedTable({"reading_id": ["1", "2"]}, "").hold_out("random", share, 1)
 
 
 REFUSED: dict[str, tuple[Callable[[str], str], int | None, str]] = {

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from calib.data.read import read_dataset
-from calib.diagnose.diagnosis import Diagnosis, diagnose
+from calib.diagnose.diagnosis import DiagnosisFit, diagnose
 from calib.model.effect import Effect
 from calib.units import to_display
 from mocks.campaign import Campaign, make_campaign
 from tests.calib.campaigns import simulate, true_points, write_files
 
 
-def values_of(diagnosis: Diagnosis, label: str) -> dict[str, tuple[float, float]]:
+def values_of(diagnosis: DiagnosisFit, label: str) -> dict[str, tuple[float, float]]:
     """Short name -> (value, standard error) in the unit that is shown."""
     found = next(f for f in diagnosis.effects if f.effect.label == label)
     spread = np.sqrt(np.diag(found.covariance))
@@ -35,7 +35,7 @@ def hidden(campaign: Campaign, label: str) -> dict[str, float]:
     return {name: entry["value"] for name, entry in effect["parameters"].items()}
 
 
-def labels(diagnosis: Diagnosis) -> list[str]:
+def labels(diagnosis: DiagnosisFit) -> list[str]:
     return sorted(f.effect.label for f in diagnosis.effects)
 
 
@@ -191,7 +191,7 @@ def test_structure_that_no_effect_explains_is_flagged(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def plain(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Diagnosis]:
+def plain(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, DiagnosisFit]:
     """A campaign whose rows others spoil or shuffle."""
     folder, wanted = tmp_path_factory.mktemp("plain"), ["periodic:j2:n3", "tool_shift"]
     campaign, data = simulate(folder, seed=49, n=120, n_validation=40, effects=wanted)
@@ -200,7 +200,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Diagnosis
     return campaign, result
 
 
-def test_order_of_rows_does_not_matter(plain: tuple[Campaign, Diagnosis], tmp_path: Path) -> None:
+def test_order_of_rows_does_not_matter(plain: tuple[Campaign, DiagnosisFit], tmp_path: Path) -> None:
     campaign, one = plain
     rows = [campaign.rows[i] for i in np.random.default_rng(2).permutation(len(campaign.rows))]
     other = diagnose(read_dataset(write_files(tmp_path, rows, campaign.header)))
@@ -211,7 +211,7 @@ def test_order_of_rows_does_not_matter(plain: tuple[Campaign, Diagnosis], tmp_pa
     assert other.error_after.rms == pytest.approx(one.error_after.rms, rel=1e-6)
 
 
-def test_validation_rows_choose_nothing(plain: tuple[Campaign, Diagnosis], tmp_path: Path) -> None:
+def test_validation_rows_choose_nothing(plain: tuple[Campaign, DiagnosisFit], tmp_path: Path) -> None:
     """Wild validation measurements change the errors that are told and that nothing is attributed, nothing else."""
     campaign, tame = plain
     rows = [dict(row) for row in campaign.rows]

@@ -17,10 +17,10 @@ from calib import DataError, Dataset, identify, read_dataset
 from calib.array import Array
 from calib.data import plausible
 from calib.data.hypotheses import Explanation
-from calib.diagnose import Found, diagnose, next_measurements
+from calib.diagnose import DiagnosedEffect, diagnose, next_measurements
 from calib.diagnose.follow_up import remarks_of
 from calib.diagnose.found import visible, with_shapes
-from calib.diagnose.select import Evidence, refit
+from calib.diagnose.select import EffectEvidence, refit
 from calib.diagnose.structure import ACTS_ON, EACH_POSE, drivers, left_over, log_p_of
 from calib.effects import Survey, offers
 from calib.effects.elasticity import joint_compliance
@@ -32,15 +32,15 @@ from calib.units import to_internal
 from mocks.campaign import make_campaign
 from tests.calib.campaigns import exact, simulate, write_files
 
-EVIDENCE = Evidence({"x": 1.0}, {}, 10.0, 1e-9, 0.5)
+EVIDENCE = EffectEvidence({"x": 1.0}, {}, 10.0, 1e-9, 0.5)
 
 
-def found_of(effect: Effect, values: list[float], std: list[float]) -> Found:
+def found_of(effect: Effect, values: list[float], std: list[float]) -> DiagnosedEffect:
     """A finding with these values and standard errors in the units of its parameters."""
     units = [p.unit for p in effect.parameters]
     value = np.array([to_internal(v, u) for v, u in zip(values, units, strict=True)])
     spread = np.array([to_internal(s, u) for s, u in zip(std, units, strict=True)])
-    return Found(effect, EVIDENCE, value, np.diag(spread**2), None)
+    return DiagnosedEffect(effect, EVIDENCE, value, np.diag(spread**2), None)
 
 
 def test_a_finding_knows_whether_it_is_confirmed_usual_and_possible() -> None:
@@ -80,12 +80,12 @@ def test_the_moment_of_a_step_lies_between_two_readings_of_the_fit(before: int, 
     assert high <= step + 17 - before + 3
 
 
-def shaped(data: Dataset, effect: Effect) -> tuple[Found, Found]:
+def shaped(data: Dataset, effect: Effect) -> tuple[DiagnosedEffect, DiagnosedEffect]:
     """A finding of an effect that is in the model, without and with the uncertainty of its shape."""
     base = identify(data)
     fitted = refit(data, base, (effect,))
     at = fitted.model.positions(effect)
-    plain = Found(effect, EVIDENCE, fitted.estimate[at], fitted.covariance[np.ix_(at, at)], None)
+    plain = DiagnosedEffect(effect, EVIDENCE, fitted.estimate[at], fitted.covariance[np.ix_(at, at)], None)
     (wide,) = with_shapes(data, fitted, [plain])
     return plain, wide
 

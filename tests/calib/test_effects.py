@@ -22,8 +22,8 @@ from calib.data import GROUPS, Conditions
 from calib.effects import LIBRARY, Survey, changes, kind_of, offers
 from calib.effects.geometry import tool_shift
 from calib.effects.transmission import BANDS, backlash, curve_of, gear_orders, periodic
-from calib.model import Design, Effect, base_model, check_effect, regressors
-from calib.model.effect import Parameter, Term
+from calib.model import BoundModel, Effect, base_model, check_effect, regressors
+from calib.model.effect import EffectTerm, Parameter
 from calib.model.regressors import Constant, JointAngle, Temperature
 from calib.scan import Candidate, Family, Harmonics, Shapes, Steps
 from calib.units import FACTORS, to_internal
@@ -78,9 +78,9 @@ def test_a_curve_that_is_held_moves_the_joint_as_the_effect_does() -> None:
     model, conditions = situation("abb-irb120")
     curve = gear_orders(4, np.full(BANDS, 0.01), without=(7,))
     values = np.random.default_rng(1).normal(size=len(curve.parameters)) * 1e-4
-    free = Design(replace(model, effects=(curve,)), conditions).predict(values)
-    held = Design(replace(model, effects=(), curves=(curve_of(4, curve, values),)), conditions)
-    nominal = Design(replace(model, effects=()), conditions).predict(np.zeros(0))
+    free = BoundModel(replace(model, effects=(curve,)), conditions).predict(values)
+    held = BoundModel(replace(model, effects=(), curves=(curve_of(4, curve, values),)), conditions)
+    nominal = BoundModel(replace(model, effects=()), conditions).predict(np.zeros(0))
     assert np.abs(held.predict(np.zeros(0)) - nominal).max() > 0.01
     np.testing.assert_allclose(held.predict(np.zeros(0)), free, rtol=0.0, atol=1e-9)
 
@@ -115,27 +115,27 @@ class TestCheckEffectRefuses:
             check_effect(effect, self.model, self.conditions)
 
     def test_a_wrong_derivative(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        columns = Design.columns
+        columns = BoundModel.columns
 
-        def wrong(self: Design, *arguments: Any) -> Array:
+        def wrong(self: BoundModel, *arguments: Any) -> Array:
             return columns(self, *arguments) * 1.0001
 
         with monkeypatch.context() as patch:
-            patch.setattr(Design, "columns", wrong)
+            patch.setattr(BoundModel, "columns", wrong)
             with pytest.raises(AssertionError, match="errs by"):
                 check_effect(self.good, self.model, self.conditions)
 
     def test_acting_at_zero(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        values = Design.values
+        values = BoundModel.values
 
-        def stuck(self: Design, estimate: Array) -> Mapping[str, Array | float]:
+        def stuck(self: BoundModel, estimate: Array) -> Mapping[str, Array | float]:
             out = values(self, estimate)
             if len(estimate):
                 out["theta2"] = out["theta2"] + 1e-6
             return out
 
         with monkeypatch.context() as patch:
-            patch.setattr(Design, "values", stuck)
+            patch.setattr(BoundModel, "values", stuck)
             with pytest.raises(AssertionError, match="although it is zero"):
                 check_effect(self.good, self.model, self.conditions)
 
@@ -162,7 +162,7 @@ class TestCheckEffectRefuses:
 
     def test_parameters_and_terms_that_do_not_name_each_other(self) -> None:
         self.refused(replace(self.good, terms=self.good.terms[:1]), "name each other")
-        extra = (*self.good.terms, Term("nobody", "theta1", 1.0, Constant()))
+        extra = (*self.good.terms, EffectTerm("nobody", "theta1", 1.0, Constant()))
         self.refused(replace(self.good, terms=extra), "name each other")
 
     def test_words_that_are_missing(self) -> None:
@@ -218,13 +218,13 @@ def test_sizes_are_in_the_unit_that_is_shown() -> None:
         (tool_shift(10), "x", (conditions.order >= 10).astype(float)),
         (tool_shift(10), "ry", np.radians(1.0) * (conditions.order >= 10)),
     ):
-        design = Design(model.append(effect), conditions)
+        design = BoundModel(model.append(effect), conditions)
         name = f"{effect.label}.{parameter}"
         unit = next(p.unit for p in effect.parameters if p.name == name)
         estimate = np.zeros(len(effect.parameters))
         estimate[design.model.index[name]] = to_internal(1.0, unit)
         slot = next(t.slot for t in effect.terms if t.parameter == name)
-        nominal = Design(model, conditions).values(np.zeros(0)).get(slot, 0.0)
+        nominal = BoundModel(model, conditions).values(np.zeros(0)).get(slot, 0.0)
         np.testing.assert_allclose(design.values(estimate)[slot] - nominal, expected, atol=1e-12)
 
 

@@ -17,7 +17,7 @@ from calib.diagnose import diagnose
 from calib.effects import Survey, offers
 from calib.effects.elasticity import joint_compliance
 from calib.effects.instrument import base_target_shift
-from calib.model import Design
+from calib.model import BoundModel
 from tests.calib.campaigns import simulate, write_files
 from tests.calib.cells import NOISE, Cell
 
@@ -47,7 +47,7 @@ def test_a_leaning_base_loads_joint_1(tmp_path: Path) -> None:
     assert "joint_compliance:j1" in {o.label for o in offers(Survey.of(fitted, data))}
     soft = fitted.model.append(joint_compliance(1))
     estimate = np.append(fitted.estimate, 4e-7)
-    points = Design(soft, data.conditions).predict(estimate)
+    points = BoundModel(soft, data.conditions).predict(estimate)
     noise = 0.03 * np.random.default_rng(3).normal(size=points.shape)
     result = diagnose(replace(data, points=points + noise))
     (found,) = result.effects

@@ -19,7 +19,7 @@ from calib.arm import Load
 from calib.data import Conditions
 from calib.effects import Survey, offers
 from calib.effects.elasticity import joint_compliance
-from calib.model import Design, Effect
+from calib.model import BoundModel, Effect
 from calib.scan import Candidate
 from calib.units import to_internal
 from mocks.world import ROBOTS
@@ -155,8 +155,8 @@ def test_a_target_of_two_series_is_one_target() -> None:
     offer = next(o for o in offers(Survey(model.robot, conditions)) if o.label == "target_offset:T2")
     assert isinstance(offer, Candidate)
     extended = model.append(offer.effect)
-    moved = Design(extended, conditions).predict(np.array([0.3, 0.0, -0.4]))
-    way = np.linalg.norm(moved - Design(model, conditions).predict(np.zeros(0)), axis=1)
+    moved = BoundModel(extended, conditions).predict(np.array([0.3, 0.0, -0.4]))
+    way = np.linalg.norm(moved - BoundModel(model, conditions).predict(np.zeros(0)), axis=1)
     assert len(np.unique(conditions.series)) == 2
     np.testing.assert_allclose(way, 0.5 * (conditions.target == 1), atol=1e-9)
 
@@ -170,8 +170,8 @@ def test_shapes_stay_what_they_were_at_other_readings() -> None:
         assert isinstance(offer, Candidate)
         saved = Effect.from_json(json.loads(json.dumps(offer.effect.to_json())))
         estimate = np.array([to_internal(p.size or 0.0, p.unit) for p in saved.parameters])
-        all_of_them = Design(model.append(offer.effect), conditions).predict(estimate)
-        np.testing.assert_array_equal(Design(model.append(saved), few).predict(estimate), all_of_them[:5])
+        all_of_them = BoundModel(model.append(offer.effect), conditions).predict(estimate)
+        np.testing.assert_array_equal(BoundModel(model.append(saved), few).predict(estimate), all_of_them[:5])
     width = dead_zone_width(model.robot, conditions)
     assert width == pytest.approx(0.05 * np.abs(conditions.torque[:, 1]).max())
     assert dead_zone_width(model.robot, few) < width

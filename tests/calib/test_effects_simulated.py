@@ -45,7 +45,7 @@ from calib.effects.transmission import (
     settling,
 )
 from calib.fit import base_model_of
-from calib.model import Design, Effect, Regressor, RobotModel, effect
+from calib.model import BoundModel, Effect, ModelStructure, Regressor, effect
 from calib.model.regressors import Constant, Torque
 from calib.units import DEG
 from mocks.campaign import Campaign
@@ -58,7 +58,7 @@ MEAN_C = 22.0
 HOUR = 3600.0
 
 # The same law in our words, and its parameters in internal units, from the simulator's amplitudes and constants.
-Translation = Callable[[Campaign, RobotModel, Amplitudes], Ours]
+Translation = Callable[[Campaign, ModelStructure, Amplitudes], Ours]
 
 
 def axes(p: Amplitudes, prefix: str = "d", factor: float = 1.0, ours: str = "") -> dict[str, float]:
@@ -123,7 +123,7 @@ FIRST_ORDER = {
 """Two small turns in another order, axes or lengths that are nominal here and true there, the point as it was."""
 
 
-def true_model(campaign: Campaign, data: Dataset) -> tuple[RobotModel, Array]:
+def true_model(campaign: Campaign, data: Dataset) -> tuple[ModelStructure, Array]:
     """A model of the data set with every number of the simulated arm, hidden effects apart, and those numbers."""
     g, model = campaign.world.geometry, base_model_of(data)
     robot = model.robot
@@ -156,7 +156,7 @@ def cell(
 def test_the_true_arm_stands_where_the_simulator_says(cell: tuple[Campaign, Dataset]) -> None:
     campaign, data = cell
     model, estimate = true_model(campaign, data)
-    predicted = Design(model, data.conditions).predict(estimate)
+    predicted = BoundModel(model, data.conditions).predict(estimate)
     np.testing.assert_allclose(predicted, true_points(campaign), rtol=0.0, atol=1e-8)
 
 
@@ -176,8 +176,8 @@ def test_our_law_moves_the_points_as_the_simulator_does(label: str, cell: tuple[
     given = {f"{ours.label}.{name}": value for name, value in amplitudes.items()}
     assert set(given) <= {p.name for p in ours.parameters}
     added = np.array([given.get(p.name, 0.0) for p in ours.parameters])
-    before = Design(model, data.conditions).predict(estimate)
-    after = Design(extended, data.conditions).predict(np.concatenate([estimate, added]))
+    before = BoundModel(model, data.conditions).predict(estimate)
+    after = BoundModel(extended, data.conditions).predict(np.concatenate([estimate, added]))
     expected = displacement(world, theirs, campaign.readings)
     assert ours.label == label
     share = 5e-3 if label.partition(":")[0] in FIRST_ORDER else 1e-9

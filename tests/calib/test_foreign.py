@@ -22,8 +22,8 @@ from calib.foreign import converted, data_set_of, propose, read_map, text_of
 from calib.foreign.files.number import Notation, notation_of
 from calib.foreign.map.map_file import Map, sequence_of
 from calib.foreign.readings.matching import matched
-from calib.foreign.readings.readings import Readings
-from calib.text import Columns, parse_toml
+from calib.foreign.readings.readings import ForeignReadings
+from calib.text import TextTable, parse_toml
 from calib.units import DEG
 from tests.calib.exports import CASES, ROBOT, TRUTH, Case, N, outcome
 from tests.calib.machines import machine
@@ -52,7 +52,7 @@ def test_a_file_is_read_right_or_refused_with_its_remedy(case: Case, tmp_path: P
         return
     csv, header = converted_text(case, tmp_path)
     data = dataset_of(
-        Columns.of_text(csv, tmp_path / "out.csv"),
+        TextTable.of_text(csv, tmp_path / "out.csv"),
         header_of(parse_toml(header, "h"), tmp_path / "out.toml", header),
     )
     row, target = np.repeat(np.arange(N), case.targets), np.tile(np.arange(case.targets), N)
@@ -269,7 +269,7 @@ def read_whole(kept: Path, folder: Path) -> None:
     """Map, file and data set of `a_map`."""
     table = converted(read_map(kept), [folder / "a.csv"], kept, folder).table
     header = header_of(parse_toml(table.header, "h"), folder / "o.toml", table.header)
-    dataset_of(Columns.of_text(table.text, folder / "o.csv"), header)
+    dataset_of(TextTable.of_text(table.text, folder / "o.csv"), header)
 
 
 @pytest.mark.parametrize(
@@ -313,13 +313,15 @@ def test_thousands_are_groups_of_three(cell: str, value: float | None) -> None:
 def test_a_name_that_means_two_poses_decides_nothing(second: str) -> None:
     file: Any = SimpleNamespace(sheet=SimpleNamespace(shown="poses.csv"))
 
-    def named(names: tuple[str, ...], first: np.ndarray) -> Readings:
+    def named(names: tuple[str, ...], first: np.ndarray) -> ForeignReadings:
         n = len(names)
         joints = np.zeros((n, 6)) + first[:, None]
         nothing = ("",) * n
         axes = tuple(f"j{k}" for k in range(1, 7))
         texts = {"pose": names}
-        return Readings(joints, axes, ("deg",) * 6, np.zeros((n, 3)), np.zeros((n, 4)), texts, {}, nothing)
+        return ForeignReadings(
+            joints, axes, ("deg",) * 6, np.zeros((n, 3)), np.zeros((n, 4)), texts, {}, nothing
+        )
 
     other = 0.1 if second == "the same joints" else 0.4
     poses = named(("P1", "P2", "P1"), np.array([0.1, 0.2, other]))

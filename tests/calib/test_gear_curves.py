@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib import Dataset, Diagnosis, identify, load_model, save_model
+from calib import Dataset, DiagnosisFit, identify, load_model, save_model
 from calib.array import Array
 from calib.diagnose import diagnose
-from calib.diagnose.curves import BLOCKS, Normal, blocks_of, gears_to_carry
+from calib.diagnose.curves import BLOCKS, NormalEquations, blocks_of, gears_to_carry
 from calib.effects import Survey, offers
 from calib.effects.transmission import mostly
-from calib.model import Design
+from calib.model import BoundModel
 from calib.scan import Scores, Space
 from calib.units import DEG
 from tests.calib.campaigns import simulate
@@ -30,7 +30,7 @@ class Gears:
 
     amplitudes: dict[int, Array]  # joint -> (HIGHEST, 2) cos and sin, rad
     dataset: Dataset
-    result: Diagnosis
+    result: DiagnosisFit
 
     def curve(self, joint: int, angle: Array) -> Array:
         """(n,) rad: the hidden curve without the strong order."""
@@ -107,7 +107,7 @@ def test_a_saved_model_predicts_the_same(gears: Gears, tmp_path: Path) -> None:
     save_model(tmp_path / "model.json", final, gears.result)
     saved = load_model(tmp_path / "model.json")
     conditions = gears.dataset.conditions
-    predicted = Design(saved.model, conditions).predict(saved.estimate)
+    predicted = BoundModel(saved.model, conditions).predict(saved.estimate)
     np.testing.assert_allclose(predicted, final.predict(conditions), rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(saved.covariance, final.covariance, rtol=1e-8)
     assert (tmp_path / "model.json").stat().st_size < 8e6
@@ -149,12 +149,12 @@ def test_what_a_block_loses_is_what_a_fit_without_it_predicts(gears: Gears) -> N
     """The gain on left-out blocks from normal equations, against fits on the other blocks by plain least squares."""
     fitted = gears.result.base
     active = np.diag(fitted.covariance) > 0.0
-    normal = Normal.of(fitted.model, fitted.readings, fitted.estimate, active)
+    normal = NormalEquations.of(fitted.model, fitted.readings, fitted.estimate, active)
     free = np.full(int(active.sum()), 1e6)
     posterior = normal.posterior(free, np.full(len(free), -1), np.zeros(len(free), dtype=bool), 1)
     gone = np.array([len(free) - 1])
     gains = normal.left_out(posterior, [gone])[0]
-    design = Design(fitted.model, fitted.readings.conditions)
+    design = BoundModel(fitted.model, fitted.readings.conditions)
     frames = design.frames(fitted.estimate)
     columns = design.columns(fitted.readings.observed.columns(frames, design.slots))[:, active]
     y = fitted.readings.observed.residual(frames).ravel() + columns @ fitted.estimate[active]

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from calib.data import Dataset
-from calib.diagnose import Diagnosis, diagnose
+from calib.diagnose import DiagnosisFit, diagnose
 from calib.fit.held_out import held_out_faults
 from service.wording import verdict_in_words
 from tests.calib.campaigns import simulate
 
 
 @pytest.fixture(scope="module")
-def clean(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, Diagnosis]:
+def clean(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, DiagnosisFit]:
     _, data = simulate(tmp_path_factory.mktemp("faults"), seed=8, n=90, n_validation=60, effects=[])
     return data, diagnose(data)
 
 
-def test_nothing_is_faulty_in_a_good_set(clean: tuple[Dataset, Diagnosis]) -> None:
+def test_nothing_is_faulty_in_a_good_set(clean: tuple[Dataset, DiagnosisFit]) -> None:
     data, found = clean
     assert found.held_out_faults.faults == ()
     assert found.held_out_faults.error_without == found.error_after
@@ -31,7 +31,7 @@ def test_nothing_is_faulty_in_a_good_set(clean: tuple[Dataset, Diagnosis]) -> No
     assert len(data) == len(found.held_out_faults.rows)
 
 
-def test_another_target_is_named_and_both_errors_are_stated(clean: tuple[Dataset, Diagnosis]) -> None:
+def test_another_target_is_named_and_both_errors_are_stated(clean: tuple[Dataset, DiagnosisFit]) -> None:
     data, before = clean
     conditions = data.conditions
     assert len(conditions.target_names) > 1
@@ -54,7 +54,7 @@ def test_another_target_is_named_and_both_errors_are_stated(clean: tuple[Dataset
 
 
 def test_a_gross_error_fits_no_target_and_one_of_many_spoils_no_verdict(
-    clean: tuple[Dataset, Diagnosis],
+    clean: tuple[Dataset, DiagnosisFit],
 ) -> None:
     data, _ = clean
     row = int(np.flatnonzero(data.validation_rows)[5])
@@ -68,7 +68,7 @@ def test_a_gross_error_fits_no_target_and_one_of_many_spoils_no_verdict(
 
 
 def test_a_model_that_does_not_hold_makes_no_reading_faulty(
-    clean: tuple[Dataset, Diagnosis], tmp_path: Path
+    clean: tuple[Dataset, DiagnosisFit], tmp_path: Path
 ) -> None:
     data, before = clean
     points = data.points.copy()

@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from calib import DataError, forward, identify, load_robot, read_dataset
-from calib.arm import Chain, Placement, inverse_kinematics, nominal_values, propagate
+from calib.arm import BasePoses, Chain, inverse_kinematics, nominal_values, propagate
 from calib.arm.start import base_and_tool
 from calib.units import DEG
 from tests.benchmarks.coverage import BASE_TARGETS, RANGE
@@ -65,7 +65,7 @@ def files_of_arm(name: str, coupling: str) -> tuple[list[Row], dict[str, Any]]:
     for k in range(1, robot.joints + 1):
         for kind, size in (("alpha", 0.05 * DEG), ("theta", 0.05 * DEG), ("a", 0.5), ("d", 0.5)):
             values[f"{kind}{k}"] = values[f"{kind}{k}"] + size * rng.normal()
-    frames = propagate(Chain.of(robot), values, Placement())
+    frames = propagate(Chain.of(robot), values, BasePoses())
     points = (frames.p + 60.0 * frames.x - 20.0 * frames.y + 90.0 * frames.z).T @ POSE[:3, :3].T + POSE[:3, 3]
     columns = (*robot.joint_columns, "x_mm", "y_mm", "z_mm")
     rows = np.hstack([joints / robot.joint_units, points])
@@ -211,7 +211,7 @@ def test_rows_that_slipped_by_less_than_the_nominal_robot_misses_are_named(tmp_p
     for k in range(1, 7):
         for kind, size in (("alpha", 0.1 * DEG), ("theta", 0.1 * DEG), ("a", 1.0), ("d", 1.0)):
             values[f"{kind}{k}"] = values[f"{kind}{k}"] + size * rng.normal()
-    frames = propagate(Chain.of(robot), values, Placement())
+    frames = propagate(Chain.of(robot), values, BasePoses())
     points = (frames.p + 60.0 * frames.x + 90.0 * frames.z).T
     points += 0.02 * rng.normal(size=points.shape)
 

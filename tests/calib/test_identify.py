@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from calib import (
     DataError,
     Dataset,
-    Identification,
+    IdentificationFit,
     forward,
     identify,
     load_model,
@@ -40,7 +40,7 @@ POSE[:3, :3] = Rotation.from_rotvec([1.9, -1.1, 0.7]).as_matrix()
 POSE[:3, 3] = [1800.0, -2500.0, 400.0]
 
 
-def worst(result: Identification, data: Dataset, truth: Array) -> float:
+def worst(result: IdentificationFit, data: Dataset, truth: Array) -> float:
     """Largest distance from the truth over all rows, validation rows included, mm."""
     return float(np.linalg.norm(result.predict(data.conditions) - truth, axis=1).max())
 

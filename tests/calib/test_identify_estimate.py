@@ -13,11 +13,11 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from calib import Dataset, Identification, identify, read_dataset
+from calib import Dataset, IdentificationFit, identify, read_dataset
 from calib.arm import Frames
 from calib.array import Array
 from calib.fit.least_squares import usual_sizes
-from calib.model import Design
+from calib.model import BoundModel
 from calib.units import to_internal
 from mocks.campaign import make_campaign
 from tests.calib.campaigns import simulate, write_files
@@ -81,7 +81,7 @@ def test_a_target_on_the_axis_leaves_rank_26(tmp_path: Path) -> None:
     assert any("hardly seen" in w for w in result.warnings)
 
 
-def reference_problem(data: Dataset, result: Identification, *, drop: bool = True) -> dict[str, Any]:
+def reference_problem(data: Dataset, result: IdentificationFit, *, drop: bool = True) -> dict[str, Any]:
     """The fit as a textbook would write it: matrices, loops, derivative by complex numbers."""
     model = result.model
     dropped = {d.name for d in result.dropped} if drop else set()
@@ -185,13 +185,13 @@ def test_no_chain_is_walked_twice_where_the_fit_stands(
     """Clean readings: the start and every step of Gauss-Newton, each once, whoever else looks there."""
     _, data = simulate(tmp_path, seed=3, n=50, n_validation=0, effects=[], repeatability_deg=0.0)
     walked: list[bytes] = []
-    frames = Design.frames
+    frames = BoundModel.frames
 
-    def counted(self: Design, estimate: Array, record: Collection[str] | None = None) -> Frames:
+    def counted(self: BoundModel, estimate: Array, record: Collection[str] | None = None) -> Frames:
         walked.append(estimate.tobytes())
         return frames(self, estimate, record)
 
-    monkeypatch.setattr(Design, "frames", counted)
+    monkeypatch.setattr(BoundModel, "frames", counted)
     result = identify(data)
     assert result.converged
     assert result.faulty_rows == ()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib import Dataset, Identification, identify, read_dataset
+from calib import Dataset, IdentificationFit, identify, read_dataset
 from calib.array import Array
 from mocks.campaign import Campaign, make_campaign
 from tests.calib.campaigns import Row, move_rows, simulate, true_points, write_files
@@ -67,7 +67,7 @@ class TestMetamorphic:
 
     def identified(
         self, folder: Path, rows: list[Row], header: dict[str, Any]
-    ) -> tuple[Dataset, Identification, dict[str, Array]]:
+    ) -> tuple[Dataset, IdentificationFit, dict[str, Array]]:
         data = read_dataset(write_files(folder, rows, header))
         result = identify(data)
         predicted = result.predict(data.conditions)

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calib import DataError, Robot, forward, inverse_kinematics, load_robot
-from calib.arm import BRANCHES, Reached, nearest_branch, nearest_turns, within_limits
+from calib.arm import BRANCHES, BranchResult, nearest_branch, nearest_turns, within_limits
 from calib.arm.inverse_kinematics import arm_of
 from calib.arm.inverse_kinematics.six_axes import structure_of
 from calib.arm.inverse_kinematics.zero_pose import ZeroPose
@@ -93,7 +93,7 @@ def test_a_pose_out_of_reach_says_so_in_every_branch() -> None:
     found = inverse_kinematics(robot, np.vstack([_pose(400.0, 0.0, 400.0), _pose(4000.0, 0.0, 400.0)]))
     assert found.valid[0].all()
     assert not found.valid[1].any()
-    assert set(found.all_of(1)) == {Reached.TOO_FAR}
+    assert set(found.all_of(1)) == {BranchResult.TOO_FAR}
     assert np.all(np.isnan(found.joints[1]))
     assert np.isfinite(found.joints[0]).all()
 
@@ -102,7 +102,7 @@ def test_some_branches_of_a_pose_may_be_out_of_reach() -> None:
     robot = load_robot("fanuc-lrmate200ic")  # axis 2 stands 75 mm before axis 1
     found = inverse_kinematics(robot, forward(robot, np.radians([[0.0, 60.0, -40.0, 10.0, 50.0, 0.0]])))
     assert list(found.valid[0]) == [True] * 4 + [False] * 4
-    assert found.all_of(0)[5] is Reached.TOO_FAR
+    assert found.all_of(0)[5] is BranchResult.TOO_FAR
 
 
 def test_within_its_shoulder_offset_a_ur_does_not_reach() -> None:
@@ -111,19 +111,21 @@ def test_within_its_shoulder_offset_a_ur_does_not_reach() -> None:
     wrist_to_axis = np.hypot(*(pose[0, :2, 3] - robot.d[5] * pose[0, :2, 2]))
     pose[0, :2, 3] += (pose[0, :2, 3] - robot.d[5] * pose[0, :2, 2]) * (80.0 / wrist_to_axis - 1.0)
     found = inverse_kinematics(robot, pose)
-    assert set(found.all_of(0)) == {Reached.TOO_NEAR}
+    assert set(found.all_of(0)) == {BranchResult.TOO_NEAR}
 
 
 @pytest.mark.parametrize(
     ("name", "degrees", "what"),
     [
-        ("abb-irb120", [10.0, 20.0, 30.0, 40.0, 0.0, 60.0], Reached.WRIST),
-        ("ur5", [10.0, -80.0, 70.0, 40.0, 0.0, 60.0], Reached.WRIST),
-        ("ur5", [10.0, -80.0, 0.0, 40.0, 50.0, 60.0], Reached.ELBOW),
-        ("abb-irb120", [10.0, 20.0, STRETCHED, 40.0, 50.0, 60.0], Reached.ELBOW),
+        ("abb-irb120", [10.0, 20.0, 30.0, 40.0, 0.0, 60.0], BranchResult.WRIST),
+        ("ur5", [10.0, -80.0, 70.0, 40.0, 0.0, 60.0], BranchResult.WRIST),
+        ("ur5", [10.0, -80.0, 0.0, 40.0, 50.0, 60.0], BranchResult.ELBOW),
+        ("abb-irb120", [10.0, 20.0, STRETCHED, 40.0, 50.0, 60.0], BranchResult.ELBOW),
     ],
 )
-def test_a_singular_pose_says_so_and_is_still_solved(name: str, degrees: list[float], what: Reached) -> None:
+def test_a_singular_pose_says_so_and_is_still_solved(
+    name: str, degrees: list[float], what: BranchResult
+) -> None:
     robot = load_robot(name)
     joints = np.radians([degrees])
     pose = forward(robot, joints)
@@ -132,7 +134,7 @@ def test_a_singular_pose_says_so_and_is_still_solved(name: str, degrees: list[fl
     assert found.all_of(0)[own] is what
     for solution in found.joints[0][found.valid[0]]:
         np.testing.assert_allclose(forward(robot, solution[None]), pose, atol=1e-7)
-    if what is Reached.WRIST:  # the free joint is the seed's
+    if what is BranchResult.WRIST:  # the free joint is the seed's
         assert apart(found.joints[0, own], joints[0]) < 1e-7
 
 
@@ -146,7 +148,7 @@ def test_above_axis_1_the_shoulder_is_singular_and_theta_1_the_seeds() -> None:
     wrist = pose[0, :3, 3] - 72.0 * pose[0, :3, 2]
     assert np.hypot(wrist[0], wrist[1]) < 1e-9
     found = inverse_kinematics(robot, pose, seed=joints)
-    assert set(found.all_of(0)) == {Reached.SHOULDER}
+    assert set(found.all_of(0)) == {BranchResult.SHOULDER}
     assert np.min(apart(found.joints[0], joints)) < 1e-7
 
 

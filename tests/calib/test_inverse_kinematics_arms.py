@@ -14,7 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from calib.arm.inverse_kinematics import Reached, arm_of, inverse_kinematics, nearest_branch, within_limits
+from calib.arm.inverse_kinematics import (
+    BranchResult,
+    arm_of,
+    inverse_kinematics,
+    nearest_branch,
+    within_limits,
+)
 from calib.arm.kinematics import forward
 from calib.arm.robot import Convention, Robot, load_robot
 from calib.array import Array
@@ -122,7 +128,7 @@ def test_a_pose_that_the_arm_cannot_tilt_to(tmp_path: Path) -> None:
         tilt = np.eye(4)
         tilt[1:3, 1:3] = [[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]]
         found = inverse_kinematics(robot, poses @ tilt)
-        assert set(found.all_of(0)) <= {Reached.TILTED, Reached.TOO_FAR, Reached.TOO_NEAR}
+        assert set(found.all_of(0)) <= {BranchResult.TILTED, BranchResult.TOO_FAR, BranchResult.TOO_NEAR}
         assert not found.valid.any()
 
 

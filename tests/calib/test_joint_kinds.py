@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.arm.kinematics import Chain, Placement, forward, nominal_values, propagate, statics
+from calib.arm.kinematics import BasePoses, Chain, forward, nominal_values, propagate, statics
 from calib.arm.robot import built_in_robots, load_robot
 from calib.array import Array
 from calib.errors import DataError
@@ -30,7 +30,7 @@ def joints_of(robot_lower: tuple[float, ...], robot_upper: tuple[float, ...], n:
 def test_the_chain_and_its_velocities_are_those_of_matrices(name: str, tmp_path: Path) -> None:
     robot = machine(name, tmp_path)
     joints = joints_of(robot.lower, robot.upper, 4)
-    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement())
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), BasePoses())
     slots = list(Chain.of(robot).slots)
     velocities, turnings = frames.velocities(slots), frames.turnings(slots)
     poses = forward(robot, joints)
@@ -147,7 +147,7 @@ def test_parallel_axes_count_alike_in_both_conventions(tmp_path: Path) -> None:
         values = []
         for robot, link in ((modified, one), (standard, other)):
             frames = propagate(
-                Chain.of(robot), {**nominal_values(robot, joints), f"beta{link}": 0.01}, Placement()
+                Chain.of(robot), {**nominal_values(robot, joints), f"beta{link}": 0.01}, BasePoses()
             )
             values.append(frames.axis[f"theta{one}"])
         np.testing.assert_allclose(values[0], values[1], atol=1e-12)
@@ -181,7 +181,7 @@ def test_numbers_that_shift_a_slide_across_are_not_freed(
     free = [f"{kind}{k}" for kind, k in robot.geometric_links]
     assert set(everything) - set(free) == left_out
     outside = [f"{of}.{axis}" for of in ("base", "tool") for axis in ("x", "y", "z", "rx", "ry", "rz")]
-    frames = propagate(Chain.of(robot), {**values, "tool.x": 30.0, "tool.z": 50.0}, Placement())
+    frames = propagate(Chain.of(robot), {**values, "tool.x": 30.0, "tool.z": 50.0}, BasePoses())
 
     def rank(slots: list[str]) -> int:
         columns = np.concatenate([frames.velocities(slots), 300.0 * frames.turnings(slots)], axis=1)

@@ -14,10 +14,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from calib import Dataset, Identification, identify
+from calib import Dataset, IdentificationFit, identify
 from calib.arm.start import align
 from calib.fit import readings_of
-from calib.model import Design, RobotModel
+from calib.model import BoundModel, ModelStructure
 from tests.benchmarks.coverage import ROBOT
 from tests.calib.cells import ALL, NOISE, POSE, Cell
 from tests.calib.chain import chain
@@ -25,7 +25,7 @@ from tests.calib.chain import chain
 Array = NDArray[np.float64]
 
 
-def miss(cell: Cell, data: Dataset, result: Identification, *, aligned: bool = False) -> Array:
+def miss(cell: Cell, data: Dataset, result: IdentificationFit, *, aligned: bool = False) -> Array:
     """(n,) distances from the truth, mm; aligned: behind a rigid motion, where the world has none of its own."""
     found, true = result.predict(data.conditions), np.array(cell.points)
     if aligned:
@@ -38,7 +38,7 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def dropped(result: Identification) -> set[str]:
+def dropped(result: IdentificationFit) -> set[str]:
     return {drop.name for drop in result.dropped}
 
 
@@ -60,7 +60,7 @@ class TestPoses:
             "the tool's frame shares turn and length with link 6"
         )
         assert miss(cell, data, result).max() < 1e-6
-        found = Design(result.model, data.conditions).frames(result.estimate).rotation
+        found = BoundModel(result.model, data.conditions).frames(result.estimate).rotation
         off = Rotation.from_matrix(found) * Rotation.from_matrix(np.array(cell.turns)).inv()
         assert off.magnitude().max() < 1e-9
 
@@ -203,13 +203,14 @@ class TestMixed:
         cell = self.campaign(NOISE)
         noise = {"kind": "isotropic", "sigma_mm": 0.03, "rotation_mrad": 0.1, "length_mm": 0.01}
         data = cell.dataset(tmp_path, world="nominal", noise=noise | {"repeatability_deg": 0.01})
-        model = RobotModel(
+        model = ModelStructure(
             ROBOT, (), {s: data.header.targets_of(s) for s in data.conditions.series_names},
             anchors=data.header.base_targets,
         )  # fmt: skip
         readings = readings_of(data, data.fit_rows, model, np.zeros(0))
         got = np.sum(
-            readings.observed.residual(Design(model, readings.conditions).frames(np.zeros(0))) ** 2, axis=0
+            readings.observed.residual(BoundModel(model, readings.conditions).frames(np.zeros(0))) ** 2,
+            axis=0,
         )
         for i in range(0, len(readings.rows), 7):
             row = readings.rows[i]

@@ -17,10 +17,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calib import Robot, forward, load_robot
-from calib.arm import Chain, Placement, gravity_torques, nominal_values, propagate
+from calib.arm import BasePoses, Chain, gravity_torques, nominal_values, propagate
 from calib.array import Array
 from calib.data import Conditions
-from calib.model import Design, RobotModel, base_model
+from calib.model import BoundModel, ModelStructure, base_model
 from tests.calib.campaigns import conditions_of
 from tests.calib.chain import chain
 
@@ -81,13 +81,13 @@ def test_thesis_vectors(case: str) -> None:
         effects = base_model.build(
             ("base", "geometry", "compliance"), robot, ("main",), (dict.fromkeys(targets, False),)
         )
-        model = RobotModel(robot, effects, {"main": targets})  # pyright: ignore[reportArgumentType]
+        model = ModelStructure(robot, effects, {"main": targets})  # pyright: ignore[reportArgumentType]
         assert len(model.parameters) == 31
         estimate = np.zeros(31)
         given = v.get("p31", [0.0] * 31)
         for name, value in zip(THESIS["param_names"], given, strict=True):
             estimate[model.index[our_name(name)]] = value
-        design = Design(model, conditions)
+        design = BoundModel(model, conditions)
         predicted, rotation = design.predict(estimate), design.frames(estimate).rotation
         expected = np.array(v["T_world_flange"])
         np.testing.assert_allclose(predicted[0], expected[:3, 3], rtol=0.0, atol=tolerance["pos_mm"])
@@ -180,7 +180,7 @@ def test_the_chain_agrees_with_matrices(name: str, seed: int) -> None:
     add = {slot: float(rng.uniform(-0.3, 0.3) * (1.0 if m.turns else 10.0)) for slot, m in slots.items()}
     nominal = nominal_values(robot, joints)
     frames = propagate(
-        Chain.of(robot), {s: nominal.get(s, 0.0) + v for s, v in add.items()}, Placement(), station
+        Chain.of(robot), {s: nominal.get(s, 0.0) + v for s, v in add.items()}, BasePoses(), station
     )
     for i, q in enumerate(joints):
         expected = chain(robot, q, add, station=station).real
@@ -199,7 +199,7 @@ def test_every_twist_is_the_derivative_of_its_slot(name: str) -> None:
     add = {slot: float(rng.uniform(-0.2, 0.2) * (1.0 if m.turns else 10.0)) for slot, m in slots.items()}
     nominal = nominal_values(robot, joints)
     frames = propagate(
-        Chain.of(robot), {s: nominal.get(s, 0.0) + v for s, v in add.items()}, Placement(), station
+        Chain.of(robot), {s: nominal.get(s, 0.0) + v for s, v in add.items()}, BasePoses(), station
     )
     h = 1e-30
     for slot in slots:
@@ -216,7 +216,7 @@ def test_every_twist_is_the_derivative_of_its_slot(name: str) -> None:
 def test_d1_of_the_thesis_stands_before_the_base_rotations() -> None:
     robot = load_robot("abb-irb120")
     lean = {**nominal_values(robot, np.zeros((1, 6))), "base.rx": 0.1}
-    frames = propagate(Chain.of(robot), lean, Placement())
+    frames = propagate(Chain.of(robot), lean, BasePoses())
     foot = frames.link_frames[0][3][:, 0]
     np.testing.assert_allclose(foot, [0.0, 0.0, 290.0], atol=1e-12)
 

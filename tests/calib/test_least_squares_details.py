@@ -12,8 +12,8 @@ import pytest
 from calib.data.spans import Span
 from calib.fit.least_squares import (
     MAX_ITERATIONS,
-    Dropped,
-    Ending,
+    DroppedParameter,
+    FitTermination,
     _back,
     _cost,
     _normal_factor,
@@ -55,7 +55,7 @@ def test_estimate_covariance_and_cost_are_those_of_the_normal_equations(scale: f
 
     found = solve(start, np.ones(4, dtype=bool), weights=weights, scale=scale)
 
-    assert (found.ending, found.iterations) == (Ending.CONVERGED, 2)
+    assert (found.ending, found.iterations) == (FitTermination.CONVERGED, 2)
     np.testing.assert_allclose(found.estimate, np.linalg.solve(normal, right), rtol=1e-10)
     covariance = np.linalg.inv(normal)
     np.testing.assert_allclose(found.covariance, covariance, rtol=1e-9)
@@ -132,14 +132,14 @@ def test_converged_is_a_step_of_two_percent_of_the_standard_error(
 ) -> None:
     """Of noise that is no smaller than declared."""
     found = solve(one(0.0, 1.0, away), ACTIVE, scale=scale)
-    assert (found.ending, found.iterations) == (Ending.CONVERGED, steps)
+    assert (found.ending, found.iterations) == (FitTermination.CONVERGED, steps)
 
 
 def test_a_fit_takes_no_more_steps_than_it_may() -> None:
     """Every step goes a tenth of the way."""
     start = one(0.0, 10.0, 1e6)
     found = solve(start, ACTIVE)
-    assert (found.ending, found.iterations) == (Ending.ROUNDS, MAX_ITERATIONS)
+    assert (found.ending, found.iterations) == (FitTermination.ROUNDS, MAX_ITERATIONS)
     assert MAX_ITERATIONS == 50
     assert found.estimate[0] == pytest.approx(1e6 * 0.9**50)
     assert solve(start, ACTIVE, max_iterations=1).estimate[0] == pytest.approx(9e5)
@@ -157,7 +157,7 @@ def test_a_step_that_makes_it_worse_is_damped() -> None:
     once = solve(start, ACTIVE, max_iterations=1)
     assert once.estimate[0] == pytest.approx(2.0 - 2.5 * np.arctan(2.0))
     found = solve(start, ACTIVE)
-    assert found.ending is Ending.CONVERGED
+    assert found.ending is FitTermination.CONVERGED
     assert abs(found.estimate[0]) < 1e-3
 
 
@@ -165,7 +165,7 @@ def test_a_prior_alone_can_make_a_step_worth_while() -> None:
     """The readings are content with the start; the way to the prior raises their share of the cost."""
     model = toy_model([parameter("x", 0.5)])
     found = solve(linear(model, np.ones((1, 1)), np.array([[8.0]]), np.array([8.0])), ACTIVE)
-    assert found.ending is Ending.CONVERGED
+    assert found.ending is FitTermination.CONVERGED
     assert found.estimate[0] == pytest.approx(8.0 / 5.0)
 
 
@@ -173,7 +173,7 @@ def test_a_step_is_damped_to_a_ten_thousandth_and_no_more() -> None:
     found = solve(one(0.0, 2.0**-11.3, 1.0), ACTIVE, max_iterations=1)
     assert found.estimate[0] == pytest.approx(1.0 - 2.0**11.3 / 10_001)
     stuck = solve(one(0.0, 2.0**-14.3, 1.0), ACTIVE)
-    assert (stuck.ending, stuck.estimate[0]) == (Ending.NO_DESCENT, 1.0)
+    assert (stuck.ending, stuck.estimate[0]) == (FitTermination.NO_DESCENT, 1.0)
 
 
 def test_a_cost_that_is_the_same_is_no_reason_to_damp() -> None:
@@ -183,7 +183,7 @@ def test_a_cost_that_is_the_same_is_no_reason_to_damp() -> None:
 def test_a_step_too_small_to_be_judged_is_taken() -> None:
     """Uphill by the derivative's wrong sign: small beside the standard error, or beside the rounding of the cost."""
     small = solve(one(0.0, -1.0, 0.015), ACTIVE)
-    assert (small.ending, small.estimate[0]) == (Ending.CONVERGED, pytest.approx(0.03))
+    assert (small.ending, small.estimate[0]) == (FitTermination.CONVERGED, pytest.approx(0.03))
     drowned = solve(one(0.0, -1.0, 80.0, beside=1e8), ACTIVE, max_iterations=1)
     assert drowned.estimate[0] == pytest.approx(160.0)
     judged = solve(one(0.0, -1.0, 120.0, beside=1e8), ACTIVE, max_iterations=1)
@@ -198,8 +198,8 @@ def test_sizes_of_what_is_dropped_add_to_those_that_stand_in() -> None:
         parameter("c", 0.5),
     ]
     model = toy_model([*of, parameter("gone", 2.0), parameter("free")])
-    gone = Dropped("gone", ("a",), (("a", 2.0), ("known", 5.0), ("c", 1.0)))
-    free = Dropped("free", ("b",), (("b", 0.0),))
+    gone = DroppedParameter("gone", ("a",), (("a", 2.0), ("known", 5.0), ("c", 1.0)))
+    free = DroppedParameter("free", ("b",), (("b", 0.0),))
     np.testing.assert_allclose(
         usual_sizes(model, [gone, free]), [5.0, 2.0, 1.0, np.sqrt(0.25 + 4.0), 2.0, np.inf]
     )

@@ -16,12 +16,12 @@ import pytest
 from calib.data import Dataset, Noise, read_dataset
 from calib.errors import DataError
 from calib.fit import identify
-from calib.fit.identification import Identification
+from calib.fit.identification import IdentificationFit
 from calib.fit.readings import linearised, readings_of
-from calib.saved import SavedModel, as_saved, load_model, save_model
+from calib.saved import CalibratedModel, as_saved, load_model, save_model
 from calib.saved.left_open import LeftOpen
 from calib.units import DEG
-from calib.watch import Seen, judge, updated
+from calib.watch import WhitenedReadings, judge, updated
 from calib.watch.cause import fitted
 from calib.watch.judge import odds_of
 from calib.watch.seen import frame_covariance
@@ -49,16 +49,16 @@ def data_of(world: World, folder: Path, n: int, seed: int) -> Dataset:
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> Identification:
+def found(tmp_path_factory: pytest.TempPathFactory) -> IdentificationFit:
     return identify(data_of(worn(WORN), tmp_path_factory.mktemp("worn"), 51, 1))
 
 
 @pytest.fixture(scope="module")
-def saved(found: Identification) -> SavedModel:
+def saved(found: IdentificationFit) -> CalibratedModel:
     return as_saved(found)
 
 
-def test_it_is_what_a_fit_of_everything_at_once_leaves_open(found: Identification) -> None:
+def test_it_is_what_a_fit_of_everything_at_once_leaves_open(found: IdentificationFit) -> None:
     left = LeftOpen.of(found)
     model = found.model.append(*(effect.apart("open") for effect in left.effects))
     m, noise = len(found.estimate), max(found.noise_scale, 1.0)
@@ -87,25 +87,25 @@ def test_it_is_what_a_fit_of_everything_at_once_leaves_open(found: Identificatio
     )
 
 
-def test_play_that_the_calibration_did_not_see_is_no_news(saved: SavedModel, tmp_path: Path) -> None:
+def test_play_that_the_calibration_did_not_see_is_no_news(saved: CalibratedModel, tmp_path: Path) -> None:
     watch = data_of(worn(WORN), tmp_path, 120, 9)
-    assert judge(Seen.of(saved, watch)).kind == "unchanged"
+    assert judge(WhitenedReadings.of(saved, watch)).kind == "unchanged"
     believed = replace(saved, left_open=None, noise_scale=1.0)
-    assert judge(Seen.of(believed, watch)).kind != "unchanged"
+    assert judge(WhitenedReadings.of(believed, watch)).kind != "unchanged"
 
 
-def test_a_change_is_added_to_what_was_left_open(saved: SavedModel, tmp_path: Path) -> None:
+def test_a_change_is_added_to_what_was_left_open(saved: CalibratedModel, tmp_path: Path) -> None:
     watch = data_of(worn({**WORN, "j2": 0.06}), tmp_path, 120, 9)
-    seen = Seen.of(saved, watch)
+    seen = WhitenedReadings.of(saved, watch)
     effect = next(e for e in seen.causes if e.label == "backlash:j2")
     cause = fitted(seen, effect, odds_of(seen)[0])
     assert cause.values[0] / DEG == pytest.approx(0.058, abs=0.006)
     model, estimate, covariance = updated(saved, seen, cause)
     after = replace(saved, model=model, estimate=estimate, covariance=covariance)
-    assert judge(Seen.of(after, watch)).kind == "unchanged"
+    assert judge(WhitenedReadings.of(after, watch)).kind == "unchanged"
 
 
-def test_the_file_keeps_it_and_refuses_what_it_cannot_be(found: Identification, tmp_path: Path) -> None:
+def test_the_file_keeps_it_and_refuses_what_it_cannot_be(found: IdentificationFit, tmp_path: Path) -> None:
     file = tmp_path / "m.json"
     save_model(file, found)
     read, made = load_model(file), as_saved(found)
@@ -190,12 +190,12 @@ def test_readings_that_the_fit_has_not_seen_show_what_it_took_on(tmp_path: Path)
     assert off[1] < 0.15 < off[0]
 
 
-def test_readings_without_a_clock_are_judged(saved: SavedModel, tmp_path: Path) -> None:
+def test_readings_without_a_clock_are_judged(saved: CalibratedModel, tmp_path: Path) -> None:
     """A drift of the calibration's instrument may have been left open; a watch by touch has no times."""
     watch = data_of(worn(WORN), tmp_path, 30, 9)
     nothing = np.full(len(watch), np.nan)
     watch = replace(watch, conditions=replace(watch.conditions, time=nothing, temperature=nothing))
-    assert np.all(np.isfinite(Seen.of(saved, watch).spread()))
+    assert np.all(np.isfinite(WhitenedReadings.of(saved, watch).spread()))
 
 
 def test_nests_in_a_line_span_no_frame() -> None:

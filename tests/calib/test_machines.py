@@ -13,12 +13,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib import DataError, Dataset, Diagnosis, Robot, StatedConditions, load_model, read_dataset, save_model
+from calib import (
+    DataError,
+    Dataset,
+    DiagnosisFit,
+    Robot,
+    StatedConditions,
+    load_model,
+    read_dataset,
+    save_model,
+)
 from calib.data import Conditions
 from calib.diagnose import diagnose
 from calib.effects import LIBRARY, Survey, offers, words_of
 from calib.fit import errors_on
-from calib.model import RobotModel, check_effect, conditions_at
+from calib.model import ModelStructure, check_effect, conditions_at
 from calib.scan import Candidate
 from tests.benchmarks.machines import CASES, NOISE_MM, simulated
 from tests.calib.machines import machine
@@ -32,7 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def track(folder: Path) -> Diagnosis:
+def track(folder: Path) -> DiagnosisFit:
     return diagnose(simulated(CASE["crooked rail"], 0, folder, 200, 150).dataset)
 
 
@@ -41,12 +50,12 @@ def scara(folder: Path) -> Dataset:
     return simulated(CASE["scale of the quill"], 0, folder, 120, 80).dataset
 
 
-def over_floor(dataset: Dataset, found: Diagnosis) -> float:
+def over_floor(dataset: Dataset, found: DiagnosisFit) -> float:
     errors = errors_on(dataset, dataset.validation_rows, found.final.model, found.final.estimate)
     return float(np.sqrt(np.mean(errors**2) / 3.0)) / NOISE_MM
 
 
-def test_a_crooked_rail_is_named_and_corrected(track: Diagnosis) -> None:
+def test_a_crooked_rail_is_named_and_corrected(track: DiagnosisFit) -> None:
     assert [found.effect.label for found in track.effects] == ["slide_straightness:e1"]
     assert (
         over_floor(track.dataset, track) < 1.12
@@ -61,16 +70,16 @@ def test_the_scale_of_a_quill_is_named_and_corrected(scara: Dataset) -> None:
     assert over_floor(scara, found) < 1.15
 
 
-def test_a_model_file_keeps_what_its_joints_do(track: Diagnosis, folder: Path) -> None:
+def test_a_model_file_keeps_what_its_joints_do(track: DiagnosisFit, folder: Path) -> None:
     save_model(folder / "track.json", track.final)
     robot = load_model(folder / "track.json", robot_file=folder / "track.toml").model.robot
     assert robot == track.final.model.robot
     assert robot.joint_columns[0] == "e1_mm"
 
 
-def situation(robot: Robot) -> tuple[RobotModel, Conditions]:
+def situation(robot: Robot) -> tuple[ModelStructure, Conditions]:
     """A model without effects, and poses under which every effect of a slide does something."""
-    model = RobotModel(robot, (), {"main": {"T": (40.0, 20.0, 90.0)}})
+    model = ModelStructure(robot, (), {"main": {"T": (40.0, 20.0, 90.0)}})
     rng = np.random.default_rng(2)
     joints = rng.uniform(robot.lower, robot.upper, (40, robot.joints)) * 0.9
     drawn = conditions_at(model, joints, StatedConditions(gravity=(1.0, -2.0, -9.5)), "T")

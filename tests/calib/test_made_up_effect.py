@@ -14,10 +14,10 @@ import pytest
 from calib import Dataset, effects, identify, load_robot
 from calib.diagnose import diagnose, later_visits, separating
 from calib.diagnose.select import refine, refit
-from calib.effects import LIBRARY, Kind, Survey, check_of, offers
+from calib.effects import LIBRARY, EffectKind, Survey, check_of, offers
 from calib.effects.thermal import warm_up
-from calib.model import Design, Effect, check_effect, effect
-from calib.model.regressors import Cosine, Side, Sine
+from calib.model import BoundModel, Effect, check_effect, effect
+from calib.model.regressors import ApproachSide, Cosine, Sine
 from calib.scan import Candidate, Harmonics, Scores, Space
 from calib.scan.scores import FamilyScores
 from calib.units import DEG
@@ -30,7 +30,7 @@ APART = "lean on the arm while it is measured."
 
 def leaning_axis(joint: int) -> Effect:
     """The axis of a joint leans to the side from which it comes; parameter lean, deg."""
-    acts = {"lean": ("deg", 0.1, [(f"alpha{joint}", Side(joint))])}
+    acts = {"lean": ("deg", 0.1, [(f"alpha{joint}", ApproachSide(joint))])}
     return effect(f"leaning_axis:j{joint}", "structure", "robot", f"Axis {joint} leans with its side.", acts)
 
 
@@ -40,7 +40,7 @@ def offer(survey: Survey) -> list[Candidate]:
 
 
 FILE = SimpleNamespace(
-    KINDS=(Kind("leaning_axis", "Push the arm across axis {joint} and read a dial gauge.", (APART,)),),
+    KINDS=(EffectKind("leaning_axis", "Push the arm across axis {joint} and read a dial gauge.", (APART,)),),
     offer=offer,
 )
 
@@ -51,7 +51,7 @@ def leaning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Dataset:
     monkeypatch.setattr(effects, "LIBRARY", (*LIBRARY, FILE))
     _, data = simulate(tmp_path, seed=5, n=120, n_validation=0, effects=[])
     fitted = identify(data)
-    design = Design(fitted.model.append(leaning_axis(3)), data.conditions)
+    design = BoundModel(fitted.model.append(leaning_axis(3)), data.conditions)
     none, some = np.append(fitted.estimate, 0.0), np.append(fitted.estimate, 0.03 * DEG)
     return replace(data, points=data.points + design.predict(some) - design.predict(none))
 
@@ -127,12 +127,12 @@ def test_a_harmonic_of_any_joint_on_any_slot_is_found_and_its_order_refined(
         f"wobble:{slot}-j{joint}", joint, ((slot, 1.0),), orders, partial(wobble, slot, joint), 0.5
     )
     file = SimpleNamespace(
-        KINDS=(Kind("wobble", "Look at the bearing of the axis.", ()),), offer=lambda survey: [family]
+        KINDS=(EffectKind("wobble", "Look at the bearing of the axis.", ()),), offer=lambda survey: [family]
     )
     monkeypatch.setattr(effects, "LIBRARY", (*LIBRARY, file))
     _, data = simulate(tmp_path, seed=6, n=150, n_validation=0, effects=[])
     fitted = identify(data)
-    design = Design(fitted.model.append(wobble(slot, joint, 4.6)), data.conditions)
+    design = BoundModel(fitted.model.append(wobble(slot, joint, 4.6)), data.conditions)
     none, some = np.append(fitted.estimate, [0.0, 0.0]), np.append(fitted.estimate, [0.05 * DEG, 0.02 * DEG])
     moved = replace(data, points=data.points + design.predict(some) - design.predict(none))
     (found,) = (each.effect for each in diagnose(moved).effects)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from calib.fit import identify
 from calib.saved import as_saved
 from calib.units import DEG
-from calib.watch import Seen, missed
+from calib.watch import WhitenedReadings, missed
 from calib.watch.seen import frame_covariance
 from tests.benchmarks.coverage import KINDS, simulate
 
@@ -35,7 +35,7 @@ def test_u_is_what_noise_and_frame_do_to_the_rms(name: str) -> None:
         conditions=replace(data.conditions, joints=joints),
         header=replace(data.header, nests=nests),
     )
-    seen = Seen.of(baseline, data)
+    seen = WhitenedReadings.of(baseline, data)
     found = missed(seen, data)
     noise, rng, drawn = data.header.noise, np.random.default_rng(1), []
     frame = frame_covariance(nests, noise, seen.model.station)

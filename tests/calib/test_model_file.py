@@ -16,7 +16,7 @@ from calib import DataError, Dataset, identify, load_model, read_dataset, save_m
 from calib.arm.kinematics import statics
 from calib.arm.robot import BUILT_IN, Load
 from calib.diagnose import diagnose
-from calib.model import Design
+from calib.model import BoundModel
 from calib.saved import as_saved, save_update
 from mocks.campaign import make_campaign
 from tests.calib.campaigns import simulate, write_files
@@ -30,7 +30,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> str:
     assert len(result.effects) == 2
     save_model(folder / "model.json", result.final, result)
     model = load_model(folder / "model.json")
-    predicted = Design(model.model, data.conditions).predict(model.estimate)
+    predicted = BoundModel(model.model, data.conditions).predict(model.estimate)
     np.testing.assert_allclose(predicted, result.final.predict(data.conditions), rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(model.covariance, result.final.covariance, rtol=1e-9)
     assert model.model.effects == result.final.model.effects
@@ -90,7 +90,9 @@ def test_it_holds_the_robot_it_was_fitted_with(tmp_path: Path) -> None:
     assert back.model.robot == data.header.robot
     assert back.loads == data.header.loads
     np.testing.assert_allclose(
-        Design(back.model, data.conditions).predict(back.estimate), result.predict(data.conditions), atol=1e-9
+        BoundModel(back.model, data.conditions).predict(back.estimate),
+        result.predict(data.conditions),
+        atol=1e-9,
     )
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from calib import DataError, load_robot
 from calib.motion import JointStream, PointStream, align, read_joints, read_points
-from calib.motion.arm import Arm
+from calib.motion.arm import AlignedArm
 from calib.motion.solve import Solve
 from tests.calib.machines import machine
 from tests.calib.moving import TOOL, Moving, simulate, write_robot, write_tracker
@@ -53,7 +53,7 @@ def test_stretches_without_a_move_say_nothing_of_the_clocks() -> None:
     found = align(ROBOT, joints, tracker(moving), TOOL)
     assert np.isinf(found.clocks.step_at)
     assert abs(found.clocks.offset - moving.offset) < 4.0 * found.u_offset < 1e-3
-    arm = Arm(ROBOT, np.eye(4), np.array(TOOL), tool_known=False)
+    arm = AlignedArm(ROBOT, np.eye(4), np.array(TOOL), tool_known=False)
     solve = Solve(arm, joints, moving.points, moving.tracker_time)
     begins, _ = solve.offsets(found.clocks, np.zeros(len(arm.terms)))
     assert 5 < len(begins) < 30  # of sixty

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from calib import load_robot
 from calib.arm.kinematics import ANCHOR, FRAME, LENGTH_ZERO
 from calib.data.noise import whitener
-from calib.model import Design, RobotModel, effect
+from calib.model import BoundModel, ModelStructure, effect
 from calib.model.observations import Observations
 from calib.model.regressors import Constant
 from tests.calib.campaigns import conditions_of
@@ -35,7 +35,7 @@ class Situation:
         self.conditions = conditions_of(robot, rng.uniform(-2.0, 2.0, (n, robot.joints)), seed)
         anchors = {"B1": (900.0, 100.0, 0.0), "B2": (-400.0, 800.0, 50.0)}
         targets = {"T1": (0.0, 0.0, 125.0), "T2": (75.0, 93.0, 215.0)}
-        bare = RobotModel(
+        bare = ModelStructure(
             robot,
             (),
             {"day": targets, "night": targets},
@@ -48,7 +48,7 @@ class Situation:
         acts = {f"p{i}": ("", None, [(slot, Constant())]) for i, slot in enumerate(self.slots)}
         self.model = replace(bare, effects=(effect("all", "base model", "robot", "Everything moves.", acts),))
         self.estimate = rng.uniform(-0.1, 0.1, len(self.slots))
-        self.design = Design(self.model, self.conditions)
+        self.design = BoundModel(self.model, self.conditions)
         frames = self.design.frames(self.estimate)
         off = Rotation.from_rotvec(rng.uniform(-1.6, 1.6, (n, 3))).as_matrix()  # up to 2.8 rad off
         off[0] = np.eye(3)
@@ -137,7 +137,7 @@ class TestRows:
         s = Situation(name)
         keep = np.array([7, 1, 4])
         few = s.observed.take(keep)
-        frames = Design(s.model, s.conditions.take(keep)).frames(s.estimate)
+        frames = BoundModel(s.model, s.conditions.take(keep)).frames(s.estimate)
         np.testing.assert_allclose(few.residual(frames), s.residual(s.estimate)[:, keep], atol=1e-9)
         assert (few.count, few.size, s.observed.count) == (7 + 4 + 1, 21, 7 * 12 - 3 - 3 - 1 - 6 - 4)
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib import DataError, Identification, identify
+from calib import DataError, IdentificationFit, identify
 from calib.arm.start import align
-from calib.fit import Offset, judge_points, offsets_of
+from calib.fit import TargetOffset, judge_points, offsets_of
 from tests.benchmarks.nests import data_sets, example, judged_mm, study, truth_of
 from tests.calib.cells import NOISE, POSE, Cell
 
@@ -29,13 +29,13 @@ class Declared:
         self.cell.measure("l", 200, noise=NOISE, validation=0)
         self.declared = {b: p + self.cell.rng.normal(0.0, U_MM, 3) for b, p in self.cell.base_targets.items()}
 
-    def identified(self, folder: Path, **more: Any) -> Identification:
+    def identified(self, folder: Path, **more: Any) -> IdentificationFit:
         places = {b: p.tolist() for b, p in self.declared.items()}
         header = {"base_targets": places, "base_targets_u_mm": U_MM} | more
         return identify(self.cell.dataset(folder, **header))
 
 
-def named(found: Identification) -> dict[str, Offset]:
+def named(found: IdentificationFit) -> dict[str, TargetOffset]:
     return {offset.name: offset for offset in offsets_of(found)}
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib import Diagnosis, identify, load_robot
+from calib import DiagnosisFit, identify, load_robot
 from calib.diagnose import diagnose
 from calib.diagnose.select import judge, refit
 from calib.effects import Survey, offers
@@ -28,7 +28,7 @@ from tests.calib.campaigns import simulate
 LAG = {"settling:j4", "lost_motion:j4"}
 
 
-def classes(result: Diagnosis) -> list[dict[str, float]]:
+def classes(result: DiagnosisFit) -> list[dict[str, float]]:
     return [f.evidence.candidates for f in result.effects]
 
 

@@ -13,8 +13,8 @@ import pytest
 
 from calib import DataError, Dataset, choose, identify, save_model
 from calib.data import Noise
-from calib.fit.of_type import MOST_OUTSIDE, Found, TypePrior
-from calib.prior import Member, learn, load_prior, save_prior
+from calib.fit.of_type import MOST_OUTSIDE, TypeEffect, TypePrior
+from calib.prior import TypeMember, learn, load_prior, save_prior
 from calib.prior.reml import hierarchy
 from calib.saved import as_saved
 from calib.saved.model_checks import content_hash
@@ -46,8 +46,8 @@ def new_robot(kind: Type, seed: int = 3, /, **off: float) -> Dataset:
     return data_of(CELL, kind.robot(np.random.default_rng(seed), off), seed)[0]
 
 
-def members_of(folder: Path) -> list[Member]:
-    return [Member.read(folder / f"{i}.json") for i in range(ROBOTS)]
+def members_of(folder: Path) -> list[TypeMember]:
+    return [TypeMember.read(folder / f"{i}.json") for i in range(ROBOTS)]
 
 
 def test_mean_and_spread_of_values_known_alike_are_those_of_the_books() -> None:
@@ -110,7 +110,7 @@ def test_a_robot_that_knew_the_type_teaches_what_its_readings_alone_say(kind: Ty
     dataset = new_robot(kind)
     names = list(prior.shares)
     plain, beside = (
-        Member(Path("m.json"), "", as_saved(found)).told(names)
+        TypeMember(Path("m.json"), "", as_saved(found)).told(names)
         for found in (identify(dataset), identify(dataset, prior=prior))
     )
     size = np.sqrt(np.diag(plain[0]))
@@ -178,7 +178,11 @@ def test_a_robot_that_is_no_member_is_fitted_without_its_type(kind: Type, prior:
 def test_what_is_frequent_in_a_type_takes_half_of_the_tries(prior: TypePrior) -> None:
     often = replace(
         prior,
-        found=(Found("backlash:j4", {}, 6), Found("periodic:j2:n2", {"order": 2.0}, 2), Found("x", {}, 0)),
+        found=(
+            TypeEffect("backlash:j4", {}, 6),
+            TypeEffect("periodic:j2:n2", {"order": 2.0}, 2),
+            TypeEffect("x", {}, 0),
+        ),
     )
     assert [(e.label, e.share) for e in often.expected] == [("backlash:j4", 0.375), ("periodic:j2:n2", 0.125)]
     assert prior.expected == ()
@@ -281,7 +285,7 @@ def test_models_that_cannot_be_learnt_from_are_refused(
         learn([members[0], older, *members[2:]])
     lean = identify(new_robot(kind), groups=("base", "geometry", "parallel_twist"))
     save_model(tmp_path / "lean.json", lean)
-    found = learn([*members, Member.read(tmp_path / "lean.json")])
+    found = learn([*members, TypeMember.read(tmp_path / "lean.json")])
     assert [name for name, _ in found.left_out] == ["lean.json"]
     assert "compliance" in found.left_out[0][1]
     save_prior(tmp_path / "p.json", found)

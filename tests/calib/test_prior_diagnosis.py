@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib import Dataset, Diagnosis, identify, load_robot
+from calib import Dataset, DiagnosisFit, identify, load_robot
 from calib.arm.robot import robot_hash
-from calib.diagnose import Found as Named
+from calib.diagnose import DiagnosedEffect as Named
 from calib.diagnose import diagnose
 from calib.diagnose.diagnosis import in_type
 from calib.effects import Survey, offers
 from calib.fit.identify import fit_plain
-from calib.fit.of_type import Beside, Found, Share, TypePrior
+from calib.fit.of_type import TypeEffect, TypeFit, TypeParameter, TypePrior
 from calib.scan import Scores, Space
 from calib.scan.families import StepScores
 from tests.calib.campaigns import simulate
@@ -34,9 +34,9 @@ def prior_of(gap_deg: float, spread_deg: float = SPREAD) -> TypePrior:
         robot_sha256=robot_hash(robot),
         coupling="none",
         groups=GROUPS,
-        shares={GAP: Share(GAP, "deg", gap_deg, spread_deg)},
+        shares={GAP: TypeParameter(GAP, "deg", gap_deg, spread_deg)},
         redundant=(),
-        found=(Found("backlash:j4", {}, 30), Found("periodic:j2:n2", {"order": 2.0}, 10)),
+        found=(TypeEffect("backlash:j4", {}, 30), TypeEffect("periodic:j2:n2", {"order": 2.0}, 10)),
         robots=30,
         sha256="",
     )
@@ -48,7 +48,7 @@ class Case:
 
     dataset: Dataset
     centre_deg: float
-    diagnosis: Diagnosis
+    diagnosis: DiagnosisFit
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +103,7 @@ def test_an_effect_that_was_found_is_weighed_with_its_type(case: Case) -> None:
 
 def test_an_effect_outside_the_type_keeps_the_size_that_the_readings_say(case: Case) -> None:
     value, error = without(case)
-    beside = Beside(prior_of(value + 30.0 * error))
+    beside = TypeFit(prior_of(value + 30.0 * error))
     final, found = in_type(case.dataset, case.diagnosis.final, beside, [*case.diagnosis.effects], refit=True)
     assert final.beside is not None
     # the usual size of play is that of the library again, as the effect was found

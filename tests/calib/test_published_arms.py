@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from calib.arm.inverse_kinematics import BRANCHES, inverse_kinematics
-from calib.arm.kinematics import Chain, Placement, forward, nominal_values, propagate
+from calib.arm.kinematics import BasePoses, Chain, forward, nominal_values, propagate
 from calib.arm.robot import Robot, built_in_robots, load_robot
 from calib.array import Array
 from calib.validation.judge import branches
@@ -48,7 +48,7 @@ def test_the_table_stands_where_the_published_chain_stands(name: str) -> None:
 def test_masses_ride_where_the_published_masses_ride(name: str) -> None:
     robot, published = load_robot(name), PUBLISHED[name]
     joints = controller_joints(robot, 3, 2)
-    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement()).link_frames
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), BasePoses()).link_frames
     assert [(load.link, load.mass_kg) for load in robot.loads] == [
         (k, mass) for k, (mass, _) in enumerate(published.masses, start=1)
     ]

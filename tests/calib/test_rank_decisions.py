@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from calib.data.spans import Span
-from calib.fit.least_squares import Dropped, _enough_numbers, find_dependent
+from calib.fit.least_squares import DroppedParameter, _enough_numbers, find_dependent
 from tests.calib.toy import columns_of, linear, parameter, toy, toy_model
 
 RNG = np.random.default_rng(6)
@@ -95,7 +95,7 @@ def test_a_column_is_dependent_below_one_part_in_ten_million(left: float, stays:
 def test_a_parameter_that_moves_nothing_is_confounded_with_none(length, size, stays) -> None:
     kept, gone = decided(toy_model([parameter("a"), parameter("b", size)]), AXES[:, 0], length * AXES[:, 1])
     assert kept == (["a", "b"] if stays else ["a"])
-    assert list(gone.values()) == ([] if stays else [Dropped("b", ())])
+    assert list(gone.values()) == ([] if stays else [DroppedParameter("b", ())])
 
 
 def test_one_that_moves_nothing_beside_one_that_is_confounded() -> None:
@@ -103,7 +103,7 @@ def test_one_that_moves_nothing_beside_one_that_is_confounded() -> None:
     kept, gone = decided(model, 0.0 * AXES[:, 0], AXES[:, 1], AXES[:, 1])
     assert kept == ["b"]
     assert list(gone) == ["a", "c"]
-    assert gone["a"] == Dropped("a", ())
+    assert gone["a"] == DroppedParameter("a", ())
     assert gone["c"].confounded_with == ("b",)
 
 
@@ -152,7 +152,7 @@ def test_what_was_settled_is_not_overturned() -> None:
     model = toy_model([parameter("a", 1.0), parameter("b", 1.0), parameter("c", 1.0, base=False)])
     columns = (AXES[:, 0], AXES[:, 1], 100.0 * AXES[:, 0])
     assert decided(model, *columns)[0] == ["b", "c"]
-    before = Dropped("b", ("elsewhere",), (("a", 7.0),))
+    before = DroppedParameter("b", ("elsewhere",), (("a", 7.0),))
     kept, gone = decided(model, *columns, settled=(before,))
     assert kept == ["a"]
     assert gone["b"] is before
@@ -161,7 +161,7 @@ def test_what_was_settled_is_not_overturned() -> None:
 
 def test_an_effect_that_was_dropped_before_is_looked_at_again() -> None:
     model = toy_model([parameter("a", 1.0), parameter("c", 1.0, base=False)])
-    kept, _ = decided(model, AXES[:, 0], AXES[:, 1], settled=(Dropped("c", ("a",)),))
+    kept, _ = decided(model, AXES[:, 0], AXES[:, 1], settled=(DroppedParameter("c", ("a",)),))
     assert kept == ["a", "c"]
 
 

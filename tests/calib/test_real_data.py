@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib import Dataset, Diagnosis, read_dataset
-from calib.convert import Table
+from calib import Dataset, DiagnosisFit, read_dataset
+from calib.convert import ConvertedTable
 from calib.convert.ipa_ur10 import read
 from calib.diagnose import diagnose
 
@@ -22,17 +22,19 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture(scope="module")
-def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, Diagnosis]:
+def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, DiagnosisFit]:
     table = read(DATA / "series_B.csv")
     rows = np.sort(np.random.default_rng(2).choice(len(table), 600, replace=False))
-    part = Table({name: [cells[i] for i in rows] for name, cells in table.columns.items()}, table.header)
+    part = ConvertedTable(
+        {name: [cells[i] for i in rows] for name, cells in table.columns.items()}, table.header
+    )
     path = tmp_path_factory.mktemp("ur10") / "part.csv"
     part.hold_out("random", 0.2, 1).write(path)
     data = read_dataset(path)
     return data, diagnose(data, most=8)
 
 
-def test_the_base_model_is_below_half_a_millimetre(diagnosed: tuple[Dataset, Diagnosis]) -> None:
+def test_the_base_model_is_below_half_a_millimetre(diagnosed: tuple[Dataset, DiagnosisFit]) -> None:
     data, result = diagnosed
     assert int(data.validation_rows.sum()) == 120
     assert result.base.converged
@@ -44,7 +46,9 @@ def test_the_base_model_is_below_half_a_millimetre(diagnosed: tuple[Dataset, Dia
     assert len(result.base.faulty_rows) < 0.05 * 480
 
 
-def test_the_effects_found_help_on_readings_that_were_held_out(diagnosed: tuple[Dataset, Diagnosis]) -> None:
+def test_the_effects_found_help_on_readings_that_were_held_out(
+    diagnosed: tuple[Dataset, DiagnosisFit],
+) -> None:
     _, result = diagnosed
     assert result.error_after is not None
     assert result.error_before is not None
@@ -57,7 +61,7 @@ def test_the_effects_found_help_on_readings_that_were_held_out(diagnosed: tuple[
     assert {f"joint {k}" for k in (1, 2, 3)} <= {*carried, *(f"joint {n[10]}" for n in named)}
 
 
-def test_what_these_readings_cannot_show_is_said(diagnosed: tuple[Dataset, Diagnosis]) -> None:
+def test_what_these_readings_cannot_show_is_said(diagnosed: tuple[Dataset, DiagnosisFit]) -> None:
     _, result = diagnosed
     text = " ".join(result.notes)
     assert "no time" in text

@@ -16,15 +16,31 @@ from scipy.spatial.transform import Rotation
 from calib.arm.robot import load_robot
 from calib.array import Array
 from calib.comparison import comparison as compare_module
-from calib.comparison.comparison import NOMINAL, Comparison, Plan, compare, freeing, mae, waypoints_of
+from calib.comparison.comparison import (
+    NOMINAL,
+    ComparisonRequest,
+    RegressionComparison,
+    compare,
+    freeing,
+    mae,
+    waypoints_of,
+)
 from calib.compensate import Status, correct
 from calib.data.dataset import Dataset
 from calib.data.read import read_dataset
 from calib.errors import DataError
 from calib.fit.identify import identify
-from calib.model.model import Design, StatedConditions
+from calib.model.model import BoundModel, StatedConditions
 from calib.regression.mls_svr import Gaussian, Kernel, Linear, choose, fit, folds_of, widths
-from calib.regression.regression import SETS, Region, Wanted, evaluate, independent, products_of, usual
+from calib.regression.regression import (
+    SETS,
+    Region,
+    RegressionRequest,
+    evaluate,
+    independent,
+    products_of,
+    usual,
+)
 from calib.saved.model_checks import content_hash
 from calib.saved.model_file import load_model, save_model
 from service.results.models.regression_document import findings
@@ -129,15 +145,15 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return simulate(tmp_path_factory.mktemp("small"), 2, count=30, samples=90, waves=8e-4)
 
 
-PLAN = Plan(Wanted("residuals", "turns"), level=2, compare=True)
+PLAN = ComparisonRequest(RegressionRequest("residuals", "turns"), level=2, compare=True)
 
 
 @pytest.fixture(scope="module")
-def compared(small: Dataset) -> Comparison:
+def compared(small: Dataset) -> RegressionComparison:
     return compare(small, PLAN)
 
 
-def test_what_is_left_out_takes_no_part(small: Dataset, compared: Comparison) -> None:
+def test_what_is_left_out_takes_no_part(small: Dataset, compared: RegressionComparison) -> None:
     """Points of the first part moved by 2 mm: what is predicted there must not change by a bit."""
     held = folds_of(compared.waypoint)[0]
     points = small.points.copy()
@@ -150,7 +166,7 @@ def test_what_is_left_out_takes_no_part(small: Dataset, compared: Comparison) ->
         assert np.isfinite(one.by_waypoint).all()
 
 
-def test_the_names_of_the_table(compared: Comparison) -> None:
+def test_the_names_of_the_table(compared: RegressionComparison) -> None:
     assert [s.predictor.name for s in compared.scored] == [
         NOMINAL,
         "MLS-SVR on positions",
@@ -182,7 +198,9 @@ def test_the_region_holds_its_samples_and_no_turned_wrist() -> None:
 
 def with_regression(data: Dataset, folder: Path, on: str = "residuals", features: str = "turns") -> Path:
     """A model file whose regression gained something."""
-    found = compare(data, Plan(Wanted.of(on, features, "linear"), level=2)).asked.predictor
+    found = compare(
+        data, ComparisonRequest(RegressionRequest.of(on, features, "linear"), level=2)
+    ).asked.predictor
     assert found.found is not None
     assert found.regression is not None
     save_model(folder / "model.json", found.found, regression=found.regression)
@@ -209,7 +227,7 @@ def test_saved_and_corrected_with(on: str, features: str, small: Dataset, tmp_pa
     there = replace(small.conditions.take(np.arange(0, len(small), 9)), joints=done.joints)
     placed_only = np.zeros_like(saved.estimate)
     placed_only[saved.model.of_base] = saved.estimate[saved.model.of_base]
-    meant = Design(saved.model, replace(there, joints=joints)).predict(placed_only)
+    meant = BoundModel(saved.model, replace(there, joints=joints)).predict(placed_only)
     assert saved.regression is not None
     landed = saved.regression.predict(saved.model, saved.estimate, there)
     np.testing.assert_allclose(landed, meant, rtol=0.0, atol=1e-5)
@@ -233,7 +251,7 @@ def test_corrected_where_the_world_is_the_nominal_base(tmp_path: Path) -> None:
     leaning[:3, :3] = Rotation.from_rotvec((0.0, 0.003, 0.0)).as_matrix()
     move_rows(rows, leaning @ np.linalg.inv(WORLD))
     data = read_dataset(write_files(tmp_path, rows, header | {"world": "nominal"}))
-    found = compare(data, Plan(Wanted("residuals", "turns"), level=2)).asked.predictor
+    found = compare(data, ComparisonRequest(RegressionRequest("residuals", "turns"), level=2)).asked.predictor
     assert found.regression is not None
     joints = data.conditions.joints[::9]
     done = correct(
@@ -257,7 +275,9 @@ def test_the_diagnosis_joins_the_table(small: Dataset, monkeypatch: pytest.Monke
 
 
 def test_a_gaussian_kernel_comes_back_too(small: Dataset, tmp_path: Path) -> None:
-    found = compare(small, Plan(Wanted("residuals", "tool-down", "rbf"), level=2)).asked.predictor
+    found = compare(
+        small, ComparisonRequest(RegressionRequest("residuals", "tool-down", "rbf"), level=2)
+    ).asked.predictor
     assert found.found is not None
     assert found.regression is not None
     save_model(tmp_path / "m.json", found.found, regression=found.regression)
@@ -350,7 +370,7 @@ def test_features_of_another_structure_are_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="--features"):
         products_of("cubes", ROBOT)
     with pytest.raises(DataError, match="--kernel"):
-        Wanted.of("residuals", "turns", "poly")
+        RegressionRequest.of("residuals", "turns", "poly")
 
 
 def test_two_targets_have_no_one_position(tmp_path: Path) -> None:
@@ -360,4 +380,4 @@ def test_two_targets_have_no_one_position(tmp_path: Path) -> None:
         row["tool_target"] = "T2"
     data = read_dataset(write_files(tmp_path, rows, header))
     with pytest.raises(DataError, match="several tool targets"):
-        compare(data, Plan(Wanted("positions", "tool-down"), level=2))
+        compare(data, ComparisonRequest(RegressionRequest("positions", "tool-down"), level=2))

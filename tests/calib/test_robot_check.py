@@ -14,7 +14,7 @@ import pytest
 
 from calib.arm.robot import BUILT_IN, load_robot
 from calib.errors import DataError
-from calib.robot_file import Verdict, described, held_against, read_handful
+from calib.robot_file import RobotFileVerdict, described, held_against, read_handful
 from calib.robot_file.misread import line_of
 from calib.units import DEG
 from tests.benchmarks.robot_check import TARGETS, arms, mistakes, named, readings_of
@@ -63,7 +63,7 @@ def readings(folder: Path, header: str = "", counted: np.ndarray | None = None) 
 HEADER = "[tool_targets]\n" + "\n".join(f"T{i} = {t.tolist()}" for i, t in enumerate(TARGETS))
 
 
-def verdict_of(folder: Path, text: str, data: Path, coupling: str | None = None) -> Verdict:
+def verdict_of(folder: Path, text: str, data: Path, coupling: str | None = None) -> RobotFileVerdict:
     (folder / "own.toml").write_text(text, "utf-8")
     handful = read_handful(load_robot("own.toml", folder), data, coupling)
     return held_against(folder / "own.toml", text, handful)

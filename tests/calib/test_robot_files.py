@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib.arm.kinematics import Chain, Placement, forward, nominal_values, propagate
+from calib.arm.kinematics import BasePoses, Chain, forward, nominal_values, propagate
 from calib.arm.robot import BUILT_IN, built_in_robots, load_robot
 from calib.errors import DataError
 from mocks.world import ROBOTS, robot_named
@@ -64,7 +64,7 @@ def test_a_file_without_capsules_gives_a_thick_arm_from_joint_to_joint(name: str
     assert {capsule.radius_mm for capsule in robot.body} == {robot.body[0].radius_mm}
     assert robot.body[0].radius_mm >= 0.75 * max(capsule.radius_mm for capsule in own.capsules)
     joints = np.random.default_rng(0).uniform(-2.0, 2.0, (3, robot.joints))
-    frames = propagate(Chain.of(robot), nominal_values(robot, joints), Placement()).link_frames
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints), BasePoses()).link_frames
     previous = [np.array(frame[3]) for frame in frames]
     for capsule in robot.body:
         x, y, z, origin = frames[capsule.link - 1]

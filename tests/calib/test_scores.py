@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib import Dataset, Identification, identify, load_robot
+from calib import Dataset, IdentificationFit, identify, load_robot
 from calib.array import Array
 from calib.diagnose import select
 from calib.diagnose.select import leave_one_out, refine, refit
@@ -22,7 +22,7 @@ from calib.effects.instrument import drift_rotation
 from calib.effects.thermal import thermal_growth, warm_up
 from calib.effects.transmission import backlash, periodic
 from calib.fit.least_squares import Linearisation, solve
-from calib.model import Design, Effect
+from calib.model import BoundModel, Effect
 from calib.scan import Scores, Space
 from calib.scan.families import ColumnScores, HarmonicScores, StepScores, TrigSums
 from calib.scan.scores import evidence_of, p_value
@@ -55,7 +55,7 @@ def test_fast_sums_are_the_sums(
 class Brute:
     """The same questions, asked of the whole stacked matrix: J with its priors below it, and columns beside it."""
 
-    def __init__(self, fitted: Identification, without: Effect | None = None) -> None:
+    def __init__(self, fitted: IdentificationFit, without: Effect | None = None) -> None:
         self.space = Space.of(fitted)
         model = fitted.model
         out = set() if without is None else {p.name for p in without.parameters}
@@ -95,7 +95,7 @@ class Brute:
 
 
 @pytest.fixture(scope="module")
-def complete(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, Identification]:
+def complete(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, IdentificationFit]:
     """A base model fitted to readings that hide three effects: what is left is far from noise.
 
     Noise is declared twelve times too large, so that every noise scale is below 1 and the priors weigh the same in
@@ -151,12 +151,12 @@ def compare(scores: Scores, brute: Brute, skip: tuple[str, ...] = ()) -> int:
     return compared
 
 
-def library(fitted: Identification, space: Space) -> Scores:
+def library(fitted: IdentificationFit, space: Space) -> Scores:
     return Scores(offers(Survey(fitted.model.robot, fitted.readings.conditions)), space)
 
 
 def test_gains_are_what_fitting_with_the_candidate_would_save(
-    complete: tuple[Dataset, Identification],
+    complete: tuple[Dataset, IdentificationFit],
 ) -> None:
     _, fitted = complete
     brute = Brute(fitted)
@@ -180,7 +180,7 @@ def test_gains_are_what_fitting_with_the_candidate_would_save(
     ids=lambda enters: "+".join(effect.label for effect in enters),
 )
 def test_scores_follow_what_enters_and_leaves(
-    enters: tuple[Effect, ...], complete: tuple[Dataset, Identification]
+    enters: tuple[Effect, ...], complete: tuple[Dataset, IdentificationFit]
 ) -> None:
     _, fitted = complete
     brute = Brute(fitted)
@@ -244,7 +244,7 @@ def test_time_constants_are_scanned_and_refined(tmp_path: Path) -> None:
     assert refine(Space.of(whole), (backlash(2),)) == (backlash(2),)
 
 
-def test_the_search_lets_effects_enter_as_a_fit_would(complete: tuple[Dataset, Identification]) -> None:
+def test_the_search_lets_effects_enter_as_a_fit_would(complete: tuple[Dataset, IdentificationFit]) -> None:
     _, fitted = complete
     brute = Brute(fitted)
     scores = library(fitted, brute.space)
@@ -259,7 +259,7 @@ CHOSEN = (backlash(3), periodic(2, 7.0), tool_shift(20))
 
 @pytest.mark.parametrize("effect", CHOSEN, ids=lambda e: e.label)
 def test_leaving_one_out_is_fitting_without_it(
-    effect: Effect, complete: tuple[Dataset, Identification]
+    effect: Effect, complete: tuple[Dataset, IdentificationFit]
 ) -> None:
     data, fitted = complete
     robot = fitted.model.robot
@@ -278,7 +278,7 @@ def test_leaving_one_out_is_fitting_without_it(
     assert scores.rss == pytest.approx(Space.of(whole).rss), "leaving one out must not change the scores"
     # and the exact chain, fitted anew with the priors weighing as they did in the whole model
     anew = refit(data, whole, tuple(e for e in chosen if e is not effect))
-    design = Design(anew.model, anew.readings.conditions)
+    design = BoundModel(anew.model, anew.readings.conditions)
     held = whole.model.index["a3"]
     scale = whole.prior[held] * whole.model.prior_std[held]
     at = Linearisation(design, anew.readings.observed, anew.estimate)
@@ -287,7 +287,7 @@ def test_leaving_one_out_is_fitting_without_it(
     assert rss == pytest.approx(without.rss, rel=2e-3)
 
 
-def test_the_basis_is_orthonormal_with_its_priors(complete: tuple[Dataset, Identification]) -> None:
+def test_the_basis_is_orthonormal_with_its_priors(complete: tuple[Dataset, IdentificationFit]) -> None:
     _, fitted = complete
     space = Space.of(fitted)
     eigenvalues = np.linalg.eigvalsh(space.basis.T @ space.basis)
@@ -320,7 +320,7 @@ def test_evidence_counts_its_tries() -> None:
 
 
 def test_evidence_of_an_effect_is_the_same_inside_and_outside_the_model(
-    complete: tuple[Dataset, Identification],
+    complete: tuple[Dataset, IdentificationFit],
 ) -> None:
     """What an effect of the model would score if it were taken out is what its covariance says it scores."""
     data, fitted = complete

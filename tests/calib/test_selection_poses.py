@@ -12,7 +12,7 @@ from calib import DataError, StatedConditions, choose, load_robot
 from calib.array import Array
 from calib.data import Noise
 from calib.fit import expanded
-from calib.model import Design, conditions_at
+from calib.model import BoundModel, conditions_at
 from calib.selection import Curve, Setup, candidates_of, curve_of
 from calib.selection.coverage import cells_of, filling, missing
 from calib.selection.exchange import best_of_starts, log_det, optimum
@@ -52,7 +52,7 @@ def test_rows_are_the_whitened_derivative_of_the_prediction() -> None:
     assert found.rows.shape == (40, 6, len(found.parameters))
     assert np.mean(np.sum(found.rows**2, axis=1), axis=0) == pytest.approx(1.0)
     for t, target in enumerate(("T2", "T3")):
-        design = Design(model, conditions_at(model, joints, StatedConditions(), target))
+        design = BoundModel(model, conditions_at(model, joints, StatedConditions(), target))
         for j in (0, 5, 12, len(found.parameters) - 1):
             step = np.zeros(len(model.parameters))
             step[model.index[found.parameters[j].name]] = 1e-4 * found.unit[j]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib import DataError, Dataset, Identification, identify, read_dataset
+from calib import DataError, Dataset, IdentificationFit, identify, read_dataset
 from calib.fit import offsets_of
 from calib.model.model import ties
 from service.results.models.positions import by_the_bar
@@ -46,7 +46,7 @@ def dataset(folder: Path, spans: Sequence[Row], legs: Sequence[Row] = LEGS, **mo
     return read_dataset(write_files(folder, [blank | row for row in (*legs, *spans)], header))
 
 
-def sides_mm(found: Identification) -> np.ndarray:
+def sides_mm(found: IdentificationFit) -> np.ndarray:
     """(6,) how far the sides of the fitted triangles are from the true ones, mm."""
     offsets = {each.name: np.array(each.offset_mm) for each in offsets_of(found)}
     places = {**found.model.anchors, **found.model.targets["main"]}

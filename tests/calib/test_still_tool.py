@@ -12,7 +12,7 @@ from calib.arm.robot import load_robot
 from calib.array import Array
 from calib.data import read_dataset
 from calib.fit import base_model_of, errors_on, identify, place_nominal
-from calib.fit.ending import Ending
+from calib.fit.ending import FitTermination
 from calib.units import DEG
 from tests.calib.campaigns import write_files
 
@@ -60,7 +60,7 @@ def test_the_fit_ends_and_is_no_worse_than_the_nominal_robot(kind: str, n: int, 
     data = read_dataset(write_files(tmp_path, rows, HEADER))
     nominal, placed = place_nominal(data, base_model_of(data))
     found = identify(data)
-    assert found.ending is Ending.CONVERGED
+    assert found.ending is FitTermination.CONVERGED
     assert np.max(np.abs(list(found.model.targets["main"]["T1"]))) < 2000.0, "the start ran away"
     before, after = (
         float(np.sqrt(np.mean(errors_on(data, data.validation_rows, model, x) ** 2)))

@@ -14,14 +14,14 @@ import pytest
 
 from calib import identify
 from calib.array import Array
-from calib.convert import Table
+from calib.convert import ConvertedTable
 from calib.diagnose import diagnose
 from calib.diagnose.found import visible
 from calib.diagnose.select import against_own_noise, chance_by_pose
 from calib.diagnose.structure import (
     LENGTHS,
     SEEN,
-    Chance,
+    NullDistribution,
     directions,
     draws,
     left_over,
@@ -275,7 +275,7 @@ def test_draws_are_orthogonal_to_the_model_and_as_large_as_the_residual(space: S
 
 def test_chance_is_the_share_of_draws_and_goes_on_beyond_them() -> None:
     largest = np.random.default_rng(1).exponential(size=2000)
-    chance = Chance.of(-largest[None])
+    chance = NullDistribution.of(-largest[None])
     for p in (0.5, 0.05, 1e-3, 1e-6):
         assert np.log(chance.p_value(np.log(p))) == pytest.approx(np.log(p), rel=0.15)
 
@@ -302,7 +302,7 @@ def test_a_random_hold_out_keeps_the_readings_of_a_pose_together() -> None:
         "j1_deg": [f"{p}.0" for p in pose],
         "x_mm": ["1"] * 200,
     }
-    held = Table(columns, "").hold_out("random", 0.2, 3).columns["set"]
+    held = ConvertedTable(columns, "").hold_out("random", 0.2, 3).columns["set"]
     by_pose = {p: {s for s, q in zip(held, pose, strict=True) if q == p} for p in set(pose)}
     assert all(len(sets) == 1 for sets in by_pose.values())
     assert held.count("validation") == 40

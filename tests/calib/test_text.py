@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from calib.errors import DataError
-from calib.text.columns import LONGEST_LINE, MOST_COLUMNS, Columns, rows_of
+from calib.text.columns import LONGEST_LINE, MOST_COLUMNS, TextTable, rows_of
 from calib.text.json_text import parse_json
 from calib.text.plain_values import DEEPEST
 from calib.text.text_file import read_bytes, read_text
@@ -73,13 +73,13 @@ def test_what_is_no_text_is_refused(case: str, tmp_path: Path) -> None:
     data, words = FILES[case]
     (tmp_path / "a.csv").write_bytes(data)
     with pytest.raises(DataError, match=words):
-        Columns.read(tmp_path / "a.csv")
+        TextTable.read(tmp_path / "a.csv")
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_lines_may_end_as_on_any_system(end: str, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(b"\xef\xbb\xbf" + end.join(["a,b", "1,2", "3,4", ""]).encode())
-    table = Columns.read(tmp_path / "a.csv")
+    table = TextTable.read(tmp_path / "a.csv")
     assert table.numbers("a").tolist() == [1.0, 3.0]
     assert table.lines == [2, 3]
 
@@ -87,7 +87,7 @@ def test_lines_may_end_as_on_any_system(end: str, tmp_path: Path) -> None:
 def test_a_cell_that_runs_over_a_line_leaves_the_line_numbers_right(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text('a,b\n"one\ntwo",2\n3,x\n', encoding="utf-8")
     with pytest.raises(DataError, match="line 4"):
-        Columns.read(tmp_path / "a.csv").numbers("b")
+        TextTable.read(tmp_path / "a.csv").numbers("b")
 
 
 def test_what_is_no_ordinary_file_is_refused(tmp_path: Path) -> None:

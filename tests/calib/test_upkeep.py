@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from calib.errors import DataError
-from calib.upkeep import Check, Drift, InUse, Method, Staircase, chart_of, next_due
+from calib.upkeep import Check, DriftInterval, InUse, Method, Staircase, chart_of, next_due
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
 LATE = START + timedelta(days=30)
@@ -119,16 +119,18 @@ def test_early_checks_do_not_lengthen_the_interval() -> None:
 
 def test_drift_reaches_what_is_permitted_when_its_uncertainty_does() -> None:
     """By hand: 2 + 0.01 t + 2 * 0.1 sqrt(1/3 + (t + 100)^2 / 20000) = 5 at t = 249.3."""
-    assert days(Drift(90.0, permitted=5.0), checks([0.0, 1.0, 2.0], u=0.2)) == pytest.approx(249.3, abs=0.1)
-    assert days(Drift(90.0, permitted=5.0), checks([1.0])) == pytest.approx(90.0)
-    assert days(Drift(90.0, permitted=5.0), checks([1.0, 1.0, 1.0], u=0.001)) == pytest.approx(1825.0)
-    assert days(Drift(90.0, permitted=5.0), checks([0.0, 6.0, 6.0])) == pytest.approx(7.0)
+    assert days(DriftInterval(90.0, permitted=5.0), checks([0.0, 1.0, 2.0], u=0.2)) == pytest.approx(
+        249.3, abs=0.1
+    )
+    assert days(DriftInterval(90.0, permitted=5.0), checks([1.0])) == pytest.approx(90.0)
+    assert days(DriftInterval(90.0, permitted=5.0), checks([1.0, 1.0, 1.0], u=0.001)) == pytest.approx(1825.0)
+    assert days(DriftInterval(90.0, permitted=5.0), checks([0.0, 6.0, 6.0])) == pytest.approx(7.0)
 
 
 def test_what_values_scatter_about_their_line_counts() -> None:
     """By hand: the line is 0, scatter^2 = 4 / 2, and 2 sqrt(2 (1/4 + (t + 150)^2 / 50000) + 1.99) = 6 at t = 253.4."""
     scattered = checks([1.0, -1.0, -1.0, 1.0], u=0.2)
-    assert days(Drift(90.0, permitted=6.0), scattered) == pytest.approx(253.4, abs=0.1)
+    assert days(DriftInterval(90.0, permitted=6.0), scattered) == pytest.approx(253.4, abs=0.1)
 
 
 def test_hours_of_use_become_days_by_the_counter() -> None:
@@ -151,9 +153,11 @@ def test_the_reason_is_a_sentence_and_says_what_is_overdue() -> None:
         "The last check found 0.21 (U 0.02) of 0.2 permitted: too much, so the interval is 42 days instead of 100; "
         "overdue by 7 days."
     )
-    assert next_due(Drift(90.0, permitted=1.0), [], START).date == START
+    assert next_due(DriftInterval(90.0, permitted=1.0), [], START).date == START
     in_hours = next_due(
-        InUse(Drift(90.0, permitted=1.0)), checks([0.1, 0.1, 0.1], used=300.0), START.replace(year=2027)
+        InUse(DriftInterval(90.0, permitted=1.0)),
+        checks([0.1, 0.1, 0.1], used=300.0),
+        START.replace(year=2027),
     )
     assert "per hour of use" in in_hours.because
 
@@ -167,11 +171,11 @@ def test_the_reason_is_a_sentence_and_says_what_is_overdue() -> None:
         (lambda: Check(START, 0.0, 0.1, -4.0), "used_h"),
         (lambda: Staircase(1.0, permitted=0.2), "first"),
         (lambda: Staircase(90.0, permitted=0.0), "permitted"),
-        (lambda: Drift(90.0, permitted=np.nan), "permitted"),
-        (lambda: InUse(Drift(90.0, permitted=1.0), hours_a_day=25.0), "hours_a_day"),
-        (lambda: next_due(Drift(90.0, permitted=1.0), checks([0.0, 0.0]), START), "at"),
-        (lambda: next_due(Drift(90.0, permitted=1.0), checks([0.0]), datetime(2027, 1, 1)), "now"),
-        (lambda: days(Drift(90.0, permitted=1.0), checks([0.0, 0.0, 0.0], u=0.0)), "u"),
+        (lambda: DriftInterval(90.0, permitted=np.nan), "permitted"),
+        (lambda: InUse(DriftInterval(90.0, permitted=1.0), hours_a_day=25.0), "hours_a_day"),
+        (lambda: next_due(DriftInterval(90.0, permitted=1.0), checks([0.0, 0.0]), START), "at"),
+        (lambda: next_due(DriftInterval(90.0, permitted=1.0), checks([0.0]), datetime(2027, 1, 1)), "now"),
+        (lambda: days(DriftInterval(90.0, permitted=1.0), checks([0.0, 0.0, 0.0], u=0.0)), "u"),
         (lambda: chart_of([]), "reference"),
         (lambda: chart_of(checks([1.0, 1.0, 1.0], u=0.0)), "history"),
         (lambda: chart_of(checks([1.0, 2.0]), rate=1.0), "rate"),

@@ -16,12 +16,12 @@ from calib.arm.robot import load_robot
 from calib.data.dataset import Dataset
 from calib.data.read import read_dataset
 from calib.errors import DataError
-from calib.fit.identification import Identification
+from calib.fit.identification import IdentificationFit
 from calib.fit.identify import identify
 from calib.fit.placing import base_model_of, place_nominal
 from calib.fit.statistics import distances
-from calib.model.model import Design
-from calib.saved.model_file import SavedModel, load_model, save_model
+from calib.model.model import BoundModel
+from calib.saved.model_file import CalibratedModel, load_model, save_model
 from calib.validation import (
     apart,
     differences,
@@ -43,7 +43,7 @@ POSE[:3, :3] = Rotation.from_rotvec([0.4, -0.7, 1.9]).as_matrix()
 POSE[:3, 3] = (1500.0, -300.0, 250.0)
 
 
-def saved_of(found: Identification, path: Path) -> SavedModel:
+def saved_of(found: IdentificationFit, path: Path) -> CalibratedModel:
     save_model(path, found)
     return load_model(path)
 
@@ -65,38 +65,38 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 @pytest.fixture(scope="module")
-def day(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, Identification]:
+def day(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, IdentificationFit]:
     campaign = make_campaign(seed=4, n=90, n_validation=60, effects=[], reference_every=10)
     dataset = dataset_of(campaign, tmp_path_factory.mktemp("day"))
     return dataset, identify(dataset)
 
 
 class TestPlacing:
-    def test_a_robot_is_found_again_in_another_frame(self, day: tuple[Dataset, Identification]) -> None:
+    def test_a_robot_is_found_again_in_another_frame(self, day: tuple[Dataset, IdentificationFit]) -> None:
         dataset, found = day
         moved = with_points(dataset, dataset.points @ POSE[:3, :3].T + POSE[:3, 3])
         model, estimate = place(moved, found.model, found.estimate)
         here = place(dataset, found.model, found.estimate)
-        expected = Design(here[0], dataset.conditions).predict(here[1]) @ POSE[:3, :3].T + POSE[:3, 3]
-        assert np.abs(Design(model, moved.conditions).predict(estimate) - expected).max() < 1e-6
+        expected = BoundModel(here[0], dataset.conditions).predict(here[1]) @ POSE[:3, :3].T + POSE[:3, 3]
+        assert np.abs(BoundModel(model, moved.conditions).predict(estimate) - expected).max() < 1e-6
         # near the identification's own prediction, which weighs the readings by their noise
         own = found.predict(dataset.conditions)
-        assert distances(Design(here[0], dataset.conditions).predict(here[1]), own).max() < 0.02
+        assert distances(BoundModel(here[0], dataset.conditions).predict(here[1]), own).max() < 0.02
 
     def test_targets_are_fitted_where_the_model_frees_them(self, night: Dataset) -> None:
         found = identify(night)
         model, estimate = place(night, found.model, found.estimate)
-        errors = distances(Design(model, night.conditions).predict(estimate), night.points)
+        errors = distances(BoundModel(model, night.conditions).predict(estimate), night.points)
         assert errors[night.usable].max() < 1e-4
         assert not any(effect.owner != "robot" for effect in model.effects)
 
-    def test_gross_errors_do_not_steer(self, day: tuple[Dataset, Identification]) -> None:
+    def test_gross_errors_do_not_steer(self, day: tuple[Dataset, IdentificationFit]) -> None:
         dataset, found = day
         clean = place(dataset, found.model, found.estimate)
         points = dataset.points.copy()
         points[np.flatnonzero(dataset.fit_rows)[::12]] += 30.0
         spoilt = place(with_points(dataset, points), found.model, found.estimate)
-        apart_ = distances(*(Design(m, dataset.conditions).predict(e) for m, e in (clean, spoilt)))
+        apart_ = distances(*(BoundModel(m, dataset.conditions).predict(e) for m, e in (clean, spoilt)))
         assert apart_.max() < 0.05
 
     def test_a_series_without_readings_is_refused(self, night: Dataset) -> None:
@@ -107,7 +107,7 @@ class TestPlacing:
 
 
 class TestJudging:
-    def test_figures_are_those_of_the_rows(self, day: tuple[Dataset, Identification]) -> None:
+    def test_figures_are_those_of_the_rows(self, day: tuple[Dataset, IdentificationFit]) -> None:
         dataset, found = day
         rows = dataset.validation_rows
         errors = distances(found.predict(dataset.conditions.take(rows)), dataset.points[rows])
@@ -151,10 +151,10 @@ class TestJudging:
         }
 
     def test_orientations_are_judged_where_they_were_measured(
-        self, day: tuple[Dataset, Identification]
+        self, day: tuple[Dataset, IdentificationFit]
     ) -> None:
         dataset, found = day
-        rotation = Design(found.model, dataset.conditions).frames(found.estimate).rotation
+        rotation = BoundModel(found.model, dataset.conditions).frames(found.estimate).rotation
         off = Rotation.from_rotvec([0.0, 0.003, 0.004])
         turned = off * Rotation.from_matrix(rotation)
         quaternions = -turned.as_quat(scalar_first=True)  # the other sign is the same orientation
@@ -172,7 +172,7 @@ class TestJudging:
         vectors = rotation_vectors(rotation[1::2], quaternions[1::2])
         assert vectors == pytest.approx(np.tile([0.0, 0.003, 0.004], (len(vectors), 1)))
 
-    def test_the_reference_pose_repeats(self, day: tuple[Dataset, Identification]) -> None:
+    def test_the_reference_pose_repeats(self, day: tuple[Dataset, IdentificationFit]) -> None:
         dataset, found = day
         (pose,) = judge_repeats(dataset, found.model, found.estimate).poses
         reference = np.flatnonzero(dataset.sets == "reference")
@@ -184,7 +184,7 @@ class TestJudging:
         assert pose.accuracy == pytest.approx(np.linalg.norm(visits.mean(axis=0) - command))
 
     def test_nothing_measured_and_another_series_are_refused(
-        self, day: tuple[Dataset, Identification], night: Dataset
+        self, day: tuple[Dataset, IdentificationFit], night: Dataset
     ) -> None:
         dataset, found = day
         nothing = np.zeros(len(dataset), dtype=bool)
@@ -193,7 +193,7 @@ class TestJudging:
         with pytest.raises(DataError, match=r"series 'day'.*--place"):
             judge("m", night, night.usable, found.model, found.estimate)
 
-    def test_another_robot_is_refused(self, day: tuple[Dataset, Identification], tmp_path: Path) -> None:
+    def test_another_robot_is_refused(self, day: tuple[Dataset, IdentificationFit], tmp_path: Path) -> None:
         dataset, found = day
         saved = saved_of(found, tmp_path / "m.json")
         other = replace(dataset, header=replace(dataset.header, robot=load_robot("ur5")))
@@ -224,7 +224,7 @@ class TestGroups:
         assert found is not None
         assert [(name, summary.mean) for name, summary in found.groups] == [("T1", 2.0), ("T2", 2.0)]
 
-    def test_sides_by_name(self, day: tuple[Dataset, Identification]) -> None:
+    def test_sides_by_name(self, day: tuple[Dataset, IdentificationFit]) -> None:
         dataset, _ = day
         errors = np.where(dataset.conditions.side[:, 3] > 0.0, 2.0, 1.0)
         (fourth,) = [
@@ -237,7 +237,7 @@ class TestGroups:
 
 
 class TestHoldOuts:
-    def test_every_reading_of_the_fit_is_held_out_once(self, day: tuple[Dataset, Identification]) -> None:
+    def test_every_reading_of_the_fit_is_held_out_once(self, day: tuple[Dataset, IdentificationFit]) -> None:
         dataset, _ = day
         found = hold_outs(dataset, folds=3)
         assert [each.kind for each in found] == ["random", "region", "time"]
@@ -246,13 +246,13 @@ class TestHoldOuts:
             assert (each.errors.n, each.left_out, each.folds) == (int(dataset.fit_rows.sum()), 0, 3)
             assert each.errors.rms < 0.2
 
-    def test_a_waypoint_is_held_out_whole(self, day: tuple[Dataset, Identification]) -> None:
+    def test_a_waypoint_is_held_out_whole(self, day: tuple[Dataset, IdentificationFit]) -> None:
         dataset, _ = day
         numbered = replace(dataset.conditions, waypoint=np.arange(len(dataset)) % 4)
         with pytest.raises(DataError, match="4 poses"):
             hold_outs(replace(dataset, conditions=numbered), folds=5)
 
-    def test_validation_rows_take_no_part(self, day: tuple[Dataset, Identification]) -> None:
+    def test_validation_rows_take_no_part(self, day: tuple[Dataset, IdentificationFit]) -> None:
         dataset, _ = day
         points = dataset.points.copy()
         points[dataset.validation_rows] += 100.0
@@ -268,13 +268,13 @@ class TestHoldOuts:
         assert series.errors.n == pytest.approx(int(night.fit_rows.sum()) / 2, abs=2)
         assert series.errors.max < 0.01  # without noise the robot is the same in both
 
-    def test_nothing_to_hold_out_is_refused(self, day: tuple[Dataset, Identification]) -> None:
+    def test_nothing_to_hold_out_is_refused(self, day: tuple[Dataset, IdentificationFit]) -> None:
         dataset, _ = day
         points = np.where(dataset.sets[:, None] == "reference", dataset.points, np.nan)
         with pytest.raises(DataError, match="1 poses with a measured point"):
             hold_outs(with_points(dataset, points))
 
-    def test_rows_held_out_are_out_of_the_fit(self, day: tuple[Dataset, Identification]) -> None:
+    def test_rows_held_out_are_out_of_the_fit(self, day: tuple[Dataset, IdentificationFit]) -> None:
         dataset, _ = day
         held = dataset.fit_rows & (np.arange(len(dataset)) % 3 == 0)
         assert np.array_equal(without(dataset, held).fit_rows, dataset.fit_rows & ~held)
@@ -282,7 +282,7 @@ class TestHoldOuts:
 
 class TestComparing:
     def test_the_same_calibration_differs_in_nothing(
-        self, day: tuple[Dataset, Identification], tmp_path: Path
+        self, day: tuple[Dataset, IdentificationFit], tmp_path: Path
     ) -> None:
         dataset, found = day
         saved = saved_of(found, tmp_path / "m.json")
@@ -294,7 +294,7 @@ class TestComparing:
         assert between is not None
         assert between.max == 0.0
 
-    def test_normalised_error_by_hand(self, day: tuple[Dataset, Identification], tmp_path: Path) -> None:
+    def test_normalised_error_by_hand(self, day: tuple[Dataset, IdentificationFit], tmp_path: Path) -> None:
         _, found = day
         first = saved_of(found, tmp_path / "m.json")
         a3, dropped = first.model.index["a3"], next(drop.name for drop in found.dropped)
@@ -327,7 +327,7 @@ class TestComparing:
         assert 0.0 < between.mean < 0.1
 
     def test_other_robots_and_other_tables_are_refused(
-        self, day: tuple[Dataset, Identification], tmp_path: Path
+        self, day: tuple[Dataset, IdentificationFit], tmp_path: Path
     ) -> None:
         _, found = day
         saved = saved_of(found, tmp_path / "m.json")

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from calib import Dataset, Identification, identify, load_robot, read_dataset
+from calib import Dataset, IdentificationFit, identify, load_robot, read_dataset
 from calib.array import Array
 from calib.data import Conditions
 from calib.data.read import visits_of, with_visits
@@ -26,8 +26,8 @@ from calib.fit import readings_of
 from calib.fit.identify import fit
 from calib.fit.least_squares import jacobian
 from calib.fit.readings import linearised
-from calib.model import Design
-from calib.model.observations import Observations, Shared
+from calib.model import BoundModel
+from calib.model.observations import Observations, VisitCovariance
 from calib.scan import Candidate, Harmonics, Space, Steps
 from tests.benchmarks.diagnosis_complete import campaign as complete_campaign
 from tests.benchmarks.nests import LEG_SIGMA_MM, example, header_of, legs_of, truth_of
@@ -49,11 +49,11 @@ def legs(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 @pytest.fixture(scope="module")
-def fitted(legs: Dataset) -> Identification:
+def fitted(legs: Dataset) -> IdentificationFit:
     return identify(legs)
 
 
-def lengths_of(design: Design, estimate: Array) -> Array:
+def lengths_of(design: BoundModel, estimate: Array) -> Array:
     """(n,) distances from tool balls to base balls, mm."""
     frames = design.frames(estimate, ())
     return np.linalg.norm(frames.p - frames.anchor, axis=0)
@@ -65,17 +65,19 @@ def differences(along: Any, size: float, at: Array) -> Array:
     return np.column_stack([(along(at + step) - along(at - step)) / (2.0 * size) for step in steps])
 
 
-def by_joint(found: Identification, conditions: Conditions) -> Array:
+def by_joint(found: IdentificationFit, conditions: Conditions) -> Array:
     """(n, N) derivative of the lengths by the angles at which the joints came to rest, of the nominal robot."""
     nominal = np.zeros(len(found.estimate))
 
     def turned(by: Array) -> Array:
-        return lengths_of(Design(found.model, replace(conditions, joints=conditions.joints + by)), nominal)
+        return lengths_of(
+            BoundModel(found.model, replace(conditions, joints=conditions.joints + by)), nominal
+        )
 
     return differences(turned, 1e-6, np.zeros(conditions.joints.shape[1]))
 
 
-def test_the_fit_is_that_of_the_dense_covariance(legs: Dataset, fitted: Identification) -> None:
+def test_the_fit_is_that_of_the_dense_covariance(legs: Dataset, fitted: IdentificationFit) -> None:
     """Generalised least squares written out: C = S S' s^2 + sigma^2 I, blocks where poses are the same."""
     conditions, noise = fitted.readings.conditions, legs.header.noise
     place = np.round(conditions.joints / 1e-9).astype(np.int64)
@@ -84,7 +86,7 @@ def test_the_fit_is_that_of_the_dense_covariance(legs: Dataset, fitted: Identifi
     covariance = scatter @ scatter.T * same + LEG_SIGMA_MM**2 * np.eye(len(place))
     weight = np.linalg.inv(covariance)
     active = fitted.standard_errors > 0.0
-    design = Design(fitted.model, conditions)
+    design = BoundModel(fitted.model, conditions)
     jacobian = differences(partial(lengths_of, design), 1e-7, fitted.estimate)[:, active]
     left = legs.lengths[fitted.readings.rows] - lengths_of(design, fitted.estimate)
     prior = fitted.prior[active] ** 2
@@ -98,9 +100,9 @@ def test_the_fit_is_that_of_the_dense_covariance(legs: Dataset, fitted: Identifi
     assert np.sum(fitted.residual**2) == pytest.approx(left @ weight @ left, rel=1e-3)
 
 
-def drawn(n: int, k: int, visit: NDArray[np.int64], seed: int) -> Shared:
+def drawn(n: int, k: int, visit: NDArray[np.int64], seed: int) -> VisitCovariance:
     rng = np.random.default_rng(seed)
-    return Shared(visit, rng.normal(size=(6, k, n)) * rng.choice((0.3, 3.0, 300.0), n))
+    return VisitCovariance(visit, rng.normal(size=(6, k, n)) * rng.choice((0.3, 3.0, 300.0), n))
 
 
 @pytest.mark.parametrize("k", [1, 3, 7])
@@ -139,7 +141,7 @@ def test_a_reading_by_itself_is_whitened_as_ever(tmp_path: Path) -> None:
     assert found.readings.observed.alone is found.readings.observed
     conditions, noise = found.readings.conditions, data.header.noise
     robot = found.model.robot
-    frames = Design(found.model, conditions).frames(np.zeros(len(found.estimate)), robot.joint_slots)
+    frames = BoundModel(found.model, conditions).frames(np.zeros(len(found.estimate)), robot.joint_slots)
     points = data.points[found.readings.rows]
     covariance = noise.of_points(points, np.full(points.shape, np.nan))
     covariance += noise.of_joints(frames.velocities(robot.joint_slots), robot.kinds)
@@ -149,12 +151,12 @@ def test_a_reading_by_itself_is_whitened_as_ever(tmp_path: Path) -> None:
     )
 
 
-def normalised_errors(data: Dataset, found: Identification, count: int) -> Array:
+def normalised_errors(data: Dataset, found: IdentificationFit, count: int) -> Array:
     """(count, v) errors of lengths of poses that took no part, over what the fit says of them, of so many campaigns;
     arm, arrivals and readings are drawn as declared."""
     model, rng = found.model, np.random.default_rng(5)
     conditions = found.readings.conditions
-    here, fresh = Design(model, conditions), Design(model, data.conditions.take(data.validation_rows))
+    here, fresh = BoundModel(model, conditions), BoundModel(model, data.conditions.take(data.validation_rows))
     readings = readings_of(data, data.fit_rows, model, found.estimate)
     count_fresh = len(fresh.conditions)
     nothing, one = np.zeros(count_fresh), np.ones((1, 1, count_fresh))
@@ -178,7 +180,7 @@ def normalised_errors(data: Dataset, found: Identification, count: int) -> Array
     return np.array(out)
 
 
-def test_uncertainties_are_those_that_the_errors_have(legs: Dataset, fitted: Identification) -> None:
+def test_uncertainties_are_those_that_the_errors_have(legs: Dataset, fitted: IdentificationFit) -> None:
     """Of 300 campaigns the mean square is 1.00 with a standard error of 0.03; of legs that are all alone 1.52."""
     honest = np.mean(normalised_errors(legs, fitted, 60) ** 2)
     assert honest == pytest.approx(1.0, abs=0.15)
@@ -188,7 +190,7 @@ def test_uncertainties_are_those_that_the_errors_have(legs: Dataset, fitted: Ide
 
 
 def test_a_fit_by_parts_has_every_visit_in_one(
-    legs: Dataset, fitted: Identification, monkeypatch: Any
+    legs: Dataset, fitted: IdentificationFit, monkeypatch: Any
 ) -> None:
     """A large fit is worked out some readings at a time: the sums are those of the whole."""
     monkeypatch.setattr(
@@ -286,7 +288,7 @@ def test_held_out_readings_part_visits_and_nothing_else(tmp_path: Path) -> None:
     assert np.array_equal(first.residual, second.residual)
 
 
-def test_steps_are_looked_for_where_visits_begin(legs: Dataset, fitted: Identification) -> None:
+def test_steps_are_looked_for_where_visits_begin(legs: Dataset, fitted: IdentificationFit) -> None:
     ranks = change_points(Survey.of(fitted, legs))
     conditions = fitted.readings.conditions
     row = np.searchsorted(conditions.order, ranks)

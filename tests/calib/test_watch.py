@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 
 from acquisition.cell.world_frame import from_nests
-from calib import DataError, Dataset, SavedModel, identify, read_dataset
+from calib import CalibratedModel, DataError, Dataset, identify, read_dataset
 from calib.arm import Load
 from calib.array import Array
 from calib.data import Noise
-from calib.model import Design
+from calib.model import BoundModel
 from calib.model.effect import Effect, Parameter
 from calib.saved import as_saved
 from calib.units import DEG
 from calib.watch import (
     DOUBTFUL,
-    Seen,
-    Visits,
+    PlannedVisits,
+    WhitenedReadings,
     append,
     baseline_hash,
     cause_to_update,
@@ -34,7 +34,7 @@ from calib.watch import (
 )
 from calib.watch.cause import _fit, fitted
 from calib.watch.judge import WEIGHT, mean_of, odds_of
-from calib.watch.odds import Columns
+from calib.watch.odds import CauseColumns
 from calib.watch.seen import frame_covariance
 from mocks.world import ArmState, World
 from mocks.world.poses import approach_point, random_pose
@@ -52,12 +52,12 @@ def calibration(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 @pytest.fixture(scope="module")
-def saved(calibration: Dataset) -> SavedModel:
+def saved(calibration: Dataset) -> CalibratedModel:
     return as_saved(identify(calibration))
 
 
 @pytest.fixture(scope="module")
-def candidates(saved: SavedModel) -> tuple[Array, Array, Array]:
+def candidates(saved: CalibratedModel) -> tuple[Array, Array, Array]:
     rng, world = np.random.default_rng(1), World(seed=SEED)
     joints = np.radians([random_pose(world.robot, world.targets, rng) for _ in range(60)])
     return joints, rng.choice((-1.0, 1.0), size=joints.shape), np.full(60, 5.0 * DEG)
@@ -65,7 +65,7 @@ def candidates(saved: SavedModel) -> tuple[Array, Array, Array]:
 
 @pytest.fixture(scope="module")
 def measure(
-    saved: SavedModel, calibration: Dataset, candidates: tuple[Array, Array, Array]
+    saved: CalibratedModel, calibration: Dataset, candidates: tuple[Array, Array, Array]
 ) -> Callable[..., Dataset]:
     """Ten poses of two targets, measured by the independent simulator of the same arm."""
     joints, sides, reach = (each[:POSES] for each in candidates)
@@ -77,7 +77,9 @@ def measure(
             drawn = world.draw_effect(label)
             values |= dict.fromkeys(drawn.constants, 0.0)
             world.effects = [drawn.with_values(**values)]
-        template = planned(saved, calibration.header, Visits.of_points(joints, sides, reach, ("T1", "T2")))
+        template = planned(
+            saved, calibration.header, PlannedVisits.of_points(joints, sides, reach, ("T1", "T2"))
+        )
         points = []
         for i, (q, side) in enumerate(zip(np.degrees(joints), sides, strict=True)):
             at, from_side = tuple(q.tolist()), tuple(int(s) for s in side)
@@ -88,8 +90,8 @@ def measure(
     return measured
 
 
-def test_an_unchanged_robot_is_left_alone(saved: SavedModel, measure: Callable[..., Dataset]) -> None:
-    verdicts = [judge(Seen.of(saved, measure(first=100 * i))).kind for i in range(3)]
+def test_an_unchanged_robot_is_left_alone(saved: CalibratedModel, measure: Callable[..., Dataset]) -> None:
+    verdicts = [judge(WhitenedReadings.of(saved, measure(first=100 * i))).kind for i in range(3)]
     assert verdicts == ["unchanged"] * 3
 
 
@@ -106,7 +108,7 @@ def test_an_unchanged_robot_is_left_alone(saved: SavedModel, measure: Callable[.
     ],
 )
 def test_a_change_is_named_with_its_size(
-    saved: SavedModel,
+    saved: CalibratedModel,
     measure: Callable[..., Dataset],
     label: str,
     values: dict[str, float],
@@ -114,7 +116,7 @@ def test_a_change_is_named_with_its_size(
     wanted: float,
 ) -> None:
     data = measure(label, **values)
-    verdict = judge(Seen.of(saved, data))
+    verdict = judge(WhitenedReadings.of(saved, data))
     assert verdict.kind == "changed"
     assert verdict.cause is not None
     assert verdict.cause.label == cause
@@ -124,25 +126,27 @@ def test_a_change_is_named_with_its_size(
 
 
 def test_what_no_poses_tell_apart_is_never_one_name(
-    saved: SavedModel, measure: Callable[..., Dataset]
+    saved: CalibratedModel, measure: Callable[..., Dataset]
 ) -> None:
     for label, twin in (("joint_step:j1", "base_shift"), ("joint_step:j6", "tool_shift")):
-        verdict = judge(Seen.of(saved, measure(label, step=0.06)))
+        verdict = judge(WhitenedReadings.of(saved, measure(label, step=0.06)))
         assert verdict.kind == "ambiguous"
         assert {cause.label for cause, _ in verdict.causes} == {label, twin}
         assert not verdict.apart
         assert "Or: " in verdict.in_words
 
 
-def test_what_no_cause_explains_is_not_named(saved: SavedModel, measure: Callable[..., Dataset]) -> None:
-    verdict = judge(Seen.of(saved, measure("encoder_scale:j2", k=1e-3)))
+def test_what_no_cause_explains_is_not_named(saved: CalibratedModel, measure: Callable[..., Dataset]) -> None:
+    verdict = judge(WhitenedReadings.of(saved, measure("encoder_scale:j2", k=1e-3)))
     assert verdict.kind == "unexplained"
     with pytest.raises(DataError, match="not known"):
         cause_to_update(verdict)
 
 
-def test_false_alarms_come_at_the_stated_rate(saved: SavedModel, measure: Callable[..., Dataset]) -> None:
-    _, odds = odds_of(Seen.of(saved, measure()))
+def test_false_alarms_come_at_the_stated_rate(
+    saved: CalibratedModel, measure: Callable[..., Dataset]
+) -> None:
+    _, odds = odds_of(WhitenedReadings.of(saved, measure()))
     white = np.random.default_rng(99).normal(size=(6000, odds.rows))
     smallest = odds.p_values(white).min(axis=1)
     assert np.mean(smallest < odds.limit(0.05)) == pytest.approx(0.05, abs=0.01)
@@ -150,44 +154,46 @@ def test_false_alarms_come_at_the_stated_rate(saved: SavedModel, measure: Callab
 
 
 def test_the_error_of_the_baseline_is_in_the_spread(
-    saved: SavedModel, measure: Callable[..., Dataset]
+    saved: CalibratedModel, measure: Callable[..., Dataset]
 ) -> None:
     """Residuals of models drawn from the covariance, through the chain, are white beside the noise."""
     data = measure()
-    seen = Seen.of(saved, data, lack=np.zeros(6))
+    seen = WhitenedReadings.of(saved, data, lack=np.zeros(6))
     noise = np.random.default_rng(5)
     size = np.sqrt(np.diag(seen.covariance))
     scale = np.where(size > 0.0, size, 1.0)
     values, vectors = np.linalg.eigh(seen.covariance / np.outer(scale, scale))
     root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    design = Design(seen.model, seen.readings.conditions)
+    design = BoundModel(seen.model, seen.readings.conditions)
     whiten = np.linalg.inv(np.linalg.cholesky(seen.spread()))
     sums = []
     for _ in range(200):
         other = design.predict(seen.estimate + root @ noise.normal(size=len(root)))
-        residual = Seen.of(replace(saved), replace(data, points=other)).residual
+        residual = WhitenedReadings.of(replace(saved), replace(data, points=other)).residual
         sums.append(np.sum((whiten @ (residual + noise.normal(size=len(residual)))) ** 2))
     assert np.mean(sums) == pytest.approx(len(seen.residual), rel=0.05)
 
 
-def test_an_updated_model_sees_no_change(saved: SavedModel, measure: Callable[..., Dataset]) -> None:
-    seen = Seen.of(saved, measure("joint_step:j3", step=0.05))
+def test_an_updated_model_sees_no_change(saved: CalibratedModel, measure: Callable[..., Dataset]) -> None:
+    seen = WhitenedReadings.of(saved, measure("joint_step:j3", step=0.05))
     updated = as_updated(saved, seen, cause_to_update(judge(seen)))
     assert updated.model.index["joint_step:j3.step"] == len(saved.estimate)
     again = measure("joint_step:j3", first=700, step=0.05)
-    assert judge(Seen.of(updated, again)).kind == "unchanged"
+    assert judge(WhitenedReadings.of(updated, again)).kind == "unchanged"
     assert np.linalg.eigvalsh(updated.covariance).min() > -1e-15
     # a second change of the same joint goes into the same parameter
-    further = Seen.of(updated, measure("joint_step:j3", first=800, step=0.12))
+    further = WhitenedReadings.of(updated, measure("joint_step:j3", first=800, step=0.12))
     twice = as_updated(updated, further, cause_to_update(judge(further)))
     assert len(twice.estimate) == len(updated.estimate)
     assert twice.estimate[-1] / DEG == pytest.approx(0.12, abs=0.01)
 
 
-def test_a_base_that_only_shifted_is_not_turned(saved: SavedModel, measure: Callable[..., Dataset]) -> None:
+def test_a_base_that_only_shifted_is_not_turned(
+    saved: CalibratedModel, measure: Callable[..., Dataset]
+) -> None:
     """Elsewhere a turn that is only noise would move the robot by more than the shift is uncertain by."""
     data = measure("base_shift", dx=0.1, dy=-0.05, dz=0.1)
-    seen = Seen.of(saved, data)
+    seen = WhitenedReadings.of(saved, data)
     cause = next(c for c, _ in judge(seen).causes if c.label == "base_shift")
     turned = _fit(seen, cause.effect, odds_of(seen)[0], None, np.ones(6, dtype=np.bool_))
     assert np.linalg.norm(cause.values[3:]) < 0.3 * np.linalg.norm(turned.values[3:])
@@ -197,19 +203,21 @@ def test_a_base_that_only_shifted_is_not_turned(saved: SavedModel, measure: Call
     )
     assert shifted < 0.8 * both
     # one that did turn is turned
-    lost = Seen.of(saved, measure("joint_offset:j1", offset=0.1))
+    lost = WhitenedReadings.of(saved, measure("joint_offset:j1", offset=0.1))
     found = _fit(lost, cause.effect, odds_of(lost)[0], None, np.ones(6, dtype=np.bool_))
     mean = fitted(lost, cause.effect, odds_of(lost)[0])
     assert mean.values[5] / DEG == pytest.approx(0.1, abs=0.02)
     np.testing.assert_allclose(mean.values, found.values, rtol=0.05, atol=1e-4)
 
 
-def test_few_readings_make_an_update_worth_less(saved: SavedModel, measure: Callable[..., Dataset]) -> None:
+def test_few_readings_make_an_update_worth_less(
+    saved: CalibratedModel, measure: Callable[..., Dataset]
+) -> None:
     data = measure("tool_shift", dx=0.2, dy=0.0, dz=0.0)
     worth = []
     for count in (4, 20):
         status = np.array(["ok" if k < count else "rejected:not taken" for k in range(len(data))])
-        seen = Seen.of(saved, replace(data, status=status))
+        seen = WhitenedReadings.of(saved, replace(data, status=status))
         cause = fitted(seen, next(e for e in seen.causes if e.label == "tool_shift"), odds_of(seen)[0])
         worth.append(times_as_uncertain(saved, as_updated(saved, seen, cause), data.header, ("T2",)))
     assert worth[0] > DOUBTFUL
@@ -227,8 +235,10 @@ def test_the_mean_is_the_recursion_over_its_weight() -> None:
     assert mean.share == pytest.approx(variance / grown**2)
 
 
-def test_a_small_change_shows_in_the_mean(saved: SavedModel, measure: Callable[..., Dataset]) -> None:
-    small = [Seen.of(saved, measure("joint_step:j3", first=100 * i, step=0.006)) for i in range(1, 9)]
+def test_a_small_change_shows_in_the_mean(saved: CalibratedModel, measure: Callable[..., Dataset]) -> None:
+    small = [
+        WhitenedReadings.of(saved, measure("joint_step:j3", first=100 * i, step=0.006)) for i in range(1, 9)
+    ]
     verdict = judge(small[-1], [seen.residual for seen in small[:-1]])
     alone, together = verdict.questions
     assert together.watches == 8
@@ -238,13 +248,13 @@ def test_a_small_change_shows_in_the_mean(saved: SavedModel, measure: Callable[.
 
 
 def test_a_history_is_appended_once_and_keeps_baselines_apart(
-    saved: SavedModel, measure: Callable[..., Dataset], tmp_path: Path
+    saved: CalibratedModel, measure: Callable[..., Dataset], tmp_path: Path
 ) -> None:
     file, baseline = tmp_path / "h.jsonl", baseline_hash(saved)
     assert read_history(file).lines == ()
     for first in (0, 100):
         data = measure(first=first)
-        seen = Seen.of(saved, data)
+        seen = WhitenedReadings.of(saved, data)
         before, _ = read_history(file).before(seen, data, baseline)
         append(file, seen, data, baseline, judge(seen, before))
         if first == 0:
@@ -252,12 +262,15 @@ def test_a_history_is_appended_once_and_keeps_baselines_apart(
     history = read_history(file)
     data = measure(first=100)
     assert history.holds(data)
-    before, left_out = history.before(Seen.of(saved, data), data, baseline)
+    before, left_out = history.before(WhitenedReadings.of(saved, data), data, baseline)
     assert (len(before), left_out) == (1, 0)  # itself is not among those before it
     oldest = measure(first=0)
-    assert history.before(Seen.of(saved, oldest), oldest, baseline) == ([], 0)  # nor those behind it
+    assert history.before(WhitenedReadings.of(saved, oldest), oldest, baseline) == (
+        [],
+        0,
+    )  # nor those behind it
     new = measure(first=300)
-    assert history.before(Seen.of(saved, new), new, "another model") == ([], 2)
+    assert history.before(WhitenedReadings.of(saved, new), new, "another model") == ([], 2)
     file.write_text(file.read_text("utf-8") + "{}\n", "utf-8")
     with pytest.raises(DataError, match="line 3"):
         read_history(file)
@@ -279,9 +292,9 @@ def test_the_frame_on_nests_is_as_uncertain_as_it_is_set_up() -> None:
 
 
 def test_a_plan_says_what_is_seen_and_what_never_alone(
-    saved: SavedModel, calibration: Dataset, candidates: tuple[Array, Array, Array]
+    saved: CalibratedModel, calibration: Dataset, candidates: tuple[Array, Array, Array]
 ) -> None:
-    found = plan(saved, calibration.header, Visits.of_points(*candidates, ("T2",)), 8)
+    found = plan(saved, calibration.header, PlannedVisits.of_points(*candidates, ("T2",)), 8)
     assert len(set(found.chosen)) == 8
     by_label = {each.label: each for each in found.shown.causes}
     assert by_label["joint_step:j1"].always == ("base_shift",)
@@ -294,18 +307,20 @@ def test_a_plan_says_what_is_seen_and_what_never_alone(
     )
     worse = {
         each.label: each
-        for each in plan(saved, noisy, Visits.of_points(*candidates, ("T2",)), 8).shown.causes
+        for each in plan(saved, noisy, PlannedVisits.of_points(*candidates, ("T2",)), 8).shown.causes
     }
     assert worse["joint_step:j3"].size > 2.0 * by_label["joint_step:j3"].size
     with pytest.raises(DataError, match="poses"):
-        plan(saved, calibration.header, Visits.of_points(*candidates, ("T2",)), 3)
+        plan(saved, calibration.header, PlannedVisits.of_points(*candidates, ("T2",)), 3)
 
 
 def test_from_one_side_no_play_is_seen(
-    saved: SavedModel, calibration: Dataset, candidates: tuple[Array, Array, Array]
+    saved: CalibratedModel, calibration: Dataset, candidates: tuple[Array, Array, Array]
 ) -> None:
     joints, sides, reach = candidates
-    found = plan(saved, calibration.header, Visits.of_points(joints, np.ones_like(sides), reach, ("T2",)), 6)
+    found = plan(
+        saved, calibration.header, PlannedVisits.of_points(joints, np.ones_like(sides), reach, ("T2",)), 6
+    )
     assert not any(each.label.startswith("backlash") for each in found.shown.causes)
 
 
@@ -356,7 +371,7 @@ def _other_serial(data: Dataset) -> Dataset:
     ],
 )
 def test_what_is_no_watch_of_the_baseline_is_refused_by_name(
-    saved: SavedModel,
+    saved: CalibratedModel,
     measure: Callable[..., Dataset],
     spoil: Callable[[Dataset], Dataset],
     key: str,
@@ -371,12 +386,12 @@ def test_what_is_no_watch_of_the_baseline_is_refused_by_name(
 
 
 def test_a_new_frame_hides_a_moved_base_and_nothing_else(
-    saved: SavedModel, measure: Callable[..., Dataset]
+    saved: CalibratedModel, measure: Callable[..., Dataset]
 ) -> None:
     moved = measure("base_shift", dx=1.0, dy=2.0, dz=0.5)
-    assert judge(Seen.of(saved, moved)).kind == "changed"
-    assert judge(Seen.of(saved, moved, frame_known=False)).kind == "unchanged"
-    lost = judge(Seen.of(saved, measure("joint_step:j3", step=0.05), frame_known=False))
+    assert judge(WhitenedReadings.of(saved, moved)).kind == "changed"
+    assert judge(WhitenedReadings.of(saved, moved, frame_known=False)).kind == "unchanged"
+    lost = judge(WhitenedReadings.of(saved, measure("joint_step:j3", step=0.05), frame_known=False))
     assert "joint_step:j3" in [cause.label for cause, _ in lost.causes]
 
 
@@ -390,9 +405,11 @@ def test_poses_and_distances_are_judged_as_points_are(kind: Kind) -> None:
     status = np.full(len(data), "rejected:not visited")
     status[np.flatnonzero(data.fit_rows)[:40]] = "ok"
     data = replace(data, status=status)
-    assert judge(Seen.of(baseline, data)).kind == "unchanged"
+    assert judge(WhitenedReadings.of(baseline, data)).kind == "unchanged"
     joints = data.conditions.joints - np.array([0.0, 0.0, 0.08 * DEG, 0.0, 0.0, 0.0])
-    verdict = judge(Seen.of(baseline, replace(data, conditions=replace(data.conditions, joints=joints))))
+    verdict = judge(
+        WhitenedReadings.of(baseline, replace(data, conditions=replace(data.conditions, joints=joints)))
+    )
     assert verdict.cause is not None
     assert verdict.cause.label == "joint_step:j3"
     assert verdict.cause.size.value == pytest.approx(0.08, abs=1.5 * verdict.cause.size.u)
@@ -404,7 +421,7 @@ def test_the_evidence_is_the_bayes_factor_of_a_gaussian() -> None:
     columns = rng.normal(size=(9, 3)) * [0.3, 1.0, 5.0]
     parameters = tuple(Parameter(f"made_up.p{k}", "mm", 1.0) for k in range(3))
     effect = Effect("made_up", "transmission", "robot", "", parameters, ())
-    cause = Columns.of(effect, columns)
+    cause = CauseColumns.of(effect, columns)
     residual = rng.normal(size=(4, 9))
     spread = np.eye(9) + columns @ columns.T
     explained = np.einsum("ij,ij->i", residual, residual - np.linalg.solve(spread, residual.T).T)

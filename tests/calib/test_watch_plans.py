@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib import DataError, SavedModel, identify
+from calib import CalibratedModel, DataError, identify
 from calib.data import Header, Noise
 from calib.effects.thermal import arm_growth
-from calib.model import Design, RobotModel
+from calib.model import BoundModel, ModelStructure
 from calib.saved import as_saved
 from calib.units import DEG
 from calib.watch import (
     REPEATS,
     SEEN,
-    Plan,
-    Seen,
-    Visits,
+    PlannedVisits,
+    WatchPlan,
+    WhitenedReadings,
     judge,
     judged,
     nest_limit,
@@ -29,7 +29,7 @@ from calib.watch import (
     within_stroke,
 )
 from calib.watch.baseline import scatter_beyond
-from calib.watch.planning.rounds import Rounds, Ways
+from calib.watch.planning.rounds import RepetitionOptions, Repetitions
 from tests.benchmarks.coverage import KINDS, RANGE, ROBOT, Kind, header_of, simulate
 from tests.calib.machines import machine
 
@@ -37,28 +37,28 @@ LEGS = (("T1", "B1"), ("T1", "B2"), ("T2", "B2"), ("T2", "B3"), ("T3", "B3"), ("
 POINTS = Kind("points", 60)
 
 
-def visits_of(read: tuple[tuple[str, str], ...], count: int = 12) -> Visits:
+def visits_of(read: tuple[tuple[str, str], ...], count: int = 12) -> PlannedVisits:
     rng = np.random.default_rng(3)
     joints = rng.uniform(RANGE[:, 0], RANGE[:, 1], (count, ROBOT.joints))
     sides = rng.choice((-1.0, 1.0), size=joints.shape)
-    return Visits(joints, sides, np.full(count, 5.0 * DEG), (read,) * count)
+    return PlannedVisits(joints, sides, np.full(count, 5.0 * DEG), (read,) * count)
 
 
-def baseline(kind: Kind) -> SavedModel:
+def baseline(kind: Kind) -> CalibratedModel:
     return as_saved(identify(simulate(kind, 5).data))
 
 
 @pytest.fixture(scope="module")
-def by_points() -> SavedModel:
+def by_points() -> CalibratedModel:
     return baseline(POINTS)
 
 
 @pytest.fixture(scope="module")
-def by_legs() -> SavedModel:
+def by_legs() -> CalibratedModel:
     return baseline(next(k for k in KINDS if k.name == "distances"))
 
 
-def test_legs_are_planned_and_see_what_the_lengths_of_legs_show(by_legs: SavedModel) -> None:
+def test_legs_are_planned_and_see_what_the_lengths_of_legs_show(by_legs: CalibratedModel) -> None:
     header = header_of(KINDS[3])
     found = plan(by_legs, header, visits_of(LEGS), 6)
     assert found.visits.readings == found.shown.readings == 36
@@ -74,12 +74,12 @@ def test_legs_are_planned_and_see_what_the_lengths_of_legs_show(by_legs: SavedMo
     moved = replace(found.visits, joints=found.visits.joints + step * np.eye(6)[0])
     by_difference = (planned(by_legs, header, moved).lengths - would.lengths) / step
     bare = replace(by_legs, left_open=None)  # what was left open shifts what the column is taken at
-    seen = Seen.of(bare, would, lack=np.zeros(6))
+    seen = WhitenedReadings.of(bare, would, lack=np.zeros(6))
     column = seen.columns[[c.label for c in seen.causes].index("joint_step:j1")][:, 0]
     np.testing.assert_allclose(column * header.noise.length_mm, by_difference, atol=0.02)
 
 
-def test_turns_of_cameras_are_planned_and_tell_the_wrist(by_points: SavedModel) -> None:
+def test_turns_of_cameras_are_planned_and_tell_the_wrist(by_points: CalibratedModel) -> None:
     posed = baseline(replace(KINDS[2], readings=40))
     header = header_of(KINDS[2])
     some = visits_of((("T1", ""),))
@@ -91,7 +91,7 @@ def test_turns_of_cameras_are_planned_and_tell_the_wrist(by_points: SavedModel) 
     assert sizes["joint_step:j6"] < 0.05
 
 
-def test_a_leg_of_a_check_pose_is_as_long_as_the_bar(by_legs: SavedModel) -> None:
+def test_a_leg_of_a_check_pose_is_as_long_as_the_bar(by_legs: CalibratedModel) -> None:
     header = header_of(KINDS[3])
     near = visits_of(LEGS[:5], 8)
     lengths = planned(by_legs, header, near).lengths.reshape(8, -1)
@@ -112,11 +112,11 @@ def test_every_other_round_comes_from_the_opposite_side() -> None:
     assert len(once.again(3)) == 12
 
 
-def test_more_lever_and_more_rounds_see_smaller_zeros_of_the_wrist(by_points: SavedModel) -> None:
+def test_more_lever_and_more_rounds_see_smaller_zeros_of_the_wrist(by_points: CalibratedModel) -> None:
     header, by_points = header_of(POINTS), sure(by_points)
     one, two = visits_of((("T2", ""),), 8), visits_of((("T2", ""), ("T3", "")), 8)
 
-    def of_wrist(visits: Visits) -> float:
+    def of_wrist(visits: PlannedVisits) -> float:
         return {c.label: c.size for c in judged(by_points, header, visits).causes}["joint_step:j6"]
 
     shown = {c.label: c for c in judged(by_points, header, one).causes}["joint_step:j6"]
@@ -134,7 +134,7 @@ def test_more_lever_and_more_rounds_see_smaller_zeros_of_the_wrist(by_points: Sa
     assert all(each.reached == (each.size <= 0.01) for each in found)
 
 
-def sure(saved: SavedModel) -> SavedModel:
+def sure(saved: CalibratedModel) -> CalibratedModel:
     """A baseline of which its model is known to hold all that is there."""
     return replace(saved, noise_scale=1.0, left_open=None)
 
@@ -148,7 +148,7 @@ def quiet() -> Header:
     )
 
 
-def test_a_plan_reads_as_often_as_shows_what_should_be_seen(by_points: SavedModel) -> None:
+def test_a_plan_reads_as_often_as_shows_what_should_be_seen(by_points: CalibratedModel) -> None:
     header, known = quiet(), sure(by_points)
     some = visits_of((("T2", ""),), 40)
     once = plan(known, header, some, 8)
@@ -161,11 +161,11 @@ def test_a_plan_reads_as_often_as_shows_what_should_be_seen(by_points: SavedMode
         goal
     )  # the baseline does not know the zero of joint 6 so well
     # enough, and one step fewer of either is short of it
-    ways, each = Ways(known, header, chosen.shown.limit), some.take(chosen.chosen)
+    ways, each = RepetitionOptions(known, header, chosen.shown.limit), some.take(chosen.chosen)
     times, repeats = chosen.rounds, chosen.repeats
-    assert _shown(ways.sizes(each, Rounds(times, repeats)), goal)
+    assert _shown(ways.sizes(each, Repetitions(times, repeats)), goal)
     assert repeats == 1 or not _shown(
-        ways.sizes(each, Rounds(times, REPEATS[REPEATS.index(repeats) - 1])), goal
+        ways.sizes(each, Repetitions(times, REPEATS[REPEATS.index(repeats) - 1])), goal
     )
 
 
@@ -174,11 +174,11 @@ def _shown(sizes: dict[str, float], goal: dict[str, float]) -> bool:
 
 
 def test_poses_are_exchanged_for_what_is_seen_worst(
-    by_points: SavedModel, monkeypatch: pytest.MonkeyPatch
+    by_points: CalibratedModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     header, known = header_of(POINTS), replace(by_points, noise_scale=1.0)
 
-    def worst(found: Plan) -> float:
+    def worst(found: WatchPlan) -> float:
         return max(c.size / c.wanted for c in found.shown.causes if c.wanted)
 
     some = visits_of((("T2", ""),), 60)
@@ -187,7 +187,7 @@ def test_poses_are_exchanged_for_what_is_seen_worst(
     assert worst(exchanged) < 0.95 * worst(plan(known, header, some, 8))
 
 
-def test_what_is_said_to_be_enough_is(by_points: SavedModel) -> None:
+def test_what_is_said_to_be_enough_is(by_points: CalibratedModel) -> None:
     header, known = quiet(), replace(sure(by_points), covariance=0.0 * by_points.covariance)
     some = visits_of((("T2", ""),), 40)
     found = plan(known, header, some, 10, times=2, repeats=2)
@@ -208,13 +208,13 @@ def test_what_is_said_to_be_enough_is(by_points: SavedModel) -> None:
 
 def test_what_is_declared_of_slides_is_not_taken_for_what_the_model_lacks(tmp_path: Path) -> None:
     scara = machine("scara", tmp_path)
-    model = RobotModel(scara, (arm_growth(scara),), {"main": {"T1": (0.0, 0.0, 50.0)}})
+    model = ModelStructure(scara, (arm_growth(scara),), {"main": {"T1": (0.0, 0.0, 50.0)}})
     held_out = 0.09
-    saved = SavedModel(
+    saved = CalibratedModel(
         model, np.zeros(1), np.zeros((1, 1)), scara.loads, (0.0, 0.0, -9.81), "none", "", {}, held_out
     )
     joints = np.array([[0.1, 0.2, -100.0, 0.3], [0.4, -0.5, -50.0, 0.1]])
-    visits = Visits(joints, np.ones_like(joints), np.full(2, 5.0 * DEG), ((("T1", ""),),) * 2)
+    visits = PlannedVisits(joints, np.ones_like(joints), np.full(2, 5.0 * DEG), ((("T1", ""),),) * 2)
     header = replace(header_of(POINTS), robot=scara, loads=scara.loads)
     noise = Noise("isotropic", sigma_mm=0.01)
     assert np.all(scatter_beyond(saved, planned(saved, replace(header, noise=noise), visits)) > 0.0)
@@ -224,18 +224,18 @@ def test_what_is_declared_of_slides_is_not_taken_for_what_the_model_lacks(tmp_pa
     np.testing.assert_allclose(scatter_beyond(saved, known), 0.0, atol=1e-6)
 
 
-def test_a_frame_of_its_own_may_lie_anywhere(by_points: SavedModel) -> None:
+def test_a_frame_of_its_own_may_lie_anywhere(by_points: CalibratedModel) -> None:
     header = header_of(POINTS)
     would = planned(by_points, header, visits_of((("T2", ""), ("T3", ""))))
     rng = np.random.default_rng(4)
     points = would.points + header.noise.sigma_mm * rng.normal(size=would.points.shape)
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     elsewhere = points @ (turn * np.sign(np.linalg.det(turn))).T + np.array([900.0, -2000.0, 50.0])
-    seen = Seen.of(by_points, replace(would, points=elsewhere), frame_known=False)
+    seen = WhitenedReadings.of(by_points, replace(would, points=elsewhere), frame_known=False)
     assert judge(seen).kind == "unchanged"
     joints = would.conditions.joints + np.array([0.0, 0.0, 0.3 * DEG, 0.0, 0.0, 0.0])
-    lost = Design(by_points.model, replace(would.conditions, joints=joints)).predict(by_points.estimate)
-    verdict = judge(Seen.of(by_points, replace(would, points=lost), frame_known=False))
+    lost = BoundModel(by_points.model, replace(would.conditions, joints=joints)).predict(by_points.estimate)
+    verdict = judge(WhitenedReadings.of(by_points, replace(would, points=lost), frame_known=False))
     assert "joint_step:j3" in [cause.label for cause, _ in verdict.causes]
 
 

@@ -7,14 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib import DataError, Dataset, SavedModel, identify
+from calib import CalibratedModel, DataError, Dataset, identify
 from calib.effects.instrument import drift_translation
 from calib.effects.thermal import arm_growth, warm_up
-from calib.model import Design, Effect, RobotModel, effect
+from calib.model import BoundModel, Effect, ModelStructure, effect
 from calib.model.regressors import Constant
 from calib.saved import as_saved
 from calib.units import DEG
-from calib.watch import Seen, Visits, cause_to_update, judge, keep_up, later, planned, warms_up
+from calib.watch import (
+    PlannedVisits,
+    WhitenedReadings,
+    cause_to_update,
+    judge,
+    keep_up,
+    later,
+    planned,
+    warms_up,
+)
 from tests.benchmarks.coverage import RANGE, ROBOT, Kind, header_of, simulate
 
 POINTS = Kind("points", 120)
@@ -22,13 +31,13 @@ AFTER_S, CONSTANT_S = 3000.0, 1500.0
 
 
 @pytest.fixture(scope="module")
-def cold() -> SavedModel:
+def cold() -> CalibratedModel:
     """A model without thermal effects."""
     return replace(as_saved(identify(simulate(POINTS, 5).data)), noise_scale=1.0)
 
 
 @pytest.fixture(scope="module")
-def warming(cold: SavedModel) -> SavedModel:
+def warming(cold: CalibratedModel) -> CalibratedModel:
     """The model with a warm-up of 200 ppm, known to 10."""
     m = len(cold.estimate)
     covariance = np.zeros((m + 1, m + 1))
@@ -38,27 +47,32 @@ def warming(cold: SavedModel) -> SavedModel:
 
 
 def measured(
-    saved: SavedModel, change: Effect, values: list[float], seed: int = 1, count: int = 6, noise: float = 1.0
+    saved: CalibratedModel,
+    change: Effect,
+    values: list[float],
+    seed: int = 1,
+    count: int = 6,
+    noise: float = 1.0,
 ) -> Dataset:
     """A few poses of two targets as the model with a change has them, after some time; noise: over the declared."""
     rng = np.random.default_rng(seed)
     joints = rng.uniform(RANGE[:, 0], RANGE[:, 1], (count, ROBOT.joints))
-    visits = Visits.of_points(joints, np.ones_like(joints), np.full(count, 5.0 * DEG), ("T2", "T3"))
+    visits = PlannedVisits.of_points(joints, np.ones_like(joints), np.full(count, 5.0 * DEG), ("T2", "T3"))
     would = later(planned(saved, header_of(POINTS), visits), AFTER_S)
-    model = RobotModel(
+    model = ModelStructure(
         ROBOT,
         (*saved.model.effects, change),
         saved.model.targets,
         saved.model.placements,
         saved.model.station,
     )
-    points = Design(model, would.conditions).predict(np.append(saved.estimate, values))
+    points = BoundModel(model, would.conditions).predict(np.append(saved.estimate, values))
     return replace(
         would, points=points + noise * header_of(POINTS).noise.sigma_mm * rng.normal(size=points.shape)
     )
 
 
-def test_the_warmth_of_the_day_is_found_with_its_u(warming: SavedModel) -> None:
+def test_the_warmth_of_the_day_is_found_with_its_u(warming: CalibratedModel) -> None:
     """Grown by 300 ppm beyond the model, after two time constants, of which 0.865 is there."""
     data = measured(warming, arm_growth(ROBOT), [300e-6])
     found = keep_up(warming, data)
@@ -77,14 +91,14 @@ def test_the_warmth_of_the_day_is_found_with_its_u(warming: SavedModel) -> None:
     assert again.rest.kind == "unchanged"
 
 
-def test_what_is_not_warmth_is_refused_and_nothing_is_written(warming: SavedModel) -> None:
+def test_what_is_not_warmth_is_refused_and_nothing_is_written(warming: CalibratedModel) -> None:
     struck = measured(warming, _tool_by(), [1.0])
     found = keep_up(warming, struck)
     assert found.model is None
     assert "tool_shift" in [cause.label for cause, _ in found.rest.causes]
 
 
-def test_a_model_without_a_thermal_effect_says_which_would_be_needed(cold: SavedModel) -> None:
+def test_a_model_without_a_thermal_effect_says_which_would_be_needed(cold: CalibratedModel) -> None:
     with pytest.raises(DataError, match="warm_up"):
         keep_up(cold, measured(cold, arm_growth(ROBOT), [800e-6], count=10))
     with pytest.raises(DataError, match="nor do these readings"):
@@ -92,7 +106,7 @@ def test_a_model_without_a_thermal_effect_says_which_would_be_needed(cold: Saved
     assert not warms_up(cold.model)
 
 
-def test_a_warm_arm_and_a_drift_are_causes_that_pass(cold: SavedModel) -> None:
+def test_a_warm_arm_and_a_drift_are_causes_that_pass(cold: CalibratedModel) -> None:
     """A warm robot against a cold baseline is named as that, and updates nothing; nor does the instrument, which
     drifts since the watch began and not since the robot was cold."""
     for change, values, label in (
@@ -100,7 +114,7 @@ def test_a_warm_arm_and_a_drift_are_causes_that_pass(cold: SavedModel) -> None:
         (drift_translation(AFTER_S), [3.0 / 3600.0, -3.0 / 3600.0, 3.0 / 3600.0], "drift_translation"),
     ):
         moved = measured(cold, change, values, count=14, noise=0.0)
-        verdict = judge(Seen.of(cold, moved))
+        verdict = judge(WhitenedReadings.of(cold, moved))
         assert label in [cause.label for cause, _ in verdict.causes]
         assert verdict.kind in ("changed", "ambiguous")
         assert "{" not in verdict.in_words + verdict.advice

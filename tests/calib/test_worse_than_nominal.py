@@ -8,22 +8,22 @@ from pathlib import Path
 import pytest
 
 from calib.data import Dataset, read_dataset
-from calib.diagnose import Diagnosis, diagnose
+from calib.diagnose import DiagnosisFit, diagnose
 from calib.errors import DataError
-from calib.model import Design
+from calib.model import BoundModel
 from calib.saved import load_model, refuse_worse, save_model
 from service.cli import main
 from tests.calib.campaigns import simulate, write_files
 
 
 @pytest.fixture(scope="module")
-def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, Diagnosis]:
+def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, DiagnosisFit]:
     folder = tmp_path_factory.mktemp("worse")
     _, data = simulate(folder, seed=3, n=70, n_validation=20, effects=[])
     return data, diagnose(data)
 
 
-def worse(diagnosis: Diagnosis) -> Diagnosis:
+def worse(diagnosis: DiagnosisFit) -> DiagnosisFit:
     """The same with a model that is said to miss by ten times as much as the nominal robot."""
     nominal, faults = diagnosis.error_nominal, diagnosis.held_out_faults
     assert nominal is not None
@@ -33,7 +33,7 @@ def worse(diagnosis: Diagnosis) -> Diagnosis:
 
 
 def test_a_worse_model_is_refused_with_both_figures(
-    diagnosed: tuple[Dataset, Diagnosis], tmp_path: Path
+    diagnosed: tuple[Dataset, DiagnosisFit], tmp_path: Path
 ) -> None:
     found = worse(diagnosed[1])
     assert found.worse_than_nominal
@@ -45,14 +45,14 @@ def test_a_worse_model_is_refused_with_both_figures(
     assert not (tmp_path / "model.json").exists()
 
 
-def test_a_worse_model_is_saved_by_consent(diagnosed: tuple[Dataset, Diagnosis], tmp_path: Path) -> None:
+def test_a_worse_model_is_saved_by_consent(diagnosed: tuple[Dataset, DiagnosisFit], tmp_path: Path) -> None:
     found = worse(diagnosed[1])
     save_model(tmp_path / "model.json", found.final, found, save_anyway=True)
     assert len(load_model(tmp_path / "model.json").estimate) == len(found.final.estimate)
 
 
 def test_a_better_model_and_one_without_held_out_readings_are_saved(
-    diagnosed: tuple[Dataset, Diagnosis], tmp_path: Path
+    diagnosed: tuple[Dataset, DiagnosisFit], tmp_path: Path
 ) -> None:
     found = diagnosed[1]
     assert not found.worse_than_nominal
@@ -69,7 +69,7 @@ def test_the_commands_ask_for_consent(command: str, tmp_path: Path) -> None:
     data = write_files(tmp_path, rows, campaign.header)
     dataset = read_dataset(data)
     found = diagnose(dataset)
-    toward = Design(found.nominal, dataset.conditions).predict(found.nominal_estimate)
+    toward = BoundModel(found.nominal, dataset.conditions).predict(found.nominal_estimate)
     for row, point in zip(rows, toward, strict=True):
         if row["set"] == "validation":
             row |= dict(zip(("x_mm", "y_mm", "z_mm"), point.tolist(), strict=True))

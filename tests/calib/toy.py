@@ -10,7 +10,7 @@ import numpy as np
 
 from calib.array import Array
 from calib.fit.least_squares import Linearisation
-from calib.model.model import Design
+from calib.model.model import BoundModel
 from calib.model.observations import Observations
 
 
@@ -62,7 +62,7 @@ def toy(
             pose=count, joints=count[:, None] * 1.0, target=0 * count, anchor=0 * count, series=0 * count
         ),
     )
-    return Linearisation(cast(Design, design), cast(Observations, observed), estimate)
+    return Linearisation(cast(BoundModel, design), cast(Observations, observed), estimate)
 
 
 def linear(model: Any, matrix: Array, measured: Array, estimate: Array | None = None) -> Linearisation:

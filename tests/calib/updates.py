@@ -8,19 +8,19 @@ from pathlib import Path
 import numpy as np
 
 from calib.effects.thermal import warm_up
-from calib.fit.identification import Identification
-from calib.saved import SavedModel, save_model, save_update
-from calib.watch import Seen, updated
+from calib.fit.identification import IdentificationFit
+from calib.saved import CalibratedModel, save_model, save_update
+from calib.watch import WhitenedReadings, updated
 from calib.watch.cause import Cause
 
 
-def as_updated(saved: SavedModel, seen: Seen, cause: Cause) -> SavedModel:
+def as_updated(saved: CalibratedModel, seen: WhitenedReadings, cause: Cause) -> CalibratedModel:
     """The model with the size of a cause that readings show."""
     model, estimate, covariance = updated(saved, seen, cause)
     return replace(saved, model=model, estimate=estimate, covariance=covariance)
 
 
-def save_warming(path: Path, fitted: Identification, std: float, alpha: float = 0.0) -> None:
+def save_warming(path: Path, fitted: IdentificationFit, std: float, alpha: float = 0.0) -> None:
     """Write the model of a fit to which a growth while it warms up was added, 1/K of its end, with a standard deviation
     that no readings of the fit gave it."""
     save_model(path, fitted)

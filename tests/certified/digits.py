@@ -17,9 +17,9 @@ import numpy as np
 
 from calib import Dataset, read_dataset
 from calib.fit import base_model_of, readings_of
-from calib.fit.ending import Ending
+from calib.fit.ending import FitTermination
 from calib.fit.least_squares import Linearisation, Solution, solve
-from calib.model import Design, RobotModel
+from calib.model import BoundModel, ModelStructure
 from calib.units import to_display
 
 FOLDER = Path(__file__).parent
@@ -46,7 +46,7 @@ def correct(found: float, certified: Decimal) -> float:
     return MOST if error == 0 else min(MOST, -math.log10(error))
 
 
-def pure_model(data: Dataset) -> RobotModel:
+def pure_model(data: Dataset) -> ModelStructure:
     """The model of a data set without priors, every parameter counting from the nominal value in the file."""
     model = base_model_of(data)
     effects = tuple(
@@ -55,14 +55,14 @@ def pure_model(data: Dataset) -> RobotModel:
     return replace(model, effects=effects, turns={})
 
 
-def solved(name: str) -> tuple[RobotModel, Solution]:
+def solved(name: str) -> tuple[ModelStructure, Solution]:
     """The program's least squares on a problem, from the nominal robot."""
     data = read_dataset(FOLDER / f"{name}.csv")
     model = pure_model(data)
     start = np.zeros(len(model.parameters))
     readings = readings_of(data, data.fit_rows, model, start)
     every = np.ones(len(start), dtype=bool)
-    design = Design(model, readings.conditions)
+    design = BoundModel(model, readings.conditions)
     return model, solve(Linearisation(design, readings.observed, start), every, tolerance=1e-9)
 
 
@@ -81,7 +81,12 @@ def count(name: str) -> Digits:
         errors[p.name] = correct(to_display(float(error[i]), p.unit), Decimal(of["standard_error"]))
     total = correct(float(np.sum(solution.residual**2)), Decimal(table["sum_of_squares"]))
     return Digits(
-        values, errors, total, table["condition"], solution.iterations, solution.ending is Ending.CONVERGED
+        values,
+        errors,
+        total,
+        table["condition"],
+        solution.iterations,
+        solution.ending is FitTermination.CONVERGED,
     )
 
 

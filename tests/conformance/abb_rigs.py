@@ -12,7 +12,7 @@ from drivers import AbbArm, AbbDeadlines, AbbSimpleArm, AbbSimpleDeadlines
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
-from service.conformance import Rig
+from service.conformance import DriverRig
 from tests.conformance.truth import SCALE, sent_elsewhere
 
 PATIENT_ABB = AbbDeadlines(
@@ -45,7 +45,7 @@ def gone(
     return [(reached, target), (read, target), (read, cell.cell.arm.joints_deg())]
 
 
-def abb_rig(stack: ExitStack, *, stock: bool) -> Rig:
+def abb_rig(stack: ExitStack, *, stock: bool) -> DriverRig:
     """Question i: go to a pose of its own, and read it back."""
     cell = stack.enter_context(CellThread(FILE, stock=stock))
     proxy = stack.enter_context(FaultProxy(cell.port("abb"), device=cell.do))
@@ -58,10 +58,10 @@ def abb_rig(stack: ExitStack, *, stock: bool) -> Rig:
 
     tolerance, longest_s = 0.006 if stock else 1e-5, 6 * HASTY_ABB.reply_s
     elsewhere = partial(sent_elsewhere, cell, goals, 1e-5)
-    return Rig(arm, proxy, cell.do, ask, tolerance, longest_s, PATIENT_ABB, HASTY_ABB, elsewhere)
+    return DriverRig(arm, proxy, cell.do, ask, tolerance, longest_s, PATIENT_ABB, HASTY_ABB, elsewhere)
 
 
-def abb_simple_rig(stack: ExitStack, *, proxied: str) -> Rig:
+def abb_simple_rig(stack: ExitStack, *, proxied: str) -> DriverRig:
     """Question i: go to a pose of its own, and read it back. Messages have no end mark and no sum."""
     cell = stack.enter_context(CellThread(FILE, devices=("abb-simple",)))
     proxy = stack.enter_context(FaultProxy(cell.port(proxied), device=cell.do))
@@ -79,10 +79,10 @@ def abb_simple_rig(stack: ExitStack, *, proxied: str) -> Rig:
         2 * HASTY_SIMPLE.reply_s + HASTY_SIMPLE.settle_s + 4 * HASTY_SIMPLE.stop_s + HASTY_SIMPLE.takeover_s
     )
     elsewhere = partial(sent_elsewhere, cell, goals, 1e-4)
-    return Rig(arm, proxy, cell.do, ask, 0.0021, longest_s, PATIENT_SIMPLE, HASTY_SIMPLE, elsewhere)
+    return DriverRig(arm, proxy, cell.do, ask, 0.0021, longest_s, PATIENT_SIMPLE, HASTY_SIMPLE, elsewhere)
 
 
-ABB_RIGS: dict[str, Callable[[ExitStack], Rig]] = {
+ABB_RIGS: dict[str, Callable[[ExitStack], DriverRig]] = {
     "abb-calsrv": partial(abb_rig, stock=False),
     "abb-stock": partial(abb_rig, stock=True),
     "abb-simple-motion": partial(abb_simple_rig, proxied="abb-simple"),

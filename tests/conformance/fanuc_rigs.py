@@ -12,7 +12,7 @@ from drivers import FanucArm, FanucDeadlines
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
-from service.conformance import Rig
+from service.conformance import DriverRig
 from tests.conformance.truth import SCALE, sent_elsewhere
 
 CELL = CellFile(robot="fanuc-lrmate200ic", time_scale=SCALE, effects=("none",))
@@ -22,7 +22,7 @@ HASTY = replace(
 )
 
 
-def fanuc_rig(stack: ExitStack, *, device: str, options: str = "", stock: bool = True) -> Rig:
+def fanuc_rig(stack: ExitStack, *, device: str, options: str = "", stock: bool = True) -> DriverRig:
     """Question i: go to a pose of its own, and read it back. `stock`: of text alone."""
     cell = stack.enter_context(CellThread(CELL, stock=stock, devices=("fanuc",)))
     proxy = stack.enter_context(FaultProxy(cell.port(device), device=cell.do))
@@ -43,10 +43,10 @@ def fanuc_rig(stack: ExitStack, *, device: str, options: str = "", stock: bool =
     # 0.002 deg: two readings of a standing robot may differ by so much, in any number of joints.
     tolerance, longest_s = 0.002 * math.sqrt(6) + 0.0013, 6 * HASTY.reply_s
     elsewhere = partial(sent_elsewhere, cell, goals, 1e-4)
-    return Rig(arm, proxy, cell.do, ask, tolerance, longest_s, PATIENT, HASTY, elsewhere)
+    return DriverRig(arm, proxy, cell.do, ask, tolerance, longest_s, PATIENT, HASTY, elsewhere)
 
 
-def fanuc_state_rig(stack: ExitStack) -> Rig:
+def fanuc_state_rig(stack: ExitStack) -> DriverRig:
     """Questions to our server on the second port: is the pendant enabled? Every other time it is."""
     cell = stack.enter_context(CellThread(CELL, devices=("fanuc",)))
     proxy = stack.enter_context(FaultProxy(cell.port("fanuc-logger"), device=cell.do))
@@ -68,10 +68,10 @@ def fanuc_state_rig(stack: ExitStack) -> Rig:
         )
         return 0.0 if right else math.inf
 
-    return Rig(arm, proxy, cell.do, ask, 0.0, 3 * HASTY.reply_s, PATIENT, HASTY)
+    return DriverRig(arm, proxy, cell.do, ask, 0.0, 3 * HASTY.reply_s, PATIENT, HASTY)
 
 
-FANUC_RIGS: dict[str, Callable[[ExitStack], Rig]] = {
+FANUC_RIGS: dict[str, Callable[[ExitStack], DriverRig]] = {
     "fanuc-mappdk": partial(fanuc_rig, device="fanuc"),
     "fanuc-mappdk-cal": fanuc_state_rig,
     "fanuc-mappdk-own": partial(fanuc_rig, device="fanuc", stock=False),

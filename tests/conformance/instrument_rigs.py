@@ -24,7 +24,7 @@ from mocks.cell import CellThread, make_world
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
 from mocks.world import ArmState
-from service.conformance import Rig
+from service.conformance import DriverRig
 from tests.conformance.truth import SCALE
 
 NAMES = ("T1", "N1", "T2", "N2", "T3", "N3")
@@ -53,7 +53,7 @@ def _asks(meter: Any, miss: Callable[[Any], float]) -> Callable[[int], float]:
     return ask
 
 
-def tracker_rig(stack: ExitStack, driver: type[FaroTracker | LeicaTracker], device: str) -> Rig:
+def tracker_rig(stack: ExitStack, driver: type[FaroTracker | LeicaTracker], device: str) -> DriverRig:
     """Question i: one of six targets, metres apart compared with the tolerance."""
     cell, proxy = _cell(stack, device)
     tracker = driver(f"tcp://127.0.0.1:{proxy.port}", heartbeat_s=None)
@@ -64,10 +64,12 @@ def tracker_rig(stack: ExitStack, driver: type[FaroTracker | LeicaTracker], devi
         simulated = cell.cell.tracker if device == "faro" else cell.cell.at960
         return math.dist(reading.xyz_mm, simulated.to_tracker(simulated.true_world(reading.target)))
 
-    return Rig(tracker, proxy, cell.do, _asks(tracker, miss), 0.5, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
+    return DriverRig(
+        tracker, proxy, cell.do, _asks(tracker, miss), 0.5, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY
+    )
 
 
-def emscon_rig(stack: ExitStack) -> Rig:
+def emscon_rig(stack: ExitStack) -> DriverRig:
     """Question i: one of six places to point at. A message is one piece received: packets have no end mark."""
     cell, proxy = _cell(stack, "emscon", boundary=b"")
     tracker = EmsconTracker(f"tcp://127.0.0.1:{proxy.port}")
@@ -82,10 +84,10 @@ def emscon_rig(stack: ExitStack) -> Rig:
         at = i % len(NAMES)
         return math.dist(tracker.measure(NAMES[at], samples=10, near_mm=places[at]).xyz_mm, places[at])
 
-    return Rig(tracker, proxy, cell.do, ask, 0.5, 2 * HASTY_EMSCON.reply_s + 0.5, PATIENT, HASTY_EMSCON)
+    return DriverRig(tracker, proxy, cell.do, ask, 0.5, 2 * HASTY_EMSCON.reply_s + 0.5, PATIENT, HASTY_EMSCON)
 
 
-def ctrack_rig(stack: ExitStack) -> Rig:
+def ctrack_rig(stack: ExitStack) -> DriverRig:
     """Question i: one of six bodies; the miss is in mm and in tenths of a mrad, whichever is larger."""
     cell, proxy = _cell(stack, "ctrack")
     meter = CTrack(f"tcp://127.0.0.1:{proxy.port}", heartbeat_s=None)
@@ -99,10 +101,10 @@ def ctrack_rig(stack: ExitStack) -> Rig:
         along_x = (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
         return max(math.dist(reading.xyz_mm, true[:3, 3]), 100.0 * math.dist(along_x, true[:3, 0]))
 
-    return Rig(meter, proxy, cell.do, _asks(meter, miss), 0.5, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
+    return DriverRig(meter, proxy, cell.do, _asks(meter, miss), 0.5, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
 
 
-def ballbar_rig(stack: ExitStack, scheme: str) -> Rig:
+def ballbar_rig(stack: ExitStack, scheme: str) -> DriverRig:
     """Question i: one of four base balls, at lengths that differ by 0.3 mm, a hundred times the tolerance."""
     world = make_world(CellFile(effects=("none",)))
     place = np.array(world.true_point(ArmState((0.0,) * 6, (0.0,) * 6, (1,) * 6), "T1"))
@@ -121,10 +123,10 @@ def ballbar_rig(stack: ExitStack, scheme: str) -> Rig:
         return abs(reading.length_mm - math.dist(place, balls[base]))
 
     # The arm comes to rest within some 0.02 mm, the zero creeps by 0.003 mm.
-    return Rig(meter, proxy, cell.do, ask, 0.08, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
+    return DriverRig(meter, proxy, cell.do, ask, 0.08, 2 * HASTY.reply_s + 0.1, PATIENT, HASTY)
 
 
-INSTRUMENT_RIGS: dict[str, Callable[[ExitStack], Rig]] = {
+INSTRUMENT_RIGS: dict[str, Callable[[ExitStack], DriverRig]] = {
     "faro-mbp1": lambda stack: tracker_rig(stack, FaroTracker, "faro"),
     "leica-mbp1": lambda stack: tracker_rig(stack, LeicaTracker, "leica"),
     "leica-emscon": emscon_rig,

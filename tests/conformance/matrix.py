@@ -18,7 +18,7 @@ from multiprocessing import get_context
 
 from drivers import AcquisitionError, LinkTimeout
 from mocks.faultproxy import FAULTS, REQUEST_FAULTS
-from service.conformance import SLACK_S, Rig
+from service.conformance import SLACK_S, DriverRig
 from service.conformance.faults import CLASSES
 from tests.conformance.rigs import MOVE_AT_ONCE, REQUESTS_ONLY, RIGS
 from tests.conformance.test_faults import UNDETECTABLE
@@ -67,7 +67,7 @@ def _hasty(name: str, fault: str) -> bool:
     )
 
 
-def _restart(rig: Rig, name: str, fault: str, rate: float) -> None:
+def _restart(rig: DriverRig, name: str, fault: str, rate: float) -> None:
     """Work again, then spoil again."""
     rig.start_again()
     if _hasty(name, fault):
@@ -75,7 +75,7 @@ def _restart(rig: Rig, name: str, fault: str, rate: float) -> None:
     rig.proxy.spoil(fault, times=None, rate=rate)
 
 
-def _right(rig: Rig, question: int) -> bool:
+def _right(rig: DriverRig, question: int) -> bool:
     """Whether the answer is the truth, and the one to this question. Raises AcquisitionError."""
     try:
         return rig.ask(question) <= rig.tolerance

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 
-from service.conformance import Rig
+from service.conformance import DriverRig
 from tests.conformance.abb_rigs import ABB_RIGS
 from tests.conformance.fanuc_rigs import FANUC_RIGS
 from tests.conformance.instrument_rigs import INSTRUMENT_RIGS
 from tests.conformance.ur_rigs import UR_RIGS
 
-RIGS: dict[str, Callable[[ExitStack], Rig]] = {
+RIGS: dict[str, Callable[[ExitStack], DriverRig]] = {
     **ABB_RIGS,
     **FANUC_RIGS,
     **UR_RIGS,

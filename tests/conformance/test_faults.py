@@ -15,7 +15,7 @@ import pytest
 
 from drivers import CTrack, FaroTracker, LeicaTracker, LinkError, Qc20w
 from mocks.faultproxy import FAULTS
-from service.conformance import Rig
+from service.conformance import DriverRig
 from service.conformance.faults import CLASSES, LOUD, MANY, booting, clock_steps, many_questions, one_fault
 from tests.conformance.rigs import REQUESTS_ONLY, RIGS
 from tests.drivers.waiting import until
@@ -33,7 +33,7 @@ PLACES = 3  # behind so many answers, 0 to 2, the spoiled one comes
 
 
 @pytest.fixture(scope="module", params=NAMES)
-def named_rig(request: pytest.FixtureRequest) -> Iterator[tuple[str, Rig]]:
+def named_rig(request: pytest.FixtureRequest) -> Iterator[tuple[str, DriverRig]]:
     with ExitStack() as stack:
         yield request.param, RIGS[request.param](stack)
 
@@ -57,7 +57,7 @@ def test_every_driver_meets_every_fault_and_each_of_them_every_place() -> None:
 
 
 @pytest.mark.parametrize("fault", sorted(FAULTS))
-def test_one_fault(named_rig: tuple[str, Rig], fault: str, pytestconfig: pytest.Config) -> None:
+def test_one_fault(named_rig: tuple[str, DriverRig], fault: str, pytestconfig: pytest.Config) -> None:
     name, rig = named_rig
     if (name, fault) in UNDETECTABLE:
         return
@@ -65,23 +65,23 @@ def test_one_fault(named_rig: tuple[str, Rig], fault: str, pytestconfig: pytest.
         one_fault(rig, fault, after, quiet=(name, fault) in QUIET)
 
 
-def test_no_wrong_reading_in_many_questions(named_rig: tuple[str, Rig]) -> None:
+def test_no_wrong_reading_in_many_questions(named_rig: tuple[str, DriverRig]) -> None:
     """Questions under all faults together, at twice the usual rate; `make conformance` asks 400 for every one."""
     name, rig = named_rig
     faults = [f for f in sorted(FAULTS) if (name, f) not in UNDETECTABLE and f not in ("delay", "drip")]
     many_questions(rig, faults, questions=MANY // 2, rate=0.06)
 
 
-def test_booting_device(named_rig: tuple[str, Rig]) -> None:
+def test_booting_device(named_rig: tuple[str, DriverRig]) -> None:
     booting(named_rig[1])
 
 
-def ask_often(rig: Rig, first: int) -> None:
+def ask_often(rig: DriverRig, first: int) -> None:
     for i in range(first, first + 5):
         assert rig.ask(i) <= rig.tolerance
 
 
-def test_working_at_once_after_a_reboot(named_rig: tuple[str, Rig]) -> None:
+def test_working_at_once_after_a_reboot(named_rig: tuple[str, DriverRig]) -> None:
     """Without waiting for a deadline: those of a patient driver are longer. The best of three counts."""
     _, rig = named_rig
     took_s = []
@@ -100,14 +100,14 @@ def test_working_at_once_after_a_reboot(named_rig: tuple[str, Rig]) -> None:
     assert min(took_s) < 4.0
 
 
-def test_a_clock_that_steps_costs_one_reading(named_rig: tuple[str, Rig]) -> None:
+def test_a_clock_that_steps_costs_one_reading(named_rig: tuple[str, DriverRig]) -> None:
     """Whoever does not reconnect is not refused for ever either."""
     name, rig = named_rig
     if name in CLOCKED:
         clock_steps(rig)
 
 
-def test_the_stream_of_somebody_else_is_no_answer(named_rig: tuple[str, Rig]) -> None:
+def test_the_stream_of_somebody_else_is_no_answer(named_rig: tuple[str, DriverRig]) -> None:
     name, rig = named_rig
     if name not in BRIDGED:
         return

@@ -13,7 +13,7 @@ from contextlib import ExitStack
 import pytest
 
 from mocks.faultproxy import REQUEST_FAULTS
-from service.conformance import Rig
+from service.conformance import DriverRig
 from service.conformance.faults import damaged_requests
 from tests.conformance.rigs import MOVE_AT_ONCE, REQUESTS_ONLY, RIGS
 from tests.conformance.test_faults import BRIDGED
@@ -26,13 +26,15 @@ NO_SUM = {
 
 
 @pytest.fixture(scope="module", params=sorted(set(RIGS) - STATES_ONLY - NO_SUM))
-def named_rig(request: pytest.FixtureRequest) -> Iterator[tuple[str, Rig]]:
+def named_rig(request: pytest.FixtureRequest) -> Iterator[tuple[str, DriverRig]]:
     with ExitStack() as stack:
         yield request.param, RIGS[request.param](stack)
 
 
 @pytest.mark.parametrize("fault", sorted(REQUEST_FAULTS))
-def test_no_wrong_reading_and_no_motion_that_nobody_asked_for(named_rig: tuple[str, Rig], fault: str) -> None:
+def test_no_wrong_reading_and_no_motion_that_nobody_asked_for(
+    named_rig: tuple[str, DriverRig], fault: str
+) -> None:
     name, rig = named_rig
     damaged_requests(rig, fault, rate=0.3 if name in FEW_REQUESTS else 0.1)
     if name not in MOVE_AT_ONCE:

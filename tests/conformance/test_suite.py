@@ -19,8 +19,8 @@ from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from service.cli import main
 from service.conformance import (
-    Finding,
     InstrumentBench,
+    PromiseResult,
     RobotBench,
     SimulatedInstrument,
     SimulatedRobot,
@@ -154,7 +154,7 @@ def test_a_clock_is_stepped_where_there_is_one() -> None:
 
 
 def test_what_a_wire_cannot_show_is_told_and_not_held_against_the_driver() -> None:
-    flip = suite.Promise("answer: one bit wrong", _fails, binding=False)
+    flip = suite.Requirement("answer: one bit wrong", _fails, binding=False)
     assert suite.tried_once(flip).holds is None
     assert suite.tried_once(replace(flip, binding=True)).holds is False
     unseen = replace(ABB, unseen=("flip",))
@@ -255,7 +255,7 @@ def test_a_driver_that_takes_its_process_with_it(
     if name == "hanging":  # the others end by themselves, on a busy machine too
         monkeypatch.setattr(suite, "LIMIT_S", 3.0)
     findings = suite.tried(name)
-    first: Finding = next(findings)
+    first: PromiseResult = next(findings)
     findings.close()  # type: ignore[attr-defined]
     assert (first.holds, first.seen) == (False, seen)
 

@@ -11,7 +11,7 @@ from drivers import UrArm, UrDeadlines
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
-from service.conformance import Rig
+from service.conformance import DriverRig
 from tests.conformance.truth import SCALE, sent_elsewhere
 
 PATIENT_UR = UrDeadlines(
@@ -25,7 +25,7 @@ HASTY_UR = replace(HASTY_REQUESTS, start_s=3.0)
 TOLERANCE_DEG = 0.008  # read-back in steps of 1e-5 rad; a wrong bit below 1e-4 rad is believed
 
 
-def ur_rig(stack: ExitStack, proxied: str, feed: str) -> Rig:
+def ur_rig(stack: ExitStack, proxied: str, feed: str) -> DriverRig:
     """Question i: go to a pose of its own, and read it back. `proxied`: `rtde` or `realtime`, the port."""
     file = CellFile(robot="ur5", time_scale=SCALE, effects=("none",))
     cell = stack.enter_context(CellThread(file, devices=("ur",)))
@@ -54,12 +54,12 @@ def ur_rig(stack: ExitStack, proxied: str, feed: str) -> Rig:
 
     longest_s = 2 * HASTY_UR.reply_s + 2 * HASTY_UR.stop_s + HASTY_UR.start_s + HASTY_UR.move_margin_s
     elsewhere = partial(sent_elsewhere, cell, goals, 1e-5)
-    return Rig(
+    return DriverRig(
         arm, proxy, cell.do, ask, TOLERANCE_DEG, longest_s, PATIENT_UR, HASTY_UR, elsewhere, HASTY_REQUESTS
     )
 
 
-UR_RIGS: dict[str, Callable[[ExitStack], Rig]] = {
+UR_RIGS: dict[str, Callable[[ExitStack], DriverRig]] = {
     "ur-rtde": partial(ur_rig, proxied="rtde", feed="rtde"),
     "ur-realtime": partial(ur_rig, proxied="realtime", feed="realtime"),
     "ur-program": partial(ur_rig, proxied="realtime", feed="rtde"),

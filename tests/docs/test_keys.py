@@ -26,7 +26,7 @@ from calib.foreign import read_map
 from calib.foreign.map import map_file
 from calib.foreign.map.map_file import is_quantity
 from calib.robot_file import SCHEMA
-from calib.text import Columns
+from calib.text import TextTable
 from drivers import INSTRUMENTS, ROBOTS
 from mocks.cell_file import CellFile
 from tests.calib.machines import machine
@@ -144,14 +144,14 @@ def test_data_sets(asked: dict[str, Asked], monkeypatch: pytest.MonkeyPatch, tmp
     columns: Asked = {}
 
     def note(method: str) -> None:
-        before = getattr(Columns, method)
+        before = getattr(TextTable, method)
 
-        def after(self: Columns, column: str, *others: Any, **named: Any) -> Any:
+        def after(self: TextTable, column: str, *others: Any, **named: Any) -> Any:
             key = re.sub(r"^(j|approach|prev)\d+", r"\1K", column)
             columns.setdefault(key, set()).update(others if method == "text" else ())
             return before(self, column, *others, **named)
 
-        monkeypatch.setattr(Columns, method, after)
+        monkeypatch.setattr(TextTable, method, after)
 
     for method in ("text", "numbers", "require"):
         note(method)

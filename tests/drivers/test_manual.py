@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers import CannotStop, Entry, JointLimit, LeftOut, ManualArm, ManualMeter, NoOperator, NotArmed
+from drivers import CannotStop, JointLimit, LeftOut, ManualArm, ManualMeter, NoOperator, NotArmed, TypedEntry
 from drivers.manual.prediction import ENOUGH
 from drivers.manual.slips import slip_of
-from drivers.manual.typed import Mistyped, rows_of
+from drivers.manual.typed import InvalidEntry, rows_of
 
 AXES = ("x", "y", "z")
 LIMITS = [(-170.0, 170.0)] * 7
@@ -24,9 +24,9 @@ class Person:
 
     def __init__(self, *typed: str) -> None:
         self.typed = list(typed)
-        self.asked: list[tuple[str, Entry, str]] = []
+        self.asked: list[tuple[str, TypedEntry, str]] = []
 
-    def __call__(self, text: str, entry: Entry, picture: str) -> str:
+    def __call__(self, text: str, entry: TypedEntry, picture: str) -> str:
         self.asked.append((text, entry, picture))
         return self.typed.pop(0)
 
@@ -92,7 +92,7 @@ def test_numbers_as_people_write_them(text: str) -> None:
     ],
 )
 def test_what_could_mean_two_things_is_refused(text: str, reason: str) -> None:
-    with pytest.raises(Mistyped) as caught:
+    with pytest.raises(InvalidEntry) as caught:
         rows_of(text, AXES, "mm")
     assert caught.value.reason == reason
 
@@ -183,7 +183,7 @@ def test_where_it_is_is_asked_once_and_again_after_somebody_may_have_moved_it() 
 
 
 def test_a_person_who_skips_is_heard() -> None:
-    def skips(text: str, entry: Entry, picture: str) -> str:
+    def skips(text: str, entry: TypedEntry, picture: str) -> str:
         raise LeftOut("no room", device="operator")
 
     arm = an_arm(Person())

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from drivers import LinkError, ProtocolError, UrDeadlines
 from drivers.link import Address, TcpLink
-from drivers.ur.motion import Program
+from drivers.ur.motion import UrScriptMove
 from drivers.ur.realtime import LENGTHS, parse_packet
 from drivers.ur.rtde import Rtde, encode, parse_data, parse_text
 from drivers.ur.secondary import parse_configuration, parse_kinematics, parse_version, split_packages
-from drivers.ur.state import ROBOT_MODES, UrState, Witness, agree
+from drivers.ur.state import ROBOT_MODES, StateConfirmer, UrState, agree
 from mocks.ur.packets import Dh, configuration, kinematics, package, realtime_packet, version_message
 from mocks.ur.script import ScriptError, ScriptReader, parse_call, parse_program
 from tests.drivers.hearing import hearing
@@ -134,13 +134,13 @@ def test_any_bytes_as_the_beginning_of_rtde(data: bytes) -> None:
         stream.open()
 
 
-def states(*packets: bytes) -> Witness:
+def states(*packets: bytes) -> StateConfirmer:
     queue = [parse_packet(packet) for packet in packets]
 
     def read() -> UrState:
         return queue.pop(0)
 
-    return Witness(read)
+    return StateConfirmer(read)
 
 
 def test_a_moving_arm_is_believed_when_its_speed_explains_the_way() -> None:
@@ -207,7 +207,7 @@ def test_descriptions_of_the_simulator_are_read() -> None:
 def test_programs_are_understood_by_the_simulator(
     goal: tuple[float, ...], acceleration: float, speed: float, number: int | None
 ) -> None:
-    program = Program(goal, acceleration, speed, number, 2.0)
+    program = UrScriptMove(goal, acceleration, speed, number, 2.0)
     (lines,) = ScriptReader().feed(program.text().encode())
     *first, move = parse_program(lines)
     assert move.arguments["q"] == pytest.approx(goal, abs=1e-8)
@@ -226,7 +226,7 @@ def test_programs_are_understood_by_the_simulator(
 @given(st.integers(0, 10_000), st.integers(1, 9))
 def test_a_digit_of_a_program_that_is_wrong_is_told_or_does_not_move_elsewhere(place: int, by: int) -> None:
     """Whatever program arrives: it is not run, or tells what the driver did not say, or moves as it should."""
-    program = Program((0.5, -0.25, 1.125, 0.0, -3.0, 6.28), 1.047198, 0.349066, 17, 2.0)
+    program = UrScriptMove((0.5, -0.25, 1.125, 0.0, -3.0, 6.28), 1.047198, 0.349066, 17, 2.0)
     text = program.text()
     digits = [i for i, character in enumerate(text) if character.isdecimal()]
     at = digits[place % len(digits)]
@@ -236,14 +236,14 @@ def test_a_digit_of_a_program_that_is_wrong_is_told_or_does_not_move_elsewhere(p
 
 @pytest.mark.parametrize("bit", range(7))
 def test_a_bit_of_a_program_that_is_wrong_is_told_or_does_not_move_elsewhere(bit: int) -> None:
-    program = Program((0.5, -0.25, 1.125, 0.0, -3.0, 6.28), 1.047198, 0.349066, 17, 2.0)
+    program = UrScriptMove((0.5, -0.25, 1.125, 0.0, -3.0, 6.28), 1.047198, 0.349066, 17, 2.0)
     text = program.text()
     for at, character in enumerate(text):
         spoiled = text[:at] + chr(ord(character) ^ (1 << bit)) + text[at + 1 :]
         assert not elsewhere(program, spoiled), spoiled
 
 
-def elsewhere(program: Program, text: str) -> bool:
+def elsewhere(program: UrScriptMove, text: str) -> bool:
     """Whether a controller moves by another target or speed than it told, and told what the driver expects."""
     try:
         calls = [

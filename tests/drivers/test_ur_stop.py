@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from drivers import LinkError, LinkLost, MotionStopped, NotArmed, UrArm
-from drivers.ur.motion import Program
+from drivers.ur.motion import UrScriptMove
 from mocks.cell import CellThread
 from mocks.faultproxy import FaultProxy
 from tests.drivers.nobody import nobody_listens
@@ -210,7 +210,7 @@ def test_watchdog_is_fed_during_a_long_move(slow: CellThread) -> None:
 
 
 def test_the_watchdog_is_given_a_frequency() -> None:
-    text = Program((0.0,) * 6, 1.0, 1.0, number=1, watchdog_s=2.0).text()
+    text = UrScriptMove((0.0,) * 6, 1.0, 1.0, number=1, watchdog_s=2.0).text()
     assert "  guard = 0.500\n" in text
     assert '"input_int_register_46", guard, "stop"' in text
 

@@ -20,7 +20,7 @@ from drivers import Operator
 from mocks.cell import CellThread
 from mocks.cell_file import read_cell as read_mock_cell
 from mocks.shared.clock import SteppedClock
-from service.simulated_cell import SimulatedHands, SimulatedPerson
+from service.simulated_cell import ManualCellOperator, SimulatedHands
 from tests.drivers.waiting import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
@@ -123,7 +123,7 @@ def stepped_cell(cell: Cell, operator: Operator | None = None) -> Iterator[Equip
             cell,
             operator=operator,
             hands=hands,
-            person=SimulatedPerson(simulated.port("manual")) if by_hand else None,
+            person=ManualCellOperator(simulated.port("manual")) if by_hand else None,
             robot_url=robot,
             instrument_url=instrument,
         )

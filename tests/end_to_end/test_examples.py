@@ -15,7 +15,7 @@ import tomli_w
 from acquisition import Campaign, Cell, Run, campaign_from, checked_plan, export, read_campaign, read_cell
 from acquisition.campaign.plan import Forecast
 from acquisition.cell import cell_from
-from acquisition.record import Store
+from acquisition.record import RecordStore
 from acquisition.record.readings import drift_of
 from calib import Dataset, identify, read_dataset
 from calib.diagnose import diagnose
@@ -248,7 +248,7 @@ def test_the_sphere_is_one_within_the_errors_of_the_robot(kinds: tuple[Cell, Dat
 
 def test_gates_and_drift_were_told(kinds: tuple[Cell, Dataset, Path]) -> None:
     _, dataset, record = kinds
-    store = Store.open(record, writer=False)
+    store = RecordStore.open(record, writer=False)
     events, drift = [event.kind for event in store.events()], drift_of(store)
     store.close()
     assert events.count("warm") == 1

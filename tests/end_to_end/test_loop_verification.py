@@ -18,9 +18,9 @@ from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import RecordError
 from acquisition.loop.loop import APPROACH_DEG, campaign_of, clear
 from acquisition.loop.rehearsal import campaign_table
-from acquisition.record import Store
+from acquisition.record import RecordStore
 from acquisition.record.attempts import Attempts
-from acquisition.record.store import Moment
+from acquisition.record.store import EventTime
 from acquisition.record.verification import (
     JudgedLandings,
     Landings,
@@ -35,7 +35,7 @@ from acquisition.record.verification import (
 )
 from calib import forward
 from calib.effects.instrument import drift_translation
-from calib.model import RobotModel
+from calib.model import ModelStructure
 from drivers import JointReading, PointReading
 from tests.end_to_end.simulated import EXAMPLE
 
@@ -46,11 +46,11 @@ CAMPAIGN = campaign_from(campaign_table(1, 4, 1), "test")
 def record_of(folder: Path, air: list[float]) -> Path:
     """A record whose readings come every 10 s with these air temperatures; nothing of it is meant but times."""
     visits = make_plan(CELL, CAMPAIGN)
-    store = Store.create(folder, "test", CELL.source, CAMPAIGN.source, visits, simulated=True)
+    store = RecordStore.create(folder, "test", CELL.source, CAMPAIGN.source, visits, simulated=True)
     attempts, now = Attempts(store), 0.0
 
-    def moment() -> Moment:
-        return Moment(1000.0 + now, now)
+    def moment() -> EventTime:
+        return EventTime(1000.0 + now, now)
 
     store.moment = moment
     store.start()
@@ -137,7 +137,7 @@ def test_an_instrument_that_was_moved_is_tied_to_its_nests() -> None:
     driven = np.array([[10.0, 20.0, -30.0, 40.0, 50.0, 60.0]])
     joints, previous = np.radians(driven), np.radians(driven + APPROACH_DEG)
     landings = Landings(driven, joints, previous, ("T1",), points, np.ones(1), np.full(1, 22.0), moved, nests)
-    model = RobotModel(CELL.robot.model, (drift_translation(),), {"main": dict(CELL.tool.targets)})
+    model = ModelStructure(CELL.robot.model, (drift_translation(),), {"main": dict(CELL.tool.targets)})
     drifting = np.array([1.0, 0.0, 0.0])  # mm/s
     assert not frame_holds(landings, here, CELL.nests, {})
     assert frame_holds(landings, moved, CELL.nests, {})

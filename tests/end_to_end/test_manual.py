@@ -17,7 +17,7 @@ import pytest
 
 from acquisition import Cell, Run, campaign_from, export
 from acquisition.cell import cell_from
-from acquisition.record import Store
+from acquisition.record import RecordStore
 from acquisition.record.readings import drift_of
 from calib import read_dataset
 from calib.diagnose import diagnose
@@ -63,7 +63,7 @@ def test_a_campaign_by_hand_is_measured_and_identified(
     out = export(tmp_path / "r", tmp_path / "data.csv")
     with out.open(encoding="utf-8") as lines:
         rows = list(csv.DictReader(lines))
-    store = Store.open(tmp_path / "r", writer=False)
+    store = RecordStore.open(tmp_path / "r", writer=False)
     with_plan = {
         row["id"]: json.loads(row["joints_deg"]) for row in store.database.query("SELECT * FROM pose")
     }

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from acquisition import Event, Run, read_campaign, read_cell
-from acquisition.record import FILE, Store
+from acquisition.record import FILE, RecordStore
 from acquisition.record.streams import read_stream
 from drivers import RehearsalOperator
 from mocks.cell import Cell as SimulatedCell
@@ -60,7 +60,7 @@ def test_a_path_is_recorded_exported_and_aligned(tmp_path: Path, capsys: pytest.
     record, out = tmp_path / "record", tmp_path / "out.csv"
     assert main(["campaign", "run", *files(tmp_path), "--record", str(record), "--simulate"]) == 0
     assert f"waypoint {WAYPOINTS} of {WAYPOINTS}, samples: robot " in capsys.readouterr().err
-    with Store.reading(record) as store:
+    with RecordStore.reading(record) as store:
         ((attempt,),) = rows(record, "SELECT id FROM attempt WHERE id IN (SELECT attempt FROM chunk)")
         assert isinstance(attempt, int)
         streams = {role: read_stream(store, attempt, role) for role in ("robot", "instrument")}

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from calib import identify, load_model, read_dataset, save_model
-from calib.model import Design, conditions_at
+from calib.model import BoundModel, conditions_at
 from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
 from mocks.world import ArmState, World
 from mocks.world.dataset import header_of, row_of
@@ -151,7 +151,7 @@ def test_upkeep_in_a_loop_follows_an_arm_that_warms_up(model: Path, tmp_path: Pa
         conditions = conditions_at(
             saved.model, np.radians(poses), replace(saved.usual, time_s=at_s), target="T2"
         )
-        predicted = Design(saved.model, conditions).predict(saved.estimate)
+        predicted = BoundModel(saved.model, conditions).predict(saved.estimate)
         true = [
             world.true_point(ArmState(q, approach_point(q, (1,) * 6), (1,) * 6, at_s), "T2") for q in poses
         ]

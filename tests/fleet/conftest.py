@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from fleet.store import Store, migrate
+from fleet.store import FleetStore, migrate
 from tests.fleet.postgres import Absent, Cluster
 
 LARGEST_FILE = 20_000_000
@@ -44,7 +44,7 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 
 
 @pytest.fixture
-def store(url: str) -> Iterator[Store]:
+def store(url: str) -> Iterator[FleetStore]:
     """An empty store, once of each kind."""
-    with Store.open(url) as opened:
+    with FleetStore.open(url) as opened:
         yield opened

@@ -20,7 +20,7 @@ import pytest
 import yaml
 
 from fleet.outbox import FILE, Outbox
-from fleet.store import Store
+from fleet.store import FleetStore
 from service.cli import main
 from service.commands import load
 from tests.drivers.nobody import nobody_listens
@@ -63,7 +63,7 @@ def test_a_model_gets_there_and_nothing_is_sent_twice(
     assert "1 document sent." in capsys.readouterr().out
     assert send(folder, url, tokens) == 0
     assert "0 documents sent." in capsys.readouterr().out
-    with Store.open(f"sqlite:///{tmp_path}/plant.sqlite3") as store:
+    with FleetStore.open(f"sqlite:///{tmp_path}/plant.sqlite3") as store:
         (entry,) = store.documents()
         assert entry.cell == "hall 3"
         assert store.content(entry.hash) == (folder / "model.json").read_bytes()

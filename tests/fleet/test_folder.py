@@ -17,14 +17,14 @@ import pytest
 import acquisition
 from acquisition import Run
 from drivers.interfaces import Identity
-from fleet.outbox import FILE, Cell, Outbox, collect, read_data
+from fleet.outbox import FILE, CellFolder, Outbox, collect, read_data
 from fleet.store import Document, RobotKey, dataset_texts
 from service.results.robots import read_record
 from tests.acquisition.fakes import Bench, JumpingClock, a_campaign, a_cell, devices_of
 from tests.fleet.test_outbox import NOW
 
-CELL = Cell("cell-1")
-TRIED = Cell("cell-1", simulated=True)
+CELL = CellFolder("cell-1")
+TRIED = CellFolder("cell-1", simulated=True)
 DEVICE = [{"role": "instrument", "serial": "X1"}, {"role": "robot", "maker": "ABB", "serial": "120-7"}]
 MODEL: dict[str, Any] = {
     "format": "truepose-model/1",
@@ -54,7 +54,7 @@ def write(file: Path, table: Mapping[str, Any]) -> None:
     file.write_text(json.dumps(table), encoding="utf-8")
 
 
-def look(folder: Path, outbox: Outbox, cell: Cell = CELL) -> tuple[int, list[str]]:
+def look(folder: Path, outbox: Outbox, cell: CellFolder = CELL) -> tuple[int, list[str]]:
     said: list[str] = []
     return collect(folder, cell, outbox, lambda: NOW, said.append, read_record), said
 
@@ -133,7 +133,7 @@ def test_a_file_is_looked_at_again_when_it_or_what_is_asked_has_changed(folder: 
     write(file, MODEL | {"device": [], "simulated": True})
     assert look(folder, outbox)[0] == 0
     assert look(folder, outbox, TRIED)[0] == 0
-    assert look(folder, outbox, Cell("cell-1", "120-9", simulated=True))[0] == 1
+    assert look(folder, outbox, CellFolder("cell-1", "120-9", simulated=True))[0] == 1
     assert waiting(outbox)[0].robot.serial == "120-9"
     write(file, MODEL)
     os.utime(file, ns=(1, 1))

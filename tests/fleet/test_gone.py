@@ -22,7 +22,7 @@ import sqlalchemy as sa
 from sqlalchemy import event, exc
 
 from fleet.errors import StoreError, StoreGone
-from fleet.store import Document, Store, migrate
+from fleet.store import Document, FleetStore, migrate
 from fleet.store import engine as engines
 from fleet.store.engine import writing
 from service import exit_codes, refusals
@@ -44,7 +44,7 @@ def server(postgres: Cluster, template: str) -> str:
 
 
 def test_a_server_that_is_away_for_an_hour(postgres: Cluster, server: str) -> None:
-    with Store.open(server) as store:
+    with FleetStore.open(server) as store:
         store.add(model({"d1": 1.0}))
         postgres.stop()
         try:
@@ -53,7 +53,7 @@ def test_a_server_that_is_away_for_an_hour(postgres: Cluster, server: str) -> No
                 lambda: store.trend(ROBOT),
                 lambda: store.robots(),
                 lambda: store.work.results(),
-                lambda: Store.open(server),
+                lambda: FleetStore.open(server),
                 lambda: migrate(server),
             ]
             for ask in asked:
@@ -69,7 +69,7 @@ def test_a_server_that_is_away_for_an_hour(postgres: Cluster, server: str) -> No
 
 
 def test_a_server_that_began_anew_between_two_questions(postgres: Cluster, server: str) -> None:
-    with Store.open(server) as store:
+    with FleetStore.open(server) as store:
         store.add(model({"d1": 1.0}))
         postgres.stop()
         postgres.start()
@@ -79,7 +79,7 @@ def test_a_server_that_began_anew_between_two_questions(postgres: Cluster, serve
         assert store.add(model({"d1": 2.0}, day=1)).state == "new"
 
 
-def _at(store: Store, table: str, act: Callable[[], object]) -> None:
+def _at(store: FleetStore, table: str, act: Callable[[], object]) -> None:
     """Act once, just before rows of a table are put in."""
     left = [act]
 
@@ -94,7 +94,7 @@ def _at(store: Store, table: str, act: Callable[[], object]) -> None:
 def test_a_server_that_goes_in_the_middle_has_kept_nothing(
     postgres: Cluster, server: str, table: str
 ) -> None:
-    with Store.open(server) as store:
+    with FleetStore.open(server) as store:
         _at(store, table, lambda: (postgres.stop(), postgres.start()))
         documents = [model({"d1": 1.0}), watch(day=1)]
         with pytest.raises(StoreGone):
@@ -108,7 +108,7 @@ def test_a_server_that_goes_in_the_middle_has_kept_nothing(
 def test_of_two_that_wait_for_each_other_one_begins_anew(server: str) -> None:
     """What the server says to the one that it ends, said by the server."""
     ended = "DO $$ BEGIN RAISE EXCEPTION 'deadlock detected' USING ERRCODE = '40P01'; END $$"
-    with Store.open(server) as store:
+    with FleetStore.open(server) as store:
         left = [ended]
 
         def before(connection: Any, _cursor: Any, statement: str, *_: Any) -> None:
@@ -138,7 +138,7 @@ def test_a_program_that_is_killed_has_kept_nothing(url: str) -> None:
         [sys.executable, "-c", _KILLED], input=pickle.dumps((url, documents)), cwd=ROOT, check=False
     )
     assert done.returncode == -signal.SIGKILL
-    with Store.open(url) as store:
+    with FleetStore.open(url) as store:
         assert store.documents() == []
         assert [each.state for each in store.add_all(documents)] == ["new", "new"]
 
@@ -149,7 +149,7 @@ def _large() -> Document:
 
 
 @contextmanager
-def _full(store: Store) -> Iterator[None]:
+def _full(store: FleetStore) -> Iterator[None]:
     """No room for what is large. On the server this is so from the start (`conftest.LARGEST_FILE`)."""
     if store._engine.dialect.name == "postgresql":
         yield
@@ -162,7 +162,7 @@ def _full(store: Store) -> Iterator[None]:
         connection.exec_driver_sql("PRAGMA max_page_count = 1000000000")
 
 
-def test_a_full_disk(store: Store) -> None:
+def test_a_full_disk(store: FleetStore) -> None:
     store.add(model({"d1": 1.0}))
     with _full(store):
         with pytest.raises(StoreGone, match="no room left") as full:
@@ -175,7 +175,7 @@ def test_a_full_disk(store: Store) -> None:
 
 def test_a_file_that_another_program_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engines, "BUSY_S", 0.05)
-    with Store.open(f"sqlite:///{tmp_path}/store.sqlite3") as store:
+    with FleetStore.open(f"sqlite:///{tmp_path}/store.sqlite3") as store:
         other = sqlite3.connect(tmp_path / "store.sqlite3", isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
         assert store.documents() == []  # whoever reads does not wait
@@ -189,25 +189,25 @@ def test_a_file_that_another_program_holds(tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize(("old", "new"), [("postgres@", "nobody_known@"), ("?host", "_of_nobody?host")])
 def test_an_address_that_lets_nobody_in_is_not_asked_again(server: str, old: str, new: str) -> None:
     with pytest.raises(StoreError, match="does not exist") as refused:
-        Store.open(server.replace(old, new))
+        FleetStore.open(server.replace(old, new))
     assert not isinstance(refused.value, StoreGone)
     assert refusals.exit_code(refused.value) == exit_codes.USAGE
 
 
 def test_a_damaged_file_is_refused_in_a_sentence(tmp_path: Path) -> None:
     path = tmp_path / "store.sqlite3"
-    with Store.open(f"sqlite:///{path}") as store:
+    with FleetStore.open(f"sqlite:///{path}") as store:
         store.add_all([model({f"p{i}": 1.0 for i in range(200)}, day=day) for day in range(20)])
     content = path.read_bytes()
     path.write_bytes(content[:8192] + bytes(len(content) - 8192))
     with (
         pytest.raises(StoreError, match=r"damaged.*records of the cells"),
-        Store.open(f"sqlite:///{path}") as store,
+        FleetStore.open(f"sqlite:///{path}") as store,
     ):
         store.trend(ROBOT)
 
 
-def test_a_defect_is_not_hidden(store: Store) -> None:
+def test_a_defect_is_not_hidden(store: FleetStore) -> None:
     """Only what the database says becomes a refusal."""
     with pytest.raises(exc.InvalidRequestError), engines.refusals(store._engine):
         raise exc.InvalidRequestError("a defect of ours")
@@ -251,7 +251,7 @@ def test_a_server_that_hangs_is_given_up(
     postgres: Cluster, server: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("fleet.store.postgres.LATER_S", 0.1)
-    with Store.open(f"{server}&answer_timeout={PATIENT_S}&connect_timeout={PATIENT_S}") as store:
+    with FleetStore.open(f"{server}&answer_timeout={PATIENT_S}&connect_timeout={PATIENT_S}") as store:
         store.add(model({"d1": 1.0}))
 
         def ask() -> None:
@@ -269,7 +269,7 @@ def test_a_server_that_hangs_is_given_up(
 
 
 def test_a_question_that_waits_for_a_lock_is_ended_by_the_server(server: str) -> None:
-    with Store.open(f"{server}&answer_timeout={PATIENT_S}") as store, psycopg.connect(server) as other:
+    with FleetStore.open(f"{server}&answer_timeout={PATIENT_S}") as store, psycopg.connect(server) as other:
         other.execute("LOCK TABLE robot IN ACCESS EXCLUSIVE MODE")
         with pytest.raises(StoreGone, match="statement timeout"):
             store.robots()
@@ -280,7 +280,7 @@ def test_a_question_that_waits_for_a_lock_is_ended_by_the_server(server: str) ->
 def test_a_time_that_is_none_is_refused_by_its_name(server: str) -> None:
     for key in ("answer_timeout", "connect_timeout"):
         with pytest.raises(StoreError, match="whole seconds") as refused:
-            Store.open(f"{server}&{key}=soon")
+            FleetStore.open(f"{server}&{key}=soon")
         assert refused.value.key == key
-    with Store.open(f"{server}&answer_timeout=0") as store:
+    with FleetStore.open(f"{server}&answer_timeout=0") as store:
         assert store.robots() == []

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 import pytest
 
 from calib.errors import DataError
-from fleet.outbox import Answer, Link
+from fleet.outbox import ServerLink, UploadAnswer
 from fleet.store import Document
 from tests.drivers.nobody import nobody_listens
 from tests.fleet import documents
@@ -68,8 +68,8 @@ def http(status: int, body: bytes | Mapping[str, object] = b"", *headers: str) -
     return "\r\n".join([*lines, "", ""]).encode() + content
 
 
-def put(server: Server, document: Document = DOCUMENT) -> Answer:
-    return Link(f"http://127.0.0.1:{server.port}", "a-token-of-the-tests", timeout_s=20.0).put(document)
+def put(server: Server, document: Document = DOCUMENT) -> UploadAnswer:
+    return ServerLink(f"http://127.0.0.1:{server.port}", "a-token-of-the-tests", timeout_s=20.0).put(document)
 
 
 @pytest.mark.parametrize(
@@ -122,14 +122,14 @@ def test_what_is_sent() -> None:
 def test_the_server_says_when_and_why() -> None:
     problem = {"operator_text": "The store has no room left.", "what_to_do": "Make room."}
     with serving(http(507, problem, "Retry-After: 120")) as server:
-        assert put(server) == Answer("away", "The store has no room left. Make room.", 120.0)
+        assert put(server) == UploadAnswer("away", "The store has no room left. Make room.", 120.0)
     with serving(http(503, b"", "Retry-After: Fri, 31 Dec 2027 23:59:59 GMT")) as server:
         assert put(server).after_s is None
 
 
 def test_nobody_there() -> None:
     with nobody_listens() as port:
-        answer = Link(f"http://127.0.0.1:{port}", "token").put(DOCUMENT)
+        answer = ServerLink(f"http://127.0.0.1:{port}", "token").put(DOCUMENT)
     assert answer.kind == "away"
     assert "does not answer" in answer.said
 
@@ -148,7 +148,7 @@ def test_a_refusal_before_the_body_is_read_is_heard() -> None:
 def test_a_connection_that_was_kept_open_and_has_ended_is_no_failure() -> None:
     kept_open = http(201, KEPT).replace(b"Connection: close", b"Connection: keep-alive")
     with serving(kept_open, http(200, KEPT)) as server:
-        link = Link(f"http://127.0.0.1:{server.port}", "token", timeout_s=20.0)
+        link = ServerLink(f"http://127.0.0.1:{server.port}", "token", timeout_s=20.0)
         assert link.put(DOCUMENT).kind == "kept"
         assert link.put(DOCUMENT).kind == "kept"
     assert len(server.requests) == 2
@@ -159,4 +159,4 @@ def test_a_connection_that_was_kept_open_and_has_ended_is_no_failure() -> None:
 )
 def test_what_is_no_address_is_refused(url: str) -> None:
     with pytest.raises(DataError, match="--to"):
-        Link(url, "token")
+        ServerLink(url, "token")

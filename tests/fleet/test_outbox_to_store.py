@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 import uvicorn
 
-from fleet.outbox import FILE, Link, Outbox, Sender
-from fleet.store import Store
+from fleet.outbox import FILE, Outbox, Sender, ServerLink
+from fleet.store import FleetStore
 from service.http.access.roles import Tokens
-from service.plant import Senders, Settings, create_plant
+from service.plant import FleetServerSettings, Senders, create_plant
 from tests.fleet import documents
 from tests.fleet.lossy import FATES, Lossy, lossy
 from tests.fleet.test_outbox import NOW
@@ -30,9 +30,9 @@ COUNT = 300
 @contextmanager
 def server_of(url: str) -> Iterator[int]:
     """The server of a store in a thread, on a port of its own."""
-    with Store.open(url) as store, socket.create_server(("127.0.0.1", 0)) as listener:
+    with FleetStore.open(url) as store, socket.create_server(("127.0.0.1", 0)) as listener:
         config = uvicorn.Config(
-            create_plant(store, Settings(Senders(TOKENS))), log_level="warning", access_log=False
+            create_plant(store, FleetServerSettings(Senders(TOKENS))), log_level="warning", access_log=False
         )
         server = uvicorn.Server(config)
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
@@ -56,7 +56,7 @@ class Clock:
 def send(outbox: Outbox, proxy: Lossy, clock: Clock, *, at_most: int) -> None:
     """Rounds of a sender of its own until nothing waits or so many requests have come."""
     begun = proxy.requests
-    with closing(Link(f"http://127.0.0.1:{proxy.port}", TOKENS.operator, timeout_s=60.0)) as link:
+    with closing(ServerLink(f"http://127.0.0.1:{proxy.port}", TOKENS.operator, timeout_s=60.0)) as link:
         sender = Sender(outbox, link, clock, chance=random.Random(1))
         while True:
             done = sender.round(lambda: proxy.requests - begun >= at_most)
@@ -78,7 +78,7 @@ def test_all_there_once_through_a_network_that_loses_and_doubles(tmp_path: Path)
             with server_of(url) as proxy.server, Outbox(tmp_path / FILE) as outbox:
                 send(outbox, proxy, clock, at_most=110 if number < 2 else 10**9)
         assert all(proxy.fates[fate] > 15 for fate in FATES)
-    with Outbox(tmp_path / FILE) as outbox, Store.open(url) as store:
+    with Outbox(tmp_path / FILE) as outbox, FleetStore.open(url) as store:
         assert (outbox.entries("waiting", "aside"), len(outbox.entries("sent"))) == ([], COUNT)
         listed = store.documents(limit=2 * COUNT)
         assert sorted(entry.hash for entry in listed) == sorted(each.hash for each in made)
@@ -95,20 +95,20 @@ def test_an_outbox_waits_while_the_database_is_gone_and_its_own_bad_document_sta
     other = documents.model({"d1": 2.0}, identity="record 7")
     good = documents.model({"d1": 3.0}, day=1)
     clock = Clock()
-    with Store.open(url) as store, pytest.MonkeyPatch.context() as patch:
+    with FleetStore.open(url) as store, pytest.MonkeyPatch.context() as patch:
         store.add(first)
-        add = Store.add
+        add = FleetStore.add
 
-        def while_away(self: Store, document: object) -> object:
+        def while_away(self: FleetStore, document: object) -> object:
             if clock() < 3600.0:
                 raise StoreGone("does not answer.", do="Look at the database.", file="db")
             return add(self, document)  # type: ignore[arg-type]
 
-        patch.setattr(Store, "add", while_away)
+        patch.setattr(FleetStore, "add", while_away)
         with (
             server_of(url) as port,
             Outbox(tmp_path / FILE) as outbox,
-            closing(Link(f"http://127.0.0.1:{port}", TOKENS.operator, timeout_s=60.0)) as link,
+            closing(ServerLink(f"http://127.0.0.1:{port}", TOKENS.operator, timeout_s=60.0)) as link,
         ):
             for each in (other, good):
                 outbox.put(each, NOW)
@@ -133,7 +133,7 @@ def test_a_model_with_carried_terms_waits_aside_for_a_server_that_knows_them(tmp
     url = f"sqlite:///{tmp_path}/plant.sqlite3"
 
     def sent_by(outbox: Outbox) -> None:
-        with server_of(url) as port, closing(Link(f"http://127.0.0.1:{port}", TOKENS.operator)) as link:
+        with server_of(url) as port, closing(ServerLink(f"http://127.0.0.1:{port}", TOKENS.operator)) as link:
             Sender(outbox, link, Clock(), chance=random.Random(1)).round()
 
     with Outbox(tmp_path / FILE) as outbox:

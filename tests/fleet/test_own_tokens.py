@@ -13,11 +13,11 @@ import pytest
 from fastapi.testclient import TestClient
 from httpx2 import Response
 
-from fleet.outbox.link import Link
-from fleet.store import Document, RobotKey, Store
+from fleet.outbox.link import ServerLink
+from fleet.store import Document, FleetStore, RobotKey
 from service import exit_codes
 from service.cli import main
-from service.plant import Senders, Settings, create_plant
+from service.plant import FleetServerSettings, Senders, create_plant
 from tests.fleet import documents
 from tests.fleet.test_plant import CELL, TOKENS, VIEWER, about
 
@@ -30,14 +30,14 @@ def file(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    with Store.open(f"sqlite:///{tmp_path}/plant.sqlite3") as opened:
+def store(tmp_path: Path) -> Iterator[FleetStore]:
+    with FleetStore.open(f"sqlite:///{tmp_path}/plant.sqlite3") as opened:
         yield opened
 
 
 @pytest.fixture
-def client(store: Store, file: Path) -> TestClient:
-    app = create_plant(store, Settings(Senders(TOKENS, file)))
+def client(store: FleetStore, file: Path) -> TestClient:
+    app = create_plant(store, FleetServerSettings(Senders(TOKENS, file)))
     return TestClient(app, base_url="http://127.0.0.1", raise_server_exceptions=False)
 
 
@@ -56,7 +56,7 @@ def put(client: TestClient, headers: dict[str, str], document: Document, **other
 
 
 def test_the_name_of_the_cell_is_that_of_its_token(
-    client: TestClient, store: Store, make: Make, file: Path
+    client: TestClient, store: FleetStore, make: Make, file: Path
 ) -> None:
     seven, eight = make("hall 7"), make("hall 8")
     assert put(client, seven, documents.model({"d1": 1.0}), cell="hall 8").status_code == 201
@@ -67,7 +67,7 @@ def test_the_name_of_the_cell_is_that_of_its_token(
 
 
 def test_the_token_that_all_share_sends_nothing_beside_own_ones(
-    client: TestClient, store: Store, make: Make
+    client: TestClient, store: FleetStore, make: Make
 ) -> None:
     for headers in (CELL, {"Authorization": "Bearer nobody's"}, {}):
         assert put(client, headers, documents.model({"d1": 1.0})).status_code == 401
@@ -77,7 +77,7 @@ def test_the_token_that_all_share_sends_nothing_beside_own_ones(
 
 
 def test_a_token_is_taken_away_without_a_restart(
-    client: TestClient, store: Store, make: Make, file: Path, capsys: pytest.CaptureFixture[str]
+    client: TestClient, store: FleetStore, make: Make, file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     seven, eight = make("hall 7"), make("hall 8")
     assert put(client, seven, documents.model({"d1": 1.0})).status_code == 201
@@ -97,7 +97,7 @@ NAMED = ("--robot", f"{documents.ROBOT.model}:{documents.ROBOT.serial}")
 
 @pytest.mark.parametrize("other", [RobotKey("120-4712", "irb120"), RobotKey("120-4711", "ur5")])
 def test_a_token_that_names_robots_writes_about_no_others(
-    client: TestClient, store: Store, make: Make, file: Path, other: RobotKey
+    client: TestClient, store: FleetStore, make: Make, file: Path, other: RobotKey
 ) -> None:
     seven, eight = make("hall 7", *NAMED), make("hall 8")
     barred = documents.model({"d1": 2.0}, robot=other, day=3)
@@ -125,7 +125,7 @@ def test_a_robot_that_is_not_named_holds_up_no_other(client: TestClient, make: M
 def meaning(response: Response) -> str:
     """What a link of an outbox takes an answer for."""
     answer = SimpleNamespace(status=response.status_code, reason="", getheader=lambda *_: "")
-    return Link("http://127.0.0.1:1", "t")._meaning(answer, response.content, "0" * 64).kind  # type: ignore[arg-type]
+    return ServerLink("http://127.0.0.1:1", "t")._meaning(answer, response.content, "0" * 64).kind  # type: ignore[arg-type]
 
 
 def test_a_token_without_names_is_told(make: Make, file: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,9 +16,9 @@ from httpx2 import Response
 
 from fleet.errors import StoreError, StoreFull, StoreGone
 from fleet.outbox import LARGEST
-from fleet.store import Document, RobotKey, Store
+from fleet.store import Document, FleetStore, RobotKey
 from service.http.access.roles import Tokens
-from service.plant import Senders, Settings, create_plant
+from service.plant import FleetServerSettings, Senders, create_plant
 from tests.fleet import documents
 from tests.fleet.postgres import Cluster
 
@@ -28,19 +28,19 @@ VIEWER = {"Authorization": f"Bearer {TOKENS.viewer}"}
 
 
 @pytest.fixture
-def lite(tmp_path: Path) -> Iterator[Store]:
-    with Store.open(f"sqlite:///{tmp_path}/plant.sqlite3") as opened:
+def lite(tmp_path: Path) -> Iterator[FleetStore]:
+    with FleetStore.open(f"sqlite:///{tmp_path}/plant.sqlite3") as opened:
         yield opened
 
 
 @pytest.fixture
-def client(lite: Store) -> Iterator[TestClient]:
+def client(lite: FleetStore) -> Iterator[TestClient]:
     with serving(lite) as client:
         yield client
 
 
-def serving(store: Store, **settings: Any) -> TestClient:
-    app = create_plant(store, Settings(Senders(TOKENS), **settings))
+def serving(store: FleetStore, **settings: Any) -> TestClient:
+    app = create_plant(store, FleetServerSettings(Senders(TOKENS), **settings))
     return TestClient(app, base_url="http://127.0.0.1", raise_server_exceptions=False)
 
 
@@ -101,7 +101,9 @@ def test_a_document_is_acknowledged_kept_and_read_back(client: TestClient) -> No
     assert (robot["serial"], robot["cells"], robot["documents"]) == ("120-4711", ["cell-1"], {"model": 1})
 
 
-def test_another_content_than_its_hash_says_is_refused_and_not_kept(client: TestClient, lite: Store) -> None:
+def test_another_content_than_its_hash_says_is_refused_and_not_kept(
+    client: TestClient, lite: FleetStore
+) -> None:
     sent = documents.model({"d1": 0.25})
     answer = put(client, sent, hash=hashlib.sha256(b"another").hexdigest())
     assert answer.status_code == 400
@@ -110,7 +112,7 @@ def test_another_content_than_its_hash_says_is_refused_and_not_kept(client: Test
 
 
 def test_two_uploads_that_disagree_are_both_kept_and_both_told_each_time(
-    client: TestClient, lite: Store
+    client: TestClient, lite: FleetStore
 ) -> None:
     """Also when they are sent again: the answer that told it may have been lost."""
     one = documents.model({"d1": 0.25}, identity="record 7")
@@ -152,7 +154,7 @@ def test_what_cannot_be_meant_is_refused_by_key(client: TestClient, other: dict[
 @pytest.mark.parametrize(
     ("days", "status"), [(-3000.0, 201), (0.0, 201), (0.99, 201), (1.01, 422), (365.0 * 6973, 422)]
 )
-def test_a_document_is_dated_by_the_server_s_clock(lite: Store, days: float, status: int) -> None:
+def test_a_document_is_dated_by_the_server_s_clock(lite: FleetStore, days: float, status: int) -> None:
     """What was measured long ago comes late; what has not been measured yet would be a robot's newest for ever."""
     with serving(lite, now=lambda: documents.BEGAN) as client:
         answer = put(client, documents.model({"d1": 0.25}, day=days))
@@ -169,7 +171,7 @@ HALF_A_LETTER = documents.model({"d1": 1.0}).content.replace(b'"d1"', rb'"d1\ud8
     [b"{", b"[]", b'{"format": "truepose-model/9"}', b"\xff\xfe", b"", b"[" * 100_000, HALF_A_LETTER],
     ids=["brace", "list", "newer", "no text", "empty", "nested", "half a letter"],
 )
-def test_what_is_no_document_is_refused(client: TestClient, lite: Store, content: bytes) -> None:
+def test_what_is_no_document_is_refused(client: TestClient, lite: FleetStore, content: bytes) -> None:
     path = f"/api/v1/documents/{hashlib.sha256(content).hexdigest()}"
     answer = client.put(path, content=content, params=about(documents.model({"d1": 1.0})), headers=CELL)
     assert answer.status_code == 422
@@ -184,7 +186,7 @@ def test_500_mb_are_refused_before_they_come(client: TestClient) -> None:
     assert answer.status_code == 413
 
 
-def test_a_body_without_a_length_is_counted_as_it_comes(lite: Store) -> None:
+def test_a_body_without_a_length_is_counted_as_it_comes(lite: FleetStore) -> None:
     pieces = 0
 
     def endless() -> Iterator[bytes]:
@@ -225,7 +227,7 @@ def test_a_body_without_a_length_is_counted_as_it_comes(lite: Store) -> None:
         ("GET", "/robots", {**VIEWER, "Host": "fleet"}, 200),
     ],
 )
-def test_who_may_what(lite: Store, method: str, path: str, headers: dict[str, str], status: int) -> None:
+def test_who_may_what(lite: FleetStore, method: str, path: str, headers: dict[str, str], status: int) -> None:
     with serving(lite, names=("fleet",)) as client:
         answer = client.request(method, f"/api/v1{path}", headers=headers)
     assert answer.status_code == status
@@ -246,7 +248,7 @@ def test_who_may_what(lite: Store, method: str, path: str, headers: dict[str, st
 )
 def test_a_store_that_cannot_keep_it_is_not_the_documents_fault(
     client: TestClient,
-    lite: Store,
+    lite: FleetStore,
     monkeypatch: pytest.MonkeyPatch,
     error: StoreError,
     status: int,
@@ -266,7 +268,7 @@ def test_a_store_that_cannot_keep_it_is_not_the_documents_fault(
 
 def test_a_database_that_goes_and_comes_back(postgres: Cluster, template: str) -> None:
     one, other = documents.model({"d1": 1.0}), documents.model({"d1": 2.0}, day=1)
-    with Store.open(postgres.database(template)) as store, serving(store) as client:
+    with FleetStore.open(postgres.database(template)) as store, serving(store) as client:
         assert put(client, one).status_code == 201
         postgres.stop()
         try:
@@ -280,9 +282,9 @@ def test_a_database_that_goes_and_comes_back(postgres: Cluster, template: str) -
         assert {entry.hash for entry in store.documents()} == {one.hash, other.hash}
 
 
-def test_a_client_that_goes_in_mid_upload_leaves_nothing(lite: Store) -> None:
+def test_a_client_that_goes_in_mid_upload_leaves_nothing(lite: FleetStore) -> None:
     sent = documents.model({"d1": 0.25})
-    app = create_plant(lite, Settings(Senders(TOKENS)))
+    app = create_plant(lite, FleetServerSettings(Senders(TOKENS)))
     messages = [
         {"type": "http.request", "body": sent.content[:20], "more_body": True},
         {"type": "http.disconnect"},

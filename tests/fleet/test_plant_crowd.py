@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from fleet.store import Store
-from service.plant import Senders, Settings, create_plant, routes
+from fleet.store import FleetStore
+from service.plant import FleetServerSettings, Senders, create_plant, routes
 from service.plant.routes import SHARE, UPLOADS
 from tests.drivers.waiting import PATIENCE_S
 from tests.fleet import documents
@@ -39,9 +39,9 @@ def test_whoever_falls_silent_in_an_upload_is_let_go(tmp_path: Path, monkeypatch
             return pieces.pop() if pieces else await asyncio.Event().wait()
 
         async with asyncio.timeout(PATIENCE_S):
-            return await upload(create_plant(store, Settings(Senders(TOKENS))), receive)
+            return await upload(create_plant(store, FleetServerSettings(Senders(TOKENS))), receive)
 
-    with Store.open(f"sqlite:///{tmp_path}/plant.sqlite3") as store:
+    with FleetStore.open(f"sqlite:///{tmp_path}/plant.sqlite3") as store:
         status, told = asyncio.run(silent())
         assert (status, told["what_to_do"]) == (408, "Send it again.")
         assert store.documents() == []
@@ -49,7 +49,7 @@ def test_whoever_falls_silent_in_an_upload_is_let_go(tmp_path: Path, monkeypatch
 
 def test_who_comes_when_all_places_are_taken_is_told_when_to_come_again(tmp_path: Path) -> None:
     async def crowd() -> list[int]:
-        app = create_plant(store, Settings(Senders(TOKENS)))
+        app = create_plant(store, FleetServerSettings(Senders(TOKENS)))
         here, on = asyncio.Semaphore(0), asyncio.Event()
 
         async def receive() -> Any:
@@ -68,7 +68,7 @@ def test_who_comes_when_all_places_are_taken_is_told_when_to_come_again(tmp_path
         assert told["operator_text"] == "Too many documents are being sent."
         return [status, *(status for status, _ in await asyncio.gather(*uploads))]
 
-    with Store.open(f"sqlite:///{tmp_path}/plant.sqlite3") as store:
+    with FleetStore.open(f"sqlite:///{tmp_path}/plant.sqlite3") as store:
         late, *others = asyncio.run(crowd())
         assert late == 503
         assert sorted(others) == [*[200] * (UPLOADS - 1), 201]  # the same document: kept once
@@ -76,7 +76,7 @@ def test_who_comes_when_all_places_are_taken_is_told_when_to_come_again(tmp_path
 
 def test_a_cell_that_sends_slowly_and_often_leaves_places_to_the_others(tmp_path: Path) -> None:
     async def crowd() -> list[int]:
-        app = create_plant(store, Settings(Senders(TOKENS)))
+        app = create_plant(store, FleetServerSettings(Senders(TOKENS)))
         here, on = asyncio.Semaphore(0), asyncio.Event()
 
         async def slow() -> Any:
@@ -98,7 +98,7 @@ def test_a_cell_that_sends_slowly_and_often_leaves_places_to_the_others(tmp_path
             after, _ = await upload(app, whole)
         return [*more, other, after]
 
-    with Store.open(f"sqlite:///{tmp_path}/plant.sqlite3") as store:
+    with FleetStore.open(f"sqlite:///{tmp_path}/plant.sqlite3") as store:
         *more, other, after = asyncio.run(crowd())
         assert set(more) == {503}
         assert (other, after) == (201, 200)  # the same document, which was kept once
@@ -113,8 +113,8 @@ def test_an_upload_that_trickles_is_let_go(tmp_path: Path, monkeypatch: pytest.M
             return {"type": "http.request", "body": b"x" * 1024, "more_body": True}
 
         async with asyncio.timeout(PATIENCE_S):
-            return await upload(create_plant(store, Settings(Senders(TOKENS))), receive)
+            return await upload(create_plant(store, FleetServerSettings(Senders(TOKENS))), receive)
 
-    with Store.open(f"sqlite:///{tmp_path}/plant.sqlite3") as store:
+    with FleetStore.open(f"sqlite:///{tmp_path}/plant.sqlite3") as store:
         assert asyncio.run(trickling())[0] == 408
         assert store.documents() == []

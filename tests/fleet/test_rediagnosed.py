@@ -8,15 +8,15 @@ from typing import Any
 
 import pytest
 
-from fleet.diagnose import Order
-from fleet.store import ERROR, Job, RobotKey, Store, dataset_content
+from fleet.diagnose import DiagnosisOrder
+from fleet.store import ERROR, FleetJob, FleetStore, RobotKey, dataset_content
 from fleet.store.rediagnosed import FORMAT, TASK
 from tests.fleet.documents import BEGAN, ROBOT, model, of, watch
 
 OLD, NEW = "0.1.0+aaaaaaaaaaaa", "0.2.0+bbbbbbbbbbbb"
 
 
-def dataset(store: Store, day: float, *, robot: RobotKey = ROBOT, timeless: bool = False) -> str:
+def dataset(store: FleetStore, day: float, *, robot: RobotKey = ROBOT, timeless: bool = False) -> str:
     """Put a data set of a day into a store; its hash."""
     content = json.loads(dataset_content(f"reading_id,{day}\n", "header"))
     named = of("dataset", content, robot=robot, day=day)
@@ -27,7 +27,7 @@ def dataset(store: Store, day: float, *, robot: RobotKey = ROBOT, timeless: bool
 
 
 def diagnosed(
-    store: Store,
+    store: FleetStore,
     data: str,
     program: str,
     *,
@@ -46,10 +46,10 @@ def diagnosed(
         "error_after_mm": None if rms is None else {"n": 600, "rms": rms},
     }
     when = BEGAN + timedelta(days=30, hours=hours)
-    store.work.finish(Job(task, data, program), "w", json.dumps(table).encode(), when, 1.0)
+    store.work.finish(FleetJob(task, data, program), "w", json.dumps(table).encode(), when, 1.0)
 
 
-def shown(store: Store, parameter: str = "d1") -> list[tuple[float, float, str, bool]]:
+def shown(store: FleetStore, parameter: str = "d1") -> list[tuple[float, float, str, bool]]:
     """Day, value, program, whether re-diagnosed."""
     return [
         ((point.measured_at - BEGAN) / timedelta(days=1), point.value, point.program, point.rediagnosed)
@@ -57,7 +57,7 @@ def shown(store: Store, parameter: str = "d1") -> list[tuple[float, float, str, 
     ]
 
 
-def test_one_measurement_is_one_point_by_the_version_that_was_last(store: Store) -> None:
+def test_one_measurement_is_one_point_by_the_version_that_was_last(store: FleetStore) -> None:
     store.add_all([model({"d1": 1.0, "a2": 5.0}, day=day) for day in (1, 2)])
     first, second, alone = (dataset(store, day) for day in (1, 2, 3))
     diagnosed(store, first, OLD, hours=0, d1=1.1)
@@ -80,7 +80,7 @@ def test_one_measurement_is_one_point_by_the_version_that_was_last(store: Store)
     assert second
 
 
-def test_what_makes_no_model_replaces_none(store: Store) -> None:
+def test_what_makes_no_model_replaces_none(store: FleetStore) -> None:
     """Refusals, searches cut short, data without a time, another robot, data of watches, results of older versions."""
     store.add_all([model({"d1": 1.0}, day=day) for day in (1, 2, 3, 4)])
     diagnosed(store, dataset(store, 6), NEW, rms=None, d1=9.0)
@@ -88,13 +88,13 @@ def test_what_makes_no_model_replaces_none(store: Store) -> None:
     diagnosed(store, dataset(store, 2), NEW, task="diagnose most=1", d1=9.0)
     diagnosed(store, dataset(store, 3, timeless=True), NEW, d1=9.0)
     diagnosed(store, dataset(store, 4, robot=RobotKey("other", "irb120")), NEW, d1=9.0)
-    old = Job(TASK, dataset(store, 5), OLD)
+    old = FleetJob(TASK, dataset(store, 5), OLD)
     store.work.finish(old, "w", b'{"error_after_mm": {"n": 60, "rms": 0.05}}', BEGAN, 1.0)
     assert [each[1:] for each in shown(store)] == [(1.0, "truepose 0.1.0", False)] * 4
     assert store.trend(ROBOT, ERROR) == []
 
 
-def test_a_watch_of_the_same_hour_stays(store: Store) -> None:
+def test_a_watch_of_the_same_hour_stays(store: FleetStore) -> None:
     store.add(watch(day=1))
     said = {"format": "truepose-watch/1", "verdict": "unchanged", "in_words": "", "advice": "", "causes": []}
     store.add(of("watch", {**said, "error_mm": {"n": 20, "rms": 0.09, "u": 0.011}}, day=1, identity="w"))
@@ -103,5 +103,5 @@ def test_a_watch_of_the_same_hour_stays(store: Store) -> None:
 
 
 def test_the_task_of_trends_is_that_of_the_command() -> None:
-    assert Order("sqlite:///s.sqlite3", "x").task == TASK
-    assert Order("sqlite:///s.sqlite3", "x", most=1).task != TASK
+    assert DiagnosisOrder("sqlite:///s.sqlite3", "x").task == TASK
+    assert DiagnosisOrder("sqlite:///s.sqlite3", "x", most=1).task != TASK

@@ -14,14 +14,14 @@ from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 
 from fleet.errors import StoreError
-from fleet.store import READER, WRITER, Job, Store, migrate, tables
+from fleet.store import READER, WRITER, FleetJob, FleetStore, migrate, tables
 from fleet.store.engine import engine_of, newest
 from tests.fleet.documents import BEGAN, ROBOT, model
 from tests.fleet.postgres import Cluster
 
 
 def test_migrations_make_the_tables_that_the_program_has(url: str) -> None:
-    Store.open(url).close()
+    FleetStore.open(url).close()
     engine = engine_of(url)
     with engine.connect() as connection:
         found = compare_metadata(MigrationContext.configure(connection), tables.METADATA)
@@ -37,14 +37,14 @@ def _set_version(url: str, version: str) -> None:
 
 
 def test_a_store_of_a_newer_program_is_refused_and_left_alone(url: str) -> None:
-    with Store.open(url) as store:
+    with FleetStore.open(url) as store:
         store.add(model({"d1": 1.0}))
     _set_version(url, "9999")
-    for ask in (Store.open, migrate):
+    for ask in (FleetStore.open, migrate):
         with pytest.raises(StoreError, match=r"newer version.*'9999'.*Update TruePose"):
             ask(url)
     _set_version(url, newest())
-    with Store.open(url) as store:
+    with FleetStore.open(url) as store:
         assert len(store.documents()) == 1
 
 
@@ -56,13 +56,13 @@ def test_migrating_twice_changes_nothing(url: str) -> None:
 def test_a_file_is_carried_over_when_it_is_opened_a_server_only_on_demand(
     tmp_path: Path, postgres: Cluster
 ) -> None:
-    with Store.open(f"sqlite:///{tmp_path}/new.sqlite3") as store:
+    with FleetStore.open(f"sqlite:///{tmp_path}/new.sqlite3") as store:
         assert store.documents() == []
     empty = postgres.database()
     with pytest.raises(StoreError, match=r"no tables yet.*truepose fleet migrate"):
-        Store.open(empty)
+        FleetStore.open(empty)
     assert migrate(empty) == ("", newest())
-    Store.open(empty).close()
+    FleetStore.open(empty).close()
 
 
 def test_a_migration_that_fails_leaves_nothing(
@@ -111,7 +111,7 @@ def test_a_file_of_something_else_is_refused(
     path = tmp_path / "store.sqlite3"
     spoil(path)
     with pytest.raises(StoreError, match=said) as refused:
-        Store.open(f"sqlite:///{path}")
+        FleetStore.open(f"sqlite:///{path}")
     assert str(path) in str(refused.value)
 
 
@@ -126,18 +126,18 @@ def test_a_file_of_something_else_is_refused(
 )
 def test_an_address_that_is_none_is_refused(address: str, said: str) -> None:
     with pytest.raises(StoreError, match=said):
-        Store.open(address)
+        FleetStore.open(address)
 
 
 def test_a_cell_without_the_driver_is_told_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "psycopg", None)
     with pytest.raises(StoreError, match=r"psycopg is not installed.*truepose\[fleet\]"):
-        Store.open("postgresql://anna@db/plant")
+        FleetStore.open("postgresql://anna@db/plant")
 
 
 def test_a_password_is_never_told(tmp_path: Path) -> None:
     with pytest.raises(StoreError) as refused:
-        Store.open(f"postgresql://anna:secret@/plant?host={tmp_path}")
+        FleetStore.open(f"postgresql://anna:secret@/plant?host={tmp_path}")
     assert "secret" not in str(refused.value)
     assert "anna" in str(refused.value)
 
@@ -161,10 +161,10 @@ def shared(postgres: Cluster) -> Callable[[str], str]:
 
 def test_a_writer_puts_in_and_changes_nothing(shared: Callable[[str], str]) -> None:
     url, given = shared(WRITER), model({"d1": 1.0})
-    with Store.open(url) as store:
+    with FleetStore.open(url) as store:
         assert store.add(given).state == "new"
         assert store.add(model({"d1": 2.0}, identity="other")).state == "new"
-        job = Job("diagnose", given.hash, "0.1.0")
+        job = FleetJob("diagnose", given.hash, "0.1.0")
         assert store.work.claim([job], "w", BEGAN, 60.0) == [job]
         assert store.work.claim([job], "w", BEGAN, 120.0) == [job]
         assert store.work.finish(job, "w", b"result", BEGAN, 1.0)
@@ -178,9 +178,9 @@ def test_a_writer_puts_in_and_changes_nothing(shared: Callable[[str], str]) -> N
 
 
 def test_a_reader_only_reads(shared: Callable[[str], str]) -> None:
-    with Store.open(shared(WRITER)) as store:
+    with FleetStore.open(shared(WRITER)) as store:
         store.add(model({"d1": 1.0}))
-    with Store.open(shared(READER)) as store:
+    with FleetStore.open(shared(READER)) as store:
         assert len(store.trend(ROBOT)) == 1
         with pytest.raises(StoreError, match=r"permission denied.*right"):
             store.add(model({"d1": 2.0}, day=1))
@@ -189,7 +189,7 @@ def test_a_reader_only_reads(shared: Callable[[str], str]) -> None:
 
 def test_whoever_has_no_role_sees_nothing(shared: Callable[[str], str]) -> None:
     with pytest.raises(StoreError, match="permission denied"):
-        Store.open(shared(""))
+        FleetStore.open(shared(""))
 
 
 def test_a_file_has_no_roles(tmp_path: Path) -> None:

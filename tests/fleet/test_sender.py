@@ -14,13 +14,13 @@ from pathlib import Path
 
 import pytest
 
-from fleet.outbox import FILE, Answer, Outbox, Sender
+from fleet.outbox import FILE, Outbox, Sender, UploadAnswer
 from fleet.outbox.sender import DAMAGED, FIRST_S, LONGEST_S, PATIENCE_S
 from fleet.store import Document
 from tests.fleet import documents
 from tests.fleet.test_outbox import NOW
 
-AWAY, FAILED = Answer("away", "nobody answers"), Answer("failed", "cut off")
+AWAY, FAILED = UploadAnswer("away", "nobody answers"), UploadAnswer("failed", "cut off")
 
 
 @dataclass
@@ -28,11 +28,11 @@ class World:
     """A server as `answer` says, and a clock that the test moves."""
 
     outbox: Outbox
-    answer: Callable[[Document], Answer] = lambda document: Answer("kept")
+    answer: Callable[[Document], UploadAnswer] = lambda document: UploadAnswer("kept")
     time_s: float = 0.0
     sent: list[tuple[float, str]] = field(default_factory=list)
 
-    def put(self, document: Document) -> Answer:
+    def put(self, document: Document) -> UploadAnswer:
         self.sent.append((self.time_s, document.hash))
         return self.answer(document)
 
@@ -88,7 +88,7 @@ def test_three_weeks_without_a_network(world: World) -> None:
     assert max(gaps) <= LONGEST_S
     assert min(gaps[12:]) >= LONGEST_S / 2  # asked at most twice in ten minutes, whatever waits
     assert states(world.outbox) == (8, 0, 0)
-    world.answer = lambda document: Answer("kept")
+    world.answer = lambda document: UploadAnswer("kept")
     begun = world.time_s
     world.run(sender, week)
     assert states(world.outbox) == (0, 0, 8)
@@ -99,7 +99,7 @@ def test_a_refused_document_is_set_aside_with_its_reason_and_the_rest_go_on(worl
     made = fill(world.outbox, 4)
     bad = made[1].hash
     world.answer = lambda document: (
-        Answer("refused", "is of a newer version") if document.hash == bad else Answer("kept")
+        UploadAnswer("refused", "is of a newer version") if document.hash == bad else UploadAnswer("kept")
     )
     said: list[str] = []
     done = world.sender(said.append).round()
@@ -109,7 +109,7 @@ def test_a_refused_document_is_set_aside_with_its_reason_and_the_rest_go_on(worl
     assert (entry.hash, entry.said) == (bad, "is of a newer version")
     assert world.outbox.document(bad) == made[1]
     assert world.sender().round().kept == 0  # not sent again by itself
-    world.answer = lambda document: Answer("kept")
+    world.answer = lambda document: UploadAnswer("kept")
     world.outbox.retry(bad, NOW)
     assert world.sender().round().kept == 1
 
@@ -119,13 +119,13 @@ def test_documents_that_never_arrive_hold_up_nobody(world: World, poisoned: int)
     """The oldest ones, whose uploads the server answers with a fault of its own each time."""
     made = fill(world.outbox, 20)
     bad = {each.hash for each in made[:poisoned]}
-    world.answer = lambda document: FAILED if document.hash in bad else Answer("kept")
+    world.answer = lambda document: FAILED if document.hash in bad else UploadAnswer("kept")
     sender = world.sender()
     world.run(sender, 600.0)
     assert states(world.outbox) == (poisoned, 0, 20 - poisoned)
     tries = [hash_ for _, hash_ in world.sent if hash_ in bad]
     assert len(tries) < 40 * poisoned  # and they are not asked without end
-    world.answer = lambda document: Answer("kept")
+    world.answer = lambda document: UploadAnswer("kept")
     world.run(sender, 2 * LONGEST_S)
     assert states(world.outbox) == (0, 0, 20)
 
@@ -137,7 +137,7 @@ def test_the_server_says_when_to_come_back(world: World) -> None:
         (1e7, PATIENCE_S, PATIENCE_S),
         (0.0, FIRST_S, 4 * FIRST_S),
     ):
-        world.answer = lambda document, asked=asked: Answer("away", "full", asked)
+        world.answer = lambda document, asked=asked: UploadAnswer("away", "full", asked)
         done = world.sender().round()
         assert done.waiting == 3
         assert done.wait_s is not None
@@ -148,7 +148,7 @@ def test_the_server_says_when_to_come_back(world: World) -> None:
 
 def test_a_wrong_token_sets_nothing_aside(world: World) -> None:
     fill(world.outbox, 3)
-    world.answer = lambda document: Answer("barred", "The token is missing or wrong.")
+    world.answer = lambda document: UploadAnswer("barred", "The token is missing or wrong.")
     done = world.sender().round()
     assert done.barred
     assert done.trouble == "The token is missing or wrong."
@@ -160,7 +160,7 @@ def test_what_arrives_damaged_every_time_is_set_aside_in_the_end(world: World) -
     made = fill(world.outbox, 2)
     bad = made[0].hash
     world.answer = lambda document: (
-        Answer("damaged", "has the hash 1.") if document.hash == bad else Answer("kept")
+        UploadAnswer("damaged", "has the hash 1.") if document.hash == bad else UploadAnswer("kept")
     )
     world.run(world.sender(), 86400.0)
     (entry,) = world.outbox.entries("aside")

@@ -10,13 +10,13 @@ from datetime import datetime, timedelta, timezone
 import pytest
 
 from calib.errors import DataError
-from fleet.store import ERROR, Document, Job, RobotKey, Store, utc_now
+from fleet.store import ERROR, Document, FleetJob, FleetStore, RobotKey, utc_now
 from tests.fleet.documents import BEGAN, ROBOT, model, of, watch
 
 OTHER = RobotKey("120-4712", "irb120")
 
 
-def test_what_is_put_in_comes_out_byte_for_byte(store: Store) -> None:
+def test_what_is_put_in_comes_out_byte_for_byte(store: FleetStore) -> None:
     given = model({"d1": 1.5})
     assert store.add(given).state == "new"
     assert store.content(given.hash) == given.content
@@ -27,7 +27,7 @@ def test_what_is_put_in_comes_out_byte_for_byte(store: Store) -> None:
     assert not entry.conflict
 
 
-def test_the_same_content_is_kept_once(store: Store) -> None:
+def test_the_same_content_is_kept_once(store: FleetStore) -> None:
     given = model({"d1": 1.5})
     states = [store.add(given).state for _ in range(3)]
     assert states == ["new", "known", "known"]
@@ -41,7 +41,7 @@ def test_the_same_content_is_kept_once(store: Store) -> None:
     assert store.known([given.hash, "0" * 64]) == {given.hash}
 
 
-def test_two_contents_of_one_identity_are_both_kept_and_reported(store: Store) -> None:
+def test_two_contents_of_one_identity_are_both_kept_and_reported(store: FleetStore) -> None:
     one, two, three = (model({"d1": value}, identity="record-7:model") for value in (1.0, 2.0, 3.0))
     assert store.add(one).state == "new"
     found = store.add(two)
@@ -56,13 +56,13 @@ def test_two_contents_of_one_identity_are_both_kept_and_reported(store: Store) -
     assert [each.conflict for each in store.documents(since=BEGAN + timedelta(days=0.5))] == [False]
 
 
-def test_two_in_one_batch_contradict_each_other_too(store: Store) -> None:
+def test_two_in_one_batch_contradict_each_other_too(store: FleetStore) -> None:
     one, two = (model({"d1": value}, identity="record-7:model") for value in (1.0, 2.0))
     first, second = store.add_all([one, two])
     assert (first.state, second.state, second.other_hashes) == ("new", "conflict", (one.hash,))
 
 
-def test_one_content_of_two_robots_is_refused(store: Store) -> None:
+def test_one_content_of_two_robots_is_refused(store: FleetStore) -> None:
     given = model({"d1": 1.5})
     store.add(given)
     with pytest.raises(DataError, match="in the store already"):
@@ -70,7 +70,7 @@ def test_one_content_of_two_robots_is_refused(store: Store) -> None:
     assert [each.robot for each in store.robots()] == [ROBOT]  # nothing is left of what was refused
 
 
-def test_a_batch_is_kept_whole_or_not_at_all(store: Store) -> None:
+def test_a_batch_is_kept_whole_or_not_at_all(store: FleetStore) -> None:
     good, bad = (
         model({"d1": 1.5}),
         of("model", {"format": "truepose-model/1", "parameters": [{"name": "d1"}]}),
@@ -98,14 +98,14 @@ def test_a_batch_is_kept_whole_or_not_at_all(store: Store) -> None:
         ),
     ],
 )
-def test_what_is_no_document_is_refused_with_its_place(store: Store, content: bytes, said: str) -> None:
+def test_what_is_no_document_is_refused_with_its_place(store: FleetStore, content: bytes, said: str) -> None:
     with pytest.raises(DataError, match=said) as refused:
         store.add(Document("model", ROBOT, "cell-1", "record-1", BEGAN, content))
     assert "model record-1" in str(refused.value)
     assert refused.value.do
 
 
-def test_trends_are_in_order_of_time_with_u(store: Store) -> None:
+def test_trends_are_in_order_of_time_with_u(store: FleetStore) -> None:
     store.add_all([model({"d1": 0.1 * day, "a2": 5.0}, day=day) for day in (3, 1, 2)])
     store.add(model({"d1": 99.0}, robot=OTHER))
     points = store.trend(ROBOT, "d1")
@@ -120,12 +120,12 @@ def test_trends_are_in_order_of_time_with_u(store: Store) -> None:
     assert alone.value == 99.0
 
 
-def test_a_parameter_without_a_standard_error_has_no_u(store: Store) -> None:
+def test_a_parameter_without_a_standard_error_has_no_u(store: FleetStore) -> None:
     store.add(model({"d1": 1.0}, std=None))
     assert store.trend(ROBOT, "d1")[0].u is None
 
 
-def test_trends_hold_no_carried_terms(store: Store) -> None:
+def test_trends_hold_no_carried_terms(store: FleetStore) -> None:
     entries = [
         {"name": name, "value": 1.5, "std": 0.1, "unit": "mm"} for name in ("d1", "carried:d5:time:1.size")
     ]
@@ -137,7 +137,7 @@ def test_trends_hold_no_carried_terms(store: Store) -> None:
     assert [point.parameter for point in store.trend(ROBOT)] == ["d1"]
 
 
-def test_the_error_of_models_and_watches_is_one_trend(store: Store) -> None:
+def test_the_error_of_models_and_watches_is_one_trend(store: FleetStore) -> None:
     held_out = {"kind": "rows", "error_mm": {"n": 600, "rms": 0.06, "mean": 0.05, "p95": 0.1, "max": 0.2}}
     said = {"format": "truepose-watch/1", "verdict": "unchanged", "in_words": "", "advice": "", "causes": []}
     store.add_all(
@@ -157,7 +157,7 @@ def test_the_error_of_models_and_watches_is_one_trend(store: Store) -> None:
     assert (second.value, second.u) == (0.09, 0.011)
 
 
-def test_verdicts_come_with_their_causes(store: Store) -> None:
+def test_verdicts_come_with_their_causes(store: FleetStore) -> None:
     store.add_all([watch("unchanged"), watch(day=7, size=0.05), watch(day=3, robot=OTHER)])
     diagnosis = {
         "format": "truepose-diagnosis/1",
@@ -188,7 +188,7 @@ def test_verdicts_come_with_their_causes(store: Store) -> None:
     assert len(store.verdicts(since=BEGAN + timedelta(days=7))) == 2
 
 
-def test_upkeep_is_a_verdict_with_thermal_parameters(store: Store) -> None:
+def test_upkeep_is_a_verdict_with_thermal_parameters(store: FleetStore) -> None:
     warm = {"name": "thermal.a2", "before": 0.0, "value": 0.12, "u": 0.02, "unit": "mm"}
     said = {
         "format": "truepose-upkeep/1",
@@ -209,7 +209,7 @@ def test_upkeep_is_a_verdict_with_thermal_parameters(store: Store) -> None:
     assert (point.parameter, point.value, point.u) == ("thermal.a2", 0.12, 0.02)
 
 
-def test_robots_with_what_is_known_of_each(store: Store) -> None:
+def test_robots_with_what_is_known_of_each(store: FleetStore) -> None:
     store.add_all([model({"d1": 1.0}), watch(day=2), model({"d1": 2.0}, robot=OTHER, day=1)])
     one, two = store.robots()
     assert (one.robot, one.documents, one.last) == (
@@ -220,7 +220,7 @@ def test_robots_with_what_is_known_of_each(store: Store) -> None:
     assert (two.robot, two.documents, two.cells) == (OTHER, {"model": 1}, ("cell-1",))
 
 
-def test_documents_by_robot_kind_and_time_newest_first(store: Store) -> None:
+def test_documents_by_robot_kind_and_time_newest_first(store: FleetStore) -> None:
     store.add_all(
         [model({"d1": 1.0}, day=day) for day in range(5)] + [watch(day=9), watch(day=9, robot=OTHER)]
     )
@@ -231,7 +231,7 @@ def test_documents_by_robot_kind_and_time_newest_first(store: Store) -> None:
     assert store.documents(RobotKey("120-4711", "irb1600")) == []
 
 
-def test_times_of_every_zone_are_kept_in_utc(store: Store) -> None:
+def test_times_of_every_zone_are_kept_in_utc(store: FleetStore) -> None:
     east, west = (timezone(timedelta(hours=hours)) for hours in (9, -9))
     early = replace(model({"d1": 1.0}), measured_at=BEGAN.astimezone(east))
     late = replace(model({"d1": 1.0}, day=1), measured_at=(BEGAN + timedelta(minutes=1)).astimezone(west))
@@ -256,7 +256,7 @@ def test_many_at_once_keep_everything_once(url: str) -> None:
     ready = threading.Barrier(4)
 
     def put(first: int) -> list[str]:
-        with Store.open(url) as store:
+        with FleetStore.open(url) as store:
             ready.wait(60.0)
             turned = documents[first:] + documents[:first]
             return [each.state for part in (turned[:20], turned[20:]) for each in store.add_all(part)]
@@ -264,13 +264,13 @@ def test_many_at_once_keep_everything_once(url: str) -> None:
     with ThreadPoolExecutor(4) as pool:
         states = [state for told in pool.map(put, (0, 10, 20, 30)) for state in told]
     assert (states.count("new"), states.count("conflict"), states.count("known")) == (20, 20, 120)
-    with Store.open(url) as store:
+    with FleetStore.open(url) as store:
         assert len(store.documents()) == 40
         assert len(store.robots()) == 1
 
 
-def test_a_job_belongs_to_one_until_its_time_is_over(store: Store) -> None:
-    jobs = [Job("diagnose", letter * 64, "0.1.0") for letter in "ab"]
+def test_a_job_belongs_to_one_until_its_time_is_over(store: FleetStore) -> None:
+    jobs = [FleetJob("diagnose", letter * 64, "0.1.0") for letter in "ab"]
     assert store.work.claim(jobs, "one", BEGAN, 60.0) == jobs
     assert store.work.claim(jobs, "two", BEGAN + timedelta(seconds=59), 60.0) == []
     assert (
@@ -279,8 +279,8 @@ def test_a_job_belongs_to_one_until_its_time_is_over(store: Store) -> None:
     assert store.work.claim(jobs, "two", BEGAN + timedelta(seconds=60), 60.0) == jobs[1:]
 
 
-def test_a_result_is_written_once(store: Store) -> None:
-    job, late = Job("diagnose", "a" * 64, "0.1.0"), BEGAN + timedelta(hours=1)
+def test_a_result_is_written_once(store: FleetStore) -> None:
+    job, late = FleetJob("diagnose", "a" * 64, "0.1.0"), BEGAN + timedelta(hours=1)
     assert store.work.claim([job], "lost", BEGAN, 60.0) == [job]
     assert store.work.claim([job], "other", late, 60.0) == [job]
     assert store.work.finish(job, "other", b"result", late, 12.5)
@@ -288,12 +288,12 @@ def test_a_result_is_written_once(store: Store) -> None:
     (found,) = store.work.results(data="a" * 64)
     assert (found.job, found.owner, found.content, found.seconds) == (job, "other", b"result", 12.5)
     assert store.work.claim([job], "third", late + timedelta(days=1), 60.0) == []
-    newer = Job("diagnose", "a" * 64, "0.2.0")
+    newer = FleetJob("diagnose", "a" * 64, "0.2.0")
     assert store.work.done([job, newer]) == {job}
     assert store.work.claim([newer], "third", late, 60.0) == [newer]
 
 
-def test_how_a_robot_stands_is_the_same_alone_and_among_all(store: Store) -> None:
+def test_how_a_robot_stands_is_the_same_alone_and_among_all(store: FleetStore) -> None:
     """Of several the newest: but no calibration that a watch has updated, nor a day that is yet to come."""
     calibrated = model({"d1": 1.0})
     store.add_all([calibrated, watch(day=5), watch("unchanged", day=9), model({"d1": 1.1}, day=9)])

@@ -27,12 +27,12 @@ from calib.foreign import converted, propose, read_map, text_of
 from calib.model.model import StatedConditions
 from calib.motion.read import read_joints, read_points
 from calib.regression.mls_svr import Linear, fit
-from calib.regression.regression import Regression, Wanted, evaluate, turns
+from calib.regression.regression import Regression, RegressionRequest, evaluate, turns
 from calib.robot_file import import_dh, import_urdf
-from calib.saved.model_file import SavedModel, load_model, save_model
+from calib.saved.model_file import CalibratedModel, load_model, save_model
 from calib.watch import read_history
 from drivers.errors import ConfigError
-from drivers.manual.typed import Mistyped
+from drivers.manual.typed import InvalidEntry
 from drivers.manual.typed import rows_of as typed_rows
 from mocks.campaign import make_campaign
 from service.programs import KnownFrames, compensate
@@ -140,7 +140,7 @@ def _regression(dataset: Dataset) -> Regression:
     joints = dataset.conditions.joints
     features = evaluate(turns(joints.shape[1]), joints)
     trained = fit(features, np.zeros((len(joints), 3)), Linear(), 1.0, 1.0)
-    return Regression(Wanted("residuals", "turns"), (0.0, 0.0, 125.0), joints, trained, 0.01)
+    return Regression(RegressionRequest("residuals", "turns"), (0.0, 0.0, 125.0), joints, trained, 0.01)
 
 
 def _own_table(joints: Array, points: Array) -> str:
@@ -181,11 +181,11 @@ def _typed(path: Path) -> object:
     """What the manual drivers make of what a person pastes."""
     try:
         return typed_rows(path.read_bytes().decode("utf-8", "replace"), ("X", "Y", "Z"), "mm")
-    except Mistyped as error:
+    except InvalidEntry as error:
         raise ConfigError(f"mistyped: {error.words}") from error
 
 
-def _corrected(saved: SavedModel, path: Path) -> object:
+def _corrected(saved: CalibratedModel, path: Path) -> object:
     """What `truepose compensate` does with a program."""
     known = KnownFrames()
     stated = StatedConditions(temperature_c=22.0, loads=saved.loads)

@@ -21,7 +21,7 @@ from calib import identify, read_dataset, save_model
 from calib.text import replace_file
 from mocks.campaign import make_campaign
 from service.files import as_json
-from service.http.access.roles import Settings, Tokens
+from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
 from service.http.wire.problems import MEDIA_TYPE
 from service.job_folder import JOB, MODEL, RESULT
@@ -56,7 +56,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     # an address where nobody listens: what would connect is refused at once
     text = (EXAMPLES / "irb120_faro" / "cell.toml").read_text("utf-8")
     (folder / "cell.toml").write_text(re.sub(r'url = "[^"]*"', 'url = "tcp://127.0.0.1:1"', text), "utf-8")
-    settings_ = Settings(
+    settings_ = ServiceSettings(
         record=folder / "record", tokens=Tokens(TOKEN, VIEWER), cell=read_cell(folder / "cell.toml")
     )
     with TestClient(create_app(settings_), base_url="http://127.0.0.1") as client:

@@ -16,7 +16,7 @@ import pytest
 import truepose
 from acquisition import read_status
 from acquisition.errors import RecordError
-from acquisition.record import FILE, Store, export, rescue
+from acquisition.record import FILE, RecordStore, export, rescue
 from acquisition.record.schema import LAST_TO_READ_OLDER, VERSION
 from service.cli import main
 from tests.acquisition.fakes import new_store
@@ -47,7 +47,7 @@ def test_the_record_gives_the_data_set_that_it_gave(tmp_path: Path) -> None:
     assert [{key: row[key] for key in kept} for row in now] == [
         {key: row[key] for key in kept} for row in then
     ]
-    with closing(Store.open(record)) as store:  # and may be written to
+    with closing(RecordStore.open(record)) as store:  # and may be written to
         assert store.database.query("PRAGMA integrity_check")[0][0] == "ok"
 
 
@@ -66,7 +66,7 @@ def test_a_record_of_an_older_version_is_refused_by_name_and_never_changed(
     before = _bytes(record)
     assert len(before) == 1 + journal
     says = rf"version {3 if change is UNSEALED else change[-1]}.*reads version {VERSION}.*"
-    for opened in (Store.open, lambda at: Store.open(at, writer=False), read_status):
+    for opened in (RecordStore.open, lambda at: RecordStore.open(at, writer=False), read_status):
         with pytest.raises(RecordError, match=says) as refused:
             opened(record)
         assert LAST_TO_READ_OLDER in refused.value.what_to_do

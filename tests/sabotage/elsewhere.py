@@ -104,8 +104,8 @@ CHANGES = (
     ),
     Change(
         "drivers/manual/typed.py",
-        "    if token != name:\n        raise Mistyped",
-        "    if False:\n        raise Mistyped",
+        "    if token != name:\n        raise InvalidEntry",
+        "    if False:\n        raise InvalidEntry",
         "y typed where x belongs is taken for x",
         _MANUAL,
     ),

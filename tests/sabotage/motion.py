@@ -59,15 +59,15 @@ CHANGES = (
     ),
     Change(
         "calib/motion/arm.py",
-        """        *(Term(f"theta{k}", _PLAY, f"side{k}") for k in joints),\n""",
+        """        *(ArmTerm(f"theta{k}", _PLAY, f"side{k}") for k in joints),\n""",
         "",
         "play of the gears is taken for an offset of the clocks",
         _MOTION,
     ),
     Change(
         "calib/motion/arm.py",
-        """        *(Term(f"theta{k}", _COMPLIANCE, f"torque{k}") for k in joints[1:]),
-        *(Term(f"theta{k}", _TOOL_BENDS, f"load{k}") for k in joints[1:]),
+        """        *(ArmTerm(f"theta{k}", _COMPLIANCE, f"torque{k}") for k in joints[1:]),
+        *(ArmTerm(f"theta{k}", _TOOL_BENDS, f"load{k}") for k in joints[1:]),
 """,
         "",
         "an arm that bends shifts the clocks",

@@ -33,7 +33,7 @@ CHANGES = (
     ),
     Change(
         "fleet/store/adding.py",
-        "    except exc.IntegrityError as error:\n        raise Overtaken from error\n",
+        "    except exc.IntegrityError as error:\n        raise ConcurrentInsert from error\n",
         "",
         "two programs that add the same at once end with an error",
         _STORE,

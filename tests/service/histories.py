@@ -18,7 +18,7 @@ from calib.text import parse_toml
 from mocks.campaign import make_campaign, write_campaign
 from service.files import as_json
 from service.results.models import documents
-from service.results.watched import JudgeQuestion, Watched
+from service.results.watched import WatchRequest, WatchResultSummary
 from tests.service.campaigns import Rows, edit_rows
 
 FIT, JUDGED, CHECKED = 70, 30, 12  # readings of a calibration, held out, of a watch
@@ -77,7 +77,7 @@ def _written(folder: Path, life: Life) -> list[Path]:
             (place / "diagnosis.json").write_text(as_json(documents.of_diagnosis(found)), "utf-8")
             out += [baseline, place / "diagnosis.json"]
         else:
-            verdict = Watched.of(dataset, load_model(baseline), baseline, JudgeQuestion())
+            verdict = WatchResultSummary.of(dataset, load_model(baseline), baseline, WatchRequest())
             (place / "watch.json").write_text(as_json(verdict.document()), "utf-8")
             out.append(place / "watch.json")
     return out

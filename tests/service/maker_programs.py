@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from calib import SavedModel, forward
+from calib import CalibratedModel, forward
 from tests.service.robot_programs import model_of
 
 PULSES = (1435.2, -1300.5, 1511.0, -900.25, 880.0, 455.5)
@@ -17,7 +17,7 @@ BASE = (50.0, 20.0, -15.0, 0.0, 5.0, 40.0)
 OPTIONS = {"tool": "1=5,-10,120,10,20,30", "frame": "2=50,20,-15,0,5,40"}
 
 
-def a_model(maker: str) -> SavedModel:
+def a_model(maker: str) -> CalibratedModel:
     """The erring IRB 120 under another maker's name."""
     saved = model_of("abb-irb120")
     robot = replace(saved.model.robot, maker=maker)

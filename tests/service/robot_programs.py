@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib import SavedModel, load_robot
+from calib import CalibratedModel, load_robot
 from calib.arm import gravity_torques
 from calib.array import Array
 from tests.calib.chain import chain
@@ -114,11 +114,11 @@ PROGRAMS = {
 COUPLING = {"fanuc-lrmate200ic": "fanuc-j23"}
 
 
-def model_of(name: str, seed: int = 3, scale: float = 1.0) -> SavedModel:
+def model_of(name: str, seed: int = 3, scale: float = 1.0) -> CalibratedModel:
     """The base model of a robot, tenths of a millimetre and hundredths of a degree wrong, times `scale`."""
     robot = load_robot(name)
     model, estimate = only_geometry(robot, seed)
-    return SavedModel(
+    return CalibratedModel(
         model=model,
         estimate=scale * estimate,
         covariance=np.zeros((len(estimate), len(estimate))),
@@ -130,7 +130,7 @@ def model_of(name: str, seed: int = 3, scale: float = 1.0) -> SavedModel:
     )
 
 
-def real_flange(saved: SavedModel, joints: Array) -> Array:
+def real_flange(saved: CalibratedModel, joints: Array) -> Array:
     """(4, 4) where the flange of the real robot stands at model angles (6,), rad, by the slow second chain."""
     add: dict[str, float] = {}
     torque = gravity_torques(saved.model.robot, joints[None])[0]

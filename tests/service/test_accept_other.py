@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from acquisition import Cell, Devices, Lease, checked_plan
-from acquisition.record.individuals import Acceptance
+from acquisition import Cell, Devices, LeaseDeadline, checked_plan
+from acquisition.record.individuals import DeviceAcceptance
 from service.cli import main
 from service.http.routes.runs.run_routes import acceptance
-from service.http.runs.book import Book
-from service.http.wire.bodies import Export, Resume
-from service.http.work.datasets import Datasets
+from service.http.runs.book import RunManager
+from service.http.wire.bodies import DatasetExportRequest, Resume
+from service.http.work.datasets import DatasetStore
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import until
@@ -24,21 +24,21 @@ from tests.drivers.waiting import until
 BLOCKS = [{"set": "calibration", "count": 12, "targets": ["T1", "T2"]}]
 
 
-def ended(book: Book, name: str) -> dict[str, Any]:
+def ended(book: RunManager, name: str) -> dict[str, Any]:
     until(lambda: book.busy_with is None)
     return book.document(name)
 
 
 def test_a_run_of_the_service(tmp_path: Path) -> None:
     cell = a_cell(simulation={"time_scale": 1000.0})
-    bench, lease = Bench(cell), Lease("anna", 3600.0)
+    bench, lease = Bench(cell), LeaseDeadline("anna", 3600.0)
 
     def open_devices(_: Cell) -> Devices:
         return devices_of(bench, SeatingOperator(bench))
 
     with (
         closing(Workers(1, waiting=0)) as workers,
-        closing(Book(tmp_path / "runs", open_devices, workers, simulated=True)) as book,
+        closing(RunManager(tmp_path / "runs", open_devices, workers, simulated=True)) as book,
     ):
         bench.faults[16] = lambda: book.pause(str(book.busy_with), by="anna")
         campaign = a_campaign(block=BLOCKS, settle_s=0.0)
@@ -56,16 +56,16 @@ def test_a_run_of_the_service(tmp_path: Path) -> None:
         body = Resume(accept_other="777777", reason="arm replaced")
         book.resume(name, cell, lease, acceptance(body, "anna"))
         assert ended(book, name)["state"] == "succeeded"
-        dataset = Datasets(tmp_path / "datasets").export([book.path(name)], "")
+        dataset = DatasetStore(tmp_path / "datasets").export([book.path(name)], "")
         assert [each["reason"] for each in dataset["devices"] if each["serial"] == "777777"] == [
             "arm replaced"
         ]
 
 
-@pytest.mark.parametrize("body", [Resume, Export])
+@pytest.mark.parametrize("body", [Resume, DatasetExportRequest])
 def test_one_without_the_other_is_refused(body: type[Resume]) -> None:
     assert acceptance(body(), "anna") is None
-    assert acceptance(body(accept_other="7", reason="why"), "anna") == Acceptance("7", "why", "anna")
+    assert acceptance(body(accept_other="7", reason="why"), "anna") == DeviceAcceptance("7", "why", "anna")
     for given in ({"accept_other": "7"}, {"reason": "why"}, {"accept_other": "7", "reason": " "}):
         with pytest.raises(ValidationError, match="both accept_other and reason"):
             body(**given)

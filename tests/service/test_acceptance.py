@@ -14,7 +14,14 @@ import pytest
 from calib.data import Dataset, read_dataset
 from calib.fit import base_model_of, errors_on, place_nominal
 from service.cli import main
-from service.results.judgement.acceptance import RULE, Acceptance, Criterion, Limits, Verdict, decide
+from service.results.judgement.acceptance import (
+    RULE,
+    AcceptanceLimits,
+    AcceptanceResult,
+    Criterion,
+    Verdict,
+    decide,
+)
 from tests.service.campaigns import edit_rows, write_data
 
 
@@ -23,13 +30,13 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_data(tmp_path_factory.mktemp("acceptance"), effects=(), n=60)
 
 
-def held(dataset: Dataset, limits: Limits) -> Acceptance:
+def held(dataset: Dataset, limits: AcceptanceLimits) -> AcceptanceResult:
     """The nominal robot in its place, held to limits."""
     nominal, placed = place_nominal(dataset, base_model_of(dataset))
     return decide(limits, dataset, dataset.validation_rows, nominal, placed, "nominal")
 
 
-def uncertainty(dataset: Dataset, limits: Limits) -> float:
+def uncertainty(dataset: Dataset, limits: AcceptanceLimits) -> float:
     (criterion,) = held(dataset, limits).criteria
     return criterion.uncertainty
 
@@ -50,13 +57,13 @@ def test_the_guard_band_decides(limit: float, verdict: Verdict) -> None:
 
 def test_one_rejected_figure_rejects_and_all_must_be_accepted() -> None:
     good, open_, bad = (Criterion("rms", 0.1, limit, 0.02, "") for limit in (0.2, 0.11, 0.05))
-    assert Acceptance("m", 9, (good, good)).verdict == "accepted"
-    assert Acceptance("m", 9, (good, open_)).verdict == "not_decided"
-    assert Acceptance("m", 9, (bad, open_)).verdict == "rejected"
+    assert AcceptanceResult("m", 9, (good, good)).verdict == "accepted"
+    assert AcceptanceResult("m", 9, (good, open_)).verdict == "not_decided"
+    assert AcceptanceResult("m", 9, (bad, open_)).verdict == "rejected"
 
 
 def test_the_uncertainty_of_an_rms_is_that_of_its_poses(data: Path) -> None:
-    dataset, limits = read_dataset(data), Limits(0.1, None)
+    dataset, limits = read_dataset(data), AcceptanceLimits(0.1, None)
     nominal, placed = place_nominal(dataset, base_model_of(dataset))
     squares = errors_on(dataset, dataset.validation_rows, nominal, placed) ** 2
     n = len(squares)
@@ -77,7 +84,7 @@ def test_reading_a_pose_again_makes_no_rms_surer(data: Path, tmp_path: Path) -> 
         rows += [{**row, "reading_id": str(10_000 + i)} for i, row in enumerate(again)]
 
     edit_rows(tmp_path / "data.csv", thrice)
-    more, limits = read_dataset(tmp_path / "data.csv"), Limits(0.1, None)
+    more, limits = read_dataset(tmp_path / "data.csv"), AcceptanceLimits(0.1, None)
     assert more.validation_rows.sum() == 90
     assert uncertainty(more, limits) == pytest.approx(uncertainty(read_dataset(data), limits), rel=1e-6)
 
@@ -86,7 +93,7 @@ def test_a_single_pose_decides_nothing(data: Path) -> None:
     dataset = read_dataset(data)
     first = np.flatnonzero(dataset.validation_rows)[0]
     sets = np.where(np.arange(len(dataset)) == first, "validation", "calibration")
-    found = held(replace(dataset, sets=sets), Limits(1e6, None))
+    found = held(replace(dataset, sets=sets), AcceptanceLimits(1e6, None))
     assert found.verdict == "not_decided"
     assert found.document()["criteria"][0]["expanded_uncertainty_mm"] is None
 
@@ -96,7 +103,7 @@ def test_the_largest_error_is_as_sure_as_its_noisiest_reading(data: Path) -> Non
     own = dataset.u_point.copy()
     own[dataset.validation_rows] = 0.01
     own[np.flatnonzero(dataset.validation_rows)[3]] = (0.01, 0.04, 0.01)
-    found = held(replace(dataset, u_point=own), Limits(None, 0.1)).criteria[0]
+    found = held(replace(dataset, u_point=own), AcceptanceLimits(None, 0.1)).criteria[0]
     assert found.uncertainty == pytest.approx(0.08)
     nominal, placed = place_nominal(dataset, base_model_of(dataset))
     assert found.figure == errors_on(dataset, dataset.validation_rows, nominal, placed).max()

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from calib.data import Dataset, read_dataset
-from calib.fit import Identification, errors_on, identify
+from calib.fit import IdentificationFit, errors_on, identify
 from calib.validation import targets_in_base
 from service.cli import main
-from service.results.judgement.acceptance import Limits, Zone, decide, read_zones
+from service.results.judgement.acceptance import AcceptanceLimits, Zone, decide, read_zones
 from tests.service.campaigns import write_data
 from tests.service.certificates import MEASURED
 
@@ -46,12 +46,12 @@ def test_the_faces_of_a_zone_belong_to_it_and_nothing_beyond_does() -> None:
 
 
 @pytest.fixture(scope="module")
-def found(data: Path) -> tuple[Dataset, Identification]:
+def found(data: Path) -> tuple[Dataset, IdentificationFit]:
     dataset = read_dataset(data)
     return dataset, identify(dataset)
 
 
-def split(dataset: Dataset, fit: Identification, limit: float) -> tuple[Zone, Zone]:
+def split(dataset: Dataset, fit: IdentificationFit, limit: float) -> tuple[Zone, Zone]:
     """Two halves of the workspace, divided at the median of x in the base frame."""
     x = targets_in_base(dataset, fit.model, fit.estimate)[dataset.validation_rows, 0]
     middle = float(np.median(x))
@@ -59,11 +59,16 @@ def split(dataset: Dataset, fit: Identification, limit: float) -> tuple[Zone, Zo
     return low, Zone("high", (middle + 1e-6, -5e3, -5e3), HIGHEST, limit, None)
 
 
-def test_every_zone_is_judged_by_its_own_readings(found: tuple[Dataset, Identification]) -> None:
+def test_every_zone_is_judged_by_its_own_readings(found: tuple[Dataset, IdentificationFit]) -> None:
     dataset, fit = found
     zones = split(dataset, fit, 1.0)
     held = decide(
-        Limits(None, None, zones), dataset, dataset.validation_rows, fit.model, fit.estimate, "model"
+        AcceptanceLimits(None, None, zones),
+        dataset,
+        dataset.validation_rows,
+        fit.model,
+        fit.estimate,
+        "model",
     )
     errors = errors_on(dataset, dataset.validation_rows, fit.model, fit.estimate)
     x = targets_in_base(dataset, fit.model, fit.estimate)[dataset.validation_rows, 0]
@@ -73,21 +78,23 @@ def test_every_zone_is_judged_by_its_own_readings(found: tuple[Dataset, Identifi
 
 
 def test_one_zone_that_is_not_met_rejects_and_an_empty_one_decides_nothing(
-    found: tuple[Dataset, Identification],
+    found: tuple[Dataset, IdentificationFit],
 ) -> None:
     dataset, fit = found
     judged = (dataset, dataset.validation_rows, fit.model, fit.estimate, "model")
     low, high = split(dataset, fit, 1.0)
-    assert decide(Limits(1.0, None, (low, replace(high, rms=1e-4))), *judged).verdict == "rejected"
-    held = decide(Limits(1.0, None, (low, high, NOWHERE)), *judged)
+    assert decide(AcceptanceLimits(1.0, None, (low, replace(high, rms=1e-4))), *judged).verdict == "rejected"
+    held = decide(AcceptanceLimits(1.0, None, (low, high, NOWHERE)), *judged)
     assert held.verdict == "not_decided"
     assert held.document()["criteria"][-1]["figure_mm"] is None
-    assert Limits.kept(json.loads(json.dumps(asdict(Limits(1.0, None, (NOWHERE,)))))) == Limits(
-        1.0, None, (NOWHERE,)
-    )
+    assert AcceptanceLimits.kept(
+        json.loads(json.dumps(asdict(AcceptanceLimits(1.0, None, (NOWHERE,)))))
+    ) == AcceptanceLimits(1.0, None, (NOWHERE,))
 
 
-def test_boxes_count_from_the_base_wherever_the_robot_stands(found: tuple[Dataset, Identification]) -> None:
+def test_boxes_count_from_the_base_wherever_the_robot_stands(
+    found: tuple[Dataset, IdentificationFit],
+) -> None:
     dataset, fit = found
     here = targets_in_base(dataset, fit.model, fit.estimate)
     elsewhere = fit.estimate.copy()

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.record import FILE, Store
+from acquisition.record import FILE, RecordStore
 from service.cli import main
 from service.printed.terminal import duration
 from tests.drivers.waiting import PATIENCE_S
@@ -33,7 +33,7 @@ Output = pytest.CaptureFixture[str]
 
 def events_of(record: Path) -> int:
     """How much has happened."""
-    store = Store.open(record, writer=False)
+    store = RecordStore.open(record, writer=False)
     try:
         return store.version
     finally:

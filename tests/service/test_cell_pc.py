@@ -21,8 +21,8 @@ from typing import Any
 
 import pytest
 
-from service.client import Client, Refused
-from service.http.access.roles import Settings, Tokens
+from service.client import Client, ServiceError
+from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
 from tests.drivers.nobody import nobody_listens
 from tests.drivers.waiting import PATIENCE_S, until
@@ -157,7 +157,7 @@ def test_the_csharp_page_runs_a_campaign(service: Served, tmp_path: Path) -> Non
 
 
 def test_every_request_of_the_pages_is_one_that_the_service_knows(tmp_path: Path) -> None:
-    paths = create_app(Settings(tmp_path, Tokens("o", "v"))).openapi()["paths"]
+    paths = create_app(ServiceSettings(tmp_path, Tokens("o", "v"))).openapi()["paths"]
     asked = 0
     for page in PAGES.glob("*.md"):
         for method, path in re.findall(r"`?(GET|POST|DELETE) (/api/v1/[^\s`?]+)", page.read_text("utf-8")):
@@ -172,7 +172,7 @@ def test_the_lease_is_prolonged_as_long_as_it_is_held(service: Served) -> None:
             first = cell.ask("GET", "/cell")["lease"]["expires_utc"]
             until(lambda: cell.ask("GET", "/cell")["lease"]["expires_utc"] > first)
             assert not lease.lost.is_set()
-            with pytest.raises(Refused, match="held by anna") as refused, cell.lease("bert"):
+            with pytest.raises(ServiceError, match="held by anna") as refused, cell.lease("bert"):
                 pass
             assert refused.value.code == 8102
             assert "take it over" in refused.value.what_to_do

@@ -17,9 +17,9 @@ from fastapi.testclient import TestClient
 
 from calib.units import FACTORS
 from service.cli import main
-from service.http.access.roles import Settings, Tokens
+from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
-from service.report.certificate import UNITS, About
+from service.report.certificate import UNITS, CertificateParties
 from tests.service.campaigns import write_data
 from tests.service.certificates import ABOUT, out_of_order, write_measured
 from tests.service.test_http_support import problem
@@ -133,7 +133,7 @@ def test_whose_it_cannot_be_is_refused(tmp_path: Path, key: str, value: str) -> 
 
 @pytest.fixture
 def client(tmp_path: Path) -> Iterator[TestClient]:
-    app = create_app(Settings(record=tmp_path / "record", tokens=Tokens("an-operator", "a-viewer")))
+    app = create_app(ServiceSettings(record=tmp_path / "record", tokens=Tokens("an-operator", "a-viewer")))
     with TestClient(app, base_url="http://127.0.0.1/api/v1") as client:
         client.headers |= {"Authorization": "Bearer an-operator"}
         yield client
@@ -170,4 +170,4 @@ def test_it_is_given_by_http(client: TestClient, tmp_path: Path) -> None:
 
 
 def test_nothing_is_invented() -> None:
-    assert set(vars(About()).values()) == {"not stated", "ZZ"}
+    assert set(vars(CertificateParties()).values()) == {"not stated", "ZZ"}

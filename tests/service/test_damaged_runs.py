@@ -19,7 +19,7 @@ from acquisition.errors import DamagedRecord, RecordError
 from acquisition.record.database import FILE
 from acquisition.run.run import Run
 from service.http.runs import dry_runs
-from service.http.runs.book import Book
+from service.http.runs.book import RunManager
 from service.http.wire import problems
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, JumpingClock, a_campaign, a_cell, devices_of
@@ -35,11 +35,11 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Files:
 
 
 @contextmanager
-def opened(folder: Path) -> Iterator[Book]:
+def opened(folder: Path) -> Iterator[RunManager]:
     bench = Bench(a_cell())
     with (
         closing(Workers(1, waiting=0)) as workers,
-        closing(Book(folder, lambda cell: devices_of(bench), workers, simulated=True)) as book,
+        closing(RunManager(folder, lambda cell: devices_of(bench), workers, simulated=True)) as book,
     ):
         yield book
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from acquisition import Devices, open_devices
-from acquisition.examination import Examination, Finding, examine
+from acquisition.examination import CheckResult, Examination, examine
 from acquisition.examination.finding import Chart
 from acquisition.examination.meeting import ClockReading, examine_clock, rate_of
 from drivers import FaroTracker, Identity, JointReading, RobotArm, RobotStatus
@@ -329,7 +329,7 @@ def test_a_robot_with_another_number_of_joints(faro: Bench) -> None:
 
 def clock(
     first: tuple[float, float, float], second: tuple[float, float, float], scale: float = 1.0
-) -> Finding:
+) -> CheckResult:
     chart = Chart("robot", lambda step: None)
     examine_clock(chart, ClockReading(*first, 1.8e9), ClockReading(*second, 1.8e9 + 0.5), scale)
     (found,) = chart.findings
@@ -389,7 +389,7 @@ def test_sqlite(faro: Bench, monkeypatch: pytest.MonkeyPatch, version: tuple[int
     [([], 0), ([4], 4), ([4, 1], 4), ([4, 2], 2), ([2, 5, 4], 5), ([1], 1)],
 )
 def test_the_worst_fault_is_the_exit_code(found: list[int], code: int) -> None:
-    findings = [Finding("robot", "x", "fault", "", exit_code=each) for each in found]
+    findings = [CheckResult("robot", "x", "fault", "", exit_code=each) for each in found]
     assert Examination("cell", False, 1.0, findings).exit_code == code
 
 

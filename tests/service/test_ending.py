@@ -16,11 +16,11 @@ from typing import Any
 import httpx2
 import pytest
 
-from acquisition import Devices, Lease, checked_plan, read_status
+from acquisition import Devices, LeaseDeadline, checked_plan, read_status
 from acquisition.errors import StorageError
 from calib.errors import DataError
 from service.http.runs import book
-from service.http.runs.book import Book
+from service.http.runs.book import RunManager
 from service.http.wire.problems import Problem
 from service.http.work.workers import WorkerDied, Workers
 from tests.acquisition.fakes import Bench, FakeMeter, a_campaign, a_cell
@@ -95,10 +95,10 @@ def test_a_long_move_is_halted_and_the_run_paused(tmp_path: Path, monkeypatch: p
     bench = Bench(a_cell())
     arm = SlowArm(bench)
     workers = Workers(1, waiting=0)
-    runs = Book(tmp_path, lambda _: Devices(arm, FakeMeter(bench)), workers, simulated=True)
+    runs = RunManager(tmp_path, lambda _: Devices(arm, FakeMeter(bench)), workers, simulated=True)
     campaign = a_campaign(settle_s=0.0)
     plan = campaign, checked_plan(bench.cell, campaign)
-    run = runs.start(bench.cell, plan, "night", Lease("anna", 300.0))
+    run = runs.start(bench.cell, plan, "night", LeaseDeadline("anna", 300.0))
     assert arm.moving.wait(PATIENCE_S)
     workers.close()
     runs.close()
@@ -106,7 +106,7 @@ def test_a_long_move_is_halted_and_the_run_paused(tmp_path: Path, monkeypatch: p
     status = read_status(tmp_path / run)
     assert (status.state, status.reason) == ("paused", "The service was ended.")
     with pytest.raises(Problem, match="being ended"):
-        runs.start(bench.cell, plan, "another", Lease("anna", 300.0))
+        runs.start(bench.cell, plan, "another", LeaseDeadline("anna", 300.0))
 
 
 # -- workers ----------------------------------------------------------------------------------------------------

@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib import DataError, SavedModel, StatedConditions, load_robot
+from calib import CalibratedModel, DataError, StatedConditions, load_robot
 from calib.array import Array
-from calib.compensate import Calibrated, Carried, carried, constant_slots, poses_with
+from calib.compensate import Calibrated, RepresentableModel, carried, constant_slots, poses_with
 from calib.data import read_dataset
 from calib.effects.thermal import thermal_growth
 from calib.effects.transmission import backlash
@@ -28,7 +28,7 @@ from calib.robot_file.serial_chain import chain_of
 from calib.robot_file.urdf import read_urdf
 from calib.saved import load_model
 from service.cli import main
-from service.exports import FORMATS, Export
+from service.exports import FORMATS, ExportRequest
 from tests.calib.chain import chain, shift, turn
 from tests.service.campaigns import write_data
 from tests.service.robot_programs import model_of, real_flange
@@ -37,30 +37,30 @@ STATED = StatedConditions(temperature_c=22.0)
 HASH = "calib_209549117540498681"
 
 
-def written(name: str, kind: str, *, robot_hash: str | None = HASH) -> tuple[SavedModel, Any, str]:
+def written(name: str, kind: str, *, robot_hash: str | None = HASH) -> tuple[CalibratedModel, Any, str]:
     """The export of the stiff robot, which a table of frames holds exactly."""
     saved = stiffened(model_of(name))
     export = export_of(saved, kind, robot_hash)
     return saved, export.carried, FORMATS[kind].writes(export)
 
 
-def stiffened(saved: SavedModel) -> SavedModel:
+def stiffened(saved: CalibratedModel) -> CalibratedModel:
     bends = np.array([bool(re.fullmatch(r"c\d", p.name)) for p in saved.model.parameters])
     return replace(saved, estimate=np.where(bends, 0.0, saved.estimate))
 
 
-def export_of(saved: SavedModel, kind: str, robot_hash: str | None = HASH) -> Export:
+def export_of(saved: CalibratedModel, kind: str, robot_hash: str | None = HASH) -> ExportRequest:
     robot = saved.model.robot
     slots = FORMATS[kind].holds(robot)
     found = carried(saved.model, saved.estimate, STATED, slots, coupling=saved.coupling)
-    return Export(robot, saved.coupling, found, ("about -- it",), robot_hash)
+    return ExportRequest(robot, saved.coupling, found, ("about -- it",), robot_hash)
 
 
 def stands(n: int = 40) -> Array:
     return np.random.default_rng(7).uniform(-1.5, 1.5, (n, 6))
 
 
-def stiff(saved: SavedModel, joints: Array) -> Array:
+def stiff(saved: CalibratedModel, joints: Array) -> Array:
     """The flange of the real robot, by the slow chain."""
     add = {p.name: float(v) for p, v in zip(saved.model.parameters, saved.estimate, strict=True)}
     return chain(saved.model.robot, joints, add).real
@@ -236,7 +236,7 @@ def test_what_a_format_cannot_hold_is_taken_over_by_what_it_holds(kind: str) -> 
             assert spread(found, changed) > best - 1e-5
 
 
-def spread(found: Carried, poses: Array) -> float:
+def spread(found: RepresentableModel, poses: Array) -> float:
     """Places, and turns at a lever of 100 mm, mm RMS."""
     turned = Rotation.from_matrix(poses[:, :3, :3]).inv() * Rotation.from_matrix(found.poses[:, :3, :3])
     places = poses[:, :3, 3] - found.poses[:, :3, 3]

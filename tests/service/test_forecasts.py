@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from acquisition import Devices, Lease, Run, checked_plan
+from acquisition import Devices, LeaseDeadline, Run, checked_plan
 from acquisition.run import Forecast, forecast_of
-from service.http.runs.book import Book, Forecasts
+from service.http.runs.book import Forecasts, RunManager
 from service.http.wire.problems import Problem
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, FakeMeter, a_campaign, a_cell
@@ -53,8 +53,8 @@ def test_a_run_moves_before_its_forecast_is_there(
     devices = Devices(arm, FakeMeter(bench))
     workers.refusal = refused
     plan = a_campaign(), checked_plan(bench.cell, a_campaign())
-    with closing(Book(tmp_path, lambda _: devices, workers, simulated=True)) as book:
-        name = book.start(bench.cell, plan, "a run", Lease("anna", 300.0))
+    with closing(RunManager(tmp_path, lambda _: devices, workers, simulated=True)) as book:
+        name = book.start(bench.cell, plan, "a run", LeaseDeadline("anna", 300.0))
         try:
             assert arm.moving.wait(PATIENCE_S)
             assert workers.called == [forecast_of]

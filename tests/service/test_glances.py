@@ -14,10 +14,10 @@ from typing import Any, cast
 import pytest
 
 from acquisition import Run
-from service.http.runs.book import Book
-from service.http.runs.glances import KEPT_S, Glances
+from service.http.runs.book import RunManager
+from service.http.runs.glances import KEPT_S, RunCache
 from service.http.runs.run_document import run_document
-from service.http.work.readings import Readings
+from service.http.work.readings import DocumentCache
 from tests.acquisition.fakes import a_campaign, a_cell
 
 
@@ -37,8 +37,8 @@ class Looked:
         self.times += 1
         return run_document(name, self.run.status())
 
-    def glances(self) -> Glances:
-        return Glances(cast(Book, self), Readings(2), lambda: self.now_s)
+    def glances(self) -> RunCache:
+        return RunCache(cast(RunManager, self), DocumentCache(2), lambda: self.now_s)
 
 
 def test_it_is_read_again_for_every_change_and_after_a_moment(tmp_path: Path) -> None:

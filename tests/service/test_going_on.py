@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from acquisition import Cell, Devices, Lease, checked_plan
+from acquisition import Cell, Devices, LeaseDeadline, checked_plan
 from acquisition.run import Forecast
-from service.http.runs.book import Book
+from service.http.runs.book import RunManager
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import PATIENCE_S, until
@@ -23,7 +23,7 @@ def test_a_run_that_was_resumed_is_shown_when_it_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cell = a_cell(simulation={"time_scale": 1000.0})
-    bench, lease, asked = Bench(cell), Lease("anna", 3600.0), threading.Event()
+    bench, lease, asked = Bench(cell), LeaseDeadline("anna", 3600.0), threading.Event()
 
     def open_devices(_: Cell) -> Devices:
         return devices_of(bench)
@@ -35,7 +35,7 @@ def test_a_run_that_was_resumed_is_shown_when_it_goes_on(
 
     with (
         closing(Workers(1, waiting=0)) as workers,
-        closing(Book(tmp_path / "runs", open_devices, workers, simulated=True)) as book,
+        closing(RunManager(tmp_path / "runs", open_devices, workers, simulated=True)) as book,
     ):
         campaign = a_campaign(settle_s=0.0)
         bench.faults[10] = lambda: book.pause(str(book.busy_with), by="anna")
@@ -72,7 +72,7 @@ def test_a_run_whose_folder_is_gone_is_found_paused_and_stopped(tmp_path: Path) 
     told: list[dict[str, Any]] = []
     with (
         closing(Workers(1, waiting=0)) as workers,
-        closing(Book(tmp_path / "runs", lambda _: devices_of(bench), workers, simulated=True)) as book,
+        closing(RunManager(tmp_path / "runs", lambda _: devices_of(bench), workers, simulated=True)) as book,
     ):
 
         def take() -> None:
@@ -84,7 +84,7 @@ def test_a_run_whose_folder_is_gone_is_found_paused_and_stopped(tmp_path: Path) 
 
         bench.faults[9] = take
         campaign = a_campaign(settle_s=0.0)
-        name = book.start(cell, (campaign, checked_plan(cell, campaign)), "", Lease("anna", 300.0))
+        name = book.start(cell, (campaign, checked_plan(cell, campaign)), "", LeaseDeadline("anna", 300.0))
         until(lambda: book.busy_with is None)
         assert told[0]["state"] == "running"
         assert bench.calls == 9

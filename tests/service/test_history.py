@@ -12,10 +12,10 @@ import pytest
 
 from calib.errors import DataError
 from calib.upkeep import Staircase
-from fleet.store import RobotKey, Store, utc_now
+from fleet.store import FleetStore, RobotKey, utc_now
 from service.cli import main
 from service.results.history import due_of, text_of, trends_of
-from service.results.robots import DueQuestion, told_robots
+from service.results.robots import DueDateRequest, told_robots
 from tests.fleet.documents import BEGAN, ROBOT, model, of
 
 SERIAL = "120-4711"
@@ -163,14 +163,14 @@ def test_one_value_has_no_chart(
 
 def test_values_in_different_units_are_no_trend(address: str) -> None:
     entry = {"name": "d1", "value": 1.0, "std": 0.1, "unit": "deg"}
-    with Store.open(address) as store:
+    with FleetStore.open(address) as store:
         store.add(model({"d1": 1.0}))
         store.add(of("model", {"format": "truepose-model/1", "parameters": [entry]}, day=1))
         with pytest.raises(DataError, match="deg and in mm"):
             trends_of(store, ROBOT, "d1")
 
 
-def error_at(store: Store, robot: RobotKey, day: float, value: float) -> None:
+def error_at(store: FleetStore, robot: RobotKey, day: float, value: float) -> None:
     store.add(of("watch", watch_of(value), robot=robot, day=day))
 
 
@@ -178,7 +178,7 @@ def test_those_that_are_due_first_come_first(address: str) -> None:
     """By the staircase: good checks make the interval longer, a bad one shorter."""
     good, bad, never = (RobotKey(serial, "irb120") for serial in ("1", "2", "3"))
     way, now = Staircase(100.0, permitted=0.3), BEGAN + timedelta(days=101)
-    with Store.open(address) as store:
+    with FleetStore.open(address) as store:
         for robot in (good, bad):
             error_at(store, robot, 0.0, 0.1)
         error_at(store, good, 100.0, 0.1)
@@ -202,8 +202,8 @@ def test_those_that_are_due_first_come_first(address: str) -> None:
 def test_what_has_changed_is_due_now_until_it_is_calibrated(address: str) -> None:
     """Whatever the errors say of the next date, in the list of the command line and in that of the service."""
     way, now = Staircase(100.0, permitted=0.3), BEGAN + timedelta(days=20)
-    asked = DueQuestion(permitted_mm=None)
-    with Store.open(address) as store:
+    asked = DueDateRequest(permitted_mm=None)
+    with FleetStore.open(address) as store:
         store.add(model({"d1": 1.0}))
         store.add(of("watch", watch_of(0.1, "changed"), day=10.0))
         (found,) = due_of(store, way, now)
@@ -212,7 +212,7 @@ def test_what_has_changed_is_due_now_until_it_is_calibrated(address: str) -> Non
     assert found.because.startswith("Now: the last watch found it changed.")
     (line,) = told_robots(address, asked)["robots"]
     assert line["due"] == {"date": text_of(found.due.date), "overdue": True, "because": found.because}
-    with Store.open(address) as store:
+    with FleetStore.open(address) as store:
         store.add(model({"d1": 1.1}, day=15.0))
         (mended,) = due_of(store, way, now)
     assert mended.due is not None
@@ -223,7 +223,7 @@ def test_what_has_changed_is_due_now_until_it_is_calibrated(address: str) -> Non
 
 
 def test_a_check_that_is_yet_to_come_is_no_date_for_one_robot_alone(address: str) -> None:
-    with Store.open(address) as store:
+    with FleetStore.open(address) as store:
         error_at(store, ROBOT, 10.0, 0.1)
         error_at(store, RobotKey("2", "irb120"), 0.0, 0.1)
         wrong, right = due_of(store, Staircase(100.0, permitted=0.3), BEGAN + timedelta(days=1))
@@ -236,7 +236,7 @@ def test_a_robot_that_is_used_more_is_due_earlier(
     ask: Callable[..., tuple[int, dict[str, Any]]], address: str, tmp_path: Path
 ) -> None:
     busy, idle, unread = (RobotKey(serial, "irb120") for serial in ("1", "2", "3"))
-    with Store.open(address) as store:
+    with FleetStore.open(address) as store:
         for robot in (busy, idle, unread):
             for day in (0.0, 100.0):
                 error_at(store, robot, day, 0.1)
@@ -287,7 +287,7 @@ def test_due_ends_with_3_where_one_is_overdue(
 def test_one_serial_number_of_two_types(
     ask: Callable[..., tuple[int, dict[str, Any]]], address: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with Store.open(address) as store:
+    with FleetStore.open(address) as store:
         store.add_all([model({"d1": 1.0}), model({"d1": 2.0}, robot=RobotKey(SERIAL, "irb1600"))])
     assert ask("show", SERIAL)[0] == 2
     assert "--model" in capsys.readouterr().err
@@ -316,7 +316,7 @@ def test_what_cannot_be_done_is_said(
     said: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with Store.open(address) as store:
+    with FleetStore.open(address) as store:
         store.add(model({"d1": 1.0}))
     capsys.readouterr()
     assert ask(*arguments)[0] == 2
@@ -376,12 +376,12 @@ def test_who_needs_care_comes_first_and_who_is_retired_comes_last(
 ) -> None:
     today = (utc_now() - BEGAN) / timedelta(days=1)
     said = {"a": (0.1, "changed"), "b": (0.2, "changed"), "c": (0.5, "unchanged"), "e": (0.1, "unchanged")}
-    with Store.open(address) as store:
+    with FleetStore.open(address) as store:
         store.add(of("watch", watch_of(0.1), robot=RobotKey("d", "irb120"), day=-3000.0))  # long overdue
         for name, (error, verdict) in said.items():
             store.add(of("watch", watch_of(error, verdict), robot=RobotKey(name, "irb120"), day=today - 1.0))
         store.add(of("watch", watch_of(0.9, "changed"), robot=RobotKey("f", "irb120"), day=-20_000.0))
-    asked = DueQuestion(permitted_mm=0.3)
+    asked = DueDateRequest(permitted_mm=0.3)
     assert ask("retire", "f", "--because", "its controller was exchanged")[0] == 0
     told = told_robots(address, asked)
     assert [each["serial"] for each in told["robots"]] == ["b", "a", "c", "d", "e", "f"]
@@ -390,10 +390,10 @@ def test_who_needs_care_comes_first_and_who_is_retired_comes_last(
     assert told["robots"][-1]["state"] == "retired"
     assert told["robots"][-1]["doubtful_date"].startswith("1971")  # a clock without a battery
     assert "f" not in [each["serial"] for each in ask("due", "--permitted", "0.3")[1]["robots"]]
-    with Store.open(address) as store:  # it is measured again
+    with FleetStore.open(address) as store:  # it is measured again
         store.add(of("watch", watch_of(0.1), robot=RobotKey("f", "irb120"), day=today + 0.001))
     assert told_robots(address, asked)["robots"][-1]["state"] == "unchanged"
-    with Store.open(address) as store:  # of a clock that was ahead, whose day is still to come
+    with FleetStore.open(address) as store:  # of a clock that was ahead, whose day is still to come
         store.add(of("watch", watch_of(0.1), robot=RobotKey("a", "irb120"), day=today + 9000.0))
     assert ask("retire", "a", "--because", "scrapped")[0] == 0
     assert told_robots(address, asked)["robots"][-1]["state"] == "retired"

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from calib.convert import Table
+from calib.convert import ConvertedTable
 from calib.data import read_dataset
 from service.cli import main
 from service.report.figures.quantities import Quantity
@@ -214,7 +214,7 @@ def test_a_data_set_that_is_written_holds_no_formula_and_is_read_as_it_was(mark:
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     columns["tool_target"] = [named[name] for name in columns["tool_target"]]
     columns["reading_id"] = [f"{mark}HYPERLINK({i})" for i in range(len(rows))]
-    Table(columns, tomli_w.dumps(header)).write(tmp_path / "out.csv")
+    ConvertedTable(columns, tomli_w.dumps(header)).write(tmp_path / "out.csv")
     with (tmp_path / "out.csv").open(encoding="utf-8", newline="") as file:
         cells = [cell for row in csv.reader(file) for cell in row]
     negative = [cell for cell in cells if cell.startswith(("=", "+", "-", "@"))]

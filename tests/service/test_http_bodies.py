@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from service.http.access.roles import Settings, Tokens
+from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
 from service.http.routes.json_route import AT_ONCE
 from tests.fuzz.formats import EXAMPLES
@@ -26,7 +26,7 @@ VIEWER = "only-to-look-at-these-tests"
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
-    app = create_app(Settings(record=tmp_path_factory.mktemp("record"), tokens=Tokens(TOKEN, VIEWER)))
+    app = create_app(ServiceSettings(record=tmp_path_factory.mktemp("record"), tokens=Tokens(TOKEN, VIEWER)))
     with TestClient(app, base_url="http://127.0.0.1", raise_server_exceptions=False) as client:
         client.headers |= {"Authorization": f"Bearer {TOKEN}"}
         yield client
@@ -131,7 +131,8 @@ def taking_json(client: TestClient) -> Iterator[tuple[str, str, dict[str, Any]]]
 
 def test_a_damaged_file_of_the_record_is_named_and_takes_no_list_down(tmp_path: Path) -> None:
     with TestClient(
-        create_app(Settings(record=tmp_path, tokens=Tokens(TOKEN, VIEWER))), base_url="http://127.0.0.1"
+        create_app(ServiceSettings(record=tmp_path, tokens=Tokens(TOKEN, VIEWER))),
+        base_url="http://127.0.0.1",
     ) as client:
         client.headers |= {"Authorization": f"Bearer {TOKEN}"}
         campaign = tomllib.loads((EXAMPLES / "irb120_faro" / "campaign.toml").read_text("utf-8"))

@@ -20,7 +20,7 @@ from fastapi.testclient import TestClient
 from acquisition import read_cell
 from service import job_folder
 from service.cli import main
-from service.http.access.roles import Settings, Tokens
+from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
 from service.http.wire.bodies.jobs import SelectionResult
 from service.http.wire.bodies.validations import ValidationResult
@@ -64,7 +64,7 @@ class Here:
 @pytest.fixture(scope="module")
 def here(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Here]:
     folder = tmp_path_factory.mktemp("orders")
-    settings = Settings(record=folder / "record", tokens=TOKENS, cell=read_cell(EXAMPLE / "cell.toml"))
+    settings = ServiceSettings(record=folder / "record", tokens=TOKENS, cell=read_cell(EXAMPLE / "cell.toml"))
     with TestClient(create_app(settings), base_url="http://127.0.0.1/api/v1") as client:
         client.headers |= {"Authorization": f"Bearer {TOKENS.operator}"}
         yield Here(client, folder / "record", write_data(folder, n=50))
@@ -252,7 +252,7 @@ def test_nobody_deletes_with_a_trick_or_as_a_viewer(here: Here) -> None:
 
 
 def test_without_a_cell_there_is_nothing_to_examine(tmp_path: Path) -> None:
-    app = create_app(Settings(record=tmp_path, tokens=TOKENS))
+    app = create_app(ServiceSettings(record=tmp_path, tokens=TOKENS))
     with TestClient(app, base_url="http://127.0.0.1/api/v1") as client:
         client.headers |= {"Authorization": f"Bearer {TOKENS.operator}"}
         for path in ("/cell/examination", "/selections"):

@@ -18,11 +18,11 @@ from starlette.types import Receive, Scope, Send
 from acquisition.errors import StorageError
 from calib.text import no_formula
 from drivers.errors import ConfigError
-from service.http.access.gate import Gate
-from service.http.access.roles import Settings, Tokens
-from service.http.wire.bodies.asked import TakeLease
+from service.http.access.gate import AccessGate
+from service.http.access.roles import ServiceSettings, Tokens
+from service.http.wire.bodies.asked import LeaseRequest
 from service.http.wire.problems import Problem, not_found
-from service.http.work.idempotency import JOURNAL, Keys, fingerprint, reply
+from service.http.work.idempotency import JOURNAL, IdempotencyKeys, fingerprint, reply
 from service.names import new_id, safe_id
 from service.plain import finite, utc_text
 from service.refusals import cause
@@ -38,7 +38,7 @@ def test_the_work_of_a_key_is_done_once_by_however_many_ask(tmp_path: Path) -> N
         done.append(1)
         return reply(202, {"id": "one"}, location="/one")
 
-    with closing(Keys(tmp_path)) as keys:
+    with closing(IdempotencyKeys(tmp_path)) as keys:
         asked = [in_thread(lambda: keys.once("k", "print", work)) for _ in range(5)]
         go.set()
         answers = [each.result(PATIENCE_S) for each in asked]
@@ -48,7 +48,7 @@ def test_the_work_of_a_key_is_done_once_by_however_many_ask(tmp_path: Path) -> N
 
 
 def test_keys_outlive_the_program_and_work_cut_off_is_never_repeated(tmp_path: Path) -> None:
-    with closing(Keys(tmp_path)) as keys:
+    with closing(IdempotencyKeys(tmp_path)) as keys:
         keys.once("done", "a", lambda: reply(201, {"id": "x"}))
         with pytest.raises(ConfigError):
             keys.once("refused", "a", _refuse)
@@ -58,7 +58,7 @@ def test_keys_outlive_the_program_and_work_cut_off_is_never_repeated(tmp_path: P
         begun = {"what": "begun", "key": "cut off", "fingerprint": fingerprint("a")}
         journal.write(json.dumps(begun) + '\n{"what": "beg')
     for _ in range(2):  # the second program reads what the first has written after the broken line
-        with closing(Keys(tmp_path)) as keys:
+        with closing(IdempotencyKeys(tmp_path)) as keys:
             assert json.loads(bytes(keys.once("done", "a", _never).body)) == {"id": "x"}
             for key in ("cut off", "fault"):
                 with pytest.raises(Problem, match="outcome is not known"):
@@ -71,7 +71,7 @@ def test_keys_outlive_the_program_and_work_cut_off_is_never_repeated(tmp_path: P
 def test_a_key_that_cannot_be_written_lets_nobody_wait(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with closing(Keys(tmp_path)) as keys:
+    with closing(IdempotencyKeys(tmp_path)) as keys:
         monkeypatch.setattr(os, "fsync", _no_space)
         with pytest.raises(OSError, match="No space"):
             keys.once("k", "a", _never)
@@ -94,7 +94,7 @@ def test_a_disk_that_is_full_within_or_after_the_work(
         monkeypatch.setattr(os, "fsync", _no_space)
         return reply(201, {"id": "once"})
 
-    with closing(Keys(tmp_path)) as keys:
+    with closing(IdempotencyKeys(tmp_path)) as keys:
         with pytest.raises(StorageError):
             keys.once("within", "a", full)
         assert keys.once("within", "a", lambda: reply(201, {})).status_code == 201
@@ -120,7 +120,7 @@ def test_lines_that_come_while_the_disk_is_busy_share_a_sync(
         go.wait(PATIENCE_S)
         fsync(handle)
 
-    with closing(Keys(tmp_path)) as keys:
+    with closing(IdempotencyKeys(tmp_path)) as keys:
         monkeypatch.setattr(os, "fsync", slow)
         first = in_thread(lambda: keys.once("first", "a", lambda: reply(201, {})))
         busy.wait(PATIENCE_S)
@@ -155,7 +155,7 @@ def test_a_key_is_on_the_disk_before_its_work_and_the_answer_after(
         assert b'"begun"' in journal.read_bytes()
         return reply(200, {})
 
-    with closing(Keys(tmp_path)) as keys:
+    with closing(IdempotencyKeys(tmp_path)) as keys:
         keys.once("key", "request", work)
         assert synced[1:] == [journal.stat().st_size]
 
@@ -187,7 +187,7 @@ def test_fingerprints_tell_requests_apart() -> None:
 def test_which_hosts_are_ours(tmp_path: Path, bound: str, host: str, good: bool) -> None:
     async def nothing(scope: Scope, receive: Receive, send: Send) -> None: ...
 
-    gate = Gate(nothing, Settings(record=tmp_path, tokens=Tokens("o", "v"), host=bound))
+    gate = AccessGate(nothing, ServiceSettings(record=tmp_path, tokens=Tokens("o", "v"), host=bound))
     assert gate._ours(host) is good
 
 
@@ -242,6 +242,6 @@ def test_refusals_do_not_tell_where_the_service_keeps_its_files(text: str, told:
 @pytest.mark.parametrize("name", ["a\x00b", "a\nb", "a\x1b[2J"])
 def test_names_hold_no_control_characters_and_numbers_are_numbers(name: str) -> None:
     with pytest.raises(ValidationError, match="control characters"):
-        TakeLease.model_validate({"holder": name, "seconds": 30})
+        LeaseRequest.model_validate({"holder": name, "seconds": 30})
     with pytest.raises(ValidationError, match="valid number"):
-        TakeLease.model_validate({"holder": "anna", "seconds": "300"})
+        LeaseRequest.model_validate({"holder": "anna", "seconds": "300"})

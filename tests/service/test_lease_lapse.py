@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition import Lease, Outcome, Run
+from acquisition import ExecutionOutcome, LeaseDeadline, Run
 from drivers import Answer, RemoteOperator
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import PATIENCE_S, until
@@ -55,14 +55,14 @@ def test_what_is_under_way_ends_and_nothing_else_begins(tmp_path: Path, call: in
         clock = LeaseClock()
         lapse_at(bench, clock, run, call)
         devices = devices_of(bench, SeatingOperator(bench))
-        outcome = run.execute(devices, JumpingClock(), lease=Lease("anna", SECONDS, clock))
+        outcome = run.execute(devices, JumpingClock(), lease=LeaseDeadline("anna", SECONDS, clock))
         assert (outcome.state.value, outcome.reason, outcome.error) == ("paused", SILENT, None)
         assert bench.log[-1] == what
         assert bench.calls == call  # the robot went nowhere else
         assert run.status().done == (1 if call == 10 else 0)
         run.resume(by="bert")
         assert (
-            run.execute(devices, JumpingClock(), lease=Lease("bert", SECONDS, clock)).state.value
+            run.execute(devices, JumpingClock(), lease=LeaseDeadline("bert", SECONDS, clock)).state.value
             == "succeeded"
         )
         everything_once(bench, run)
@@ -71,8 +71,8 @@ def test_what_is_under_way_ends_and_nothing_else_begins(tmp_path: Path, call: in
 def test_a_question_is_not_put_to_somebody_who_has_gone(tmp_path: Path) -> None:
     with a_run(tmp_path, instrument__one_smr=True) as (bench, run):
         clock, operator = LeaseClock(), RemoteOperator()
-        outcomes: list[Outcome] = []
-        lease = Lease("anna", SECONDS, clock)
+        outcomes: list[ExecutionOutcome] = []
+        lease = LeaseDeadline("anna", SECONDS, clock)
         thread = threading.Thread(
             target=lambda: outcomes.append(
                 run.execute(devices_of(bench, operator), JumpingClock(), lease=lease)
@@ -88,7 +88,7 @@ def test_a_question_is_not_put_to_somebody_who_has_gone(tmp_path: Path) -> None:
         run.resume(by="bert")
         devices = devices_of(bench, SeatingOperator(bench, [Answer.CONFIRM]))
         assert (
-            run.execute(devices, JumpingClock(), lease=Lease("bert", SECONDS, clock)).state.value
+            run.execute(devices, JumpingClock(), lease=LeaseDeadline("bert", SECONDS, clock)).state.value
             == "succeeded"
         )
         everything_once(bench, run)
@@ -106,14 +106,14 @@ def test_a_lapse_while_a_pause_waits_for_its_reading_is_at_once(tmp_path: Path) 
 
         bench.faults[8] = pause_and_go
         devices = devices_of(bench, SeatingOperator(bench))
-        outcome = run.execute(devices, JumpingClock(), lease=Lease("anna", SECONDS, clock))
+        outcome = run.execute(devices, JumpingClock(), lease=LeaseDeadline("anna", SECONDS, clock))
         assert outcome.reason == "Paused on request."  # who asked first
         assert bench.calls == 8
 
 
 def test_a_beat_prolongs_and_shortens(tmp_path: Path) -> None:
     clock, lapses = LeaseClock(), []
-    lease = Lease("anna", SECONDS, clock)
+    lease = LeaseDeadline("anna", SECONDS, clock)
     with lease.watched(lambda: lapses.append(clock.now())):
         clock.pass_by(SECONDS - 1.0)
         lease.beat()
@@ -137,7 +137,7 @@ def test_stop_needs_no_lease(tmp_path: Path) -> None:
 
         bench.faults[8] = fall_silent_and_stop
         devices = devices_of(bench, SeatingOperator(bench))
-        outcome = run.execute(devices, JumpingClock(), lease=Lease("anna", SECONDS, clock))
+        outcome = run.execute(devices, JumpingClock(), lease=LeaseDeadline("anna", SECONDS, clock))
         assert outcome.state.value == "stopped"
         assert bench.calls == 8
         assert problems == [[]]

@@ -14,17 +14,17 @@ from typing import Any
 
 import pytest
 
-from acquisition import Campaign, Lease, State
+from acquisition import Campaign, LeaseDeadline, State
 from acquisition.loop import Compute, Equipment, LoopResult, Say
 from acquisition.loop.loop import measure
 from drivers import ConfigError
 from service.http.runs import loop_work
-from service.http.runs.book import Book
+from service.http.runs.book import RunManager
 from service.http.runs.loop_work import ABOUT, LoopStatus, LoopWork
-from service.http.runs.loops import CUT_OFF, Loops
+from service.http.runs.loops import CUT_OFF, LoopStore
 from service.http.wire.problems import Problem
 from service.http.work import workers
-from service.http.work.datasets import Datasets
+from service.http.work.datasets import DatasetStore
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import PATIENCE_S, until
@@ -44,7 +44,7 @@ class Stage:
 
     def __post_init__(self) -> None:
         self.workers = Workers(1, waiting=0)
-        self.book = Book(
+        self.book = RunManager(
             self.folder / "runs", lambda cell: devices_of(self.bench), self.workers, simulated=True
         )
         (self.folder / "loop").mkdir()
@@ -56,7 +56,7 @@ class Stage:
             scene(equipment, campaign, folder, say)
 
         self.monkeypatch.setattr(loop_work, "close_loop", close_loop)
-        lease = Lease("anna", 30.0, LeaseClock())
+        lease = LeaseDeadline("anna", 30.0, LeaseClock())
         cell, devices = self.bench.cell, devices_of(self.bench)
         return LoopWork(self.folder / "loop", BEGUN, self.book, cell, devices, lease, _nothing_more)
 
@@ -95,14 +95,14 @@ def test_a_pause_between_two_runs_rests_before_the_next_moves(stage: Stage) -> N
     assert work.document["reason"] == "anna gave the motion lease back."
     assert stage.bench.calls == 0
     work.pause("anna")  # already
-    work.resume(Lease("bert", 30.0, LeaseClock()))
+    work.resume(LeaseDeadline("bert", 30.0, LeaseClock()))
     assert work.document["state"] != "paused"  # nobody takes the old pause for the next one
     until(lambda: work.document["state"] == "succeeded")
     assert work.document["runs"] == ["the-loop-campaign-2"]
     shown = stage.book.document("the-loop-campaign-2")
     assert (shown["state"], shown["name"]) == ("succeeded", "night, campaign 2")
     with pytest.raises(Problem, match="only a paused one"):
-        work.resume(Lease("bert", 30.0, LeaseClock()))
+        work.resume(LeaseDeadline("bert", 30.0, LeaseClock()))
 
 
 @pytest.mark.parametrize("paused", [False, True])
@@ -169,7 +169,7 @@ def test_a_paused_run_of_a_loop_goes_on_where_it_was(stage: Stage) -> None:
     assert stage.book.document("the-loop-campaign1")["done"] == 1
     with pytest.raises(Problem, match="loop the-loop"):
         stage.book.refuse_busy()
-    work.resume(Lease("bert", 30.0, LeaseClock()))
+    work.resume(LeaseDeadline("bert", 30.0, LeaseClock()))
     until(lambda: work.document["state"] == "succeeded")
     shown = stage.book.document("the-loop-campaign1")
     assert shown["done"] == shown["total"]
@@ -208,15 +208,15 @@ def test_the_end_of_the_service_ends_it(stage: Stage) -> None:
     assert stage.book.document("the-loop-campaign1")["state"] == "paused"
 
 
-def opened(stage: Stage, tmp_path: Path, **files: str) -> Loops:
+def opened(stage: Stage, tmp_path: Path, **files: str) -> LoopStore:
     """The loops of a service that starts with these files, by the name of the loop."""
     for name, text in files.items():
         folder = tmp_path / "loops" / name.replace("_", "-")
         folder.mkdir(parents=True)
         (folder / ABOUT).write_text(text, "utf-8")
-    datasets, workers = Datasets(tmp_path / "datasets"), Workers(1, waiting=0)
+    datasets, workers = DatasetStore(tmp_path / "datasets"), Workers(1, waiting=0)
     devices = devices_of(stage.bench)
-    return Loops(tmp_path / "loops", stage.book, datasets, lambda _: devices, workers, simulated=True)
+    return LoopStore(tmp_path / "loops", stage.book, datasets, lambda _: devices, workers, simulated=True)
 
 
 def test_a_loop_whose_file_is_damaged_is_named_and_the_others_are_listed(

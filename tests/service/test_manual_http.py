@@ -9,7 +9,7 @@ from typing import Any, cast
 import httpx2
 
 from acquisition import Cell, Devices, open_devices
-from service.http.access.roles import Settings, Tokens
+from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
 from service.http.wire.paths import PREFIX
 from service.simulated_cell import SimulatedDevices
@@ -43,7 +43,7 @@ async def asked(client: httpx2.AsyncClient, run: str, before: str = "") -> dict[
 def test_numbers_are_typed_beside_the_answer(tmp_path: Path) -> None:
     async def play() -> None:
         cell = a_cell(**BY_HAND)
-        settings = Settings(tmp_path, TOKENS, cell=cell, simulated=cast(SimulatedDevices, ByHand()))
+        settings = ServiceSettings(tmp_path, TOKENS, cell=cell, simulated=cast(SimulatedDevices, ByHand()))
         app = create_app(settings)
         async with app.router.lifespan_context(app):
             base, headers = f"http://127.0.0.1{PREFIX}", {"Authorization": f"Bearer {TOKENS.operator}"}

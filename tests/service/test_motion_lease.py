@@ -20,7 +20,7 @@ import acquisition
 from acquisition.errors import StorageError
 from service.http.access.audit import FILE, Audit
 from service.http.access.motion_lease import MotionLease
-from service.http.access.roles import Settings, Tokens
+from service.http.access.roles import ServiceSettings, Tokens
 from service.http.state import Service
 from service.http.wire.problems import Problem
 from tests.changing_files import looked_at
@@ -234,12 +234,12 @@ def test_a_motion_that_begins_while_the_lease_changes_hands_is_paused(tmp_path: 
     rested: list[str] = []
 
     async def main() -> None:
-        service = Service(Settings(record=tmp_path / "record", tokens=Tokens("o", "v")))
+        service = Service(ServiceSettings(record=tmp_path / "record", tokens=Tokens("o", "v")))
         service.rest = lambda by, reason: rested.append(reason)
         try:
             held = service.lease.grant("anna", 30.0)
 
-            def begin(_: acquisition.Lease) -> str:
+            def begin(_: acquisition.LeaseDeadline) -> str:
                 service.lease.take_over("bert", 30.0, "in the same moment")
                 return "run"
 

@@ -25,7 +25,7 @@ from acquisition.campaign.campaign import _KEYS
 from calib.diagnose.diagnosis import Verdict
 from service import job, job_folder
 from service.exports import FORMATS
-from service.http.access.roles import Settings, Tokens
+from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
 from service.http.wire.bodies import CampaignTable, EventKind, ExportKind, ModelShown, asked
 from service.http.wire.bodies.diagnoses import DiagnosisResult
@@ -46,7 +46,7 @@ FREE = {"EventShown.data"}
 
 @pytest.fixture(scope="module")
 def document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    return create_app(Settings(tmp_path_factory.mktemp("openapi"), Tokens("o", "v"))).openapi()
+    return create_app(ServiceSettings(tmp_path_factory.mktemp("openapi"), Tokens("o", "v"))).openapi()
 
 
 def fields(document: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -125,10 +125,10 @@ def test_no_object_is_free_where_its_type_is_known(document: dict[str, Any]) -> 
 def test_states_verdicts_and_kinds_are_enumerations(document: dict[str, Any]) -> None:
     schemas = document["components"]["schemas"]
     assert schemas["State"]["enum"] == [state.value for state in State]
-    for name in ("RunShown", "LoopShown", "JobShown", "DiagnosisShown"):
+    for name in ("RunResponse", "LoopShown", "JobResponse", "DiagnosisShown"):
         assert schemas[name]["properties"]["state"]["$ref"] == "#/components/schemas/State"
     assert schemas["DiagnosisResult"]["properties"]["verdict"]["enum"] == list(get_args(Verdict))
-    assert set(schemas["JobShown"]["properties"]["kind"]["enum"]) == set(jobs._FOLDERS)
+    assert set(schemas["JobResponse"]["properties"]["kind"]["enum"]) == set(jobs._FOLDERS)
     assert {"run", "dataset", "campaign", *jobs._FOLDERS} == set(
         schemas["DeletionShown"]["properties"]["kind"]["enum"]
     )
@@ -228,7 +228,7 @@ def test_examples_of_requests_can_be_sent(document: dict[str, Any]) -> None:
 
 def test_the_document_is_made_once_and_not_in_the_loop_of_events(tmp_path: Path) -> None:
     """It takes seconds, for which no stop would be heard."""
-    app = create_app(Settings(tmp_path, Tokens("o", "v")))
+    app = create_app(ServiceSettings(tmp_path, Tokens("o", "v")))
     makers: list[threading.Thread] = []
     whole = app.openapi
 
@@ -252,7 +252,7 @@ def test_the_document_is_made_once_and_not_in_the_loop_of_events(tmp_path: Path)
 
 def test_who_does_not_read_the_document_is_sent_its_beginning_only(tmp_path: Path) -> None:
     """Written whole, it would lie in memory once for every stranger, and making the copies holds up the loop."""
-    app = create_app(Settings(tmp_path, Tokens("o", "v")))
+    app = create_app(ServiceSettings(tmp_path, Tokens("o", "v")))
     sent = list[bytes]()
 
     async def ask() -> None:

@@ -16,7 +16,7 @@ from calib.data import read_dataset
 from calib.fit import identify
 from calib.saved import save_model
 from service import job_folder
-from service.http.access.roles import Settings, Tokens
+from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
 from tests.service.campaigns import write_data
 from tests.service.own_robots import NAME, own_cell, with_own_robot
@@ -31,7 +31,7 @@ def test_jobs_of_a_cell_with_a_robot_file(tmp_path: Path) -> None:
     model.mkdir(parents=True)
     save_model(model / job_folder.MODEL, identify(read_dataset(data)))
     (model / job_folder.RESULT).write_text("{}")
-    app = create_app(Settings(record=record, tokens=tokens, cell=cell))
+    app = create_app(ServiceSettings(record=record, tokens=tokens, cell=cell))
     operator = {"Authorization": f"Bearer {tokens.operator}"}
     with TestClient(app, base_url="http://127.0.0.1/api/v1", headers=operator) as client:
 

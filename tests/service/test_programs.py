@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib import SavedModel, StatedConditions, forward
+from calib import CalibratedModel, StatedConditions, forward
 from calib.arm.inverse_kinematics import nominal_inverse
 from calib.array import Array
 from service.programs import Compensation, KnownFrames, compensate, named_frames, read_program
@@ -30,7 +30,7 @@ def corrected(
     folder: Path,
     name: str,
     text: str,
-    saved: SavedModel,
+    saved: CalibratedModel,
     known: KnownFrames = KNOWN,
     *,
     inverse: bool = False,
@@ -46,7 +46,7 @@ def frame(x: float, y: float, z: float, rotation: Rotation) -> Array:
     return out
 
 
-def lands(saved: SavedModel, flange: Array, seed: Sequence[float], tool: Array) -> Array:
+def lands(saved: CalibratedModel, flange: Array, seed: Sequence[float], tool: Array) -> Array:
     """Where the real tool lands when the controller is sent a flange pose: its own joints, then the real chain."""
     near = saved.model.robot.model_angles(np.radians([seed]), saved.coupling)
     joints = nominal_inverse(saved.model.robot, flange[None], near, np.zeros(3))
@@ -197,7 +197,7 @@ def test_urscript_waypoints_land_where_they_say(tmp_path: Path) -> None:
     assert 'textmsg("movej([0,0,0,0,0,0])")' in done.text
 
 
-def _lands_like(saved: SavedModel, flange: Array, home: Sequence[float], tool: Array) -> Array:
+def _lands_like(saved: CalibratedModel, flange: Array, home: Sequence[float], tool: Array) -> Array:
     """The controller goes to the solution nearest to `home`: a far start for Newton, so by small steps."""
     robot = saved.model.robot
     joints = np.array([home])

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib import SavedModel, StatedConditions, forward, load_model, load_robot
+from calib import CalibratedModel, StatedConditions, forward, load_model, load_robot
 from calib.arm import BRANCHES
 from calib.arm.inverse_kinematics import nominal_inverse
 from calib.array import Array
@@ -64,7 +64,7 @@ def goals(campaign: Campaign) -> Array:
     ]
 
 
-def predicted_rms(saved: SavedModel, joints_deg: Array) -> float:
+def predicted_rms(saved: CalibratedModel, joints_deg: Array) -> float:
     """What the model's uncertainty leaves, mm RMS."""
     stated = StatedConditions(temperature_c=22.0, time_s=0.0, loads=saved.loads, gravity=saved.gravity)
     at = conditions_at(saved.model, np.radians(joints_deg), stated, "T2")

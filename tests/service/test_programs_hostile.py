@@ -11,7 +11,7 @@ import pytest
 
 from calib import DataError, load_robot
 from service.programs import KnownFrames, parse, read_program
-from service.programs.program import Program
+from service.programs.program import RobotProgram
 from tests.service.robot_programs import EXT, LS, RAPID, SCRIPT, model_of
 from tests.service.test_programs import corrected
 
@@ -19,7 +19,7 @@ ROBOTS = {".mod": "abb-irb120", ".ls": "fanuc-lrmate200ic", ".script": "ur5", ".
 N = 100_000
 
 
-def read(suffix: str, text: str) -> Program:
+def read(suffix: str, text: str) -> RobotProgram:
     return parse(text, Path(f"p{suffix}"), load_robot(ROBOTS[suffix]), KnownFrames())
 
 

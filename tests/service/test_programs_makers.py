@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib import DataError, SavedModel, StatedConditions, correct
+from calib import CalibratedModel, DataError, StatedConditions, correct
 from service.programs import (
     Compensation,
     KnownFrames,
@@ -25,7 +25,7 @@ from service.programs import (
 )
 from service.programs.compensation import CORRECTED, REFUSED
 from service.programs.postures import postures
-from service.programs.program import Program
+from service.programs.program import RobotProgram
 from tests.service.maker_programs import (
     DAT,
     DTX,
@@ -49,7 +49,7 @@ RESOLUTION = {"a.jbi": 0.002}  # deg: of a pulse
 
 def done(
     folder: Path, name: str, text: str, known: KnownFrames = KNOWN
-) -> tuple[Program, SavedModel, Compensation]:
+) -> tuple[RobotProgram, CalibratedModel, Compensation]:
     path = folder / name
     path.write_bytes(text.encode("latin-1"))
     saved = a_model(PROGRAMS[name][0])
@@ -97,7 +97,7 @@ def test_a_robot_without_errors_keeps_every_byte(tmp_path: Path) -> None:
         path = tmp_path / name
         path.write_bytes(text.encode("latin-1"))
         saved = a_model(maker)
-        nominal = SavedModel(**{**vars(saved), "estimate": np.zeros_like(saved.estimate)})
+        nominal = CalibratedModel(**{**vars(saved), "estimate": np.zeros_like(saved.estimate)})
         program = read_program(path, saved.model.robot, KNOWN)
         made = compensate(program, path, nominal, STATED, KNOWN)
         assert {outcome.status for outcome in made.outcomes} == {CORRECTED}

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from calib import Dataset, Diagnosis, Identification, read_dataset
+from calib import Dataset, DiagnosisFit, IdentificationFit, read_dataset
 from calib import identify as fitted_by
 from calib.diagnose import diagnose as found_by
 from calib.fit import left_out, silent
-from calib.fit.ending import Ending
+from calib.fit.ending import FitTermination
 from mocks.campaign import make_campaign, write_campaign
 from service import job, job_folder
 from service.cli import main
@@ -77,13 +77,13 @@ def test_nothing_is_listed_where_nothing_was_left_out(plain: Path) -> None:
     assert left_out(data, fitted_by(data)) == ()
 
 
-def unfinished(dataset: Dataset, **options: object) -> Diagnosis:
+def unfinished(dataset: Dataset, **options: object) -> DiagnosisFit:
     result = found_by(dataset)
-    return replace(result, final=replace(result.final, ending=Ending.ROUNDS))
+    return replace(result, final=replace(result.final, ending=FitTermination.ROUNDS))
 
 
-def unfinished_fit(dataset: Dataset, **options: object) -> Identification:
-    return replace(fitted_by(dataset, progress=silent), ending=Ending.ROUNDS)
+def unfinished_fit(dataset: Dataset, **options: object) -> IdentificationFit:
+    return replace(fitted_by(dataset, progress=silent), ending=FitTermination.ROUNDS)
 
 
 def test_of_a_fit_that_did_not_converge_only_the_model_is_refused(

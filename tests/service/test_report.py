@@ -14,17 +14,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.loop.loop import FollowedUp
+from acquisition.loop.loop import FollowUpResult
 from calib.data.read import read_dataset
-from calib.diagnose.diagnosis import Diagnosis, diagnose
+from calib.diagnose.diagnosis import DiagnosisFit, diagnose
 from calib.effects import check_of
 from calib.units import DEG
 from service import wording
 from service.cli import main
 from service.report import diagnosis_report
-from service.report.figures.errors import Errors, common_bins
+from service.report.figures.errors import ErrorSample, common_bins
 from service.report.figures.panels import of_effect
-from service.report.figures.residuals import MDEG, Sample
+from service.report.figures.residuals import MDEG, PlotSample
 from service.report.scope import scope_of
 from service.report.sections.follow_up_section import middle_step_in_words
 from service.report.sections.judged import stretches
@@ -35,17 +35,17 @@ HOSTILE = "<script>alert(1)</script>"
 
 
 @pytest.fixture(scope="module")
-def diagnosis(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+def diagnosis(tmp_path_factory: pytest.TempPathFactory) -> DiagnosisFit:
     return diagnose(read_dataset(write_data(tmp_path_factory.mktemp("report"))))
 
 
 @pytest.fixture(scope="module")
-def narrow(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+def narrow(tmp_path_factory: pytest.TempPathFactory) -> DiagnosisFit:
     return diagnose(read_dataset(write_narrow_data(tmp_path_factory.mktemp("narrow"))))
 
 
 @pytest.fixture(scope="module")
-def page(diagnosis: Diagnosis) -> str:
+def page(diagnosis: DiagnosisFit) -> str:
     return diagnosis_report(diagnosis, documents.of_diagnosis(diagnosis))
 
 
@@ -95,14 +95,14 @@ def test_the_report_is_well_formed_and_its_ids_are_its_own(page: str) -> None:
     assert all(a.get("role") == "img" and a.get("aria-label") for a in pictures)
 
 
-def test_every_effect_is_said_in_one_sentence(page: str, diagnosis: Diagnosis) -> None:
+def test_every_effect_is_said_in_one_sentence(page: str, diagnosis: DiagnosisFit) -> None:
     (found,) = diagnosis.effects
     sentence = wording.sentence_of(found)
     assert re.fullmatch(r"Joint 4 has play: .*: -?0\.\d+ ± 0\.\d+ deg \(k = 2\)\.", sentence)
     assert html.escape(sentence).replace(" -", " −") in page
 
 
-def test_the_report_says_what_a_reader_must_know(page: str, diagnosis: Diagnosis) -> None:
+def test_the_report_says_what_a_reader_must_know(page: str, diagnosis: DiagnosisFit) -> None:
     data = diagnosis.dataset
     text = html.unescape(page)
     for piece in (
@@ -122,7 +122,7 @@ def test_the_report_says_what_a_reader_must_know(page: str, diagnosis: Diagnosis
     assert documents.of_diagnosis(diagnosis)["simulated"] is True
 
 
-def test_the_report_says_what_to_check_and_what_it_is_worth(page: str, diagnosis: Diagnosis) -> None:
+def test_the_report_says_what_to_check_and_what_it_is_worth(page: str, diagnosis: DiagnosisFit) -> None:
     (found,) = diagnosis.effects
     text = html.unescape(page)
     assert check_of(found.effect.label) in text
@@ -146,9 +146,9 @@ def test_many_effects_are_listed_by_group() -> None:
     assert [each.effect.label for each in groups[0][1]] == ["1", "3", "5", "7"]
 
 
-def test_the_middle_step_is_told(diagnosis: Diagnosis, narrow: Diagnosis) -> None:
+def test_the_middle_step_is_told(diagnosis: DiagnosisFit, narrow: DiagnosisFit) -> None:
     assert narrow.follow_up is not None
-    step = FollowedUp(narrow, narrow.follow_up, 12)
+    step = FollowUpResult(narrow, narrow.follow_up, 12)
     text = html.unescape(
         diagnosis_report(
             diagnosis, documents.of_diagnosis(diagnosis) | documents.of_middle_step(step), followed_up=step
@@ -163,15 +163,15 @@ def test_the_middle_step_is_told(diagnosis: Diagnosis, narrow: Diagnosis) -> Non
     assert Elements(text).open == []
 
 
-def test_what_stays_ambiguous_is_said(narrow: Diagnosis) -> None:
+def test_what_stays_ambiguous_is_said(narrow: DiagnosisFit) -> None:
     assert narrow.follow_up is not None
-    sentence = middle_step_in_words(FollowedUp(narrow, narrow.follow_up, 12), narrow)
+    sentence = middle_step_in_words(FollowUpResult(narrow, narrow.follow_up, 12), narrow)
     assert (
         f"the readings still cannot distinguish {narrow.effects[0].effect.label} from its rivals" in sentence
     )
 
 
-def test_the_copy_for_programs_is_the_document(page: str, diagnosis: Diagnosis) -> None:
+def test_the_copy_for_programs_is_the_document(page: str, diagnosis: DiagnosisFit) -> None:
     found = re.search(r'<script type="application/json" id="truepose-result">(.*?)</script>', page, re.DOTALL)
     assert found is not None
     assert json.loads(found[1]) == json.loads(json.dumps(documents.of_diagnosis(diagnosis)))
@@ -180,8 +180,8 @@ def test_the_copy_for_programs_is_the_document(page: str, diagnosis: Diagnosis) 
 def test_before_and_after_share_their_bins() -> None:
     random = np.random.default_rng(1)
     for factor in (2.0, 30.0):
-        before = Errors("before", factor * random.rayleigh(0.05, 300), "#000000")
-        after = Errors("after", random.rayleigh(0.05, 200), "#000000")
+        before = ErrorSample("before", factor * random.rayleigh(0.05, 300), "#000000")
+        after = ErrorSample("after", random.rayleigh(0.05, 200), "#000000")
         edges, ratio = common_bins([before, after])
         assert ratio == (factor > 10.0)
         assert np.all(np.diff(edges) > 0.0)
@@ -189,13 +189,15 @@ def test_before_and_after_share_their_bins() -> None:
 
 
 def test_bins_survive_errors_of_zero() -> None:
-    edges, _ = common_bins([Errors("a", np.zeros(5), "#000000"), Errors("b", np.ones(5), "#000000")])
+    edges, _ = common_bins(
+        [ErrorSample("a", np.zeros(5), "#000000"), ErrorSample("b", np.ones(5), "#000000")]
+    )
     assert np.all(np.diff(edges) > 0.0)
 
 
-def test_readings_follow_the_law_that_is_drawn_through_them(diagnosis: Diagnosis) -> None:
+def test_readings_follow_the_law_that_is_drawn_through_them(diagnosis: DiagnosisFit) -> None:
     (found,) = diagnosis.effects
-    panel = of_effect(Sample.of(diagnosis.dataset, diagnosis.final), found.effect)
+    panel = of_effect(PlotSample.of(diagnosis.dataset, diagnosis.final), found.effect)
     assert panel.side is not None
     gap = float(found.values[0]) / MDEG
     for side in (1.0, -1.0):
@@ -249,7 +251,7 @@ def test_every_kind_of_effect_has_its_picture(tmp_path: Path) -> None:
     effects = ("base_shift", "periodic:j1:n101", "tool_shift")
     result = diagnose(read_dataset(write_data(tmp_path, effects=effects, n=200)))
     assert sorted(found.effect.label for found in result.effects) == list(effects)
-    sample = Sample.of(result.dataset, result.final)
+    sample = PlotSample.of(result.dataset, result.final)
     for found in result.effects:
         panel = of_effect(sample, found.effect)
         assert np.all(np.isfinite(panel.y))

@@ -10,7 +10,7 @@ import pytest
 
 from acquisition.record import Verification
 from calib.data import read_dataset
-from calib.diagnose import Diagnosis, diagnose
+from calib.diagnose import DiagnosisFit, diagnose
 from calib.fit import ErrorStatistics
 from service.report import diagnosis_report
 from service.report.sections.ladder import BASE, EFFECTS, HELD_OUT, NOMINAL, VERIFIED, ladder_of
@@ -23,7 +23,7 @@ def errors(rms: float, n: int = 40) -> ErrorStatistics:
 
 
 @pytest.fixture(scope="module")
-def sound(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+def sound(tmp_path_factory: pytest.TempPathFactory) -> DiagnosisFit:
     """The diagnosis of a robot that hides no effect."""
     return diagnose(read_dataset(write_data(tmp_path_factory.mktemp("sound"), effects=(), n=60)))
 
@@ -48,7 +48,7 @@ def test_nothing_held_out_is_no_ladder() -> None:
     assert ladder_of({NOMINAL: None, BASE: None}) == []
 
 
-def test_a_report_opens_with_the_robot_as_found_and_names_every_model_once(sound: Diagnosis) -> None:
+def test_a_report_opens_with_the_robot_as_found_and_names_every_model_once(sound: DiagnosisFit) -> None:
     assert sound.effects == ()
     assert sound.error_nominal is not None
     page = diagnosis_report(sound, documents.of_diagnosis(sound))
@@ -58,7 +58,7 @@ def test_a_report_opens_with_the_robot_as_found_and_names_every_model_once(sound
     assert (page.count(NOMINAL), page.count(BASE), page.count(EFFECTS)) == (1, 1, 0)
 
 
-def test_the_verified_robot_is_the_last_rung(sound: Diagnosis) -> None:
+def test_the_verified_robot_is_the_last_rung(sound: DiagnosisFit) -> None:
     driven = Verification(
         uncorrected=errors(0.7, 12),
         verified=errors(0.0234, 12),
@@ -79,7 +79,7 @@ def test_the_verified_robot_is_the_last_rung(sound: Diagnosis) -> None:
     assert page.count(NOMINAL) == 1
 
 
-def test_without_held_out_readings_there_is_no_ladder(sound: Diagnosis) -> None:
+def test_without_held_out_readings_there_is_no_ladder(sound: DiagnosisFit) -> None:
     unjudged = replace(sound, error_nominal=None, error_before=None, error_after=None)
     page = diagnosis_report(unjudged, documents.of_diagnosis(unjudged))
     assert 'class="ladder"' not in page

@@ -14,22 +14,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calib import Dataset, Identification, identify, read_dataset
-from calib.diagnose import ACTS_ON, EACH_POSE, QUICK, SEEN, TOGETHER, Structure, errors_without
+from calib import Dataset, IdentificationFit, identify, read_dataset
+from calib.diagnose import ACTS_ON, EACH_POSE, QUICK, SEEN, TOGETHER, ResidualStructure, errors_without
 from calib.diagnose.select import refit
 from calib.diagnose.structure import drivers
 from calib.effects import Survey, offers
 from calib.effects.transmission import BANDS, gear_orders
 from calib.fit import statistics_of
 from calib.model import Effect, effect
-from calib.model.regressors import Side
+from calib.model.regressors import ApproachSide
 from calib.scan import Candidate, Harmonics, Shapes, Space
 from calib.units import DEG
 from service.report.figures import drawing, structure
 from service.report.figures.drawing import FITTED
-from service.report.figures.panels import Panel, of_effect, of_joint
+from service.report.figures.panels import PlotPanel, of_effect, of_joint
 from service.report.figures.quantities import quantity_of
-from service.report.figures.residuals import Sample
+from service.report.figures.residuals import PlotSample
 from service.report.figures.scatter import effect_figure
 from service.wording import structure_caption
 from tests.service.campaigns import edit_text, write_data
@@ -77,7 +77,7 @@ def proposed(label: str, survey: Survey) -> Effect:
 
 def fitted(
     label: str, folder: Path, groups: list[str] | None = None
-) -> tuple[Dataset, Identification, Effect]:
+) -> tuple[Dataset, IdentificationFit, Effect]:
     """Readings that hide an effect, and the model that has it."""
     data = write_data(folder, effects=(label,), n=150)
     if groups is not None:
@@ -93,7 +93,7 @@ def _lines(names: str) -> str:
     return "[\n    " + names.strip("[]").replace(", ", ",\n    ") + ",\n]"
 
 
-def slope(panel: Panel) -> float:
+def slope(panel: PlotPanel) -> float:
     """Of the dots against the lines, each side of approach on its own line: 1 where readings follow the law."""
     top = bottom = 0.0
     for x, y, side in panel.lines:
@@ -110,7 +110,7 @@ def slope(panel: Panel) -> float:
 @pytest.mark.parametrize("label", PICTURES)
 def test_readings_follow_the_law_over_what_drives_it(label: str, tmp_path: Path) -> None:
     dataset, final, effect = fitted(label, tmp_path)
-    panel = of_effect(Sample.of(dataset, final), effect)
+    panel = of_effect(PlotSample.of(dataset, final), effect)
     assert panel.x_label == PICTURES[label]
     assert slope(panel) == pytest.approx(1.0, abs=0.15)
     assert "<svg" in effect_figure(panel, "effect1")
@@ -119,7 +119,7 @@ def test_readings_follow_the_law_over_what_drives_it(label: str, tmp_path: Path)
 @pytest.mark.parametrize("label", WITHOUT)
 def test_what_the_base_model_lacks_has_a_picture(label: str, tmp_path: Path) -> None:
     dataset, final, effect = fitted(label, tmp_path, WITHOUT[label])
-    panel = of_effect(Sample.of(dataset, final), effect)
+    panel = of_effect(PlotSample.of(dataset, final), effect)
     assert np.ptp(panel.x) > 0.0
     assert np.all(np.isfinite(panel.y))
     assert "<svg" in effect_figure(panel, "effect1")
@@ -130,7 +130,7 @@ def test_the_curve_of_a_gear_is_drawn_over_a_turn_with_its_band(tmp_path: Path) 
     base = identify(dataset)
     angle = base.readings.conditions.joints[:, 3]
     curve = gear_orders(4, np.where(np.arange(BANDS) < 7, 0.02, 1e-5))
-    sample = Sample.of(dataset, refit(dataset, base, (curve,)))
+    sample = PlotSample.of(dataset, refit(dataset, base, (curve,)))
     panel = of_effect(sample, curve)
     assert panel.x_label == "θ4, deg"
     assert slope(panel) == pytest.approx(1.0, abs=0.15)
@@ -156,9 +156,9 @@ def test_a_law_with_two_sides_has_a_line_for_each_wherever_it_acts(tmp_path: Pat
         "transmission",
         "robot",
         "Joint 4 leans to the side from which it comes.",
-        {"lean": ("deg", 0.02, [("alpha4", Side(4))])},
+        {"lean": ("deg", 0.02, [("alpha4", ApproachSide(4))])},
     )
-    panel = of_effect(Sample.of(dataset, refit(dataset, base, (lash,))), lash)
+    panel = of_effect(PlotSample.of(dataset, refit(dataset, base, (lash,))), lash)
     assert panel.x_label == "θ4, deg"
     assert panel.side is not None
     assert [side for _, _, side in panel.lines] == [1.0, -1.0]
@@ -207,41 +207,45 @@ PLACES = {
 
 
 @pytest.fixture(scope="module")
-def sample(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, Sample]:
+def sample(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, PlotSample]:
     data = write_data(tmp_path_factory.mktemp("left"), effects=("outside:workspace_field",), n=150)
     dataset = read_dataset(data)
-    return dataset, Sample.of(dataset, identify(dataset))
+    return dataset, PlotSample.of(dataset, identify(dataset))
 
 
 @pytest.mark.parametrize("where", PLACES)
-def test_structure_is_drawn_where_it_lives(where: str, sample: tuple[Dataset, Sample]) -> None:
-    picture = structure.picture_of(Structure(where, 1e-9, 0.5), 1, *sample)
+def test_structure_is_drawn_where_it_lives(where: str, sample: tuple[Dataset, PlotSample]) -> None:
+    picture = structure.picture_of(ResidualStructure(where, 1e-9, 0.5), 1, *sample)
     assert picture is not None
     assert picture.startswith("<svg")
     assert 'id="left1-' in picture
     assert PLACES[where] in picture
-    assert where in structure_caption(Structure(where, 1e-9, 0.5)) or where == "region of the workspace"
+    assert (
+        where in structure_caption(ResidualStructure(where, 1e-9, 0.5)) or where == "region of the workspace"
+    )
 
 
-def test_structure_on_an_axis_with_a_name_is_drawn_on_that_axis(sample: tuple[Dataset, Sample]) -> None:
+def test_structure_on_an_axis_with_a_name_is_drawn_on_that_axis(sample: tuple[Dataset, PlotSample]) -> None:
     """An arm on a track: joint 1 is its second axis, and what acts on the track is no error of an angle."""
     dataset, drawn = sample
     named = {"axis_names": ("e1", "j1", "j2", "j3", "j4", "j5"), "unit_names": ("mm", *["deg"] * 5)}
     parts = tuple(replace(part, conditions=replace(part.conditions, **named)) for part in drawn.parts)
     on_track = replace(drawn, parts=parts)
-    track = structure.picture_of(Structure(TOGETHER, 1e-9, 0.5, "joint e1"), 1, dataset, on_track)
-    arm = structure.picture_of(Structure(TOGETHER, 1e-9, 0.5, "joint 1"), 1, dataset, on_track)
+    track = structure.picture_of(ResidualStructure(TOGETHER, 1e-9, 0.5, "joint e1"), 1, dataset, on_track)
+    arm = structure.picture_of(ResidualStructure(TOGETHER, 1e-9, 0.5, "joint 1"), 1, dataset, on_track)
     assert track is not None
     assert arm is not None
     assert "mdeg" not in track
     assert "joint 1, mdeg" in arm
 
 
-def test_a_place_without_a_name_we_know_is_listed_alone(sample: tuple[Dataset, Sample]) -> None:
-    assert structure.picture_of(Structure("somewhere", 1e-9, 0.5), 1, *sample) is None
+def test_a_place_without_a_name_we_know_is_listed_alone(sample: tuple[Dataset, PlotSample]) -> None:
+    assert structure.picture_of(ResidualStructure("somewhere", 1e-9, 0.5), 1, *sample) is None
 
 
-def test_every_driver_of_structure_has_quantities_to_be_drawn_over(sample: tuple[Dataset, Sample]) -> None:
+def test_every_driver_of_structure_has_quantities_to_be_drawn_over(
+    sample: tuple[Dataset, PlotSample],
+) -> None:
     dataset, drawn = sample
     for where in drivers(Space.of(drawn.fitted)):
         quantity = quantity_of(where, drawn.parts[0].conditions, dataset.header)
@@ -251,7 +255,7 @@ def test_every_driver_of_structure_has_quantities_to_be_drawn_over(sample: tuple
         assert quantity.values.shape == (len(drawn.parts[0].rows), len(quantity.labels))
 
 
-def test_places_are_drawn_over_what_they_say(sample: tuple[Dataset, Sample]) -> None:
+def test_places_are_drawn_over_what_they_say(sample: tuple[Dataset, PlotSample]) -> None:
     dataset, drawn = sample
     conditions, header = drawn.parts[0].conditions, dataset.header
     moved = quantity_of("last move of joint 2", conditions, header)
@@ -278,9 +282,9 @@ def test_of_all_angles_those_are_drawn_that_tell_most() -> None:
     assert structure.most_telling(angles[:, :2], error[:, None], np.ones(600)) is None
 
 
-def test_errors_of_poses_are_drawn_where_poses_were_visited_again(sample: tuple[Dataset, Sample]) -> None:
+def test_errors_of_poses_are_drawn_where_poses_were_visited_again(sample: tuple[Dataset, PlotSample]) -> None:
     dataset, once = sample
-    left = Structure(EACH_POSE, 1e-9, 0.5)
+    left = ResidualStructure(EACH_POSE, 1e-9, 0.5)
     assert structure.picture_of(left, 1, dataset, once) is None
     part = once.parts[0]
     again = replace(part, conditions=replace(part.conditions, waypoint=np.arange(len(part.rows)) // 5))
@@ -289,13 +293,13 @@ def test_errors_of_poses_are_drawn_where_poses_were_visited_again(sample: tuple[
     assert "every pose that was visited again" in picture
 
 
-def test_readings_left_out_are_drawn_among_the_others(sample: tuple[Dataset, Sample]) -> None:
+def test_readings_left_out_are_drawn_among_the_others(sample: tuple[Dataset, PlotSample]) -> None:
     dataset, whole = sample
     readings = whole.fitted.readings
     far = readings.conditions.joints[:, 1] > np.quantile(readings.conditions.joints[:, 1], 0.9)
     fitted = replace(whole.fitted, readings=readings.take(~far))
-    left = Structure("joint 2 angle", 1e-9, 0.5, ACTS_ON)
-    picture = structure.picture_of(left, 1, dataset, Sample.of(dataset, fitted))
+    left = ResidualStructure("joint 2 angle", 1e-9, 0.5, ACTS_ON)
+    picture = structure.picture_of(left, 1, dataset, PlotSample.of(dataset, fitted))
     assert picture is not None
     crosses = [dots.count("<use") for dots in picture.split("</g>") if FITTED in dots]
     assert sum(crosses) == int(far.sum()) + len(whole.fitted.faulty_rows) + 1, "one stands in the legend"
@@ -306,7 +310,7 @@ def test_readings_left_out_are_drawn_among_the_others(sample: tuple[Dataset, Sam
 def test_residual_vectors_are_measured_less_predicted(tmp_path: Path) -> None:
     dataset = read_dataset(write_data(tmp_path, n=60))
     final = identify(dataset)
-    sample = Sample.of(dataset, final)
+    sample = PlotSample.of(dataset, final)
     left = sample.left(dataset)
     rows = final.readings.rows
     expected = dataset.points[rows] - final.predict(dataset.conditions.take(rows))

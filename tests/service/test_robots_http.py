@@ -19,9 +19,9 @@ from fastapi.testclient import TestClient
 
 from calib import identify, read_dataset, save_model, watch
 from fleet.store import dataset_texts
-from service.http.access.roles import Settings, Tokens
+from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
-from service.http.wire.bodies.robots import Robots, RobotShown, Trends
+from service.http.wire.bodies.robots import RobotResponse, Robots, Trends
 from service.http.wire.bodies.watches import RATE, WatchPlanResult, WatchResult
 from tests.drivers.nobody import nobody_listens
 from tests.service.campaigns import edit_rows, edit_text, write_data
@@ -88,7 +88,7 @@ def test_what_is_sent_is_listed_and_what_contradicts_is_told(service: Served) ->
     assert (line["serial"], listed["permitted_mm"]) == (SERIAL, 0.3)
     assert (line["due"]["date"], line["baseline"]["document"]) != (None, None)
     one = service.client.get(f"/robots/{SERIAL}").json()
-    assert unnamed(RobotShown.model_validate(one)) == set()
+    assert unnamed(RobotResponse.model_validate(one)) == set()
     assert (one["id"], [each["contradicts_another"] for each in one["history"]]) == (
         robot,
         [True, True, False],
@@ -226,7 +226,7 @@ TOKENS = Tokens("operator", "viewer")
 
 def client_of(record: Path, **more: Any) -> TestClient:
     operator = {"Authorization": f"Bearer {TOKENS.operator}"}
-    app = create_app(Settings(record, TOKENS, **more))
+    app = create_app(ServiceSettings(record, TOKENS, **more))
     return TestClient(app, base_url="http://127.0.0.1/api/v1", headers=operator)
 
 

@@ -17,10 +17,10 @@ from rich.console import Console
 
 import truepose
 from calib.data import read_dataset
-from calib.diagnose import CarriedTerm, Diagnosis, Shares, Structure, Visible, diagnose
-from calib.fit import Identification, identify
-from calib.model import Design
-from calib.robot_file import Mistake, Verdict
+from calib.diagnose import CarriedTerm, DetectableEffect, DiagnosisFit, ResidualStructure, Shares, diagnose
+from calib.fit import IdentificationFit, identify
+from calib.model import BoundModel
+from calib.robot_file import RobotFileMistake, RobotFileVerdict
 from calib.units import to_internal
 from service import wording
 from service.http.wire.bodies.diagnoses import DiagnosisResult
@@ -32,7 +32,7 @@ from service.results.models import documents
 from service.results.models.parameters import absolutes, rows_of
 from tests.service.campaigns import write_data
 
-LEFT = (Structure("joint 3 angle", 1e-9, 0.4, "joint 3"),)
+LEFT = (ResidualStructure("joint 3 angle", 1e-9, 0.4, "joint 3"),)
 
 
 @pytest.fixture(scope="module")
@@ -41,15 +41,15 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def known(data: Path) -> Diagnosis:
+def known(data: Path) -> DiagnosisFit:
     return diagnose(read_dataset(data))
 
 
-def unexplained(known: Diagnosis) -> Diagnosis:
+def unexplained(known: DiagnosisFit) -> DiagnosisFit:
     return replace(known, verdict="unexplained", structure=LEFT)
 
 
-def with_size(known: Diagnosis, value: float, std: float) -> Diagnosis:
+def with_size(known: DiagnosisFit, value: float, std: float) -> DiagnosisFit:
     """The diagnosis with an effect of this size and standard error, deg."""
     (found,) = known.effects
     size, spread = to_internal(value, "deg"), to_internal(std, "deg")
@@ -58,7 +58,7 @@ def with_size(known: Diagnosis, value: float, std: float) -> Diagnosis:
     )
 
 
-def printed(diagnosis: Diagnosis) -> str:
+def printed(diagnosis: DiagnosisFit) -> str:
     written = io.StringIO()
     console = Console(width=200, file=written)
     for each in tables.diagnosis(diagnosis, None, None):
@@ -66,7 +66,7 @@ def printed(diagnosis: Diagnosis) -> str:
     return written.getvalue()
 
 
-def everywhere(diagnosis: Diagnosis) -> dict[str, str]:
+def everywhere(diagnosis: DiagnosisFit) -> dict[str, str]:
     """The presentations of a diagnosis as text."""
     document = documents.of_diagnosis(diagnosis)
     DiagnosisResult.model_validate(document)
@@ -74,7 +74,7 @@ def everywhere(diagnosis: Diagnosis) -> dict[str, str]:
     return {"terminal": printed(diagnosis), "report": html.unescape(page)}
 
 
-def test_the_sentence_of_the_verdict_is_in_every_presentation(known: Diagnosis, data: Path) -> None:
+def test_the_sentence_of_the_verdict_is_in_every_presentation(known: DiagnosisFit, data: Path) -> None:
     sentence = wording.verdict_in_words(known)
     document = documents.of_diagnosis(known)
     assert document["finding"] == sentence
@@ -83,7 +83,7 @@ def test_the_sentence_of_the_verdict_is_in_every_presentation(known: Diagnosis, 
     assert truepose.Diagnosis(known).sentence == sentence
 
 
-def test_a_known_cause_has_rivals_and_advice(known: Diagnosis) -> None:
+def test_a_known_cause_has_rivals_and_advice(known: DiagnosisFit) -> None:
     (found,) = known.effects
     check = wording.advice_on(found, causes_known=True)
     assert check
@@ -96,7 +96,7 @@ def test_a_known_cause_has_rivals_and_advice(known: Diagnosis) -> None:
 
 
 @pytest.mark.parametrize("verdict", ["unexplained", "excess_noise"])
-def test_an_unknown_cause_is_imitated_and_gets_no_advice(verdict: Any, known: Diagnosis) -> None:
+def test_an_unknown_cause_is_imitated_and_gets_no_advice(verdict: Any, known: DiagnosisFit) -> None:
     left = replace(unexplained(known), verdict=verdict)
     check = wording.advice_on(known.effects[0], causes_known=True)
     for name, text in everywhere(left).items():
@@ -117,7 +117,7 @@ def test_an_unknown_cause_is_imitated_and_gets_no_advice(verdict: Any, known: Di
     assert "Imitated by" in python._repr_html_()
 
 
-def test_what_is_smaller_than_its_uncertainty_is_listed_apart(known: Diagnosis) -> None:
+def test_what_is_smaller_than_its_uncertainty_is_listed_apart(known: DiagnosisFit) -> None:
     faint = with_size(known, 0.3, 0.395)
     assert "backlash" not in wording.verdict_in_words(faint)
     assert "play of joint 4" not in wording.verdict_in_words(faint)
@@ -129,7 +129,7 @@ def test_what_is_smaller_than_its_uncertainty_is_listed_apart(known: Diagnosis) 
 
 
 @pytest.mark.parametrize(("size", "advised"), [(0.09, False), (0.11, True)])
-def test_advice_is_given_beyond_the_usual_size_only(size: float, advised: bool, known: Diagnosis) -> None:
+def test_advice_is_given_beyond_the_usual_size_only(size: float, advised: bool, known: DiagnosisFit) -> None:
     found = with_size(known, size, 0.001)
     (effect,) = documents.of_diagnosis(found)["effects"]
     assert effect["usual_size"] == pytest.approx(0.1)
@@ -141,7 +141,7 @@ def test_advice_is_given_beyond_the_usual_size_only(size: float, advised: bool, 
         assert "0.1 deg" in text
 
 
-def test_a_negative_size_that_cannot_be_is_remarked(known: Diagnosis) -> None:
+def test_a_negative_size_that_cannot_be_is_remarked(known: DiagnosisFit) -> None:
     negative = with_size(known, -0.2, 0.01)
     (effect,) = documents.of_diagnosis(negative)["effects"]
     assert (effect["impossible"], effect["check"]) == (True, "")
@@ -149,7 +149,7 @@ def test_a_negative_size_that_cannot_be_is_remarked(known: Diagnosis) -> None:
         assert wording.IMPOSSIBLE in text
 
 
-def test_the_moment_and_the_constant_are_printed_with_their_uncertainty(known: Diagnosis) -> None:
+def test_the_moment_and_the_constant_are_printed_with_their_uncertainty(known: DiagnosisFit) -> None:
     (found,) = known.effects
     step = replace(known, effects=(replace(found, index="247", between=("227", "247")),))
     warm = replace(
@@ -172,7 +172,7 @@ def test_the_moment_and_the_constant_are_printed_with_their_uncertainty(known: D
     assert effect["shape_std"] == {"time_constant_s": 100.0}
 
 
-def test_shares_and_carried_terms_are_in_every_presentation(known: Diagnosis) -> None:
+def test_shares_and_carried_terms_are_in_every_presentation(known: DiagnosisFit) -> None:
     (found,) = known.effects
     moved = CarriedTerm(
         replace(found.effect, group="carried", terms=(replace(found.effect.terms[0], slot="d5"),)),
@@ -202,7 +202,7 @@ def test_shares_and_carried_terms_are_in_every_presentation(known: Diagnosis) ->
     assert follows.startswith("An error of the offset d5 follows time")
 
 
-def with_tool(data: Path) -> Identification:
+def with_tool(data: Path) -> IdentificationFit:
     """The base model with base and tool targets free, which start where they fit best."""
     dataset = read_dataset(data)
     dataset = replace(dataset, header=replace(dataset.header, world="free"))
@@ -227,7 +227,7 @@ def test_absolute_values_predict_what_the_model_predicts(data: Path) -> None:
         ]
     )
     np.testing.assert_allclose(
-        Design(bare, conditions).predict(estimate), found.predict(conditions), atol=1e-6
+        BoundModel(bare, conditions).predict(estimate), found.predict(conditions), atol=1e-6
     )
 
 
@@ -276,13 +276,17 @@ def test_the_uncertainty_of_a_turned_base_is_turned_with_it(data: Path) -> None:
 
 
 def test_no_share_is_zero_and_what_cannot_show_is_said_so() -> None:
-    assert "less than 0.1" in wording.structure_in_words(Structure("region of the workspace", 1e-6, 0.0))
-    assert "0.1\u00a0%" in wording.structure_in_words(Structure("region of the workspace", 1e-6, 0.001))
+    assert "less than 0.1" in wording.structure_in_words(
+        ResidualStructure("region of the workspace", 1e-6, 0.0)
+    )
+    assert "0.1\u00a0%" in wording.structure_in_words(
+        ResidualStructure("region of the workspace", 1e-6, 0.001)
+    )
     seen, hidden = power_of(
         [
-            Visible("backlash:j4", 0.004, "deg"),
-            Visible("backlash:j5", None, "deg"),
-            Visible("encoder_scale:j1", None, "ppm"),
+            DetectableEffect("backlash:j4", 0.004, "deg"),
+            DetectableEffect("backlash:j5", None, "deg"),
+            DetectableEffect("encoder_scale:j1", None, "ppm"),
         ]
     )
     assert (seen["least"], seen["most"]) == ("0.004", "these readings cannot show it")
@@ -291,9 +295,9 @@ def test_no_share_is_zero_and_what_cannot_show_is_said_so() -> None:
 
 def test_no_mistake_is_printed_twice() -> None:
     mistakes = tuple(
-        Mistake(what, (f"line {i}",)) for i, what in enumerate(["sign of alpha1", "base", "base"])
+        RobotFileMistake(what, (f"line {i}",)) for i, what in enumerate(["sign of alpha1", "base", "base"])
     )
-    verdict = Verdict(20, mistakes, 5.0, 0.1, 1000.0, False)
+    verdict = RobotFileVerdict(20, mistakes, 5.0, 0.1, 1000.0, False)
     lines = list(verdict_lines(verdict))
     assert len([line for line in lines if "base" in line]) == 1
     assert "    line 1" in lines

@@ -21,14 +21,14 @@ import httpx2
 import pytest
 from starlette.types import Message, Receive, Scope, Send
 
-from acquisition import Cell, Devices, Outcome, Run, State
-from service.http.access.lanes import AT_ONCE, ORDINARY, UPLOADS, Lanes
-from service.http.access.roles import Settings, Tokens
+from acquisition import Cell, Devices, ExecutionOutcome, Run, State
+from service.http.access.lanes import AT_ONCE, ORDINARY, UPLOADS, RequestLanes
+from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
 from service.http.runs import book
 from service.http.state import ORDERS, Service
 from service.http.wire.paths import PREFIX
-from service.http.work.campaigns import Shelf
+from service.http.work.campaigns import CampaignStore
 from service.http.work.workers import Workers
 from service.simulated_cell import SimulatedDevices
 from tests.acquisition.fakes import CAMPAIGN, Bench, FakeMeter, a_cell
@@ -78,12 +78,12 @@ def in_held_service(
         def open(self, cell: Cell) -> Devices:
             return Devices(arm, FakeMeter(bench))
 
-    def held_campaign(shelf: Shelf, name: str) -> dict[str, Any]:
+    def held_campaign(shelf: CampaignStore, name: str) -> dict[str, Any]:
         released.wait()
         return {}
 
     async def play() -> None:
-        settings = Settings(folder, TOKENS, cell=bench.cell, simulated=cast(SimulatedDevices, Fakes()))
+        settings = ServiceSettings(folder, TOKENS, cell=bench.cell, simulated=cast(SimulatedDevices, Fakes()))
         app = create_app(settings)
         async with app.router.lifespan_context(app):
             service: Service = app.state.service
@@ -103,7 +103,7 @@ def in_held_service(
                     arm.halted.set()
                     await asyncio.gather(*held.requests, return_exceptions=True)
 
-    monkeypatch.setattr(Shelf, "get", held_campaign)
+    monkeypatch.setattr(CampaignStore, "get", held_campaign)
     monkeypatch.setattr(Workers, "call", lambda self, function, *args: function(*args))
     asyncio.run(play())
 
@@ -165,14 +165,14 @@ def test_a_stop_is_answered_before_the_run_has_ended_and_the_next_one_waits_for_
 ) -> None:
     monkeypatch.setattr(book, "FINISH_S", 10.0 * PATIENCE_S)
     let_go, wanted = threading.Event(), threading.Event()
-    execute, need_robot = Run.execute, book.Book.need_robot
+    execute, need_robot = Run.execute, book.RunManager.need_robot
 
-    def lingering(run: Run, devices: Devices, **more: Any) -> Outcome:
+    def lingering(run: Run, devices: Devices, **more: Any) -> ExecutionOutcome:
         outcome = execute(run, devices, **more)
         let_go.wait()
         return outcome
 
-    def wanting(here: book.Book) -> None:
+    def wanting(here: book.RunManager) -> None:
         wanted.set()
         need_robot(here)
 
@@ -193,7 +193,7 @@ def test_a_stop_is_answered_before_the_run_has_ended_and_the_next_one_waits_for_
                     await asyncio.sleep(0.01)
             assert held.arm.halted.is_set()
             assert held.service.book.busy_with == name
-            monkeypatch.setattr(book.Book, "need_robot", wanting)
+            monkeypatch.setattr(book.RunManager, "need_robot", wanting)
             again = asyncio.create_task(client.post(f"{run}/resume"))
             await asyncio.to_thread(wanted.wait, PATIENCE_S)
         finally:
@@ -260,7 +260,7 @@ class Application:
             await self.until.wait()
 
 
-async def _ask(lanes: Lanes, method: str, path: str, kind: str = "", *, ends: bool = True) -> int:
+async def _ask(lanes: RequestLanes, method: str, path: str, kind: str = "", *, ends: bool = True) -> int:
     """The status of a refusal; 0 when it came through. `ends` False: its body never does."""
     sent: list[Message] = []
 
@@ -283,7 +283,7 @@ async def _ask(lanes: Lanes, method: str, path: str, kind: str = "", *, ends: bo
 def test_a_stop_overtakes_what_came_before_it(others: tuple[str, str]) -> None:
     async def play() -> None:
         app = Application()
-        lanes = Lanes(app)
+        lanes = RequestLanes(app)
         async with asyncio.TaskGroup() as group:
             for _ in range(100):
                 group.create_task(_ask(lanes, *others))
@@ -297,7 +297,7 @@ def test_a_stop_overtakes_what_came_before_it(others: tuple[str, str]) -> None:
 def test_status_does_not_queue_behind_ordinary_requests() -> None:
     async def play() -> None:
         app = Application()
-        lanes = Lanes(app)
+        lanes = RequestLanes(app)
         async with asyncio.TaskGroup() as group:
             for _ in range(100):
                 group.create_task(_ask(lanes, "POST", "/api/v1/runs"))
@@ -314,7 +314,7 @@ def test_more_than_can_be_in_hand_is_refused_at_once(kind: str, most: int) -> No
     async def play() -> None:
         app = Application(until=asyncio.Event())
         assert app.until is not None
-        lanes = Lanes(app)
+        lanes = RequestLanes(app)
         async with asyncio.TaskGroup() as group:
             for _ in range(most):
                 group.create_task(_ask(lanes, "POST", "/api/v1/datasets", kind))
@@ -330,7 +330,7 @@ def test_more_than_can_be_in_hand_is_refused_at_once(kind: str, most: int) -> No
 def test_a_client_that_sends_slowly_holds_up_nobody() -> None:
     async def play() -> None:
         app = Application()
-        lanes = Lanes(app)
+        lanes = RequestLanes(app)
         slow = asyncio.create_task(_ask(lanes, "POST", "/api/v1/runs", ends=False))
         async with asyncio.timeout(PATIENCE_S):
             assert await _ask(lanes, "POST", "/api/v1/campaigns") == 0
@@ -342,7 +342,7 @@ def test_a_client_that_sends_slowly_holds_up_nobody() -> None:
 
 @contextmanager
 def _described(folder: Path) -> Iterator[dict[str, Any]]:
-    yield create_app(Settings(folder, TOKENS)).openapi()["paths"]
+    yield create_app(ServiceSettings(folder, TOKENS)).openapi()["paths"]
 
 
 def test_every_order_to_the_robot_is_in_the_first_lane(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from calib import DataError, identify, load_model, read_dataset, save_model
 from calib.saved import as_saved
 from drivers import ConfigError
 from service.cli import main
-from service.results.watch_plan import Planned, PlanQuestion
+from service.results.watch_plan import PlannedWatch, WatchPlanRequest
 from tests.acquisition.fakes import BALLBAR, a_campaign, a_cell
 from tests.benchmarks.coverage import KINDS, simulate
 from tests.calib.updates import save_warming
@@ -135,6 +135,6 @@ def test_a_ballbar_takes_stances_that_the_model_brings_within_its_stroke() -> No
     """A baseline by another arm's distances has other balls: refused by name, before anything is drawn for long."""
     cell = a_cell(**BALLBAR)
     other = as_saved(identify(simulate(KINDS[3], 1).data))
-    question = PlanQuestion(6, 100, ("T1",), 5.0, False, 0.01, 1)
+    question = WatchPlanRequest(6, 100, ("T1",), 5.0, False, 0.01, 1)
     with pytest.raises(DataError, match="first three"):
-        Planned.of(cell, Path("cell.toml"), other, Path("m.json"), question)
+        PlannedWatch.of(cell, Path("cell.toml"), other, Path("m.json"), question)

@@ -20,7 +20,7 @@ from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
 
 from calib.errors import DataError
-from service.http.access.roles import Settings, Tokens
+from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
 from service.json_log import json_log
 from tests.drivers.waiting import PATIENCE_S
@@ -55,7 +55,7 @@ def measured(text: str) -> dict[str, float]:
 
 
 def test_measures_are_for_those_with_a_token_and_have_no_label_of_a_stranger(tmp_path: Path) -> None:
-    with TestClient(create_app(Settings(tmp_path, TOKENS)), base_url="http://127.0.0.1") as client:
+    with TestClient(create_app(ServiceSettings(tmp_path, TOKENS)), base_url="http://127.0.0.1") as client:
         assert problem(client.get("/metrics"), 401)["code"] == 8001
         watch = {"Authorization": f"Bearer {TOKENS.viewer}"}
         for path in ("/api/v1/runs/evil-name", "/api/v1/no/such/path", "/api/v1/datasets?reason=secret"):

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calib.diagnose import ACTS_ON, Shares, Structure, Surprise
+from calib.diagnose import ACTS_ON, HeldOutTest, ResidualStructure, Shares
 from calib.fit import ErrorStatistics, HeldOutFaults
 from service.files import as_json
 from service.results.models.documents import reading
@@ -85,7 +85,7 @@ def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
         error_before=errors(0.1),
         error_after=errors(0.2),
         stretch=1.1,
-        surprise=Surprise(1.1, 0.2),
+        surprise=HeldOutTest(1.1, 0.2),
         held_out_faults=NO_FAULTS,
         by_repeats=False,
         harmful=(),
@@ -105,7 +105,7 @@ def test_effects_that_do_not_carry_over_are_not_praised(verdict: str) -> None:
     assert "2.4 times what the fit leaves on its own readings, which the uncertainty" in verdict_in_words(
         diagnosis
     )
-    diagnosis.surprise = Surprise(
+    diagnosis.surprise = HeldOutTest(
         1.9, 1e-9
     )  # what the readings held out say cannot stand beside "nothing else is left"
     assert "Nothing else" not in verdict_in_words(diagnosis)
@@ -137,12 +137,12 @@ def test_noise_beyond_the_declared_is_said_where_repeats_explain_it() -> None:
 
 
 def test_a_law_in_the_readings_left_out_is_said_as_such() -> None:
-    sentence = structure_in_words(Structure("overturning moment", 1e-6, 0.4, ACTS_ON))
+    sentence = structure_in_words(ResidualStructure("overturning moment", 1e-6, 0.4, ACTS_ON))
     assert (
         sentence
         == "The readings left out lie together: overturning moment explains 40.0\u00a0% of which they are (p 1e-06)."
     )
-    assert structure_in_words(Structure("time", 1e-6, 0.4)) == (
+    assert structure_in_words(ResidualStructure("time", 1e-6, 0.4)) == (
         "Structure is left: time explains 40.0\u00a0% of what is left (p 1e-06)."
     )
 

@@ -14,7 +14,7 @@ SHARED = ("kind", "set", "targets", "approach", "settle_s", "settle_check", "new
 
 
 @dataclass(frozen=True)
-class Kind:
+class BlockKind:
     """A kind of block and how it is read; the first of its sets is the one it has unless the file says."""
 
     keys: tuple[str, ...]
@@ -24,16 +24,16 @@ class Kind:
 
 
 _FITTED = ("calibration", "validation")
-KINDS: Mapping[str, Kind] = {
-    "poses": Kind(poses.OWN_KEYS, _FITTED, poses.read),
-    "sweep": Kind(sweep.KEYS, _FITTED, sweep.read_sweep),
-    "repeat": Kind(repeat.KEYS, ("repeat", "validation"), repeat.read),
-    "circle_point": Kind(sweep.CIRCLE_KEYS, _FITTED, sweep.read_circle_point),
-    "hexapod": Kind(hexapod.KEYS, _FITTED, hexapod.read),
-    "legs": Kind(legs.KEYS, _FITTED, legs.read),
-    "ballbar_geometry": Kind(ballbar_geometry.KEYS, ("calibration",), ballbar_geometry.read),
-    "path": Kind(path.KEYS, _FITTED, path.read),
-    "sphere": Kind(sphere.KEYS, ("validation", "calibration"), sphere.read, sphere.SETTLE_S),
+KINDS: Mapping[str, BlockKind] = {
+    "poses": BlockKind(poses.OWN_KEYS, _FITTED, poses.read),
+    "sweep": BlockKind(sweep.KEYS, _FITTED, sweep.read_sweep),
+    "repeat": BlockKind(repeat.KEYS, ("repeat", "validation"), repeat.read),
+    "circle_point": BlockKind(sweep.CIRCLE_KEYS, _FITTED, sweep.read_circle_point),
+    "hexapod": BlockKind(hexapod.KEYS, _FITTED, hexapod.read),
+    "legs": BlockKind(legs.KEYS, _FITTED, legs.read),
+    "ballbar_geometry": BlockKind(ballbar_geometry.KEYS, ("calibration",), ballbar_geometry.read),
+    "path": BlockKind(path.KEYS, _FITTED, path.read),
+    "sphere": BlockKind(sphere.KEYS, ("validation", "calibration"), sphere.read, sphere.SETTLE_S),
 }
 
 

@@ -25,7 +25,7 @@ Joints = tuple[float, ...]
 Sides = Literal["one", "both"]
 
 
-class Stream(IntEnum):
+class RandomStream(IntEnum):
     """Streams of random numbers from the seed of a campaign, one for each thing that is drawn."""
 
     POSE, SIDE, ORDER, REFERENCE, POSTURE, REACH = range(6)
@@ -98,7 +98,7 @@ class Site:
     approach: Approach
     taken: tuple[Joints, ...] = ()
 
-    def rng(self, stream: Stream) -> np.random.Generator:
+    def rng(self, stream: RandomStream) -> np.random.Generator:
         """A random generator that belongs to this block alone."""
         return np.random.default_rng([self.seed, stream, self.number])
 
@@ -120,7 +120,7 @@ class Site:
         joints = self.cell.robot.model.joints
         if self.approach.sides == "one":
             return (self.approach.side,) * joints
-        return tuple(int(s) for s in self.rng(Stream.SIDE).choice((-1, 1), size=joints))
+        return tuple(int(s) for s in self.rng(RandomStream.SIDE).choice((-1, 1), size=joints))
 
     def posture(self, key: str, joints_deg: Joints) -> Joints:
         """A pose of a file, rounded. Raises ConfigError when it is not one of this robot."""

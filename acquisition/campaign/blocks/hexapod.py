@@ -37,7 +37,7 @@ _ORDER = tuple(LEGS.index(leg) for leg in _ONE_END)
 
 
 @dataclass(frozen=True)
-class Hexapod:
+class HexapodRecipe:
     """`base`: the balls on the base, None for the cell's first three; of four every three; `count`: at most so many
     poses, None for all;
     `configurations`: in which branches a stance is taken, of those whose names begin with one of `branches`.
@@ -137,9 +137,9 @@ def _spread(some: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     return some[np.round(np.linspace(0, len(some) - 1, count)).astype(int)]
 
 
-def read(table: TomlTable, folder: Path | None) -> Hexapod:
+def read(table: TomlTable, folder: Path | None) -> HexapodRecipe:
     """The block of a table of the campaign, which names no file in `folder`. Raises ConfigError."""
-    return Hexapod(
+    return HexapodRecipe(
         base=table.names("base"),
         count=table.whole("count", low=1) if "count" in table.values else None,
         stages=table.whole("stages", 2, low=1, high=2),

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition.campaign.blocks.block import BlockVisit, Site
-from acquisition.campaign.blocks.poses import DRAWN, Source, read_source
+from acquisition.campaign.blocks.poses import DRAWN, PoseSource, read_source
 from acquisition.campaign.blocks.poses import KEYS as SOURCE_KEYS
 from calib.text import TomlTable
 from drivers.errors import ConfigError
@@ -29,7 +29,7 @@ class WaypointPath:
     leading joint between two waypoints, None for that of the cell.
     """
 
-    source: Source
+    source: PoseSource
     rest_s: float
     rates_hz: Mapping[str, float]
     speed_deg_s: float | None

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, cast
 
-from acquisition.campaign.blocks.block import DECIMALS, BlockVisit, Joints, Site, Stream
+from acquisition.campaign.blocks.block import DECIMALS, BlockVisit, Joints, RandomStream, Site
 from acquisition.campaign.observability import CANDIDATES, select_poses
 from acquisition.campaign.poses import Pose, draw_poses
 from acquisition.errors import as_config_error
@@ -25,7 +25,7 @@ _MOST = 100  # readings of a target in one visit
 
 
 @dataclass(frozen=True)
-class Source:
+class PoseSource:
     """The source of poses. `joints_deg`: the poses themselves where they are given, else drawn; `sides`: the side of
     approach of every joint at each of them, where they are given too."""
 
@@ -38,7 +38,7 @@ class Source:
         """The poses with their approach; longest_deg: as `campaign.poses.draw_poses`. Raises ConfigError."""
         if self.select not in DRAWN:
             return self._given(site, longest_deg)
-        approach, rng, chosen = site.approach, site.rng(Stream.POSE), self.select == "observability"
+        approach, rng, chosen = site.approach, site.rng(RandomStream.POSE), self.select == "observability"
         with as_config_error(f"block {site.number + 1}: "):
             drawn = draw_poses(
                 site.cell,
@@ -60,12 +60,12 @@ class Source:
         if self.sides:
             sides = list(self.sides)
         elif site.approach.sides == "both":
-            drawn = site.rng(Stream.SIDE).choice((-1, 1), size=shape)
+            drawn = site.rng(RandomStream.SIDE).choice((-1, 1), size=shape)
             sides = [tuple(int(side) for side in row) for row in drawn]
         shortest = abs(site.approach.offset_deg)
         lengths = [shortest] * len(poses)
         if longest_deg is not None:
-            lengths = site.rng(Stream.REACH).uniform(shortest, longest_deg, len(poses)).tolist()
+            lengths = site.rng(RandomStream.REACH).uniform(shortest, longest_deg, len(poses)).tolist()
         return [Pose(*each) for each in zip(poses, sides, lengths, strict=True)]
 
 
@@ -74,7 +74,7 @@ class Poses:
     """Visits each pose once and reads every target so often while the arm rests. Last moves to drawn poses are of many
     lengths; those to given poses, where it is asked."""
 
-    source: Source
+    source: PoseSource
     readings: int = 1
     ordered = False
     lengths = False
@@ -99,7 +99,7 @@ def read(table: TomlTable, folder: Path | None) -> Poses:
     return Poses(replace(source, sides=_sides(table, source)), readings)
 
 
-def _sides(table: TomlTable, source: Source) -> tuple[tuple[int, ...], ...]:
+def _sides(table: TomlTable, source: PoseSource) -> tuple[tuple[int, ...], ...]:
     """Read `approach_sides` beside `joints_deg`: +1 from below or -1 from above, for every joint of every pose."""
     if "approach_sides" not in table.values:
         return ()
@@ -116,7 +116,7 @@ def _sides(table: TomlTable, source: Source) -> tuple[tuple[int, ...], ...]:
     return tuple(tuple(int(side) for side in row) for row in rows)
 
 
-def read_source(table: TomlTable, folder: Path | None, count: int | None = None) -> Source:
+def read_source(table: TomlTable, folder: Path | None, count: int | None = None) -> PoseSource:
     """Read `select`, `count`, `file` and `joints_deg`; `count`: how many unless the file says. Raises ConfigError."""
     select = table.text("select", "random", (*DRAWN, "file", "list"))
     poses: tuple[Joints, ...] = ()
@@ -125,7 +125,7 @@ def read_source(table: TomlTable, folder: Path | None, count: int | None = None)
     elif select == "file" and folder is not None:
         poses = read_poses(folder / table.text("file"))
     number = table.whole("count", count, low=1) if select in DRAWN else len(poses)
-    return Source(cast(Select, select), number, poses)
+    return PoseSource(cast(Select, select), number, poses)
 
 
 def _listed(table: TomlTable) -> tuple[Joints, ...]:

@@ -22,7 +22,7 @@ KEYS = (*poses.KEYS, "visits", "order")
 class Repeat:
     """`interleaved`: the poses take turns; else all visits of one pose before the next."""
 
-    source: poses.Source
+    source: poses.PoseSource
     visits: int
     interleaved: bool
     ordered = True

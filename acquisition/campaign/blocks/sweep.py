@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.campaign.blocks.block import BlockVisit, Joints, Site, Stream, rounded
+from acquisition.campaign.blocks.block import BlockVisit, Joints, RandomStream, Site, rounded
 from acquisition.cell.cell import Cell
 from acquisition.cell.transit import may_visit
 from acquisition.cell.workspace import facing, is_allowed
@@ -36,7 +36,7 @@ _BATCH = 200
 
 
 @dataclass(frozen=True)
-class Sweep:
+class SweepRecipe:
     """A sweep of one joint (1-based). `range_deg` None: as far as limits and approach allow. `at_deg` None: drawn."""
 
     joint: int
@@ -127,7 +127,7 @@ def _steps(low: float, high: float, step: float) -> Array:
 
 def _drawn(site: Site, turns: list[_Turn], usual: tuple[int, ...]) -> Joints:
     """A random posture from which every pose and approach point is clear and shows the targets. Raises ConfigError."""
-    rng = site.rng(Stream.POSTURE)
+    rng = site.rng(RandomStream.POSTURE)
     low, high = np.array(site.cell.robot.limits_deg).T
     for _ in range(_TRIES // _BATCH):
         postures = np.round(rng.uniform(low, high, (_BATCH, len(low))), 1)
@@ -179,12 +179,12 @@ def _refuse_joint(site: Site, joint: int) -> None:
         )
 
 
-def read_sweep(table: TomlTable, folder: Path | None) -> Sweep:
+def read_sweep(table: TomlTable, folder: Path | None) -> SweepRecipe:
     """The block of a table of the campaign, which names no file in `folder`. Raises ConfigError."""
     ends = table.numbers("range_deg")
     if ends is not None and (len(ends) != 2 or ends[0] >= ends[1]):
         raise table.refuse("range_deg", f"is {list(ends)!r}.", "Give the lower and the upper end.")
-    sweep = Sweep(
+    sweep = SweepRecipe(
         joint=table.whole("joint", low=1, high=99),
         range_deg=None if ends is None else (ends[0], ends[1]),
         step_deg=table.number("step_deg", STEP_DEG, low=0.01, high=180.0),

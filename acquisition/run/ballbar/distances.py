@@ -18,9 +18,9 @@ from acquisition.cell.cell import Cell
 from acquisition.errors import OtherBalls
 from acquisition.record.individuals import Individuals, series_among
 from acquisition.record.readings import spans_of
-from acquisition.record.store import Planned, Store
-from calib.model import Design, StatedConditions, conditions_at
-from calib.saved import SavedModel, load_model
+from acquisition.record.store import PlannedReading, RecordStore
+from calib.model import BoundModel, StatedConditions, conditions_at
+from calib.saved import CalibratedModel, load_model
 from drivers.interfaces import LengthReading
 
 STAGE_1 = "stage1.json"
@@ -33,13 +33,13 @@ LOW_PERCENT = 15.0
 class BallbarChecks:
     """The checks of one execution."""
 
-    def __init__(self, store: Store, cell: Cell) -> None:
+    def __init__(self, store: RecordStore, cell: Cell) -> None:
         self._store = store
         self._cell = cell
         self._battery_reported = False
 
     @cached_property
-    def _stage(self) -> tuple[SavedModel, float]:
+    def _stage(self) -> tuple[CalibratedModel, float]:
         """The model of stage 1, and what its legs miss it by, RMS."""
         rows = self._store.database.query(
             "SELECT json_extract(data, '$.rms_mm') FROM event WHERE kind = 'second_stage' ORDER BY id DESC LIMIT 1"
@@ -51,7 +51,7 @@ class BallbarChecks:
         """The file in which the model of stage 1 is kept."""
         return self._store.database.path.parent / STAGE_1
 
-    def expected(self, planned: Planned) -> tuple[float, float] | None:
+    def expected(self, planned: PlannedReading) -> tuple[float, float] | None:
         """The length expected of a leg and its tolerance, mm; None before stage 2, and for a reading that is no leg."""
         if planned.base_target is None or not planned.visit.joints_deg or not self.path.is_file():
             return None
@@ -61,14 +61,14 @@ class BallbarChecks:
         stated = StatedConditions(series=series, loads=self._cell.loads)
         joints = self._cell.robot.model_angles([planned.visit.joints_deg])
         conditions = conditions_at(model, joints, stated, planned.target)
-        point = Design(model, conditions).predict(saved.estimate)[0]
+        point = BoundModel(model, conditions).predict(saved.estimate)[0]
         ball = np.array(model.anchors[planned.base_target])
         for k, axis in enumerate("xyz"):
             position = model.index.get(f"{planned.base_target}.{axis}")
             ball[k] += 0.0 if position is None else saved.estimate[position]
         return float(np.linalg.norm(point - ball)), max(LEAST_MM, SIGMAS * rms_mm)
 
-    def refuse_others(self, planned: Planned, length_mm: float | None) -> None:
+    def refuse_others(self, planned: PlannedReading, length_mm: float | None) -> None:
         """Check the length of a leg, None: out of stroke. Raises OtherBalls where it is not as long as it must be."""
         found = self.expected(planned)
         if found is None:
@@ -86,7 +86,7 @@ class BallbarChecks:
                 command="measure",
             )
 
-    def moved(self, planned: Planned) -> str | None:
+    def moved(self, planned: PlannedReading) -> str | None:
         """A sentence where a distance between two balls of one body has changed since it was measured first."""
         lengths: dict[tuple[str, str], list[float]] = {}
         for row in spans_of(self._store):

@@ -15,14 +15,14 @@ from dataclasses import replace
 import numpy as np
 
 from acquisition.campaign.blocks.block import BlockVisit, Joints, rounded
-from acquisition.campaign.blocks.hexapod import Hexapod
+from acquisition.campaign.blocks.hexapod import HexapodRecipe
 from acquisition.campaign.blocks.sphere import Sphere
 from acquisition.campaign.campaign import Campaign
 from acquisition.campaign.plan import Visit, site_of
 from acquisition.cell.cell import Cell, with_nests
 from acquisition.cell.reach import configurations
 from acquisition.errors import CupsDisagree
-from acquisition.record.store import Planned, Store
+from acquisition.record.store import PlannedReading, RecordStore
 from acquisition.record.touches import Taught, block_of_touches, taught_of
 from calib.arm import forward, nearest_branch
 from calib.errors import DataError
@@ -42,7 +42,7 @@ class Placing:
 
     def __init__(
         self,
-        store: Store,
+        store: RecordStore,
         cell: Cell,
         campaign: Campaign,
         consult: Callable[[AcquisitionError], Answer],
@@ -128,14 +128,14 @@ class Placing:
 
     def _plan(self, there: Cell) -> tuple[int, int]:
         """Plan the poses anew for the cell `there`: how many were planned, and how many were left out."""
-        visits: dict[int, list[Planned]] = {}
+        visits: dict[int, list[PlannedReading]] = {}
         for planned in self._store.plan():
             if planned.visit.kind == "pose":
                 visits.setdefault(planned.visit.number, []).append(planned)
         moved = left_out = 0
         for number, block in enumerate(self._campaign.blocks):
             recipe = block.recipe
-            if not isinstance(recipe, Hexapod | Sphere) or not recipe.lengths:
+            if not isinstance(recipe, HexapodRecipe | Sphere) or not recipe.lengths:
                 continue
             untouched = [
                 group
@@ -155,12 +155,16 @@ class Placing:
         return moved, left_out
 
     def _visits(
-        self, there: Cell, number: int, recipe: Hexapod | Sphere, groups: Sequence[Sequence[Planned]]
+        self,
+        there: Cell,
+        number: int,
+        recipe: HexapodRecipe | Sphere,
+        groups: Sequence[Sequence[PlannedReading]],
     ) -> list[BlockVisit | None]:
         """The visits planned anew: for each the pose with the same legs in the same branch, from where the cups are."""
         site = site_of(there, self._campaign, number)
         try:
-            if isinstance(recipe, Hexapod):
+            if isinstance(recipe, HexapodRecipe):
                 found = replace(recipe, count=None, configurations="all").visits_at(site)
                 return [_same_pose(group[0].visit, found) for group in groups]
             found = replace(recipe, centre_deg=self._centre(there, recipe)).visits_at(site)

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from acquisition.campaign.blocks.block import rounded
-from acquisition.campaign.blocks.hexapod import Hexapod
+from acquisition.campaign.blocks.hexapod import HexapodRecipe
 from acquisition.campaign.blocks.sphere import Sphere
 from acquisition.campaign.campaign import Campaign
 from acquisition.campaign.plan import Visit
@@ -27,12 +27,12 @@ from acquisition.cell.workspace import Array
 from acquisition.errors import RecordError, StorageError
 from acquisition.record.export import table_of
 from acquisition.record.individuals import Individuals, series_among
-from acquisition.record.store import Planned, Store
+from acquisition.record.store import PlannedReading, RecordStore
 from acquisition.run.ballbar.distances import STAGE_1
 from calib.compensate import correct
 from calib.errors import DataError
-from calib.fit import Identification, identify
-from calib.model import Design, StatedConditions
+from calib.fit import IdentificationFit, identify
+from calib.model import BoundModel, StatedConditions
 from calib.saved import save_model
 from drivers.errors import OutOfRange
 
@@ -43,7 +43,7 @@ class SecondStage:
     """The second stage of one record. `placed`: the cell with its cups where they were touched."""
 
     def __init__(
-        self, store: Store, cell: Cell, campaign: Campaign, placed: Callable[[], Cell] | None = None
+        self, store: RecordStore, cell: Cell, campaign: Campaign, placed: Callable[[], Cell] | None = None
     ) -> None:
         self._store = store
         self._cell = cell
@@ -52,7 +52,7 @@ class SecondStage:
         self._blocks = {
             i
             for i, recipe in enumerate(recipes)
-            if isinstance(recipe, Hexapod | Sphere) and recipe.lengths and recipe.stages == 2
+            if isinstance(recipe, HexapodRecipe | Sphere) and recipe.lengths and recipe.stages == 2
         }
 
     def plan(self) -> None:
@@ -90,7 +90,7 @@ class SecondStage:
                 refused=len(visits) - done,
             )
 
-    def _out_of_stroke(self) -> list[Planned]:
+    def _out_of_stroke(self) -> list[PlannedReading]:
         query = self._store.database.query
         return [
             planned
@@ -100,17 +100,17 @@ class SecondStage:
             and any(row[0] == OutOfRange.code for row in query(_LAST_ERROR, (planned.id,)))
         ]
 
-    def _fitted(self) -> Identification:
+    def _fitted(self) -> IdentificationFit:
         return identify(table_of(self._store.database.path.parent).dataset())
 
-    def _keep(self, fitted: Identification) -> None:
+    def _keep(self, fitted: IdentificationFit) -> None:
         """The model of stage 1. Raises DataError for a fit that did not converge, StorageError."""
         try:
             save_model(self._store.database.path.parent / STAGE_1, fitted)
         except OSError as error:
             raise StorageError(f"{STAGE_1}: {error.strerror or error}") from error
 
-    def _corrected(self, fitted: Identification, visits: list[Visit]) -> Array:
+    def _corrected(self, fitted: IdentificationFit, visits: list[Visit]) -> Array:
         """(k, N) deg, NaN for a pose that may not be driven."""
         robot = self._cell.robot
         goals = np.array([visit.joints_deg for visit in visits])
@@ -141,10 +141,10 @@ class SecondStage:
         )
 
 
-def _rms_mm(fitted: Identification) -> float:
+def _rms_mm(fitted: IdentificationFit) -> float:
     """The RMS of the residuals of a fit's legs, mm."""
     readings = fitted.readings
-    frames = Design(fitted.model, readings.conditions).frames(fitted.estimate, ())
+    frames = BoundModel(fitted.model, readings.conditions).frames(fitted.estimate, ())
     lengths = readings.observed.lengths
     assert lengths is not None  # of a ballbar
     return float(np.sqrt(np.mean((lengths - np.linalg.norm(frames.p - frames.anchor, axis=0)) ** 2)))

@@ -11,16 +11,16 @@ import math
 from collections.abc import Sequence
 
 from acquisition.record.readings import readings_of
-from acquisition.record.store import Planned, Store
+from acquisition.record.store import PlannedReading, RecordStore
 from calib.array import Array
 
 CHANGED_MM = 1.0  # no tool bends so far, and SMRs of two sizes differ by 3 mm or more
 
 
-class Companions:
+class TargetDistanceCheck:
     """The distances of a record, from its first reading on: a pause forgives nothing."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: RecordStore) -> None:
         self._visit: int | None = None
         self._seen: dict[str, Sequence[float] | Array] = {}  # in this visit
         self._apart: dict[frozenset[str], float] = {}
@@ -28,7 +28,7 @@ class Companions:
             if reading.counts and (at := reading.world or reading.point) is not None:
                 self._off(reading.visit, reading.target, at)
 
-    def changed(self, planned: Planned, target: str, at: Sequence[float] | Array) -> str | None:
+    def changed(self, planned: PlannedReading, target: str, at: Sequence[float] | Array) -> str | None:
         """A sentence where targets are not as far apart as when both were measured first, every time that they are not.
 
         at: (3,) where the target is now, mm, in a frame that is the same for the whole visit.

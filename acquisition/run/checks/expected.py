@@ -13,7 +13,7 @@ import numpy as np
 from acquisition.cell.cell import Cell
 from acquisition.cell.workspace import Array, targets_at
 from acquisition.errors import Misplaced, NothingNew, WronglySeated
-from acquisition.record.store import Planned
+from acquisition.record.store import PlannedReading
 from drivers.interfaces import LengthReading, PointReading
 
 _SURELY_MOVED_MM = 0.5  # by the nominal robot, which knows a step of some millimetres to a hundredth
@@ -22,7 +22,7 @@ _SURELY_MOVED_MM = 0.5  # by the nominal robot, which knows a step of some milli
 class Expectation:
     """The expected places of the cell's targets where the robot stands, deg; `targets_mm` (m, 3), world."""
 
-    def __init__(self, cell: Cell, planned: Planned, joints_deg: Sequence[float]) -> None:
+    def __init__(self, cell: Cell, planned: PlannedReading, joints_deg: Sequence[float]) -> None:
         self._cell = cell
         self._target = planned.target
         self._names = list(cell.tool.targets)
@@ -56,7 +56,7 @@ class Expectation:
         )
 
 
-class Anew:
+class RepeatedPointCheck:
     """The check that the instrument measured anew: a target that has moved is never seen in the same place to the last
     digit. A bridge that sends its last point again under a new time would go unseen where steps are small."""
 
@@ -78,7 +78,7 @@ class Anew:
                 )
         self._last[reading.target] = reading.xyz_mm, expected_mm
 
-    def refuse_length_again(self, reading: LengthReading, planned: Planned) -> None:
+    def refuse_length_again(self, reading: LengthReading, planned: PlannedReading) -> None:
         """Two legs, or one in two poses, show the sensor at different places. Raises NothingNew.
 
         Sides of a triangle may be made alike, and are held against what they were (`BallbarChecks.moved`).
@@ -97,7 +97,9 @@ class Anew:
         self._last_length = reading.deviation_mm, leg
 
 
-def as_planned(cell: Cell, planned: Planned, stands_deg: Sequence[float], world_mm: Array) -> list[float]:
+def as_planned(
+    cell: Cell, planned: PlannedReading, stands_deg: Sequence[float], world_mm: Array
+) -> list[float]:
     """(3,) a point as it would be at the joints that were planned, by the nominal robot; it stands at others."""
     if tuple(stands_deg) == tuple(planned.visit.joints_deg):
         return world_mm.tolist()

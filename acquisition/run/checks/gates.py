@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.campaign.campaign import Campaign, NestCheck, WarmUp
-from acquisition.record.store import Planned, Store
+from acquisition.campaign.campaign import Campaign, NestCheck, WarmUpRule
+from acquisition.record.store import PlannedReading, RecordStore
 from acquisition.run.orders.control import Control
 
 _FIRST_VISIT = """
@@ -38,8 +38,8 @@ class Zeroing:
     """The ballbar in its calibrator. `another`: whether a reading needs another bar than the one that is built; `read`:
     build it and read its zero, False where the reading cannot be had then."""
 
-    another: Callable[[Planned], bool]
-    read: Callable[[Planned], bool]
+    another: Callable[[PlannedReading], bool]
+    read: Callable[[PlannedReading], bool]
 
 
 class Gates:
@@ -51,7 +51,7 @@ class Gates:
 
     def __init__(
         self,
-        store: Store,
+        store: RecordStore,
         campaign: Campaign,
         wait: Callable[[float], None],
         control: Control,
@@ -74,7 +74,7 @@ class Gates:
         self._warming_since_s: float | None = None
         self._points: list[Sequence[float]] = []  # of the first visit, in this execution
 
-    def open_for(self, planned: Planned) -> bool:
+    def open_for(self, planned: PlannedReading) -> bool:
         """Whether this reading may be tried; False when others were planned before it.
 
         Raises Pausing, Stopping, NoOperator, StorageError, and what measuring nests raises.
@@ -92,7 +92,7 @@ class Gates:
                 return False
         return self._warming is None or self._is_warm(self._warming, planned)
 
-    def measured(self, planned: Planned, world_mm: Sequence[float] | None) -> None:
+    def measured(self, planned: PlannedReading, world_mm: Sequence[float] | None) -> None:
         """A good reading of a pose; `world_mm` of a point."""
         self._since_nests.append(planned.id)
         if self._since_zero is not None:
@@ -103,7 +103,7 @@ class Gates:
         if self._warming is not None and world_mm is not None:
             self._points.append(world_mm)
 
-    def _zero_is_old(self, planned: Planned) -> bool:
+    def _zero_is_old(self, planned: PlannedReading) -> bool:
         """Whether the zero is read again. In every new execution it is: nobody knows how long the bar lay about."""
         if self._since_zero is None or self._since_zero >= self._campaign.zero_every:
             return True
@@ -111,7 +111,7 @@ class Gates:
 
     # -- the instrument -----------------------------------------------------------------------------------
 
-    def _set_up_for(self, planned: Planned) -> None:
+    def _set_up_for(self, planned: PlannedReading) -> None:
         if self._station is None:
             rows = self._store.database.query(_LAST_BLOCK)
             self._station = self._campaign.station_of(rows[0][0]) if rows else 0
@@ -169,7 +169,7 @@ class Gates:
 
     # -- the arm ------------------------------------------------------------------------------------------
 
-    def _is_warm(self, gate: WarmUp, planned: Planned) -> bool:
+    def _is_warm(self, gate: WarmUpRule, planned: PlannedReading) -> bool:
         now_s = self._store.moment().t_s or 0.0
         if self._warming_since_s is None:
             self._warming_since_s = now_s
@@ -193,7 +193,7 @@ class Gates:
         self._warming = None
         return True
 
-    def _again(self, gate: WarmUp, pose: int, spread_mm: float | None) -> None:
+    def _again(self, gate: WarmUpRule, pose: int, spread_mm: float | None) -> None:
         if self._points:
             self._store.add_event("warming_up", readings=len(self._points), spread_mm=spread_mm)
             self._wait(gate.every_s)

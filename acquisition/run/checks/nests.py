@@ -15,7 +15,7 @@ from acquisition.cell import world_frame
 from acquisition.cell.cell import Cell, covariance_of, moved_by
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import NestsDisagree
-from acquisition.record.store import Planned, Store
+from acquisition.record.store import PlannedReading, RecordStore
 from calib.fit import judge_points
 
 
@@ -27,9 +27,9 @@ class Nests:
 
     def __init__(
         self,
-        store: Store,
+        store: RecordStore,
         cell: Cell,
-        try_at: Callable[[Planned], object],
+        try_at: Callable[[PlannedReading], object],
         consult: Callable[[NestsDisagree], object],
     ) -> None:
         self._store = store
@@ -39,7 +39,7 @@ class Nests:
         self.world: WorldFrame | None = None
         self._where_mm: Mapping[str, Sequence[float]] = {}
 
-    def near_mm(self, planned: Planned) -> Sequence[float] | None:
+    def near_mm(self, planned: PlannedReading) -> Sequence[float] | None:
         """The point (3,) mm, tracker frame, to which the beam is sent for a nest; None where a person aims it or the
         tracker finds the nest by its name."""
         return self._where_mm.get(planned.target) if planned.visit.kind == "nest" else None

@@ -1,7 +1,7 @@
 """The lease of a run: the robot moves only while the one who answers for it is there.
 
-A `Lease` is for an owner who can fall silent without the program ending (a page, a cell PC): it beats, and when it
-does not, the campaign pauses at the end of the move or measurement under way. Stopping needs none.
+A `LeaseDeadline` is for an owner who can fall silent without the program ending (a page, a cell PC): it beats, and
+when it does not, the campaign pauses at the end of the move or measurement under way. Stopping needs none.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from acquisition.run.clock import Clock, ScaledClock
 
 
-class Lease:
+class LeaseDeadline:
     """Ends `seconds` after the last beat, on the steady clock: a calendar that jumps does it no harm."""
 
     def __init__(self, owner: str, seconds: float, clock: Clock | None = None) -> None:

@@ -9,13 +9,13 @@ from __future__ import annotations
 import threading
 
 from acquisition.errors import StorageError
-from acquisition.record.store import Store
+from acquisition.record.store import RecordStore
 
 
-class Noting:
+class StopOrders:
     """The orders of one execution. `begin` and `finish` exclude each other: their caller holds a lock."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: RecordStore) -> None:
         self._store = store
         self._threads: list[threading.Thread] = []
         self._left: list[tuple[str, str | None]] = []

@@ -14,9 +14,9 @@ from pathlib import Path
 
 from acquisition.record.attempts import VOID, Attempts
 from acquisition.run.orders.control import Control
-from acquisition.run.prompts.picture import WORDS_ALONE, Picture
+from acquisition.run.prompts.picture import WORDS_ALONE, PromptPicture
 from drivers.errors import AcquisitionError
-from drivers.interfaces import Answer, Entry, Operator, Prompt, Typed
+from drivers.interfaces import Answer, Operator, Prompt, Typed, TypedEntry
 from drivers.operator import RehearsalOperator, RemoteOperator, TerminalOperator, UnknownPrompt, refused
 
 _WHO = {TerminalOperator: "at the terminal", RehearsalOperator: "scripted, a rehearsal"}
@@ -26,7 +26,7 @@ CHOICES = (Answer.CONFIRM, Answer.SKIP, Answer.ABORT)
 
 
 @dataclass(frozen=True)
-class Given:
+class PromptAnswer:
     """An answer: by whom, why, and what was typed beside it."""
 
     answer: Answer
@@ -35,7 +35,7 @@ class Given:
     typed: str = ""
 
 
-class Desk:
+class PromptQueue:
     """The desk asks one prompt at a time. `picture`: the file for drawings, shown to a person at a terminal; `person`:
     who answers prompts with an entry, None: the operator."""
 
@@ -54,7 +54,7 @@ class Desk:
         self._person = person or operator
         self._changed = threading.Condition()
         self._pending: Prompt | None = None
-        self._answer: Given | None = None
+        self._answer: PromptAnswer | None = None
         self._failure: AcquisitionError | None = None
         self._asker: threading.Thread | None = None
         control.watch(self._wake)
@@ -66,12 +66,12 @@ class Desk:
     def ask(
         self,
         text: str,
-        picture: Picture = WORDS_ALONE,
+        picture: PromptPicture = WORDS_ALONE,
         *,
         redo: bool = False,
         pause: bool = False,
-        entry: Entry | None = None,
-    ) -> Given:
+        entry: TypedEntry | None = None,
+    ) -> PromptAnswer:
         """Wait for a person. `redo`: the last reading may be asked for once more; `pause`: the run may be paused;
         `entry`: numbers that they type.
 
@@ -111,7 +111,7 @@ class Desk:
             with_typed = Typed(typed) if typed.strip() and answer is Answer.CONFIRM else answer
             if refusal := refused(pending, with_typed):
                 raise UnknownPrompt(refusal, device="operator")
-            self._answer = Given(answer, by, reason, typed)
+            self._answer = PromptAnswer(answer, by, reason, typed)
             self._changed.notify_all()
 
     def _put(self, operator: Operator, prompt: Prompt) -> None:
@@ -127,7 +127,9 @@ class Desk:
             if self._pending is prompt and self._answer is None:
                 by = _WHO.get(type(operator), type(operator).__name__)
                 typed = answer.text if isinstance(answer, Typed) else ""
-                self._answer = Given(Answer.CONFIRM if isinstance(answer, Typed) else answer, by, typed=typed)
+                self._answer = PromptAnswer(
+                    Answer.CONFIRM if isinstance(answer, Typed) else answer, by, typed=typed
+                )
                 self._changed.notify_all()
 
     def _withdraw(self, prompt: Prompt) -> None:

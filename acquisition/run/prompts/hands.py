@@ -15,15 +15,15 @@ from collections.abc import Callable
 
 from acquisition.cell.cell import Bar, Cell, bar_for
 from acquisition.cell.picture import scene
-from acquisition.record.store import Planned
-from acquisition.run.prompts.picture import Ask, Picture
+from acquisition.record.store import PlannedReading
+from acquisition.run.prompts.picture import Ask, PromptPicture
 from drivers.interfaces import Answer
 
 
-class Hands:
+class ManualSteps:
     """The manual work of one execution. ask: put a question to a person; lost: the beam cannot be sent to a nest."""
 
-    def __init__(self, cell: Cell, ask: Ask, lost: Callable[[Planned], bool]) -> None:
+    def __init__(self, cell: Cell, ask: Ask, lost: Callable[[PlannedReading], bool]) -> None:
         self._ask, self._lost = ask, lost
         self._one_smr = cell.instrument.one_smr
         self._aimed = not cell.instrument.declared.finds_by_name
@@ -38,38 +38,38 @@ class Hands:
         self._seated = self._spanned = None
         self._free = False
 
-    def seat(self, planned: Planned) -> Answer:
+    def seat(self, planned: PlannedReading) -> Answer:
         """The SMR is in the nest of the reading, where there is only one SMR."""
         if not self._one_smr or self._seated == planned.target:
             return Answer.CONFIRM
-        seat = Picture(f"seat/{planned.target}")
+        seat = PromptPicture(f"seat/{planned.target}")
         answer = self._ask(f"Seat the SMR in {planned.target} and press confirm.", seat)
         if answer is Answer.CONFIRM:
             self._seated = planned.target
         return answer
 
-    def aim(self, planned: Planned) -> Answer:
+    def aim(self, planned: PlannedReading) -> Answer:
         """The beam is on the SMR of a nest."""
         if not self._aimed or planned.visit.kind != "nest" or not self._lost(planned):
             return Answer.CONFIRM
         return self._ask(
             f"Aim the tracker at the SMR in {planned.target} and press confirm.",
-            Picture(f"aim/{planned.target}"),
+            PromptPicture(f"aim/{planned.target}"),
         )
 
-    def free(self, planned: Planned) -> Answer:
+    def free(self, planned: PlannedReading) -> Answer:
         """Free the robot of the ballbar, since it goes to the pose of the reading next."""
         if not self._ballbar or self._free:
             return Answer.CONFIRM
         answer = self._ask(
             f"Take the ballbar off, step back and press confirm: the robot moves to {planned.visit.name}.",
-            Picture("off", self._drawing(planned, None)),
+            PromptPicture("off", self._drawing(planned, None)),
         )
         if answer is Answer.CONFIRM:
             self._free, self._spanned = True, None
         return answer
 
-    def span(self, planned: Planned) -> Answer:
+    def span(self, planned: PlannedReading) -> Answer:
         """The ballbar is between the balls of the reading."""
         if planned.base_target is None or self._spanned == (planned.base_target, planned.target):
             return Answer.CONFIRM
@@ -77,7 +77,7 @@ class Hands:
         answer = self._ask(
             f"Attach the ballbar between {planned.base_target} and {planned.target} and press confirm: it must then "
             f"read {bar_for(self._cell, planned.target, planned.base_target).length_mm:g} mm, give or take its stroke.",
-            Picture(
+            PromptPicture(
                 f"span/{planned.base_target}/{planned.target}",
                 self._drawing(planned, (planned.base_target, planned.target)),
             ),
@@ -93,14 +93,14 @@ class Hands:
             return self._ask(
                 f"Build {bar.in_words()}. Put it into its calibrator for that length and press confirm: "
                 "its zero is read there.",
-                Picture("calibrator"),
+                PromptPicture("calibrator"),
             )
         return self._ask(
             "Put the ballbar into its calibrator and press confirm: its zero is read there, it drifts by micrometres.",
-            Picture("calibrator"),
+            PromptPicture("calibrator"),
         )
 
-    def _drawing(self, planned: Planned, now: tuple[str, str] | None) -> str:
+    def _drawing(self, planned: PlannedReading, now: tuple[str, str] | None) -> str:
         """The pose of a reading with its legs, or two balls of one body."""
         visit = planned.visit
         legs = [(base, target) for target, base in visit.readings if base is not None]

@@ -9,7 +9,7 @@ from drivers.interfaces import Answer
 
 
 @dataclass(frozen=True)
-class Picture:
+class PromptPicture:
     """One picture.
 
     name: what the page draws by itself, from the cell that it shows anyway: `seat/NEST`, `aim/NEST`, `moved/NEST`,
@@ -21,7 +21,7 @@ class Picture:
     drawing: str | None = None
 
 
-WORDS_ALONE = Picture()
+WORDS_ALONE = PromptPicture()
 
-Ask = Callable[[str, Picture], Answer]
+Ask = Callable[[str, PromptPicture], Answer]
 """Puts a question to a person and waits for the answer."""

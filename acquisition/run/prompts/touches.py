@@ -18,10 +18,10 @@ from acquisition.cell.transit import home_of
 from acquisition.cell.workspace import Array, targets_at
 from acquisition.errors import TouchedElsewhere
 from acquisition.record.attempts import Attempts
-from acquisition.record.store import Planned
+from acquisition.record.store import PlannedReading
 from acquisition.record.touches import is_touch
-from acquisition.run.prompts.picture import WORDS_ALONE, Ask, Picture
-from acquisition.run.rig.rig import Rig
+from acquisition.run.prompts.picture import WORDS_ALONE, Ask, PromptPicture
+from acquisition.run.rig.rig import DevicePair
 from calib.errors import DataError
 from drivers.errors import AcquisitionError, Refused
 from drivers.interfaces import Answer, JointReading, LengthReading
@@ -34,18 +34,18 @@ _TURNS = 24  # about the vertical, in which a posture over a cup is looked for
 class Touches:
     """The touches of one execution. `ask`: put a question to a person."""
 
-    def __init__(self, cell: Cell, attempts: Attempts, rig: Rig, ask: Ask) -> None:
+    def __init__(self, cell: Cell, attempts: Attempts, rig: DevicePair, ask: Ask) -> None:
         self._cell = cell
         self._attempts = attempts
         self._rig = rig
         self._ask = ask
         self._sits: tuple[str, str] | None = None  # ball of the tool, and the cup in which it sits
 
-    def wanted(self, planned: Planned) -> bool:
+    def wanted(self, planned: PlannedReading) -> bool:
         """Whether a planned reading is a touch."""
         return is_touch(self._cell, planned)
 
-    def take(self, planned: Planned) -> Answer:
+    def take(self, planned: PlannedReading) -> Answer:
         """Have it done and read the joints: what the person answered, CONFIRM when it is on record.
 
         Raises TouchedElsewhere for another ball or another cup, and what the robot raises.
@@ -56,7 +56,9 @@ class Touches:
         answer = self._ask(
             f"Jog the robot until {ball} sits in {cup}{_near(near)}, with the setting ball between them, and press "
             "confirm: its joints are read there. The robot is not armed, nothing moves by itself.",
-            Picture(drawing=scene(self._cell, None if near is None else near.tolist(), (), (ball, cup))),
+            PromptPicture(
+                drawing=scene(self._cell, None if near is None else near.tolist(), (), (ball, cup))
+            ),
         )
         if answer is not Answer.CONFIRM:
             return answer

@@ -9,10 +9,10 @@ from __future__ import annotations
 from acquisition.campaign.campaign import Campaign
 from acquisition.cell.transit import Transit
 from acquisition.record.attempts import Attempts
-from acquisition.record.store import Planned, Store
+from acquisition.record.store import PlannedReading, RecordStore
 from acquisition.run.orders.control import Control, Pausing, Stopping
 from acquisition.run.rig.recorder import Recorder
-from acquisition.run.rig.rig import Rig
+from acquisition.run.rig.rig import DevicePair
 from drivers.errors import MotionStopped
 
 
@@ -20,7 +20,7 @@ class PathDrive:
     """The paths of one execution."""
 
     def __init__(
-        self, store: Store, campaign: Campaign, rig: Rig, control: Control, transit: Transit
+        self, store: RecordStore, campaign: Campaign, rig: DevicePair, control: Control, transit: Transit
     ) -> None:
         self._store = store
         self._campaign = campaign
@@ -28,7 +28,7 @@ class PathDrive:
         self._control = control
         self._transit = transit
 
-    def drive(self, planned: Planned, attempt: int) -> None:
+    def drive(self, planned: PlannedReading, attempt: int) -> None:
         """The robot goes from the first waypoint to the last. Raises Pausing, Stopping, AcquisitionError."""
         path = self._campaign.path_of(planned.visit.block)
         assert path is not None, "only a path has waypoints"

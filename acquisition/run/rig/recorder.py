@@ -16,9 +16,9 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from types import TracebackType
 
-from acquisition.record.store import Store
+from acquisition.record.store import RecordStore
 from acquisition.record.streams import Arrived, append
-from acquisition.run.rig.rig import Rig
+from acquisition.run.rig.rig import DevicePair
 from drivers.errors import AcquisitionError, TargetNotSeen
 from drivers.interfaces import Sample
 
@@ -64,7 +64,9 @@ class Feed:
 class Recorder:
     """The streams of one attempt at a path, from entering the block until it is left. `rates_hz` by role."""
 
-    def __init__(self, store: Store, attempt: int, rig: Rig, rates_hz: Mapping[str, float]) -> None:
+    def __init__(
+        self, store: RecordStore, attempt: int, rig: DevicePair, rates_hz: Mapping[str, float]
+    ) -> None:
         self._store, self._attempt, self._rig = store, attempt, rig
         self.feeds = {role: Feed(role, rate) for role, rate in rates_hz.items()}
         self._ended = threading.Event()

@@ -12,25 +12,25 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext, supp
 from dataclasses import dataclass
 from typing import cast
 
-from acquisition.cell.devices import Devices, Hands
+from acquisition.cell.devices import Devices, ManualJogging
 from acquisition.run.orders.control import Control
 from acquisition.run.rig.settling import until_still
 from drivers.errors import AcquisitionError, LinkError, LinkLost, Unmeasurable
 from drivers.interfaces import (
     Asking,
-    Attended,
     Device,
-    Guided,
+    HandGuided,
     Identity,
     JointReading,
     LengthMeter,
     LengthReading,
-    Paced,
+    OperatedByPerson,
     PointMeter,
     PointReading,
     RobotArm,
     Sample,
-    Streams,
+    SpeedLimited,
+    Streaming,
     weakness_of,
 )
 
@@ -38,10 +38,10 @@ PRESS = "Press the emergency stop: the program does not reach the robot, which m
 
 
 @dataclass(frozen=True)
-class Met:
+class ConnectedDevice:
     """A device that has just been connected. `read_deg`: where the robot is; None for the instrument.
 
-    `weakness`: what its wire cannot see (`drivers.interfaces.Candid`).
+    `weakness`: what its wire cannot see (`drivers.interfaces.ReportsWeakness`).
     """
 
     role: str
@@ -51,10 +51,10 @@ class Met:
     weakness: str
 
 
-class Rig:
+class DevicePair:
     """The devices of one execution. `met` hears of every connection, before anything moves."""
 
-    def __init__(self, devices: Devices, control: Control, met: Callable[[Met], None]) -> None:
+    def __init__(self, devices: Devices, control: Control, met: Callable[[ConnectedDevice], None]) -> None:
         self._devices = devices
         self._control = control
         self._met = met
@@ -83,7 +83,11 @@ class Rig:
                     if role == "robot":
                         self._can_stop = self._devices.robot.can_stop
                         read_deg = self._devices.robot.position().joints_deg
-                    self._met(Met(role, device.identify(), self._can_stop, read_deg, weakness_of(device)))
+                    self._met(
+                        ConnectedDevice(
+                            role, device.identify(), self._can_stop, read_deg, weakness_of(device)
+                        )
+                    )
                     self._connected.add(role)  # who it is is known: only then
                     self._seen.add(role)
                     self._lost.discard(role)
@@ -146,7 +150,7 @@ class Rig:
         Raises AcquisitionError, Stopping.
         """
         robot = self._devices.robot
-        if isinstance(robot, Guided):
+        if isinstance(robot, HandGuided):
             return self._driven(lambda: robot.move_over(path_deg, joints_deg))
         for each in path_deg:
             self.move(each)
@@ -155,7 +159,7 @@ class Rig:
     def attend(self, ask: Asking) -> None:
         """Let manual devices put their questions to a person through `ask`."""
         for _, device in self._both():
-            if isinstance(device, Attended):
+            if isinstance(device, OperatedByPerson):
                 device.attend(ask)
 
     def joints_at_rest_deg(self) -> tuple[float, ...]:
@@ -173,7 +177,7 @@ class Rig:
         self._at_rest = False
 
     @property
-    def hands(self) -> Hands | None:
+    def hands(self) -> ManualJogging | None:
         """The hands that jog the arm of a simulated cell."""
         return self._devices.hands
 
@@ -218,12 +222,14 @@ class Rig:
 
     def stream(self, role: str, rate_hz: float) -> AbstractContextManager[Iterator[Sample | None]]:
         """The stream of one device; what it raises is to be raised within `using`, by the thread that commands."""
-        return cast(Streams, dict(self._both())[role]).stream(rate_hz)
+        return cast(Streaming, dict(self._both())[role]).stream(rate_hz)
 
     def at_speed(self, speed_deg_s: float | None) -> AbstractContextManager[None]:
         """The leading joint is no faster until the block ends; None: as fast as the cell allows."""
         return (
-            nullcontext() if speed_deg_s is None else cast(Paced, self._devices.robot).at_speed(speed_deg_s)
+            nullcontext()
+            if speed_deg_s is None
+            else cast(SpeedLimited, self._devices.robot).at_speed(speed_deg_s)
         )
 
     @property

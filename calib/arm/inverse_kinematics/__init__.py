@@ -7,18 +7,18 @@ axes with shoulder and wrist in a point. By a search over one joint: wrists that
 from calib.arm.inverse_kinematics.solutions import (
     BRANCHES,
     SINGULAR_SINE,
-    Reached,
+    BranchResult,
     Solutions,
     nominal_inverse,
 )
-from calib.arm.inverse_kinematics.solve import Arm, arm_of, inverse_kinematics
+from calib.arm.inverse_kinematics.solve import InvertibleArm, arm_of, inverse_kinematics
 from calib.arm.inverse_kinematics.turns import nearest_branch, nearest_turns, within_limits
 
 __all__ = [
     "BRANCHES",
     "SINGULAR_SINE",
-    "Arm",
-    "Reached",
+    "BranchResult",
+    "InvertibleArm",
     "Solutions",
     "arm_of",
     "inverse_kinematics",

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arm.inverse_kinematics.solutions import WITHOUT_WRIST, Reached, Solutions, columns, turn_back
+from calib.arm.inverse_kinematics.solutions import WITHOUT_WRIST, BranchResult, Solutions, columns, turn_back
 from calib.arm.inverse_kinematics.turns import TwoLinks
 from calib.arm.inverse_kinematics.zero_pose import ZeroPose, meeting, parallel, square
 from calib.array import Array
@@ -86,10 +86,10 @@ class FiveAxes:
         theta_5 = np.arctan2(across[0] * x + across[1] * y, s4 * z)
         joints = (theta_1, theta_2, s3 * between, s4 * (turn - theta_2 - between), theta_5)
         states = (
-            (Reached.ELBOW, stretched),
-            (Reached.SHOULDER, above),
-            (Reached.TILTED, tilted),
-            (Reached.TOO_FAR, far),
-            (Reached.TOO_NEAR, near),
+            (BranchResult.ELBOW, stretched),
+            (BranchResult.SHOULDER, above),
+            (BranchResult.TILTED, tilted),
+            (BranchResult.TOO_FAR, far),
+            (BranchResult.TOO_NEAR, near),
         )
         return Solutions.of(self.branches, joints, states, self.zero.turns, len(poses))

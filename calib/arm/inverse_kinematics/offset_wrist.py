@@ -22,8 +22,8 @@ from calib.arm.inverse_kinematics.solutions import (
     BRANCHES,
     REACHED,
     SINGULAR_SINE,
+    BranchResult,
     Mask,
-    Reached,
     Solutions,
     Vector,
     turn_back,
@@ -106,10 +106,10 @@ class OffsetWrist:
         there = nth < _OF_A_NAME
         place = name + len(BRANCHES) * nth
         out = np.full((len(poses), len(self.branches), 6), np.nan)
-        state = np.full(out.shape[:2], REACHED.index(Reached.TOO_FAR), dtype=np.int8)
+        state = np.full(out.shape[:2], REACHED.index(BranchResult.TOO_FAR), dtype=np.int8)
         out[rows[there], place[there]] = joints[there]
         state[rows[there], place[there]] = np.where(
-            singular, REACHED.index(Reached.WRIST), REACHED.index(Reached.YES)
+            singular, REACHED.index(BranchResult.WRIST), REACHED.index(BranchResult.YES)
         )[there]
         return out, state
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arm.inverse_kinematics.solutions import BRANCHES, Mask, Reached, Solutions, Vector
+from calib.arm.inverse_kinematics.solutions import BRANCHES, BranchResult, Mask, Solutions, Vector
 from calib.arm.inverse_kinematics.turns import FRONT, UP, axes_of_turns, bent, three_turns, tilt_of
 from calib.arm.inverse_kinematics.zero_pose import MEETING_MM, ZeroPose, meeting, square, turns_about
 from calib.array import Array
@@ -76,10 +76,10 @@ class SevenAxes:
         last, in_line = self._three(4, wrist, _NOFLIP, free[4])
         joints = (*first, theta_4[None, :, None], *last)
         states = (
-            (Reached.WRIST, in_line),
-            (Reached.SHOULDER, above),
-            (Reached.ELBOW, stretched[None, :, None]),
-            (Reached.TOO_FAR, far[None, :, None]),
+            (BranchResult.WRIST, in_line),
+            (BranchResult.SHOULDER, above),
+            (BranchResult.ELBOW, stretched[None, :, None]),
+            (BranchResult.TOO_FAR, far[None, :, None]),
         )
         return Solutions.of(self.branches, joints, states, zero.turns, len(poses))
 

@@ -29,7 +29,7 @@ from typing import Literal
 
 import numpy as np
 
-from calib.arm.inverse_kinematics.solutions import BRANCHES, Reached, Solutions, columns, turn_back
+from calib.arm.inverse_kinematics.solutions import BRANCHES, BranchResult, Solutions, columns, turn_back
 from calib.arm.inverse_kinematics.turns import TwoLinks, axes_of_turns, three_turns, tilt_of
 from calib.arm.inverse_kinematics.zero_pose import MEETING_MM, SQUARE, ZeroPose, meeting, parallel
 from calib.array import Array
@@ -38,7 +38,7 @@ Kind = Literal["spherical wrist", "parallel elbow"]
 
 
 @dataclass(frozen=True)
-class Structure:
+class ArmStructure:
     """The zero pose of six axes that can be inverted; vectors (3,) in the base frame, mm.
 
     centre: the wrist centre w. links: the first three axes. wrist: rows z_5 x z_4, z_5, z_4. tilt: angle of z_6 from
@@ -54,7 +54,7 @@ class Structure:
     senses: tuple[float, float]
 
 
-def structure_of(zero: ZeroPose) -> Structure:
+def structure_of(zero: ZeroPose) -> ArmStructure:
     """The structure of six axes. Raises DataError, saying what prevents it, when it is of neither kind."""
     if zero.joints != 6 or not all(zero.turns):
         raise zero.refused(f"it has {zero.joints} joints, of which {sum(zero.turns)} turn, not 6")
@@ -81,7 +81,7 @@ def structure_of(zero: ZeroPose) -> Structure:
             f"axis 4 passes the wrist centre at {off_4:.6g} mm and is not parallel to axes 2 and 3",
         )
     wrist = axes_of_turns(axes[3], axes[4])
-    return Structure(
+    return ArmStructure(
         kind=kind,
         zero=zero,
         centre=centre,
@@ -99,7 +99,7 @@ _NOFLIP = np.array([1.0, -1.0]).reshape(1, 1, 2, 1)
 class SixAxes:
     """Six axes of a structure with a closed form."""
 
-    structure: Structure
+    structure: ArmStructure
 
     branches = BRANCHES
 
@@ -152,11 +152,11 @@ class SixAxes:
             BRANCHES,
             angles,
             (  # the weightiest last: it is the one that is kept
-                (Reached.WRIST, in_line),
-                (Reached.ELBOW, stretched),
-                (Reached.SHOULDER, above),
-                (Reached.TOO_FAR, far),
-                (Reached.TOO_NEAR, near),
+                (BranchResult.WRIST, in_line),
+                (BranchResult.ELBOW, stretched),
+                (BranchResult.SHOULDER, above),
+                (BranchResult.TOO_FAR, far),
+                (BranchResult.TOO_NEAR, near),
             ),
             arm.zero.turns,
             n,

@@ -55,7 +55,7 @@ ITERATIONS = 12
 _REACHED = 1e-13  # rad: the step that no longer changes anything
 
 
-class Reached(StrEnum):
+class BranchResult(StrEnum):
     """The outcome for a pose in one branch."""
 
     YES = "reached"
@@ -67,9 +67,13 @@ class Reached(StrEnum):
     TILTED = "out of reach: this arm cannot tilt its tool so"
 
 
-REACHED = tuple(Reached)
+REACHED = tuple(BranchResult)
 
-UNREACHABLE = (REACHED.index(Reached.TOO_NEAR), REACHED.index(Reached.TOO_FAR), REACHED.index(Reached.TILTED))
+UNREACHABLE = (
+    REACHED.index(BranchResult.TOO_NEAR),
+    REACHED.index(BranchResult.TOO_FAR),
+    REACHED.index(BranchResult.TILTED),
+)
 
 
 @dataclass(frozen=True)
@@ -89,7 +93,7 @@ class Solutions:
         cls,
         branches: tuple[str, ...],
         joints: Sequence[Array],
-        states: Sequence[tuple[Reached, NDArray[np.bool_]]],
+        states: Sequence[tuple[BranchResult, NDArray[np.bool_]]],
         turns: tuple[bool, ...],
         n: int,
     ) -> Solutions:
@@ -112,7 +116,7 @@ class Solutions:
         """(n, B) whether the joints reach the pose."""
         return ~np.isin(self.state, UNREACHABLE)
 
-    def all_of(self, row: int) -> tuple[Reached, ...]:
+    def all_of(self, row: int) -> tuple[BranchResult, ...]:
         """The outcome for one pose in all branches."""
         return tuple(REACHED[state] for state in self.state[row])
 

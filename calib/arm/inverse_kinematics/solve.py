@@ -29,7 +29,7 @@ from calib.arm.inverse_kinematics.five_axes import FiveAxes
 from calib.arm.inverse_kinematics.offset_wrist import OffsetWrist
 from calib.arm.inverse_kinematics.seven_axes import SevenAxes
 from calib.arm.inverse_kinematics.six_axes import SixAxes
-from calib.arm.inverse_kinematics.solutions import Reached, Solutions
+from calib.arm.inverse_kinematics.solutions import BranchResult, Solutions
 from calib.arm.inverse_kinematics.turns import bent
 from calib.arm.inverse_kinematics.zero_pose import MEETING_MM, ZeroPose, parallel, turns_about
 from calib.arm.robot import Robot
@@ -102,7 +102,7 @@ class Scara:
         joints[a], joints[b] = self.senses[a] * turn_a, self.senses[b] * turn_b
         joints[c] = self.senses[c] * (angle - turn_a - turn_b)
         joints[self.sliding] = self.senses[self.sliding] * ((poses[:, :3, 3] - flange[:3, 3]) @ up)
-        states = ((Reached.ELBOW, stretched), (Reached.TOO_FAR, far), (Reached.TILTED, tilted))
+        states = ((BranchResult.ELBOW, stretched), (BranchResult.TOO_FAR, far), (BranchResult.TILTED, tilted))
         return Solutions.of(self.branches, joints, states, self.zero.turns, len(poses))
 
 
@@ -110,7 +110,7 @@ def _polar(in_plane: Array) -> tuple[float, float]:
     return float(np.arctan2(in_plane[1], in_plane[0])), float(np.hypot(in_plane[0], in_plane[1]))
 
 
-class Arm(Protocol):
+class InvertibleArm(Protocol):
     """An arm that can be inverted: the names of its branches, and its solutions in their order."""
 
     @property
@@ -151,12 +151,12 @@ def inverse_kinematics(robot: Robot, poses: Array, *, seed: Array | None = None)
     return arm_of(robot).solve(poses, seed)
 
 
-def arm_of(robot: Robot) -> Arm:
+def arm_of(robot: Robot) -> InvertibleArm:
     """The arm of a nominal robot. Raises DataError, saying what prevents it, for one that has no known structure."""
     return _arm_of(ZeroPose.of(robot))
 
 
-def _arm_of(zero: ZeroPose) -> Arm:
+def _arm_of(zero: ZeroPose) -> InvertibleArm:
     kind = _KINDS.get(zero.joints)
     try:
         if kind is None:
@@ -169,18 +169,18 @@ def _arm_of(zero: ZeroPose) -> Arm:
                 return found
         elif zero.joints > 4:
             try:
-                return Standing(zero, _arm_of(zero.without_first()))
+                return ArmOnAxis(zero, _arm_of(zero.without_first()))
             except DataError:
                 pass
         raise why
 
 
 @dataclass(frozen=True)
-class Standing:
+class ArmOnAxis:
     """An arm, and the first axis of its zero pose, which carries it."""
 
     zero: ZeroPose
-    arm: Arm
+    arm: InvertibleArm
 
     @property
     def kind(self) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arm.kinematics import Chain, Placement, nominal_values, propagate
+from calib.arm.kinematics import BasePoses, Chain, nominal_values, propagate
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.errors import DataError
@@ -29,7 +29,7 @@ class ZeroPose:
     @classmethod
     def of(cls, robot: Robot) -> ZeroPose:
         """The axes of a robot at model joints zero."""
-        frames = propagate(Chain.of(robot), nominal_values(robot, np.zeros((1, robot.joints))), Placement())
+        frames = propagate(Chain.of(robot), nominal_values(robot, np.zeros((1, robot.joints))), BasePoses())
         flange = np.eye(4)
         flange[:3, :3], flange[:3, 3] = frames.rotation[0], np.broadcast_to(frames.p, (3, 1))[:, 0]
         slots = robot.joint_slots

@@ -26,7 +26,7 @@ from itertools import pairwise
 
 from calib.errors import DataError
 from calib.foreign.files.number import NOT_MEASURED, Notation, is_number, notation_of, seconds_of
-from calib.foreign.files.sheet import FEWEST_NUMBERS, Row, Sheet, wide_blanks
+from calib.foreign.files.sheet import FEWEST_NUMBERS, Sheet, SheetRow, wide_blanks
 from calib.foreign.files.unit_words import unit_of, unit_row
 
 _SUMMARY = re.compile(
@@ -58,7 +58,7 @@ class Layout:
     sheet: Sheet
     names: tuple[str, ...]
     units: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[SheetRow, ...]
     header_line: int | None
     said: tuple[str, ...]
     above: tuple[str, ...]
@@ -134,7 +134,7 @@ def _value(cell: str) -> bool:
     return is_number(cell) or seconds_of(cell) is not None
 
 
-def _blocks(rows: Sequence[Row]) -> list[list[int]]:
+def _blocks(rows: Sequence[SheetRow]) -> list[list[int]]:
     """Runs of rows with values in the most common columns, separated by rows of words."""
     where = [
         frozenset() if row.comment else frozenset(k for k, cell in enumerate(row.cells) if _value(cell))
@@ -156,12 +156,12 @@ def _blocks(rows: Sequence[Row]) -> list[list[int]]:
     return [block for block in blocks if block]
 
 
-def _words(row: Row) -> int:
+def _words(row: SheetRow) -> int:
     """Different words of a row that may name columns."""
     return len({cell for cell in row.cells if not _value(cell) and cell.lower() not in _LOST})
 
 
-def _joined(rows: Sequence[Row], blocks: list[list[int]]) -> list[list[int]]:
+def _joined(rows: Sequence[SheetRow], blocks: list[list[int]]) -> list[list[int]]:
     """Blocks, one where the names are repeated between two (a page break), without few rows above the first names."""
     if len(blocks[0]) <= _FEW < len(blocks[1]) and _top(rows, blocks[0]) == blocks[0][0]:
         blocks = blocks[1:]
@@ -176,7 +176,7 @@ def _joined(rows: Sequence[Row], blocks: list[list[int]]) -> list[list[int]]:
     return out
 
 
-def _top(rows: Sequence[Row], block: list[int]) -> int:
+def _top(rows: Sequence[SheetRow], block: list[int]) -> int:
     """The row that names the columns of a block; its first reading where none does."""
     for i in range(block[0] - 1, max(block[0] - 4, -1), -1):
         if unit_row(rows[i].cells):
@@ -186,7 +186,7 @@ def _top(rows: Sequence[Row], block: list[int]) -> int:
 
 
 def _header(
-    sheet: Sheet, rows: Sequence[Row], first: int, width: int
+    sheet: Sheet, rows: Sequence[SheetRow], first: int, width: int
 ) -> tuple[list[str], list[str], int | None, list[str]]:
     """Names, units, index of the row of names (None without) and what is to be said."""
     top = _top(rows, [first])
@@ -240,11 +240,11 @@ def _header(
     return names, units, top, said
 
 
-def _merged(sheet: Sheet, row: Row) -> bool:
+def _merged(sheet: Sheet, row: SheetRow) -> bool:
     return any(line == row.line for line, _ in sheet.groups)
 
 
-def _groups(sheet: Sheet, row: Row, width: int) -> list[str]:
+def _groups(sheet: Sheet, row: SheetRow, width: int) -> list[str]:
     """The group over each column; [] where the row is none of groups."""
     filled = [k for k, cell in enumerate(row.cells[:width]) if cell]
     if not filled or row.comment or len(row.cells) > width or (len(filled) == 1 and not _merged(sheet, row)):
@@ -331,7 +331,7 @@ def joined(layout: Layout) -> Layout:
         )
     names = (*texts, *(f"{name} {letter}" for letter in "XYZ" for name in values))
     rows = tuple(
-        Row(
+        SheetRow(
             layout.lines[of[0]],
             (
                 *(layout.cells[name][of[0]] for name in texts),
@@ -357,7 +357,7 @@ def _matrices(layout: Layout) -> Layout | None:
     if any(cells != (0.0, 0.0, 0.0, 1.0) for cells in last):
         return None
     joined_rows = tuple(
-        Row(rows[i].line, tuple(cell for row in rows[i : i + 4] for cell in row.cells))
+        SheetRow(rows[i].line, tuple(cell for row in rows[i : i + 4] for cell in row.cells))
         for i in range(0, len(rows), 4)
     )
     names = tuple(f"T{row}{column}" for row in range(1, 5) for column in range(1, 5))

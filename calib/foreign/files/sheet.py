@@ -31,7 +31,7 @@ FEWEST_NUMBERS = 3
 
 
 @dataclass(frozen=True)
-class Row:
+class SheetRow:
     """A row of a sheet: its line (from 1) in the file, its cells, and whether the file marks it as a comment."""
 
     line: int
@@ -50,7 +50,7 @@ class Sheet:
 
     path: Path
     name: str
-    rows: tuple[Row, ...]
+    rows: tuple[SheetRow, ...]
     separator: str = ""
     said: tuple[str, ...] = ()
     groups: Mapping[tuple[int, int], str] = field(default_factory=dict)
@@ -93,23 +93,23 @@ def taken_apart(sheet: Sheet) -> Sheet:
     return replace(sheet, rows=_of_labels(lines, found, sheet.path), said=(*sheet.said, TAKEN_APART))
 
 
-def _of_labels(lines: list[str], found: Labelled, path: Path) -> tuple[Row, ...]:
+def _of_labels(lines: list[str], found: Labelled, path: Path) -> tuple[SheetRow, ...]:
     """The rows of a table of labelled lines; others are remarks."""
     cells = dict(found.rows)
     first = found.rows[0][0]
     out = []
     for i, line in enumerate(lines):
         if i == first and found.names:
-            out.append(Row(i + 1, found.names))
+            out.append(SheetRow(i + 1, found.names))
         if i in cells:
             refuse_wide(len(cells[i]), path, i + 1)
-            out.append(Row(i + 1, cells[i]))
+            out.append(SheetRow(i + 1, cells[i]))
         elif line.strip():
-            out.append(Row(i + 1, tuple(line.split()), comment=True))
+            out.append(SheetRow(i + 1, tuple(line.split()), comment=True))
     return tuple(out)
 
 
-def _rows(text: str, path: Path, separator: str) -> list[Row]:
+def _rows(text: str, path: Path, separator: str) -> list[SheetRow]:
     """Rows that are not empty; marks of comments are taken off, and remarks behind `//` left out."""
     lines = text.split("\n")
     marks = [_COMMENT.match(line) for line in lines]
@@ -129,7 +129,7 @@ def _rows(text: str, path: Path, separator: str) -> list[Row]:
     for line, cells in rows:
         stripped = tuple(cell.strip() for cell in cells)
         if any(stripped):
-            out.append(Row(line, stripped, marks[line - 1] is not None))
+            out.append(SheetRow(line, stripped, marks[line - 1] is not None))
     return out
 
 
@@ -154,7 +154,7 @@ def _separator(text: str, path: Path) -> str:
     return max(found, key=lambda name: found[name])
 
 
-def _tableness(rows: list[Row]) -> tuple[int, int]:
+def _tableness(rows: list[SheetRow]) -> tuple[int, int]:
     """A score of rows as a table: how many have the commonest width and hold numbers, and how many numbers."""
     numbers = [
         (len(row.cells), sum(map(is_number, row.cells)))

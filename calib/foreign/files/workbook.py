@@ -15,7 +15,7 @@ from typing import Any
 
 from calib.errors import DataError
 from calib.foreign.files.packed import MOST_CELLS, UNREADABLE, refuse_bomb
-from calib.foreign.files.sheet import Row, Sheet
+from calib.foreign.files.sheet import Sheet, SheetRow
 from calib.text.columns import MOST_COLUMNS
 from calib.text.text_file import read_bytes
 
@@ -110,7 +110,7 @@ def _sheet(path: Path, values: Any, formulas: Any) -> Sheet:
         said.append(f"{computed} cells are formulas: the values that were saved with them count")
     if filled:
         said.append(f"{filled} cells merged over several rows: each row has the value")
-    rows = tuple(Row(i, tuple(row)) for i, row in enumerate(grid, start=1) if any(row))
+    rows = tuple(SheetRow(i, tuple(row)) for i, row in enumerate(grid, start=1) if any(row))
     return Sheet(path, values.title, rows, "", tuple(said), groups, spoilt)
 
 

@@ -16,7 +16,7 @@ from calib.errors import DataError
 from calib.foreign.files.layout import Layout
 from calib.foreign.files.number import Notation, is_number, seconds_of
 from calib.foreign.map.map_file import UNDECIDED, FileMap, sequence_of
-from calib.foreign.meanings.words import Meaning
+from calib.foreign.meanings.words import ColumnMeaning
 
 Answers = Mapping[str, str]
 
@@ -54,7 +54,7 @@ _SETS = {"calibration", "reference", "repeat", "validation"}
 
 
 @dataclass(frozen=True)
-class Question:
+class ColumnQuestion:
     """A question that the files leave open. key: what `--answer KEY=CHOICE` names; choices: the answers; proposed: the
     likeliest; evidence: whether the robot can decide it."""
 
@@ -66,7 +66,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Finding:
+class ColumnFinding:
     """The finding about a column: what it is read as, its unit and why; `read_as` is '' for one that is left aside."""
 
     column: str
@@ -92,11 +92,11 @@ class Assigned:
         None  # whether points at exactly 0, 0, 0 were measured there; None without such points
     )
     read_back: bool = False  # whether the joints are those that the controller read back
-    found: dict[str, Finding] = field(default_factory=dict)
-    questions: list[Question] = field(default_factory=list)
+    found: dict[str, ColumnFinding] = field(default_factory=dict)
+    questions: list[ColumnQuestion] = field(default_factory=list)
     keys: set[str] = field(default_factory=set)  # what may be answered
 
-    def ask(self, question: Question) -> str:
+    def ask(self, question: ColumnQuestion) -> str:
         """The answer to a question, or `?`, and the question is open. Raises DataError for an answer that is none."""
         self.keys.add(question.key)
         answer = self.answers.get(question.key)
@@ -120,11 +120,11 @@ class Assigned:
 
     def take(self, column: str, read_as: str, unit: str = "", why: str = "its name") -> None:
         """Note as what a column is read."""
-        self.found[column] = Finding(column, read_as, unit, why)
+        self.found[column] = ColumnFinding(column, read_as, unit, why)
 
     def aside(self, column: str, why: str) -> None:
         """Note why a column is left aside."""
-        self.found.setdefault(column, Finding(column, "", "", why))
+        self.found.setdefault(column, ColumnFinding(column, "", "", why))
 
     @property
     def made(self) -> FileMap:
@@ -136,7 +136,7 @@ class Assigned:
         )  # fmt: skip
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
+    def findings(self) -> tuple[ColumnFinding, ...]:
         """The findings of all columns, in their order."""
         return tuple(self.found[name] for name in self.layout.names if name in self.found)
 
@@ -152,7 +152,7 @@ def occurrence(name: str) -> str:
     return f"#{number}" if mark and number.isdigit() else ""
 
 
-def names_of_rows(to: Assigned, meanings: Mapping[str, Meaning]) -> None:
+def names_of_rows(to: Assigned, meanings: Mapping[str, ColumnMeaning]) -> None:
     cells = to.layout.cells
     for name, meaning in meanings.items():
         if name in to.found or not any(cells[name]):
@@ -195,7 +195,7 @@ def names_of_rows(to: Assigned, meanings: Mapping[str, Meaning]) -> None:
                 to.take(name, "name of the reading" if key == "id" else "name of the pose")
 
 
-def _time(to: Assigned, name: str, meaning: Meaning, filled: Sequence[str]) -> None:
+def _time(to: Assigned, name: str, meaning: ColumnMeaning, filled: Sequence[str]) -> None:
     if all(seconds_of(cell) is not None for cell in filled) and len(filled) == len(to.layout.rows):
         to.columns["time"] = f"{name}[date]"
         to.take(name, "time", "date", "its cells are dates with a time of day")
@@ -221,7 +221,7 @@ def _status(to: Assigned, name: str) -> None:
             f"Column '{name}' holds {shown}. Which of these mean that a reading counts "
             "(with commas between; 'all' to leave the column aside)?"
         )
-        answer = to.ask(Question(f"{to.prefix}status", text, ()))
+        answer = to.ask(ColumnQuestion(f"{to.prefix}status", text, ()))
         if answer == "all":
             to.aside(name, "as answered")
             return

@@ -27,9 +27,17 @@ from calib.foreign.files.number import Notation, notation_of, suffix_of
 from calib.foreign.files.unit_words import unit_of
 from calib.foreign.map.entry import ANGLES, FEW, HUGE_MM, LARGE_DEG, LENGTHS, MOST_RAD, SMALL_MM
 from calib.foreign.map.map_file import ANGLES_OF, MATRIX, NAME_OF, UNDECIDED, USUAL
-from calib.foreign.meanings.assigned import LEAVE, Answers, Assigned, Question, Set, names_of_rows, occurrence
+from calib.foreign.meanings.assigned import (
+    LEAVE,
+    Answers,
+    Assigned,
+    ColumnQuestion,
+    Set,
+    names_of_rows,
+    occurrence,
+)
 from calib.foreign.meanings.unnamed import unnamed
-from calib.foreign.meanings.words import Meaning, Role, meaning_of
+from calib.foreign.meanings.words import ColumnMeaning, Role, meaning_of
 from calib.units import DEG
 
 _Key = tuple[Role, str, str]  # role, family of angles or name of the target, and which of equal names
@@ -50,7 +58,9 @@ def assign(
     }
     if all(letter in plain for letter in _YASKAWA):
         for k, letter in enumerate(_YASKAWA, start=1):
-            meanings[plain[letter]] = Meaning("joint", k, "", "slurbt", unit=meanings[plain[letter]].unit)
+            meanings[plain[letter]] = ColumnMeaning(
+                "joint", k, "", "slurbt", unit=meanings[plain[letter]].unit
+            )
     _notation(to)
     _copies(to, meanings)
     robot = load_robot(to.answers["robot"], Path.cwd()) if to.answers.get("robot") else None
@@ -94,13 +104,13 @@ def _notation(to: Assigned) -> None:
             "Points and commas in the numbers contradict each other, or may be decimals or thousands. "
             "Which mark stands before decimals?"
         )
-        to.ask(Question(f"{to.prefix}decimal", text, (".", ",")))
+        to.ask(ColumnQuestion(f"{to.prefix}decimal", text, (".", ",")))
         to.notation = Notation(UNDECIDED)
     else:
         to.notation = found
 
 
-def _copies(to: Assigned, meanings: dict[str, Meaning]) -> None:
+def _copies(to: Assigned, meanings: dict[str, ColumnMeaning]) -> None:
     """Columns given twice with the same contents count once."""
     for name in to.layout.names:
         first, mark, number = name.rpartition("#")
@@ -114,7 +124,7 @@ def _copies(to: Assigned, meanings: dict[str, Meaning]) -> None:
             del meanings[name]
 
 
-def _joints(to: Assigned, meanings: dict[str, Meaning], followers: Sequence[int]) -> None:
+def _joints(to: Assigned, meanings: dict[str, ColumnMeaning], followers: Sequence[int]) -> None:
     sets: dict[_Key, dict[int, str]] = {}
     for name, meaning in meanings.items():
         if meaning.kind == "joint":
@@ -130,7 +140,7 @@ def _joints(to: Assigned, meanings: dict[str, Meaning], followers: Sequence[int]
     for key in list(whole):  # q1..q4 beside joints are a quaternion, as is q0..q3 of norm 1
         if key[1] == "q" and len(whole[key]) == 4 and (len(whole) > 1 or _normed(to, whole[key])):
             for k, name in enumerate(whole.pop(key)):
-                meanings[name] = Meaning("quaternion", k, key[0], "numbered")
+                meanings[name] = ColumnMeaning("quaternion", k, key[0], "numbered")
     commanded = {key: names for key, names in whole.items() if key[0] != "read"}
     read = {key: names for key, names in whole.items() if key[0] == "read"}
     sets_of_joints = [*(commanded or read).values()]
@@ -158,7 +168,7 @@ def _joints(to: Assigned, meanings: dict[str, Meaning], followers: Sequence[int]
 
 
 def _read_back(
-    to: Assigned, chosen: Set, read: Set | None, meanings: dict[str, Meaning], *, is_read: bool
+    to: Assigned, chosen: Set, read: Set | None, meanings: dict[str, ColumnMeaning], *, is_read: bool
 ) -> str:
     """Ask which joints count where only those read back are there, or where they are not those commanded; a remark on
     the chosen columns."""
@@ -177,12 +187,12 @@ def _read_back(
         )
     else:
         return ""
-    answer = to.ask(Question(key, text, ("commanded", "read"), "read" if is_read else "commanded"))
+    answer = to.ask(ColumnQuestion(key, text, ("commanded", "read"), "read" if is_read else "commanded"))
     to.read_back = answer == "read"
     return "; what the controller read back" if to.read_back else ""
 
 
-def _apart_deg(to: Assigned, commanded: Set, read: Set, meanings: dict[str, Meaning]) -> float:
+def _apart_deg(to: Assigned, commanded: Set, read: Set, meanings: dict[str, ColumnMeaning]) -> float:
     """The largest difference of two sets of joints, deg or mm; 0 where a unit is not known."""
     shown = []
     for names in (commanded, read):
@@ -198,7 +208,7 @@ def _apart_deg(to: Assigned, commanded: Set, read: Set, meanings: dict[str, Mean
     return float(np.nanmax(np.abs(apart), initial=0.0))
 
 
-def _further(to: Assigned, meanings: dict[str, Meaning], joints: int) -> None:
+def _further(to: Assigned, meanings: dict[str, ColumnMeaning], joints: int) -> None:
     """External axes that move, and what says how joints arrived."""
     for name, meaning in meanings.items():
         bare = name.lower()
@@ -232,7 +242,9 @@ def _one_of(to: Assigned, what: str, text: str, sets: Sequence[Set]) -> Set | No
         return sets[0]
     choices = {names[0]: names for names in sets}
     shown = "; ".join(f"{names[0]} .. {names[-1]}" for names in sets)
-    answer = to.ask(Question(f"{to.prefix}{what}", f"{text}: {shown}. Which?", tuple(choices), evidence=True))
+    answer = to.ask(
+        ColumnQuestion(f"{to.prefix}{what}", f"{text}: {shown}. Which?", tuple(choices), evidence=True)
+    )
     if answer in choices:
         return choices[answer]
     for names in sets:
@@ -242,7 +254,7 @@ def _one_of(to: Assigned, what: str, text: str, sets: Sequence[Set]) -> Set | No
     return None
 
 
-def _points(to: Assigned, meanings: dict[str, Meaning]) -> None:
+def _points(to: Assigned, meanings: dict[str, ColumnMeaning]) -> None:
     sets: dict[_Key, dict[int, str]] = {}
     for name, meaning in meanings.items():
         if meaning.kind == "point":
@@ -259,7 +271,7 @@ def _points(to: Assigned, meanings: dict[str, Meaning]) -> None:
         shown = "; ".join(f"{names[0]} ({key[0]})" for key, names in whole.items())
         choices = {names[0]: names for names in whole.values()}
         text = f"No coordinates are named as measured, only {shown}. Which were measured by an instrument?"
-        answer = to.ask(Question(f"{to.prefix}points", text, (*choices, "none")))
+        answer = to.ask(ColumnQuestion(f"{to.prefix}points", text, (*choices, "none")))
         if answer in choices:
             candidates = {("", "", ""): choices[answer]}
         elif answer == UNDECIDED:
@@ -297,7 +309,7 @@ def at_zero(to: Assigned) -> NDArray[np.int64]:
     return np.flatnonzero(zero)
 
 
-def _unit_of_points(to: Assigned, names: Sequence[str], meanings: dict[str, Meaning]) -> None:
+def _unit_of_points(to: Assigned, names: Sequence[str], meanings: dict[str, ColumnMeaning]) -> None:
     """Entries `x@NAME` of columns of coordinates, for the caller to put where they belong."""
     units, why = units_of_columns(to, names, meanings, "points", ("mm", "m", "in", "um"))
     for k, (name, unit, reason) in enumerate(zip(names, units, why, strict=True)):
@@ -305,7 +317,7 @@ def _unit_of_points(to: Assigned, names: Sequence[str], meanings: dict[str, Mean
         to.take(name, f"{'xyz'[k % 3]} measured", unit, reason)
 
 
-def orientations(to: Assigned, meanings: dict[str, Meaning]) -> None:
+def orientations(to: Assigned, meanings: dict[str, ColumnMeaning]) -> None:
     """Orientation, where x, y and z are decided and of the same origin."""
     taken = [name for name, found in to.found.items() if found.read_as.endswith(" measured")]
     if not taken:
@@ -345,7 +357,7 @@ def _quaternion(to: Assigned, names: Set, family: str) -> None:
     why, order = "its name", "wxyz"
     if family == "numbered":
         key = f"{to.prefix}quaternion"
-        order = to.ask(Question(key, f"Is {names[0]} .. {names[3]} a quaternion with the scalar first or last?",
+        order = to.ask(ColumnQuestion(key, f"Is {names[0]} .. {names[3]} a quaternion with the scalar first or last?",
                                 ("wxyz", "xyzw", LEAVE), "wxyz", evidence=True))  # fmt: skip
         why = to.reason(key)
     if order == LEAVE:
@@ -358,14 +370,14 @@ def _quaternion(to: Assigned, names: Set, family: str) -> None:
         to.take(name, f"quaternion {part}", "", why)
 
 
-def _angles(to: Assigned, names: Set, family: str, meanings: Mapping[str, Meaning]) -> None:
+def _angles(to: Assigned, names: Set, family: str, meanings: Mapping[str, ColumnMeaning]) -> None:
     convention, why = ANGLES_OF.get(family, ("", ""))
     key = f"{to.prefix}rotation"
     to.keys.add(key)
     if not convention or key in to.answers:
         shown = ", ".join(names)
         usual = [NAME_OF.get((family, each), each) for each in USUAL]
-        convention = to.ask(Question(key, f"By which convention are {shown} an orientation?", (*usual, LEAVE),
+        convention = to.ask(ColumnQuestion(key, f"By which convention are {shown} an orientation?", (*usual, LEAVE),
                                      "roll-pitch-yaw" if family == "rpy" else "", evidence=True))  # fmt: skip
         why = to.reason(key)
     if convention == LEAVE:
@@ -378,7 +390,11 @@ def _angles(to: Assigned, names: Set, family: str, meanings: Mapping[str, Meanin
 
 
 def units_of_columns(
-    to: Assigned, names: Sequence[str], meanings: Mapping[str, Meaning], what: str, choices: tuple[str, ...]
+    to: Assigned,
+    names: Sequence[str],
+    meanings: Mapping[str, ColumnMeaning],
+    what: str,
+    choices: tuple[str, ...],
 ) -> tuple[list[str], list[str]]:
     """Units of columns of one kind, each with the reason; `?` where it is asked."""
     layout = to.layout
@@ -399,7 +415,7 @@ def units_of_columns(
     key = f"{to.prefix}unit.{what}"
     to.keys.add(key)
     if key in to.answers:
-        unit = to.ask(Question(key, "", choices))
+        unit = to.ask(ColumnQuestion(key, "", choices))
         return [unit] * len(names), [to.reason(key)] * len(names)
     stated = layout.stated_unit
     if what == "points" and stated and not any(units):
@@ -417,7 +433,7 @@ def units_of_columns(
             return ["deg"] * len(names), [
                 f"up to {np.nanmax(np.abs(values)):.0f}: only degrees are so large"
             ] * len(names)
-        to.ask(Question(key, doubt[0], choices, likely.rstrip("?"), evidence=True))
+        to.ask(ColumnQuestion(key, doubt[0], choices, likely.rstrip("?"), evidence=True))
         return [UNDECIDED] * len(names), ["open: see the question"] * len(names)
     return units, why
 

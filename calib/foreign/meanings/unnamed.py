@@ -14,23 +14,23 @@ import numpy as np
 from calib.arm.robot import Robot
 from calib.array import Array
 from calib.foreign.map.map_file import UNDECIDED
-from calib.foreign.meanings.assigned import Assigned, Question, Set
-from calib.foreign.meanings.words import Meaning, meaning_of
+from calib.foreign.meanings.assigned import Assigned, ColumnQuestion, Set
+from calib.foreign.meanings.words import ColumnMeaning, meaning_of
 
 _NAMELESS = re.compile(r"column \d+")
 _NUMBERED = re.compile(r"(.*?\D)_?\[?(\d{1,2})\]?(\D*)")
 _OF_MATRIX = re.compile(r"(.*?\D)?[_\[(]*([0-4])[\])_, ]*([0-4])[\])]*")
 _PROPER = 1e-2  # by which a rotation matrix may be off
 _JOINTS = (6, 7, 5, 4)  # of robots, where none is named
-_POINT: tuple[Meaning, ...] = tuple(Meaning("point", k) for k in range(3))
-_POSES: Mapping[str, tuple[Meaning, ...]] = {
+_POINT: tuple[ColumnMeaning, ...] = tuple(ColumnMeaning("point", k) for k in range(3))
+_POSES: Mapping[str, tuple[ColumnMeaning, ...]] = {
     "x y z": _POINT,
-    "x y z rx ry rz": (*_POINT, *(Meaning("angle", k, "", "rx") for k in range(3))),
-    "x y z q1 q2 q3 q4": (*_POINT, *(Meaning("quaternion", k, "", "numbered") for k in range(4))),
+    "x y z rx ry rz": (*_POINT, *(ColumnMeaning("angle", k, "", "rx") for k in range(3))),
+    "x y z q1 q2 q3 q4": (*_POINT, *(ColumnMeaning("quaternion", k, "", "numbered") for k in range(4))),
 }
 
 
-def _matrices(to: Assigned, meanings: dict[str, Meaning]) -> None:
+def _matrices(to: Assigned, meanings: dict[str, ColumnMeaning]) -> None:
     """Take columns `T11 .. T44` (3 x 3, 3 x 4 or 4 x 4) that hold rotation matrices as such."""
     groups: dict[str, dict[tuple[int, int], str]] = {}
     for name in to.layout.names:
@@ -50,7 +50,11 @@ def _without_unit(name: str) -> str:
 
 
 def _take_matrix(
-    to: Assigned, meanings: dict[str, Meaning], names: Sequence[str], shape: tuple[int, int], prefix: str
+    to: Assigned,
+    meanings: dict[str, ColumnMeaning],
+    names: Sequence[str],
+    shape: tuple[int, int],
+    prefix: str,
 ) -> bool:
     """Take columns for a matrix, row by row, where their numbers are one; whether they are."""
     values = to.values(names).reshape(-1, *shape)
@@ -66,9 +70,9 @@ def _take_matrix(
         cells = cells.T
     for row in range(3):
         for column in range(3):
-            meanings[str(cells[row, column])] = Meaning("matrix", 3 * row + column, role)
+            meanings[str(cells[row, column])] = ColumnMeaning("matrix", 3 * row + column, role)
         if shape[1] == 4:
-            meanings[str(cells[row, 3])] = Meaning(
+            meanings[str(cells[row, 3])] = ColumnMeaning(
                 "point", row, role, unit=meaning_of(str(cells[row, 3])).unit
             )
     if shape[0] == 4:
@@ -100,7 +104,7 @@ def _families(to: Assigned, leave: Sequence[str] = ()) -> list[Set]:
     return out
 
 
-def unnamed(to: Assigned, meanings: dict[str, Meaning], robot: Robot | None) -> None:
+def unnamed(to: Assigned, meanings: dict[str, ColumnMeaning], robot: Robot | None) -> None:
     """Ask what numbered or nameless columns are where no others are named as joints or as a point."""
     _matrices(to, meanings)
     if _ask_nameless(to, meanings, robot):
@@ -115,7 +119,7 @@ def unnamed(to: Assigned, meanings: dict[str, Meaning], robot: Robot | None) -> 
         _ask_point(to, meanings)
 
 
-def _ask_joints(to: Assigned, meanings: dict[str, Meaning], robot: Robot | None) -> None:
+def _ask_joints(to: Assigned, meanings: dict[str, ColumnMeaning], robot: Robot | None) -> None:
     """Ask which numbered columns are the joints, where no name says so."""
     counts = _counts(robot)
     fitting = {of[0]: of for of in _families(to) if len(of) in counts}
@@ -123,16 +127,18 @@ def _ask_joints(to: Assigned, meanings: dict[str, Meaning], robot: Robot | None)
         return
     shown = "; ".join(f"{of[0]} .. {of[-1]}" for of in fitting.values())
     text = f"No columns are named as joints. Are these: {shown}?"
-    question = Question(f"{to.prefix}joints", text, (*fitting, "none"), next(iter(fitting)), evidence=True)
+    question = ColumnQuestion(
+        f"{to.prefix}joints", text, (*fitting, "none"), next(iter(fitting)), evidence=True
+    )
     answer = to.ask(question)
     if answer == UNDECIDED:
         to.columns["j1"] = UNDECIDED
     elif answer in fitting:
         for k, name in enumerate(fitting[answer], start=1):
-            meanings[name] = Meaning("joint", k, "", "asked", unit=meaning_of(name).unit)
+            meanings[name] = ColumnMeaning("joint", k, "", "asked", unit=meaning_of(name).unit)
 
 
-def _ask_point(to: Assigned, meanings: dict[str, Meaning]) -> None:
+def _ask_point(to: Assigned, meanings: dict[str, ColumnMeaning]) -> None:
     """Ask which numbered columns are the measured point or pose, where no name says so."""
     joints = [name for name, meaning in meanings.items() if meaning.kind == "joint"]
     sizes = {len(of): of for of in _POSES.values()}
@@ -145,7 +151,9 @@ def _ask_point(to: Assigned, meanings: dict[str, Meaning]) -> None:
         return
     shown = "; ".join(f"{of[0]} .. {of[-1]}" for of in fitting.values())
     text = f"No columns are named as measured coordinates. Are these: {shown}?"
-    question = Question(f"{to.prefix}points", text, (*fitting, "none"), next(iter(fitting)), evidence=True)
+    question = ColumnQuestion(
+        f"{to.prefix}points", text, (*fitting, "none"), next(iter(fitting)), evidence=True
+    )
     answer = to.ask(question)
     if answer == UNDECIDED:
         to.columns.update(dict.fromkeys("xyz", UNDECIDED))
@@ -156,7 +164,7 @@ def _ask_point(to: Assigned, meanings: dict[str, Meaning]) -> None:
             meanings[name] = meaning
 
 
-def _ask_nameless(to: Assigned, meanings: dict[str, Meaning], robot: Robot | None) -> bool:
+def _ask_nameless(to: Assigned, meanings: dict[str, ColumnMeaning], robot: Robot | None) -> bool:
     """Ask how the columns of a table without a line of names follow each other; whether the table has none."""
     if not all(_NAMELESS.fullmatch(name) for name in to.layout.names):
         return False
@@ -164,19 +172,19 @@ def _ask_nameless(to: Assigned, meanings: dict[str, Meaning], robot: Robot | Non
     texts = [name for name in to.layout.names if name not in names and all(to.layout.cells[name])]
     for name in texts:
         if len(set(to.layout.cells[name])) == len(to.layout.rows):
-            meanings[name] = Meaning("id")
+            meanings[name] = ColumnMeaning("id")
     if names and _counts_rows(to.values(names[:1])[:, 0]):
-        meanings[names[0]] = Meaning("id")
+        meanings[names[0]] = ColumnMeaning("id")
         names = names[1:]
-    arrangements: dict[str, tuple[Meaning, ...]] = {}
+    arrangements: dict[str, tuple[ColumnMeaning, ...]] = {}
     for count in _counts(robot):
-        joints = tuple(Meaning("joint", k, "", "asked") for k in range(1, count + 1))
+        joints = tuple(ColumnMeaning("joint", k, "", "asked") for k in range(1, count + 1))
         arrangements |= {f"j1..j{count}": joints, **_POSES}
         for shown, pose in _POSES.items():
             arrangements[f"j1..j{count} {shown}"] = (*joints, *pose)
             arrangements[f"{shown} j1..j{count}"] = (*pose, *joints)
         for size, shown in ((16, "matrix"), (12, "matrix of 12")):
-            matrix = tuple(Meaning("other") for _ in range(size))
+            matrix = tuple(ColumnMeaning("other") for _ in range(size))
             for at, text, parts in (
                 (count, f"j1..j{count} {shown}", (*joints, *matrix)),
                 (0, f"{shown} j1..j{count}", (*matrix, *joints)),
@@ -191,7 +199,7 @@ def _ask_nameless(to: Assigned, meanings: dict[str, Meaning], robot: Robot | Non
     key = f"{to.prefix}columns"
     to.keys.add(key)
     likely = next(iter(fitting))
-    answer = to.ask(Question(key, text, (*fitting, "none"), likely, evidence=True))
+    answer = to.ask(ColumnQuestion(key, text, (*fitting, "none"), likely, evidence=True))
     if answer == UNDECIDED:
         to.columns.update({"j1": UNDECIDED} if "j1" in likely else {})
         to.columns.update(dict.fromkeys("xyz", UNDECIDED) if "x y z" in likely or "matrix" in likely else {})

@@ -73,7 +73,7 @@ _SPLIT = re.compile(r"[^\W\d_]+|\d+|#")
 
 
 @dataclass(frozen=True)
-class Meaning:
+class ColumnMeaning:
     """The meaning of a column's name. index: of a joint (0 where counted from 0), or which of x, y, z; family: of
     angles, how they are named; group: the target that it belongs to; unit: as the name has it."""
 
@@ -85,10 +85,10 @@ class Meaning:
     unit: str = ""
 
 
-def meaning_of(name: str) -> Meaning:
+def meaning_of(name: str) -> ColumnMeaning:
     """The meaning of a column's name."""
     if len(name) > LONGEST:
-        return Meaning("other")
+        return ColumnMeaning("other")
     bare, unit = split(re.sub(r"#\d+$", "", name))
     tokens = [token.lower() for token in _SPLIT.findall(bare)]
     tokens = [part for token in tokens for part in _unglued(token)]
@@ -97,11 +97,11 @@ def meaning_of(name: str) -> Meaning:
         "measured" if words & _MEASURED else "nominal" if words & _NOMINAL else "own" if words & _OWN else ""
     )
     if words & _DEVIATION or any(re.fullmatch(r"d[xyz]", token) for token in tokens):
-        return Meaning("deviation", unit=unit)
+        return ColumnMeaning("deviation", unit=unit)
     if "d" in tokens and words & set("xyz"):
-        return Meaning("deviation", unit=unit)
+        return ColumnMeaning("deviation", unit=unit)
     if words & {"ux", "uy", "uz"} or (words & _SPREAD and words & (set("xyz") | {"rms"})):
-        return Meaning("spread", unit=unit)
+        return ColumnMeaning("spread", unit=unit)
     for kind in (_joint, _rotation, _point):
         if (found := kind(tokens, role, unit)) is not None:
             return found
@@ -119,13 +119,13 @@ def _unglued(token: str) -> list[str]:
     return [token]
 
 
-def _joint(tokens: list[str], role: Role, unit: str) -> Meaning | None:
+def _joint(tokens: list[str], role: Role, unit: str) -> ColumnMeaning | None:
     text = " ".join(
         token for token in tokens if token not in _MEASURED | _NOMINAL | {"joint", "winkel", "angle"}
     )
     for names in (_ROS, _UR):
         if text in names and (names is _ROS or unit in ("deg", "rad", "")):
-            return Meaning(
+            return ColumnMeaning(
                 "joint",
                 names.index(text) + 1,
                 _of_joint(role, tokens),
@@ -140,18 +140,18 @@ def _joint(tokens: list[str], role: Role, unit: str) -> Meaning | None:
     names = [token for token in rest if token in _JOINT]
     others = [token for token in rest if token not in _JOINT | _FILL | _MEASURED | _NOMINAL | _OWN]
     if at and tokens[at - 1] in _EXTERNAL and not [token for token in others if token not in _EXTERNAL]:
-        return Meaning("external", int(tokens[at]), _of_joint(role, tokens), unit=unit)
+        return ColumnMeaning("external", int(tokens[at]), _of_joint(role, tokens), unit=unit)
     before = [token for token in tokens[:at] if token not in _MEASURED | _NOMINAL]
     if not names or others or (before and before[-1] not in _JOINT | _FILL):
         return None
-    return Meaning("joint", int(tokens[at]), _of_joint(role, tokens), names[-1], unit=unit)
+    return ColumnMeaning("joint", int(tokens[at]), _of_joint(role, tokens), names[-1], unit=unit)
 
 
 def _of_joint(role: Role, tokens: list[str]) -> Role:
     return "read" if role == "measured" else role if role == "nominal" else ""
 
 
-def _rotation(tokens: list[str], role: Role, unit: str) -> Meaning | None:
+def _rotation(tokens: list[str], role: Role, unit: str) -> ColumnMeaning | None:
     text = [
         token
         for token in tokens
@@ -160,25 +160,25 @@ def _rotation(tokens: list[str], role: Role, unit: str) -> Meaning | None:
     turned = bool({"euler", "rot", "rotation"} & set(tokens))
     if len(text) == 1 and (match := re.fullmatch(r"(?:q|quat|rot)?([wxyz])", text[0])):
         if text[0][0] == "q":
-            return Meaning("quaternion", "wxyz".index(match[1]), role, "named", unit=unit)
+            return ColumnMeaning("quaternion", "wxyz".index(match[1]), role, "named", unit=unit)
         if text[0] in "xyz" and turned:
-            return Meaning("angle", "xyz".index(text[0]), role, "rx", unit=unit)
+            return ColumnMeaning("angle", "xyz".index(text[0]), role, "rx", unit=unit)
         if text[0] == "w" and turned:
-            return Meaning("quaternion", 0, role, "named", unit=unit)
+            return ColumnMeaning("quaternion", 0, role, "named", unit=unit)
     if len(text) == 2 and text[0] in ("q", "quat", "quaternion"):
         if text[1] in "wxyz":
-            return Meaning("quaternion", "wxyz".index(text[1]), role, "named", unit=unit)
+            return ColumnMeaning("quaternion", "wxyz".index(text[1]), role, "named", unit=unit)
         if text[0] != "q" and text[1].isdigit():
-            return Meaning("quaternion", int(text[1]), role, "numbered", unit=unit)
+            return ColumnMeaning("quaternion", int(text[1]), role, "numbered", unit=unit)
     if len(text) != 1:
         return None
     for family, names in _ANGLES.items():
         if text[0] in names:
-            return Meaning("angle", names.index(text[0]), role, family, unit=unit)
+            return ColumnMeaning("angle", names.index(text[0]), role, family, unit=unit)
     return None
 
 
-def _point(tokens: list[str], role: Role, unit: str) -> Meaning | None:
+def _point(tokens: list[str], role: Role, unit: str) -> ColumnMeaning | None:
     axes = [token for token in tokens if token in ("x", "y", "z")]
     glued = [re.fullmatch(r"(?:p|t|m)?([xyz])(\d*)", token) for token in tokens]
     if len(axes) != 1:
@@ -199,20 +199,20 @@ def _point(tokens: list[str], role: Role, unit: str) -> Meaning | None:
         token for token in rest if token not in known and len(token) > 1 and token not in ("p", "t", "m")
     ] and len(tokens) > 1:
         return None
-    return Meaning("point", "xyz".index(axes[0]), role, group=group, unit=unit)
+    return ColumnMeaning("point", "xyz".index(axes[0]), role, group=group, unit=unit)
 
 
-def _other(tokens: list[str], words: set[str], unit: str) -> Meaning:
+def _other(tokens: list[str], words: set[str], unit: str) -> ColumnMeaning:
     first = tokens[0] if tokens else ""
     if words & _TEMPERATURE or (unit == "c" and first == "t"):
-        return Meaning("temperature", unit=unit)
+        return ColumnMeaning("temperature", unit=unit)
     if words & _TIME and not words & (_ID - {"stamp"}):
-        return Meaning("time", family="date" if words & {"date", "datum"} else "", unit=unit)
+        return ColumnMeaning("time", family="date" if words & {"date", "datum"} else "", unit=unit)
     for kind, names in _KINDS:
         if words & names and len(tokens) <= 2:
-            return Meaning(kind, unit=unit)
+            return ColumnMeaning(kind, unit=unit)
     if words & _TARGET and len(tokens) <= 3:
-        return Meaning("target", unit=unit)
+        return ColumnMeaning("target", unit=unit)
     if words & _ID and len(tokens) <= 3:
-        return Meaning("id", family="pose" if words & {"pose"} else "", unit=unit)
-    return Meaning("other", unit=unit)
+        return ColumnMeaning("id", family="pose" if words & {"pose"} else "", unit=unit)
+    return ColumnMeaning("other", unit=unit)

@@ -26,18 +26,18 @@ from calib.arm.kinematics import forward
 from calib.arm.robot import Robot, load_robot
 from calib.arm.start import base_and_tool, tool_turn
 from calib.data.header import DEFAULT_GROUPS
-from calib.data.hypotheses import BETTER, FEWEST, Meaning
+from calib.data.hypotheses import BETTER, FEWEST, InterpretedReadings
 from calib.errors import DataError
 from calib.foreign.files.layout import Layout, joined, layouts_of
 from calib.foreign.files.sheet import Sheet, taken_apart, text_sheet
 from calib.foreign.files.workbook import workbook_sheets
 from calib.foreign.map.map_file import BY, UNDECIDED, Map
-from calib.foreign.meanings.assigned import LEAVE, Answers, Assigned, Question
+from calib.foreign.meanings.assigned import LEAVE, Answers, Assigned, ColumnQuestion
 from calib.foreign.meanings.assignment import assign, at_zero
-from calib.foreign.proposal.proposed import Part, Proposal
+from calib.foreign.proposal.proposed import MapProposal, TableProposal
 from calib.foreign.readings.matching import pose_name, with_target
 from calib.foreign.readings.one_file import readings_of
-from calib.foreign.readings.readings import Readings
+from calib.foreign.readings.readings import ForeignReadings
 from calib.units import DEG
 
 WORKBOOKS = (".xlsx", ".xlsm", ".xls")
@@ -88,7 +88,7 @@ def tables_of(
     ]
 
 
-def propose(paths: Sequence[Path], answers: Answers, lines: tuple[int, int] | None = None) -> Proposal:
+def propose(paths: Sequence[Path], answers: Answers, lines: tuple[int, int] | None = None) -> MapProposal:
     """The proposal for one file or two. answers: by the keys of questions; `robot` as a header names it, `sigma_mm`.
 
     Raises DataError for files that hold no table, several tables, or tables that nothing can be made of,
@@ -106,7 +106,7 @@ def propose(paths: Sequence[Path], answers: Answers, lines: tuple[int, int] | No
 
 def _by_evidence(
     tables: Sequence[Sequence[Layout]], answers: dict[str, str], before: frozenset[str] = frozenset()
-) -> Proposal:
+) -> MapProposal:
     found = _proposed(tables, answers, before)
     open_ones = [question for question in found.questions if question.evidence]
     if found.missing or not open_ones or len(open_ones) < len(found.questions) or "robot" not in answers:
@@ -125,9 +125,9 @@ def _by_evidence(
 
 def _proposed(
     tables: Sequence[Sequence[Layout]], answers: Mapping[str, str], told: frozenset[str] = frozenset()
-) -> Proposal:
+) -> MapProposal:
     said: list[str] = []
-    questions: list[Question] = []
+    questions: list[ColumnQuestion] = []
     chosen = _chosen(tables, answers, questions, said)
     prefixes = [""] if len(chosen) == 1 else ["1.", "2."]
     parts = [assign(layout, answers, prefix, told) for layout, prefix in zip(chosen, prefixes, strict=True)]
@@ -145,12 +145,12 @@ def _proposed(
         missing.append("measured coordinates (X, Y, Z of an instrument)")
     if not answers.get("robot"):
         questions.append(
-            Question("robot", "Which robot was measured (a built-in name, or a robot file)?", ())
+            ColumnQuestion("robot", "Which robot was measured (a built-in name, or a robot file)?", ())
         )
     made = Map(tuple(part.made for part in parts), _header(parts, answers, by), by, within)
-    return Proposal(
+    return MapProposal(
         made=made,
-        parts=tuple(Part(part.layout, part.findings) for part in parts),
+        parts=tuple(TableProposal(part.layout, part.findings) for part in parts),
         questions=tuple(questions),
         missing=tuple(missing),
         said=tuple(said),
@@ -159,7 +159,10 @@ def _proposed(
 
 
 def _chosen(
-    tables: Sequence[Sequence[Layout]], answers: Mapping[str, str], questions: list[Question], said: list[str]
+    tables: Sequence[Sequence[Layout]],
+    answers: Mapping[str, str],
+    questions: list[ColumnQuestion],
+    said: list[str],
 ) -> list[Layout]:
     """The tables that count: the only one of each file, or by name of the sheet, or joints on one sheet and points on
     another."""
@@ -183,7 +186,7 @@ def _chosen(
             out += [named[joints[0]], named[points[0]]]
             continue
         shown = ", ".join(f"'{name}'" for name in named)
-        questions.append(Question(key, f"Tables are on the sheets {shown}. Which one?", tuple(named)))
+        questions.append(ColumnQuestion(key, f"Tables are on the sheets {shown}. Which one?", tuple(named)))
         out.append(of_file[0])
     return out
 
@@ -203,7 +206,7 @@ def _of_file(part: Assigned) -> list[str]:
 
 
 def _match(
-    parts: Sequence[Assigned], answers: Mapping[str, str], questions: list[Question]
+    parts: Sequence[Assigned], answers: Mapping[str, str], questions: list[ColumnQuestion]
 ) -> tuple[str, float, list[str]]:
     """The rule by which two tables are matched, the seconds for one by time, and sentences about it."""
     if len(parts) == 1:
@@ -241,11 +244,15 @@ def _match(
     text = f"How do points and joints belong together? {agreed} of {counted} names agree"
     if counted and agreed >= _ENOUGH * counted:
         text += ", but they are mere numbers, which may count the rows of either file"
-    questions.append(Question("match", f"{text}. (time needs within_s too)", BY, "name" if agreed else ""))
+    questions.append(
+        ColumnQuestion("match", f"{text}. (time needs within_s too)", BY, "name" if agreed else "")
+    )
     return UNDECIDED, within, []
 
 
-def _ask_of_zeros(part: Assigned, parts: Sequence[Assigned], by: str, questions: list[Question]) -> None:
+def _ask_of_zeros(
+    part: Assigned, parts: Sequence[Assigned], by: str, questions: list[ColumnQuestion]
+) -> None:
     """Ask about points at exactly 0, 0, 0 that will be readings."""
     key = f"{part.prefix}origin"
     part.keys.add(key)
@@ -263,7 +270,9 @@ def _ask_of_zeros(part: Assigned, parts: Sequence[Assigned], by: str, questions:
         f"{len(rows)} of {len(part.layout.rows)} rows (line {lines}) have a point at exactly 0, 0, 0, which "
         "instruments show for a lost point, and which is where a frame begins. Was it lost or measured?"
     )
-    answer = part.ask(Question(key, text, ("lost", "measured"), "measured" if len(rows) == 1 else "lost"))
+    answer = part.ask(
+        ColumnQuestion(key, text, ("lost", "measured"), "measured" if len(rows) == 1 else "lost")
+    )
     questions += [question for question in part.questions if question.key == key]
     part.at_origin = answer == "measured"
 
@@ -341,7 +350,7 @@ class Fit:
         return self.miss < _TOO_GOOD_MM
 
 
-def fit_of(readings: Readings, robot: Robot) -> Fit | None:
+def fit_of(readings: ForeignReadings, robot: Robot) -> Fit | None:
     """The fit of the nominal robot to readings whose joints are in its order; None for fewer than 8 of them."""
     rows = np.flatnonzero(
         np.isfinite(readings.points).all(axis=1) & np.array([not why for why in readings.rejected])
@@ -356,7 +365,7 @@ def fit_of(readings: Readings, robot: Robot) -> Fit | None:
     )
     tools = np.zeros((len(names), 3))
     couplings = ("none", *robot.joint_matrices)
-    meanings = [Meaning(robot, coupling, few.joints, which, few.points) for coupling in couplings]
+    meanings = [InterpretedReadings(robot, coupling, few.joints, which, few.points) for coupling in couplings]
     misses = [each.miss(tools, tool_unknown=True, zero_unknown=False) for each in meanings]
     best = int(np.argmin([miss for miss, _ in misses]))
     turn = np.nan
@@ -372,7 +381,7 @@ def fit_of(readings: Readings, robot: Robot) -> Fit | None:
 
 
 def decided(
-    questions: Sequence[Question], proposed: Callable[[dict[str, str]], Proposal]
+    questions: Sequence[ColumnQuestion], proposed: Callable[[dict[str, str]], MapProposal]
 ) -> dict[str, tuple[str, str]]:
     """Key of a question -> the answer that the robot decides, and the reason; questions it does not decide are
     absent."""
@@ -412,7 +421,7 @@ def decided(
     return told
 
 
-def _reason(question: Question, choice: str, fit: Fit, others: Sequence[Fit]) -> str:
+def _reason(question: ColumnQuestion, choice: str, fit: Fit, others: Sequence[Fit]) -> str:
     far = ""
     if others:
         nearest = min(others, key=lambda other: (other.share, other.turn))
@@ -426,7 +435,7 @@ def _reason(question: Question, choice: str, fit: Fit, others: Sequence[Fit]) ->
     return f"{question.key} = {choice}: only so do the readings fit {fit.robot}, to {fit.miss:.3g} mm{turned}{far}"
 
 
-def _best(answers: dict[str, str], proposed: Callable[[dict[str, str]], Proposal]) -> Fit | None:
+def _best(answers: dict[str, str], proposed: Callable[[dict[str, str]], MapProposal]) -> Fit | None:
     """The best fit under some answers; what these bring up in turn is tried, but orientations, which fit none."""
     try:
         proposal = proposed(answers)
@@ -447,7 +456,7 @@ def _best(answers: dict[str, str], proposed: Callable[[dict[str, str]], Proposal
     return min((fit for fit in fits if fit is not None), key=lambda fit: fit.share, default=None)
 
 
-def _tried(proposal: Proposal) -> Fit | None:
+def _tried(proposal: MapProposal) -> Fit | None:
     try:
         robot = load_robot(str(proposal.made.header["robot"]), Path.cwd())
         readings, _ = readings_of(proposal.made, proposal.layouts, "the proposal")

@@ -6,25 +6,25 @@ from dataclasses import dataclass
 
 from calib.foreign.files.layout import Layout
 from calib.foreign.map.map_file import Map
-from calib.foreign.meanings.assigned import Finding, Question
+from calib.foreign.meanings.assigned import ColumnFinding, ColumnQuestion
 
 
 @dataclass(frozen=True)
-class Part:
+class TableProposal:
     """A table of the proposal. findings: of its columns."""
 
     layout: Layout
-    findings: tuple[Finding, ...]
+    findings: tuple[ColumnFinding, ...]
 
 
 @dataclass(frozen=True)
-class Proposal:
+class MapProposal:
     """A map as far as it can be made. questions: open ones; missing: what no file holds; said: what was made of the
     files; keys: of everything that may be answered."""
 
     made: Map
-    parts: tuple[Part, ...]
-    questions: tuple[Question, ...]
+    parts: tuple[TableProposal, ...]
+    questions: tuple[ColumnQuestion, ...]
     missing: tuple[str, ...]
     said: tuple[str, ...]
     keys: frozenset[str]

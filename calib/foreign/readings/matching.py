@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from calib.errors import DataError
 from calib.foreign.files.layout import Layout
 from calib.foreign.map.map_file import Map
-from calib.foreign.readings.readings import Readings
+from calib.foreign.readings.readings import ForeignReadings
 
 _TARGET = re.compile(r"[\s_.:/-]((?:T|SMR|M|R|Target|Marker|Ball)[\s_-]?\d{1,2})$", re.IGNORECASE)
 _LONGEST_TARGET = len("_Target_12")
@@ -55,7 +55,11 @@ def with_target(name: str, poses: set[str]) -> tuple[str, str]:
 
 
 def matched(
-    joints: Readings, points: Readings, made: Map, layouts: Sequence[Layout], map_path: Path | str
+    joints: ForeignReadings,
+    points: ForeignReadings,
+    made: Map,
+    layouts: Sequence[Layout],
+    map_path: Path | str,
 ) -> Matched:
     """The rows of two files that belong together. Raises DataError where the files do not show it."""
     if made.by == "name":
@@ -69,7 +73,7 @@ def matched(
     )
 
 
-def _names(of: Readings, map_path: Path | str, what: str) -> tuple[str, ...]:
+def _names(of: ForeignReadings, map_path: Path | str, what: str) -> tuple[str, ...]:
     for key in ("pose", "id"):
         if key in of.texts:
             return of.texts[key]
@@ -81,7 +85,9 @@ def _names(of: Readings, map_path: Path | str, what: str) -> tuple[str, ...]:
     )
 
 
-def _by_name(joints: Readings, points: Readings, layouts: Sequence[Layout], map_path: Path | str) -> Matched:
+def _by_name(
+    joints: ForeignReadings, points: ForeignReadings, layouts: Sequence[Layout], map_path: Path | str
+) -> Matched:
     poses = [pose_name(name) for name in _names(joints, map_path, "joints")]
     where: dict[str, list[int]] = {}
     for i, pose in enumerate(poses):
@@ -134,11 +140,11 @@ def _by_name(joints: Readings, points: Readings, layouts: Sequence[Layout], map_
     )
 
 
-def _differ(joints: Readings, rows: Sequence[int]) -> bool:
+def _differ(joints: ForeignReadings, rows: Sequence[int]) -> bool:
     return bool(np.ptp(joints.joints[list(rows)], axis=0).max() > 1e-9)
 
 
-def _by_order(joints: Readings, points: Readings, layouts: Sequence[Layout]) -> Matched:
+def _by_order(joints: ForeignReadings, points: ForeignReadings, layouts: Sequence[Layout]) -> Matched:
     if len(joints) != len(points):
         raise DataError(
             f"has {len(points)} points for {len(joints)} rows of joints: they cannot belong together in order.",
@@ -150,7 +156,11 @@ def _by_order(joints: Readings, points: Readings, layouts: Sequence[Layout]) -> 
 
 
 def _by_time(
-    joints: Readings, points: Readings, made: Map, layouts: Sequence[Layout], map_path: Path | str
+    joints: ForeignReadings,
+    points: ForeignReadings,
+    made: Map,
+    layouts: Sequence[Layout],
+    map_path: Path | str,
 ) -> Matched:
     for of, layout in ((joints, layouts[0]), (points, layouts[1])):
         if "time" not in of.numbers or not np.isfinite(of.numbers["time"]).all():

@@ -17,14 +17,14 @@ from calib.foreign.files.number import NOT_MEASURED, Notation, looks_like_date, 
 from calib.foreign.map.entry import ANGLES, DATE, Column, column_of, refuse_angles, refuse_points
 from calib.foreign.map.map_file import MATRIX, UNITLESS, FileMap, Map, quaternions
 from calib.foreign.readings.matching import matched
-from calib.foreign.readings.readings import Readings, joined
+from calib.foreign.readings.readings import ForeignReadings, joined
 
 _TEXTS = ("id", "pose", "series", "set", "target", "waypoint", "visit")
 
 
 def readings_of(
     made: Map, layouts: Sequence[Layout], map_path: Path | str
-) -> tuple[Readings, tuple[str, ...]]:
+) -> tuple[ForeignReadings, tuple[str, ...]]:
     """The readings of files whose layouts are in the order of the map, and what is said of those left aside.
 
     Raises DataError (file, line).
@@ -48,7 +48,7 @@ class File:
         self.made, self.layout, self.map_path = made, layout, map_path
         self.notation = Notation(made.decimal, made.thousands)
 
-    def readings(self) -> Readings:
+    def readings(self) -> ForeignReadings:
         """The rows of the file, one a target. Raises DataError (file, line)."""
         columns, count = self.made.columns, len(self.layout.rows)
         axes = sorted(
@@ -65,7 +65,7 @@ class File:
             numbers["time"] = self._times(self._column("time"))
         if "t_air" in columns:
             numbers["t_air"] = self._matrix([self._column("t_air")])[:, 0]
-        rows = Readings(
+        rows = ForeignReadings(
             joints=joints,
             axes=tuple(axes),
             units=tuple("deg" if entry.unit in ANGLES else "mm" for entry in entries),
@@ -79,7 +79,7 @@ class File:
             return replace(rows, points=self._points(columns))
         return self._by_target(rows) if self.made.targets else rows
 
-    def _by_target(self, rows: Readings) -> Readings:
+    def _by_target(self, rows: ForeignReadings) -> ForeignReadings:
         """The readings with one row for each target, where a row of the file holds several."""
         points = [self._points(axes) for axes in self.made.targets.values()]
         every = rows.take(np.repeat(np.arange(len(rows)), len(points)))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from calib.arm.robot import Robot
 from calib.array import Array
-from calib.convert.table import Table
+from calib.convert.table import ConvertedTable
 from calib.errors import DataError
 from calib.foreign.map.map_file import Map
 from calib.units import DEG
@@ -29,7 +29,7 @@ _PLAIN = ("series", "set", "waypoint", "visit")
 
 
 @dataclass(frozen=True)
-class Readings:
+class ForeignReadings:
     """n readings. joints (n, N) by `axes` (`j1`, `e1`), in rad, or mm where `units` says `mm`; points (n, 3) mm,
     NaN where not measured; turns (n, 4) quaternions, scalar first, or NaN; texts: quantity -> (n,) names; numbers:
     further quantities (n,); rejected: (n,) why a reading does not count, or ''; coupling: how
@@ -58,7 +58,7 @@ class Readings:
         """(n, N) joints in deg or mm."""
         return self.joints / np.array([1.0 if unit == "mm" else DEG for unit in self.units])
 
-    def take(self, rows: NDArray[np.int64]) -> Readings:
+    def take(self, rows: NDArray[np.int64]) -> ForeignReadings:
         """Some of the readings, by index; one may be taken several times."""
         return replace(
             self,
@@ -70,7 +70,7 @@ class Readings:
             rejected=tuple(self.rejected[i] for i in rows),
         )
 
-    def of_robot(self, robot: Robot, file: Path | str) -> Readings:
+    def of_robot(self, robot: Robot, file: Path | str) -> ForeignReadings:
         """The readings with their joints in the order of the robot's. Raises DataError where they are not its
         joints."""
         if robot.rods != "none" and (whole := self._with_followers(robot)) is not None:
@@ -85,7 +85,7 @@ class Readings:
         order = [self.joint_columns.index(name) for name in robot.joint_columns]
         return replace(self, joints=self.joints[:, order], axes=robot.axes, units=robot.units)
 
-    def _with_followers(self, robot: Robot) -> Readings | None:
+    def _with_followers(self, robot: Robot) -> ForeignReadings | None:
         """The readings with the joints that follow others, some of which the files do not hold; None where other
         joints are missing. Joints numbered without them are numbered anew."""
         followers = robot.followers(robot.rods)
@@ -124,11 +124,11 @@ def _renumbered(key: str, axes: Mapping[str, str]) -> str:
 
 
 def joined(
-    joints: Readings,
-    points: Readings,
+    joints: ForeignReadings,
+    points: ForeignReadings,
     rows: tuple[NDArray[np.int64], NDArray[np.int64]],
     targets: tuple[str, ...] | None,
-) -> Readings:
+) -> ForeignReadings:
     """Readings of two files, of which `rows` belong together. targets: (n,) from the names of the points."""
     joints, points = joints.take(rows[0]), points.take(rows[1])
     texts = {**joints.texts, **points.texts}
@@ -146,7 +146,7 @@ def joined(
     )
 
 
-def table_of(readings: Readings, made: Map, map_path: Path | str, source: str) -> Table:
+def table_of(readings: ForeignReadings, made: Map, map_path: Path | str, source: str) -> ConvertedTable:
     """The readings as the columns and the header of a data set. source: the files, for the first line of the header."""
     n = len(readings)
     ids = readings.texts.get("id", ())
@@ -184,12 +184,12 @@ def table_of(readings: Readings, made: Map, map_path: Path | str, source: str) -
     if any(readings.rejected):
         columns["status"] = [why or "ok" for why in readings.rejected]
     header = _header(made.header, readings, map_path)
-    return Table(
+    return ConvertedTable(
         columns, f"# converted from {json.dumps(source, ensure_ascii=False)}\n{tomli_w.dumps(header)}"
     )
 
 
-def _header(header: Mapping[str, Any], readings: Readings, map_path: Path | str) -> dict[str, Any]:
+def _header(header: Mapping[str, Any], readings: ForeignReadings, map_path: Path | str) -> dict[str, Any]:
     """The header of the map with a target for every name that was measured."""
     out = {
         key: value for key, value in header.items() if key != "holdout"

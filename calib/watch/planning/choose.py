@@ -29,7 +29,7 @@ from calib.array import Array
 from calib.units import to_internal
 from calib.watch.baseline import root_of
 from calib.watch.planning.sizes import needed, of_one_unit, wanted_of
-from calib.watch.seen import Seen
+from calib.watch.seen import WhitenedReadings
 
 _NOTICED = 0.1  # of the usual size
 _PASSING = ("drift_translation", "drift_rotation", "arm_growth")  # looked for, but no pose is chosen for them
@@ -39,7 +39,7 @@ _SHOWN = 1e-2  # non-centrality in all candidates together
 _P_LIMIT = 1e-3  # of an alarm, about: how many questions there are hardly matters to the choice
 
 
-def choose(seen: Seen, visit: NDArray[np.int64], count: int) -> list[int]:
+def choose(seen: WhitenedReadings, visit: NDArray[np.int64], count: int) -> list[int]:
     """The visits to take, of those that `seen` has rows of, each with as many as any other; visit (q,): to which each
     row belongs, or to which pair of visits that are taken together. Ascending."""
     in_order = np.argsort(visit, kind="stable")
@@ -75,7 +75,7 @@ def choose(seen: Seen, visit: NDArray[np.int64], count: int) -> list[int]:
     return _Short(by_visit(shared), by_visit(np.column_stack(stated)), widths).exchanged(chosen)
 
 
-def _stated(seen: Seen) -> list[Array]:
+def _stated(seen: WhitenedReadings) -> list[Array]:
     """(q, w each) columns of the causes that have a size that should be seen, at that size, where any reading shows
     it."""
     out = []
@@ -136,7 +136,7 @@ class _Short:
         return out
 
 
-def _shared(seen: Seen) -> Array:
+def _shared(seen: WhitenedReadings) -> Array:
     """(q, s) columns of unit variance of what the poses share: the baseline's error and the frame."""
     root = root_of(seen.covariance)
     of_baseline = seen.of_parameters @ root[:, np.any(root != 0.0, axis=0)]

@@ -13,15 +13,15 @@ import numpy as np
 from calib.array import Array
 from calib.data.header import Header
 from calib.errors import DataError
-from calib.saved import SavedModel
+from calib.saved import CalibratedModel
 from calib.units import DEG
 from calib.watch.baseline import scatter_beyond
 from calib.watch.judge import RATE, odds_of
 from calib.watch.planning.choose import choose
-from calib.watch.planning.planned import Visits, planned
-from calib.watch.planning.rounds import Rounds, Tried, Ways, fewest, wanted
-from calib.watch.planning.sizes import Shown, shown
-from calib.watch.seen import Seen
+from calib.watch.planning.planned import PlannedVisits, planned
+from calib.watch.planning.rounds import DetectionResult, RepetitionOptions, Repetitions, fewest, wanted
+from calib.watch.planning.sizes import DetectableSizes, shown
+from calib.watch.seen import WhitenedReadings
 
 FEWEST = 4
 
@@ -37,7 +37,7 @@ _FARTHEST_MM = 1000.0
 
 
 @dataclass(frozen=True)
-class Plan:
+class WatchPlan:
     """The chosen of some candidates, by index; the visits, each chosen one as often as asked; what they show.
 
     rounds: how often each is visited; repeats: how often everything is read in a visit; beyond: labels of causes that
@@ -47,8 +47,8 @@ class Plan:
     """
 
     chosen: tuple[int, ...]
-    visits: Visits
-    shown: Shown
+    visits: PlannedVisits
+    shown: DetectableSizes
     rounds: int = 1
     repeats: int = 1
     enough: int | None = None
@@ -57,16 +57,16 @@ class Plan:
 
 
 def plan(
-    saved: SavedModel,
+    saved: CalibratedModel,
     header: Header,
-    candidates: Visits,
+    candidates: PlannedVisits,
     count: int,
     rate: float = RATE,
     *,
     times: int | None = 1,
     repeats: int | None = 1,
     frame_known: bool = True,
-) -> Plan:
+) -> WatchPlan:
     """Choose `count` of the candidates, visit each so many times, every other time from the opposite sides, and read
     everything so many times in each visit.
 
@@ -90,12 +90,14 @@ def plan(
         repeatability_mm=float(np.hypot(noise.repeatability_mm, usual / DEG)),
     )
     would = replace(would, header=replace(header, noise=rougher))
-    seen = Seen.of(saved, would, frame_known=frame_known, lack=np.zeros_like(lack))
+    seen = WhitenedReadings.of(saved, would, frame_known=frame_known, lack=np.zeros_like(lack))
     which = seen.visit % len(candidates)
     chosen = choose(seen, which, count)
     once = candidates.take(chosen)
-    _, odds = odds_of(Seen.of(saved, planned(saved, header, once), frame_known=frame_known, lack=lack))
-    ways = Ways(saved, header, odds.limit(rate), frame_known, lack)
+    _, odds = odds_of(
+        WhitenedReadings.of(saved, planned(saved, header, once), frame_known=frame_known, lack=lack)
+    )
+    ways = RepetitionOptions(saved, header, odds.limit(rate), frame_known, lack)
     goal = ways.goal(once)
     best = fewest(ways, once, goal, times=times, repeats=repeats)
     visits = best.rounds.of(once)
@@ -111,7 +113,7 @@ def plan(
             if poses > most:
                 return None
             more = candidates.take(choose(seen, which, poses))
-            tried = Tried(best.rounds, ways.sizes(more, best.rounds), goal)
+            tried = DetectionResult(best.rounds, ways.sizes(more, best.rounds), goal)
         return poses if poses > count and tried.short <= 1.0 else None
 
     strict = {label: wanted(label) for label in goal}
@@ -121,7 +123,7 @@ def plan(
         now = next((c.lever_mm for c in found.causes if c.label == best.worst), None)
         long = None if now is None else lever_needed(ways, once, best.rounds, best.worst, now)
         lever = None if long is None else (best.worst, long)
-    return Plan(
+    return WatchPlan(
         tuple(chosen),
         visits,
         found,
@@ -134,20 +136,22 @@ def plan(
 
 
 def judged(
-    saved: SavedModel,
+    saved: CalibratedModel,
     header: Header,
-    visits: Visits,
+    visits: PlannedVisits,
     rate: float = RATE,
     *,
     frame_known: bool = True,
     lack: Array | None = None,
-) -> Shown:
-    """The causes that some visits will show. lack: as `Seen.of`."""
-    seen = Seen.of(saved, planned(saved, header, visits), frame_known=frame_known, lack=lack)
+) -> DetectableSizes:
+    """The causes that some visits will show. lack: as `WhitenedReadings.of`."""
+    seen = WhitenedReadings.of(saved, planned(saved, header, visits), frame_known=frame_known, lack=lack)
     return shown(seen, rate)
 
 
-def lever_needed(ways: Ways, visits: Visits, rounds: Rounds, label: str, lever_mm: float) -> float | None:
+def lever_needed(
+    ways: RepetitionOptions, visits: PlannedVisits, rounds: Repetitions, label: str, lever_mm: float
+) -> float | None:
     """The distance, mm, from its axis at which the one target of some visits would have to be for them to show a cause
     of the last joint from the size that it should be seen at; lever_mm: how far it is.
 

@@ -26,8 +26,8 @@ from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.data.header import Header
 from calib.errors import DataError
-from calib.model.model import Design, conditions_at
-from calib.saved import SavedModel
+from calib.model.model import BoundModel, conditions_at
+from calib.saved import CalibratedModel
 
 VISIT_S = 60.0
 
@@ -41,7 +41,7 @@ Read = tuple[tuple[str, str], ...]
 its point."""
 
 
-def planned(saved: SavedModel, header: Header, visits: Visits) -> Dataset:
+def planned(saved: CalibratedModel, header: Header, visits: PlannedVisits) -> Dataset:
     """The readings of some visits as the baseline predicts them: points, with the turn of the tool where the header has
     noise of one, or distances to base targets. Raises DataError for a target or a base target that the
     baseline has not."""
@@ -77,7 +77,7 @@ def planned(saved: SavedModel, header: Header, visits: Visits) -> Dataset:
         torque=loading.torque,
         time=VISIT_S * visit,
     )
-    frames = Design(saved.model, conditions).frames(saved.estimate, ())
+    frames = BoundModel(saved.model, conditions).frames(saved.estimate, ())
     points = np.broadcast_to(frames.p, (3, len(conditions))).T.copy()
     return _dataset(header, replace(conditions, point=points), points, frames)
 
@@ -110,15 +110,15 @@ def _dataset(header: Header, conditions: Conditions, points: Array, frames: Fram
 
 
 def within_stroke(
-    saved: SavedModel, header: Header, visits: Visits, length_mm: float
-) -> tuple[Visits, Array]:
+    saved: CalibratedModel, header: Header, visits: PlannedVisits, length_mm: float
+) -> tuple[PlannedVisits, Array]:
     """The visits with joints at which their legs, as many in each, have a length; and (V,) by how much the worst leg
     of each still differs, mm."""
     robot, count = saved.model.robot, len(visits)
     off: Array = np.full(count, np.inf)
     for _ in range(_STEPS):
         would = planned(saved, header, visits)
-        frames = Design(saved.model, would.conditions).frames(saved.estimate, robot.joint_slots)
+        frames = BoundModel(saved.model, would.conditions).frames(saved.estimate, robot.joint_slots)
         towards = frames.p - frames.anchor
         towards = towards / np.linalg.norm(towards, axis=0)
         columns = np.einsum("an,jan->nj", towards, frames.velocities(robot.joint_slots))
@@ -130,7 +130,7 @@ def within_stroke(
 
 
 @dataclass(frozen=True)
-class Visits:
+class PlannedVisits:
     """V visits: joints (V, N), rad or mm; sides (V, N), +1 from below, -1 from above; reach (V,), rad: length of the
     last move; read: of each visit what is read."""
 
@@ -140,7 +140,7 @@ class Visits:
     read: tuple[Read, ...]
 
     @classmethod
-    def of_points(cls, joints: Array, sides: Array, reach: Array, targets: Sequence[str]) -> Visits:
+    def of_points(cls, joints: Array, sides: Array, reach: Array, targets: Sequence[str]) -> PlannedVisits:
         """Points of the same targets in every visit."""
         return cls(joints, sides, reach, (tuple((name, "") for name in targets),) * len(joints))
 
@@ -152,23 +152,23 @@ class Visits:
         """Number of readings."""
         return sum(len(each) for each in self.read)
 
-    def take(self, index: Sequence[int] | NDArray[np.int64]) -> Visits:
+    def take(self, index: Sequence[int] | NDArray[np.int64]) -> PlannedVisits:
         """Some of the visits."""
         some = np.asarray(index, dtype=np.int64)
-        return Visits(
+        return PlannedVisits(
             self.joints[some], self.sides[some], self.reach[some], tuple(self.read[i] for i in some)
         )
 
-    def read_again(self, times: int) -> Visits:
+    def read_again(self, times: int) -> PlannedVisits:
         """The visits with every reading repeated so many times in each rest of the robot."""
         return replace(
             self, read=tuple(tuple(pair for pair in each for _ in range(times)) for each in self.read)
         )
 
-    def again(self, times: int) -> Visits:
+    def again(self, times: int) -> PlannedVisits:
         """Every visit so many times, every other time from the opposite sides; the whole round before the next."""
         rounds = [replace(self, sides=self.sides * (-1.0) ** k) for k in range(times)]
-        return Visits(
+        return PlannedVisits(
             np.concatenate([each.joints for each in rounds]),
             np.concatenate([each.sides for each in rounds]),
             np.concatenate([each.reach for each in rounds]),

@@ -23,10 +23,10 @@ import numpy as np
 
 from calib.array import Array
 from calib.data.header import Header
-from calib.saved import SavedModel
-from calib.watch.planning.planned import Visits, planned
+from calib.saved import CalibratedModel
+from calib.watch.planning.planned import PlannedVisits, planned
 from calib.watch.planning.sizes import WANTED, seen_from
-from calib.watch.seen import Seen
+from calib.watch.seen import WhitenedReadings
 
 TIMES = (1, 2, 4)
 
@@ -38,52 +38,52 @@ _NEAR = 1.1  # of the smallest size that any readings show, up to which fewer ar
 
 
 @dataclass(frozen=True)
-class Rounds:
+class Repetitions:
     """Visits to each pose, and readings of everything in each visit."""
 
     times: int = 1
     repeats: int = 1
 
-    def of(self, visits: Visits) -> Visits:
+    def of(self, visits: PlannedVisits) -> PlannedVisits:
         """The visits made and read so often."""
         return visits.read_again(self.repeats).again(self.times)
 
-    def cost(self, visits: Visits) -> float:
+    def cost(self, visits: PlannedVisits) -> float:
         """The cost of the rounds, in readings."""
         return self.times * (_MOVE * len(visits) + self.repeats * visits.readings)
 
 
 @dataclass(frozen=True)
-class Ways:
+class RepetitionOptions:
     """The possible repetitions of some readings. limit: p-value of an alarm; lack: as
-    `Seen.of`."""
+    `WhitenedReadings.of`."""
 
-    saved: SavedModel
+    saved: CalibratedModel
     header: Header
     limit: float
     frame_known: bool = True
     lack: Array | None = None
 
-    def sizes(self, visits: Visits, rounds: Rounds) -> dict[str, float]:
+    def sizes(self, visits: PlannedVisits, rounds: Repetitions) -> dict[str, float]:
         """The size from which every cause is seen that has one at which it should be; infinite where nothing shows
         it."""
         would = planned(self.saved, self.header, rounds.of(visits))
-        seen = Seen.of(self.saved, would, frame_known=self.frame_known, lack=self.lack)
+        seen = WhitenedReadings.of(self.saved, would, frame_known=self.frame_known, lack=self.lack)
         return seen_from(seen, self.limit)
 
-    def goal(self, visits: Visits) -> dict[str, float]:
+    def goal(self, visits: PlannedVisits) -> dict[str, float]:
         """The size from which every cause should be seen, where any number of readings at these poses can show it."""
-        best = self.sizes(visits, Rounds(_times(visits)[-1], REPEATS[-1]))
+        best = self.sizes(visits, Repetitions(_times(visits)[-1], REPEATS[-1]))
         return {
             label: wanted(label) if size <= wanted(label) else _NEAR * size for label, size in best.items()
         }
 
 
 @dataclass(frozen=True)
-class Tried:
+class DetectionResult:
     """The sizes that some rounds show: from which size every cause is seen, and from which it should be."""
 
-    rounds: Rounds
+    rounds: Repetitions
     sizes: Mapping[str, float]
     goal: Mapping[str, float] = field(repr=False)
 
@@ -107,40 +107,42 @@ class Tried:
 
 
 def fewest(
-    ways: Ways,
-    visits: Visits,
+    ways: RepetitionOptions,
+    visits: PlannedVisits,
     goal: Mapping[str, float],
     *,
     times: int | None = None,
     repeats: int | None = None,
-) -> Tried:
+) -> DetectionResult:
     """The cheapest rounds of visits that reach a goal; where none do, what comes nearest. times, repeats: where they
     are given."""
 
-    def tried(rounds: Rounds) -> Tried:
-        return Tried(rounds, ways.sizes(visits, rounds), goal)
+    def tried(rounds: Repetitions) -> DetectionResult:
+        return DetectionResult(rounds, ways.sizes(visits, rounds), goal)
 
     each_time = _times(visits) if times is None else (times,)
     each_repeat = REPEATS if repeats is None else (repeats,)
-    most = [tried(Rounds(t, each_repeat[-1])) for t in each_time]
+    most = [tried(Repetitions(t, each_repeat[-1])) for t in each_time]
     found = [_first(tried, each, each_repeat) for each in most if each.short <= 1.0]
     if not found:
         return min(most, key=lambda each: each.short)
     return min(found, key=lambda each: each.rounds.cost(visits))
 
 
-def _times(visits: Visits) -> tuple[int, ...]:
+def _times(visits: PlannedVisits) -> tuple[int, ...]:
     """The numbers of visits to try: once where every joint always comes from one side, since the next visit would
     come from the other."""
     return TIMES[:1] if np.all(visits.sides == visits.sides[:1]) else TIMES
 
 
-def _first(tried: Callable[[Rounds], Tried], most: Tried, repeats: tuple[int, ...]) -> Tried:
+def _first(
+    tried: Callable[[Repetitions], DetectionResult], most: DetectionResult, repeats: tuple[int, ...]
+) -> DetectionResult:
     """The fewest repeats that are enough, by halving: more never show less."""
     low, high, best = 0, len(repeats) - 1, most
     while low < high:
         middle = (low + high) // 2
-        if (found := tried(Rounds(most.rounds.times, repeats[middle]))).short <= 1.0:
+        if (found := tried(Repetitions(most.rounds.times, repeats[middle]))).short <= 1.0:
             high, best = middle, found
         else:
             low = middle + 1
@@ -153,7 +155,7 @@ def wanted(label: str) -> float:
 
 
 @dataclass(frozen=True)
-class Proposal:
+class WatchPlanProposal:
     """Some targets at every pose, how often each is visited, and how often everything is read in a visit; what the
     readings are, and the cause that is furthest from the size that should be seen, with the size from which it is;
     reached: whether every cause is seen from there; beyond: causes that no readings of these targets show from there,
@@ -170,22 +172,22 @@ class Proposal:
 
 
 def proposals(
-    saved: SavedModel,
+    saved: CalibratedModel,
     header: Header,
-    visits: Visits,
+    visits: PlannedVisits,
     choices: Sequence[tuple[str, ...]],
     limit: float,
     *,
     frame_known: bool = True,
-) -> tuple[Proposal, ...]:
+) -> tuple[WatchPlanProposal, ...]:
     """The proposals: of each choice of targets the cheapest rounds of the visits that show every cause from the size
     that it should be seen at, and a cause that no readings show from there about as well as any do; first what shows
     most causes, then what costs least. limit: p-value of an alarm."""
-    ways, found = Ways(saved, header, limit, frame_known), []
+    ways, found = RepetitionOptions(saved, header, limit, frame_known), []
     for targets in choices:
-        those = Visits.of_points(visits.joints, visits.sides, visits.reach, targets)
+        those = PlannedVisits.of_points(visits.joints, visits.sides, visits.reach, targets)
         tried = fewest(ways, those, ways.goal(those))
-        each = Proposal(
+        each = WatchPlanProposal(
             targets,
             tried.rounds.times,
             tried.rounds.of(those).readings,

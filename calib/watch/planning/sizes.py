@@ -20,8 +20,8 @@ from calib.array import Array
 from calib.model.effect import Effect
 from calib.units import to_internal
 from calib.watch.judge import RATE, odds_of
-from calib.watch.odds import Columns, Odds
-from calib.watch.seen import Seen
+from calib.watch.odds import CauseColumns, Odds
+from calib.watch.seen import WhitenedReadings
 
 _TIMES = (1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)  # of the smallest size, at which names are counted
 
@@ -39,7 +39,7 @@ WANTED = {"joint_step": 0.01, "backlash": 0.01, "tool_shift": 0.1, "base_shift":
 
 
 @dataclass(frozen=True)
-class Smallest:
+class SmallestDetected:
     """The sizes of one cause that are seen: smallest size and its unit; from which size it is named alone, None where
     that takes more than ten times as much; always: labels of causes that cannot be distinguished from it at any size.
 
@@ -59,17 +59,17 @@ class Smallest:
 
 
 @dataclass(frozen=True)
-class Shown:
+class DetectableSizes:
     """The yield of some visits: every cause; labels of those that they do not show at all; limit: the p-value of an
     alarm; readings: how many there are."""
 
-    causes: tuple[Smallest, ...]
+    causes: tuple[SmallestDetected, ...]
     unseen: tuple[str, ...]
     limit: float
     readings: int
 
 
-def shown(seen: Seen, rate: float = RATE) -> Shown:
+def shown(seen: WhitenedReadings, rate: float = RATE) -> DetectableSizes:
     """Smallest change seen of every cause."""
     whiten, odds = odds_of(seen)
     limit = odds.limit(rate)
@@ -90,7 +90,7 @@ def shown(seen: Seen, rate: float = RATE) -> Shown:
         wanted = wanted_of(effect)
         beyond = stats.chi2.isf(limit, cause.freedom)
         out.append(
-            Smallest(
+            SmallestDetected(
                 effect.label,
                 effect.meaning,
                 size,
@@ -104,10 +104,10 @@ def shown(seen: Seen, rate: float = RATE) -> Shown:
         )
     found = {each.label for each in out}
     unseen = tuple(e.label for e in seen.causes if e.label not in found)
-    return Shown(tuple(out), unseen, limit, len(seen.readings.conditions))
+    return DetectableSizes(tuple(out), unseen, limit, len(seen.readings.conditions))
 
 
-def seen_from(seen: Seen, limit: float) -> dict[str, float]:
+def seen_from(seen: WhitenedReadings, limit: float) -> dict[str, float]:
     """Smallest size of every cause that has a wanted one, at the p-value of an alarm: `shown` infinite where nothing
     shows it. `shown` without its draws, and without a matrix of all rows, however many there are."""
     beside = np.column_stack([seen.lasting, seen.passing])
@@ -117,14 +117,14 @@ def seen_from(seen: Seen, limit: float) -> dict[str, float]:
         one = of_one_unit(cause, columns)
         along = beside.T @ one
         least = float(np.linalg.eigvalsh(one.T @ one - along.T @ inner @ along)[0])
-        freedom = Columns.of(cause, columns).freedom
+        freedom = CauseColumns.of(cause, columns).freedom
         if wanted_of(cause) is not None:
             shows = freedom and least > _NOTHING
             out[cause.label] = float(np.sqrt(needed(freedom, limit) / least)) if shows else np.inf
     return out
 
 
-def _worst(seen: Seen, effect: Effect, whiten: Array) -> tuple[float, Array] | None:
+def _worst(seen: WhitenedReadings, effect: Effect, whiten: Array) -> tuple[float, Array] | None:
     """The worst of a cause: in the direction that is seen worst, of the parameters of its first unit: the
     non-centrality of the square of one unit, and the white residual (q,) of one unit; None where nothing is seen."""
     one = whiten @ of_one_unit(effect, seen.columns[seen.causes.index(effect)])

@@ -18,7 +18,7 @@ import acquisition
 from acquisition import (
     Campaign,
     Cell,
-    Outcome,
+    ExecutionOutcome,
     Run,
     RunStatus,
     pausing_on_interrupt,
@@ -30,7 +30,7 @@ from acquisition.cell import unstated_in_words
 from acquisition.errors import RecordError, RecordInUse, UnsafePlan
 from acquisition.examination import note_low_priority
 from acquisition.record import FILE as RECORD_FILE
-from acquisition.record import Acceptance, Store, export_streams, export_together, rescue
+from acquisition.record import DeviceAcceptance, RecordStore, export_streams, export_together, rescue
 from calib.data import assumed_in_words, read_dataset
 from calib.errors import DataError
 from drivers.errors import AcquisitionError, ConfigError, NoOperator
@@ -38,7 +38,7 @@ from service import exit_codes, wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT, write_json
 from service.plain import finite
-from service.printed.progress import Progress, terminal_operator
+from service.printed.progress import RunProgress, terminal_operator
 from service.printed.terminal import Terminal
 from service.private import note_if_others_read, owner_only
 from service.results.models import documents, positions
@@ -282,16 +282,16 @@ def _export_streams(record: Path, out: Path, json: str | None) -> None:
     write_json({"format": "truepose-streams/1", "record": str(record), "paths": document}, json)
 
 
-def _accepted(serial: str, reason: str) -> Acceptance | None:
+def _accepted(serial: str, reason: str) -> DeviceAcceptance | None:
     """The other device that the options accept. Raises ConfigError where one is given without the other."""
-    return Acceptance(serial, reason, "terminal") if serial or reason else None
+    return DeviceAcceptance(serial, reason, "terminal") if serial or reason else None
 
 
 def _refuse_begun(record: Path, cell: Cell, campaign: Campaign) -> None:
     """Refuse a DIR that holds a campaign: what it measures was settled when it was begun. Raises RecordError."""
     if not (record / RECORD_FILE).is_file():
         return
-    store = Store.open(record, writer=False)
+    store = RecordStore.open(record, writer=False)
     try:
         row = store.campaign
     finally:
@@ -336,7 +336,7 @@ def execute(
     """
     with ExitStack() as stack:
         terminal = stack.enter_context(Terminal(quiet=quiet or json == STANDARD_OUTPUT))
-        progress = Progress(run, terminal)
+        progress = RunProgress(run, terminal)
         operator = stack.enter_context(terminal_operator())
         if simulate:
             terminal.say("starting the simulators of the cell")
@@ -393,7 +393,7 @@ def in_words(status: RunStatus) -> str:
     return ", ".join(parts)
 
 
-def _document(record: Path, status: RunStatus, outcome: Outcome | None = None) -> dict[str, Any]:
+def _document(record: Path, status: RunStatus, outcome: ExecutionOutcome | None = None) -> dict[str, Any]:
     document = {"format": "truepose-run/1", "record": str(record), **finite(status.as_dict())}
     if outcome is not None:
         error = outcome.error

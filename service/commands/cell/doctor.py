@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from acquisition import open_devices, read_cell
-from acquisition.examination import Examination, Finding, examine
+from acquisition.examination import CheckResult, Examination, examine
 from service import exit_codes
 from service.commands import options
 from service.files import STANDARD_OUTPUT, write_json
@@ -89,7 +89,7 @@ def _table(found: Examination) -> Table:
     return table
 
 
-def _words(finding: Finding) -> Text:
+def _words(finding: CheckResult) -> Text:
     code = "" if finding.code is None else f" [{finding.code}]"
     text = Text(finding.found + code)
     if finding.do:

@@ -15,17 +15,31 @@ from service.commands import options
 from service.files import STANDARD_OUTPUT
 from service.printed import tables
 from service.printed.terminal import Terminal
-from service.results.cell.placements import TOGETHER, Found, Order, Range, Zone, found_for, wanted_of
+from service.results.cell.placements import (
+    TOGETHER,
+    PlacementRequest,
+    PlacementResult,
+    Range,
+    Zone,
+    found_for,
+    wanted_of,
+)
 
 
 def plan_ballbar(
     cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="A cell with a ballbar.")],
-    x: Annotated[Range, typer.Option(metavar="LOW HIGH STEP", help="Shifts along x, mm.")] = Order.x,
-    y: Annotated[Range, typer.Option(metavar="LOW HIGH STEP", help="Shifts along y, mm.")] = Order.y,
-    z: Annotated[Range, typer.Option(metavar="LOW HIGH STEP", help="Shifts along z, mm.")] = Order.z,
+    x: Annotated[
+        Range, typer.Option(metavar="LOW HIGH STEP", help="Shifts along x, mm.")
+    ] = PlacementRequest.x,
+    y: Annotated[
+        Range, typer.Option(metavar="LOW HIGH STEP", help="Shifts along y, mm.")
+    ] = PlacementRequest.y,
+    z: Annotated[
+        Range, typer.Option(metavar="LOW HIGH STEP", help="Shifts along z, mm.")
+    ] = PlacementRequest.z,
     turn: Annotated[
         Range, typer.Option(metavar="LOW HIGH STEP", help="Turns about the vertical through the balls, deg.")
-    ] = Order.turn,
+    ] = PlacementRequest.turn,
     base: Annotated[
         str | None,
         typer.Option(
@@ -48,10 +62,10 @@ def plan_ballbar(
     ] = 1,
     offset_deg: Annotated[
         float, typer.Option(min=0.1, max=30.0, help="From how far below every joint arrives at its pose.")
-    ] = Order.offset_deg,
+    ] = PlacementRequest.offset_deg,
     show: Annotated[
         int, typer.Option(min=1, max=50, help="Placements that are proven and listed.")
-    ] = Order.show,
+    ] = PlacementRequest.show,
     picture: Annotated[
         Path | None, typer.Option(metavar="OUT.svg", help="A picture of the placements that are listed.")
     ] = None,
@@ -60,7 +74,7 @@ def plan_ballbar(
     """Find where the base balls should be. From there the arm reaches most stances of the ballbar's legs."""
     options.check_outputs({"--json": json, "--picture": picture}, inputs=(cell,))
     names = None if base is None else tuple(name.strip() for name in base.split(","))
-    order = Order(x, y, z, turn, names, zone, together, offset_deg, show)
+    order = PlacementRequest(x, y, z, turn, names, zone, together, offset_deg, show)
     wanted_of(order)  # refused before anything is computed
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         found = found_for(read_cell(cell), order, cell, terminal.say, _tenths(terminal))
@@ -87,7 +101,7 @@ def _tenths(terminal: Terminal) -> Callable[[int, int], None]:
     return progress
 
 
-def _tables(found: Found) -> list[RenderableType]:
+def _tables(found: PlacementResult) -> list[RenderableType]:
     hexapod, zone = found.hexapod, found.order.zone
     best = found.plan if found.order.together > 1 else found.best
     branches = [name for name in best[0][0].by_arm if any(each.by_arm[name] for each, _ in best)]

@@ -20,7 +20,7 @@ from service.commands import options
 from service.files import STANDARD_OUTPUT
 from service.printed import tables
 from service.printed.terminal import Terminal
-from service.results.cell.selected import Question, Selected
+from service.results.cell.selected import Selected, SelectionRequest
 
 
 def select(
@@ -55,7 +55,7 @@ def select(
 ) -> None:
     """Choose calibration poses by observability."""
     options.check_outputs({"--out": out, "--json": json}, inputs=(cell, prior))
-    asked = Question(
+    asked = SelectionRequest(
         count=count,
         candidates=candidates,
         groups=_listed(groups),

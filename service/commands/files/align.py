@@ -18,7 +18,7 @@ from service.files import STANDARD_OUTPUT
 from service.printed import alignment_tables
 from service.printed.terminal import Terminal
 from service.results.files import alignment
-from service.results.files.alignment import HOLDOUT, SEED, Order
+from service.results.files.alignment import HOLDOUT, SEED, AlignmentRequest
 
 
 def align_command(
@@ -90,7 +90,7 @@ def align_command(
         {"OUT.csv": data, "header of OUT.csv": header, "--json": json, "--picture": picture},
         inputs=(robot_stream, tracker_stream, tracker_stream.with_suffix(".toml"), Path(robot)),
     )
-    order = Order(
+    order = AlignmentRequest(
         tool=tool,
         robot=robot,
         robot_in_header=_beside(out, robot),

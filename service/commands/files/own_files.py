@@ -16,7 +16,7 @@ import typer
 
 from calib.arm import built_in_robots, load_robot
 from calib.errors import DataError
-from calib.foreign import Map, Proposal, Question, converted, data_set_of, propose, read_map, text_of
+from calib.foreign import ColumnQuestion, Map, MapProposal, converted, data_set_of, propose, read_map, text_of
 from calib.text import replace_file
 from service import exit_codes
 from service.commands import options
@@ -99,7 +99,7 @@ class OwnFiles:
             given[key.strip()] = choice.strip()
         return {key: value for key, value in given.items() if value}
 
-    def _proposal(self, terminal: Terminal, *, asking: bool) -> Proposal:
+    def _proposal(self, terminal: Terminal, *, asking: bool) -> MapProposal:
         """The proposal, with what a person at the terminal answers."""
         answers = self._given()
         asking = asking and sys.stdin is not None and sys.stdin.isatty() and sys.stdout.isatty()
@@ -123,7 +123,7 @@ class OwnFiles:
             terminal.out.print(shown)
         return proposal
 
-    def _end(self, proposal: Proposal, terminal: Terminal) -> None:
+    def _end(self, proposal: MapProposal, terminal: Terminal) -> None:
         if proposal.missing:
             raise DataError(
                 f"no file holds {' and '.join(proposal.missing)}.",
@@ -172,13 +172,13 @@ def _held(made: Map, holdout: Mapping[str, Any]) -> Map:
     return replace(made, header={**made.header, "holdout": {**made.header.get("holdout", {}), **holdout}})
 
 
-def _keep(made: Map, proposal: Proposal, to: Path, terminal: Terminal) -> None:
+def _keep(made: Map, proposal: MapProposal, to: Path, terminal: Terminal) -> None:
     """Write the map of a proposal."""
     replace_file(to, text_of(_from(made, Path(), to.parent), conversion_tables.remarks(proposal)))
     terminal.note(f"map: {to}")
 
 
-def _asked(question: Question) -> str:
+def _asked(question: ColumnQuestion) -> str:
     """The answer of a person; an empty one is the proposed one where there is one."""
     typer.echo(f"\n{question.text}")
     for number, choice in enumerate(question.choices, start=1):

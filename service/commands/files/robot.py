@@ -29,7 +29,7 @@ from calib.robot_file import (
 from calib.text import read_text, replace_file
 from service import exit_codes
 from service.commands import options
-from service.commands.files.robot_answers import Asked, ask_draft, ask_mass
+from service.commands.files.robot_answers import RobotFileAnswers, ask_draft, ask_mass
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed.robot_tables import (
     described_lines,
@@ -106,7 +106,7 @@ def new_command(
     """Write a robot file; what no option gives is asked for."""
     _refuse_existing(out)
     convention_name = None if convention is None else convention.value
-    asked = Asked(name, maker, convention_name, joints, link or [], source, mass)
+    asked = RobotFileAnswers(name, maker, convention_name, joints, link or [], source, mass)
     draft = ask_draft(asked)
     written_robot(draft)
     _write(draft, out)

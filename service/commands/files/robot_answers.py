@@ -19,7 +19,7 @@ _ROW = "alpha deg, a mm, theta deg, d mm, lowest, highest"
 
 
 @dataclass(frozen=True)
-class Asked:
+class RobotFileAnswers:
     """The answers that options gave already; None, or too few links, is asked for."""
 
     name: str | None
@@ -36,7 +36,7 @@ class Asked:
         return None not in (self.name, self.maker, self.convention, self.source) and bool(self.links)
 
 
-def ask_draft(asked: Asked) -> Draft:
+def ask_draft(asked: RobotFileAnswers) -> Draft:
     """The draft of a robot file from options and answers. Raises DataError for an option that cannot be used."""
     links = [link_of(text) for text in asked.links]
     if asked.joints is not None and len(links) > asked.joints:

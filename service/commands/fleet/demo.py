@@ -24,7 +24,7 @@ from calib.errors import DataError
 from calib.text import read_text, replace_file
 from service import exit_codes
 from service.child import python
-from service.ending import Ending, until_asked
+from service.ending import ShutdownSignal, until_asked
 from service.names import new_id
 from service.private import lasting_tokens, owner_only
 
@@ -137,7 +137,7 @@ def _watch(cell: Path, commands: Commands) -> None:
     commands.run("watch", "run", *files, *told, good=verdicts)
 
 
-def _settle(cells: Sequence[Path], ending: Ending) -> None:
+def _settle(cells: Sequence[Path], ending: ShutdownSignal) -> None:
     """Wait until nothing waits in any outbox."""
     from fleet.outbox import FILE, Outbox
 
@@ -159,7 +159,7 @@ class Commands:
     """Commands of this program, each below a guard: it ends when its standard input closes, and so when this program is
     killed. log: where they say what they do; ending: whether to stop."""
 
-    def __init__(self, log: IO[str], ending: Ending) -> None:
+    def __init__(self, log: IO[str], ending: ShutdownSignal) -> None:
         self.ending = ending
         self._log = log
 

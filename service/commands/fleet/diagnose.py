@@ -18,7 +18,7 @@ from service.files import STANDARD_OUTPUT
 from service.printed.fleet_tables import FleetProgress, shown
 from service.printed.terminal import Terminal
 from service.private import owner_only
-from service.results.fleet_diagnosed import FleetDiagnosed, Question
+from service.results.fleet_diagnosed import FleetDiagnosed, FleetDiagnosisRequest
 
 
 @owner_only()
@@ -61,7 +61,7 @@ def diagnose_command(
         raise DataError(
             "goes without --scheduler, which has workers of its own.", do="Leave one out.", key="--workers"
         )
-    asked = Question(given, store, workers, scheduler, most, changed_since)
+    asked = FleetDiagnosisRequest(given, store, workers, scheduler, most, changed_since)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         try:
             found = FleetDiagnosed.of(

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from calib.prior import Member, learn, prior_document, save_prior
+from calib.prior import TypeMember, learn, prior_document, save_prior
 from service.commands import options
 from service.files import STANDARD_OUTPUT
 from service.printed import type_tables
@@ -31,7 +31,7 @@ def learn_command(
         members = []
         for path in models:
             terminal.say(f"reading {path}")
-            members.append(Member.read(path, robot_file=robot))
+            members.append(TypeMember.read(path, robot_file=robot))
         terminal.say(f"learning from {len(members)} robots")
         found = learn(members)
         options.write_result(prior_document(found), json, terminal)

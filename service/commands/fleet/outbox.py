@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from calib.errors import DataError
-from fleet.outbox import FILE, Entry, Outbox
+from fleet.outbox import FILE, Outbox, QueuedDocument
 from fleet.store import utc_now
 from service import wording
 from service.commands import options
@@ -83,7 +83,7 @@ def _opened(folder: Path) -> Outbox:
     return Outbox(folder / FILE)
 
 
-def _of(entry: Entry) -> dict[str, object]:
+def _of(entry: QueuedDocument) -> dict[str, object]:
     return {
         "hash": entry.hash,
         "kind": entry.kind,
@@ -97,7 +97,7 @@ def _of(entry: Entry) -> dict[str, object]:
     }
 
 
-def _table(title: str, entries: list[Entry]) -> tables.Table:
+def _table(title: str, entries: list[QueuedDocument]) -> tables.Table:
     table = tables.grid(title, "hash", "kind", "robot", "tries", "reason", left=5)
     for entry in entries[:MOST]:
         table.add_row(entry.hash[:SHORT], entry.kind, entry.robot.serial, str(entry.tries), entry.said or "-")

@@ -12,11 +12,11 @@ import typer
 from filelock import FileLock, Timeout
 
 from calib.errors import DataError
-from fleet.outbox import FILE, Cell, Link, Outbox, Round, Sender, collect
+from fleet.outbox import FILE, CellFolder, Outbox, Sender, SendRound, ServerLink, collect
 from fleet.store import utc_now
 from service import exit_codes, wording
 from service.commands import options
-from service.ending import Ending, until_asked
+from service.ending import ShutdownSignal, until_asked
 from service.files import STANDARD_OUTPUT
 from service.printed.terminal import Terminal, duration
 from service.private import owner_only, read_secret
@@ -55,7 +55,7 @@ def send_command(
     options.check_outputs({"--json": json}, inputs=(token_file,))
     if not folder.is_dir():
         raise DataError("there is no such folder.", do="Name the folder of the records.", file=folder)
-    whose = Cell(socket.gethostname() if cell is None else cell, serial, simulated)
+    whose = CellFolder(socket.gethostname() if cell is None else cell, serial, simulated)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal, until_asked() as ending:
         if to.startswith("http://") and not _is_near(to):
             terminal.note("truepose: the token goes over the network as it is; use https:// there.")
@@ -66,7 +66,7 @@ def send_command(
             raise DataError(
                 "is being sent by another program.", do="Let it work, or end it first.", file=folder
             ) from error
-        with lock, Outbox(folder / FILE) as outbox, closing(Link(to, _token(token_file))) as link:
+        with lock, Outbox(folder / FILE) as outbox, closing(ServerLink(to, _token(token_file))) as link:
             sender = Sender(outbox, link, say=terminal.note)
             if every is None:
                 done = _once(folder, whose, sender, ending, terminal)
@@ -81,22 +81,24 @@ def send_command(
         raise typer.Exit(code if done.waiting else exit_codes.FAILED)
 
 
-def _once(folder: Path, cell: Cell, sender: Sender, ending: Ending, terminal: Terminal) -> Round:
+def _once(
+    folder: Path, cell: CellFolder, sender: Sender, ending: ShutdownSignal, terminal: Terminal
+) -> SendRound:
     """Collect, and send until nothing is left, the server is away or a document has failed several times."""
     collect(folder, cell, sender.outbox, utc_now, terminal.note, read_record)
     kept = refused = 0
-    done = Round()
+    done = SendRound()
     for number in range(ROUNDS):
         terminal.say("sending")
         done = sender.round(lambda: bool(ending))
         kept, refused = kept + done.kept, refused + done.refused
         if done.wait_s is None or done.trouble or number == ROUNDS - 1 or ending.wait(done.wait_s):
             break
-    return Round(kept, refused, done.waiting, done.trouble, done.barred)
+    return SendRound(kept, refused, done.waiting, done.trouble, done.barred)
 
 
 def _on_and_on(
-    folder: Path, cell: Cell, sender: Sender, every_s: float, ending: Ending, terminal: Terminal
+    folder: Path, cell: CellFolder, sender: Sender, every_s: float, ending: ShutdownSignal, terminal: Terminal
 ) -> None:
     """Collect every so often and send what waits, until the command is asked to end; what changes is said."""
     look_at, said = time.monotonic(), ""
@@ -136,7 +138,7 @@ def _is_near(url: str) -> bool:
     return is_loopback(urlsplit(url).hostname or "")
 
 
-def _document(done: Round) -> dict[str, object]:
+def _document(done: SendRound) -> dict[str, object]:
     return {
         "format": "truepose-sent/1",
         "sent": done.kept,
@@ -146,7 +148,7 @@ def _document(done: Round) -> dict[str, object]:
     }
 
 
-def _in_words(done: Round) -> str:
+def _in_words(done: SendRound) -> str:
     parts = [f"{wording.counted(done.kept, 'document')} sent"]
     if done.refused:
         parts.append(f"{done.refused} set aside (truepose fleet outbox list)")

@@ -51,9 +51,9 @@ def serve_command(
     for each in (host, *(name or [])):
         refuse_host(each)
     tokens = lasting_tokens(token_file, first="cells'", harm="write to the store")
-    from fleet.store import Store
+    from fleet.store import FleetStore
     from service.http.server import run_server
-    from service.plant import Senders, Settings, create_plant
+    from service.plant import FleetServerSettings, Senders, create_plant
 
     senders = Senders(tokens, cell_tokens)
     if free := ", ".join(senders.of_any_robot()):
@@ -61,7 +61,7 @@ def serve_command(
             f"truepose: these tokens may write about any robot: {free}. Name those of each cell: "
             "truepose fleet token allow\n"
         )
-    with json_log(log), closing(Store.open(store)) as opened:
+    with json_log(log), closing(FleetStore.open(store)) as opened:
         place = opened.place
 
         def hello(url: str) -> str:
@@ -83,7 +83,7 @@ def serve_command(
                 )
             )
 
-        plant = create_plant(opened, Settings(senders, host, tuple(name or ())))
+        plant = create_plant(opened, FleetServerSettings(senders, host, tuple(name or ())))
         code = run_server(plant, host, port, senders, hello)
     if code != exit_codes.DONE:
         sys.stderr.write("truepose: the server did not start.\n")

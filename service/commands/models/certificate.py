@@ -14,7 +14,7 @@ from calib.errors import DataError
 from calib.text import TomlTable, read_toml, replace_file
 
 if TYPE_CHECKING:
-    from service.report.certificate import About
+    from service.report.certificate import CertificateParties
 
 Dcc = Annotated[
     Path | None,
@@ -30,17 +30,17 @@ DccAbout = Annotated[
 
 
 @dataclass(frozen=True)
-class Wanted:
+class CertificateRequest:
     """The file of --dcc, and what --dcc-about states of it."""
 
     file: Path
-    about: About
+    about: CertificateParties
 
     @staticmethod
-    def of(dcc: Path | None, about: Path | None) -> Wanted | None:
+    def of(dcc: Path | None, about: Path | None) -> CertificateRequest | None:
         """The certificate that the options ask for; without --dcc none. Raises DataError naming file and key."""
         if dcc is not None:
-            return Wanted(dcc, _read_about(about))
+            return CertificateRequest(dcc, _read_about(about))
         if about is not None:
             raise DataError("is stated in a certificate.", do="Give --dcc as well.", key="--dcc-about")
         return None
@@ -59,20 +59,22 @@ class Wanted:
         model_sha256: str | None,
     ) -> None:
         """Write the certificate of a result. Raises DataError."""
-        from service.report.certificate import Certified, certificate_xml
+        from service.report.certificate import CertificateContent, certificate_xml
 
-        certified = Certified(dataset, document, parameters, model_sha256)
+        certified = CertificateContent(dataset, document, parameters, model_sha256)
         replace_file(self.file, certificate_xml(certified, self.about))
 
 
-def _read_about(path: Path | None) -> About:
+def _read_about(path: Path | None) -> CertificateParties:
     """The file of --dcc-about; without one nothing is stated."""
-    from service.report.certificate import About
+    from service.report.certificate import CertificateParties
 
     if path is None:
-        return About()
+        return CertificateParties()
     _, values = read_toml(path)
     table = TomlTable(values, path)
-    names = [each.name for each in fields(About)]
+    names = [each.name for each in fields(CertificateParties)]
     table.only(names)
-    return About(**{name: table.text(name) for name in names if name in values}).refuse_unusable()
+    return CertificateParties(
+        **{name: table.text(name) for name in names if name in values}
+    ).refuse_unusable()

@@ -12,19 +12,19 @@ import typer
 from acquisition import read_cell
 from acquisition.loop import campaign_text, in_cell
 from calib.data import read_dataset
-from calib.diagnose import MOST_EFFECTS, CarryOver, Diagnosis, carry_over, diagnose
+from calib.diagnose import MOST_EFFECTS, CarryOver, DiagnosisFit, carry_over, diagnose
 from calib.saved import save_model
 from calib.text import replace_file
 from service import wording
 from service.commands import options
-from service.commands.models.certificate import Dcc, DccAbout, Wanted
+from service.commands.models.certificate import CertificateRequest, Dcc, DccAbout
 from service.files import STANDARD_OUTPUT
 from service.garbage import left_alone
 from service.printed import tables, type_tables
 from service.printed.terminal import Terminal
-from service.results.judgement.acceptance import Acceptance, decide, judged_as
+from service.results.judgement.acceptance import AcceptanceResult, decide, judged_as
 from service.results.models import documents
-from service.results.models.documents import Patched
+from service.results.models.documents import PatchResult
 from service.results.models.predictions import predictions_csv
 
 
@@ -80,7 +80,7 @@ def diagnose_command(
         inputs=(*options.files_of(data), *options.files_of(carry_to), cell, dcc_about, accept_zones, prior),
     )
     limits = options.limits_of(accept_rms, accept_max, accept_zones)
-    certificate = Wanted.of(dcc, dcc_about)
+    certificate = CertificateRequest.of(dcc, dcc_about)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
         dataset, of_type = read_dataset(data), options.read_prior(prior)
@@ -102,7 +102,7 @@ def diagnose_command(
         patched = None
         if patch:
             terminal.say("mapping what is left")
-            patched = Patched.of(diagnosis)
+            patched = PatchResult.of(diagnosis)
         acceptance = None
         if limits is not None:
             final, judged = diagnosis.final, judged_as(diagnosis.effects)
@@ -155,7 +155,7 @@ def diagnose_command(
 
 
 def write_results(
-    diagnosis: Diagnosis,
+    diagnosis: DiagnosisFit,
     document: Mapping[str, Any],
     terminal: Terminal,
     *,
@@ -165,8 +165,8 @@ def write_results(
     save_anyway: bool = False,
     certified: bool = False,
     carried: CarryOver | None = None,
-    patched: Patched | None = None,
-    acceptance: Acceptance | None = None,
+    patched: PatchResult | None = None,
+    acceptance: AcceptanceResult | None = None,
 ) -> str | None:
     """Write predictions, model and report, where they were asked for; what can fail most easily comes last. Returns the
     hash of the model, None of one that did not converge, or where neither file nor certificate (certified) names it."""
@@ -190,10 +190,10 @@ def write_results(
 
 
 def show(
-    diagnosis: Diagnosis,
+    diagnosis: DiagnosisFit,
     terminal: Terminal,
     carried: CarryOver | None = None,
-    patched: Patched | None = None,
+    patched: PatchResult | None = None,
 ) -> None:
     """Print the result for people."""
     for table in type_tables.weights(diagnosis.final):

@@ -15,12 +15,12 @@ from calib.text import replace_file
 from calib.validation import refuse_other_robot
 from service import wording
 from service.commands import options
-from service.commands.models.certificate import Dcc, DccAbout, Wanted
+from service.commands.models.certificate import CertificateRequest, Dcc, DccAbout
 from service.files import STANDARD_OUTPUT
 from service.printed import tables, type_tables
 from service.printed.terminal import Terminal
 from service.results.models.documents import parameters_of
-from service.results.models.identified import Identified
+from service.results.models.identified import IdentificationReport
 
 
 def identify_command(
@@ -52,13 +52,13 @@ def identify_command(
     if preliminary is not None and report is None:
         raise DataError("is shown in a report.", do="Give --report.", key="--preliminary")
     limits = options.limits_of(accept_rms, accept_max, accept_zones)
-    certificate = Wanted.of(dcc, dcc_about)
+    certificate = CertificateRequest.of(dcc, dcc_about)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
         dataset = read_dataset(data)
         if certificate is not None:
             certificate.refuse_undated(dataset)
-        result = Identified.of(dataset, level, terminal.say, limits, options.read_prior(prior))
+        result = IdentificationReport.of(dataset, level, terminal.say, limits, options.read_prior(prior))
         found = result.found
         stage = None if preliminary is None else load_model(preliminary)
         if preliminary is not None and stage is not None:

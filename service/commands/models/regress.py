@@ -14,7 +14,7 @@ from service.commands import options
 from service.files import STANDARD_OUTPUT
 from service.printed.regression_tables import shown
 from service.printed.terminal import Terminal
-from service.results.models.regressed import Regressed
+from service.results.models.regressed import RegressionOutcome
 
 METHODS = ("mls-svr",)
 
@@ -52,7 +52,7 @@ def regress_command(
         raise DataError(f"is {method!r}.", do=f"Use {', '.join(METHODS)}.", key="--method")
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
-        result = Regressed.of(
+        result = RegressionOutcome.of(
             data,
             on=on,
             features=features,

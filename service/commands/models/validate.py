@@ -19,7 +19,7 @@ from service.printed.tables import acceptance as acceptance_table
 from service.printed.tables import warnings as warnings_table
 from service.printed.terminal import Terminal
 from service.results.judgement import validation_document
-from service.results.judgement.validated import Question, Read, Validated
+from service.results.judgement.validated import LoadedModel, Validated, ValidationRequest
 
 
 def validate_command(
@@ -91,8 +91,8 @@ def validate_command(
             second = None if compare is None else options.read_model(compare, robot, largest_correction)
             for each in filter(None, (saved, second)):
                 options.note_without_regression(each, terminal)
-            read = Read(saved, model, second, compare)
-            asked = Question(place_it, everything, point, limits)
+            read = LoadedModel(saved, model, second, compare)
+            asked = ValidationRequest(place_it, everything, point, limits)
             _judge(dataset, read, asked, json, terminal, report, picture)
 
 
@@ -106,8 +106,8 @@ def _hold_outs(dataset: Dataset, json: str | None, terminal: Terminal) -> None:
 
 def _judge(
     dataset: Dataset,
-    read: Read,
-    asked: Question,
+    read: LoadedModel,
+    asked: ValidationRequest,
     json: str | None,
     terminal: Terminal,
     report: Path | None,

@@ -17,7 +17,7 @@ NO_ROUTE = (
 )
 
 
-class Account:
+class RequestCounters:
     """The counts of one application."""
 
     def __init__(self) -> None:
@@ -30,10 +30,10 @@ class Account:
         )
 
 
-class Counted:
+class RequestMetrics:
     """ASGI middleware, outside all others."""
 
-    def __init__(self, app: ASGIApp, account: Account) -> None:
+    def __init__(self, app: ASGIApp, account: RequestCounters) -> None:
         self._app, self._account = app, account
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

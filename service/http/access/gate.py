@@ -56,27 +56,27 @@ def _of_a_cell(role: Role, method: str, path: str) -> Problem | None:
 CELL = Rules(_is_open, _of_a_cell, "truepose serve")
 
 
-class Known(Protocol):
+class TokenRoles(Protocol):
     """Tokens with their roles."""
 
     def role_of(self, token: str) -> Role | None: ...
 
 
-class Guarded(Protocol):
+class GuardedService(Protocol):
     """The part of a service that the gate needs: its address, its tokens, the largest body."""
 
     @property
     def host(self) -> str: ...
     @property
-    def tokens(self) -> Known: ...
+    def tokens(self) -> TokenRoles: ...
     @property
     def upload_bytes(self) -> int: ...
 
 
-class Gate:
+class AccessGate:
     """ASGI middleware."""
 
-    def __init__(self, app: ASGIApp, settings: Guarded, rules: Rules = CELL) -> None:
+    def __init__(self, app: ASGIApp, settings: GuardedService, rules: Rules = CELL) -> None:
         self._app, self._rules = app, rules
         self._host = settings.host.strip("[]").lower()
         self._names = {self._host, "localhost", *(name.lower() for name in rules.names)}

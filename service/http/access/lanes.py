@@ -33,7 +33,7 @@ BODY_S = 60.0  # to send it
 ORDINARY, UPLOADS = 300, 8  # in hand
 
 
-class Lanes:
+class RequestLanes:
     """ASGI middleware."""
 
     def __init__(self, app: ASGIApp) -> None:

@@ -27,11 +27,11 @@ LEASE = path_of("cell", "lease")
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldLease:
     """A lease as it was given. `beats`: what a run watches; `origin`: from whom it was taken over, and why."""
 
     secret: str = field(repr=False)
-    beats: acquisition.Lease
+    beats: acquisition.LeaseDeadline
     expires_utc: float
     origin: str = ""
 
@@ -59,16 +59,16 @@ class MotionLease:
         self._clock = clock or ScaledClock()
         self._noting = threading.Lock()
         self._mutex = threading.Lock()
-        self._held: Held | None = None
+        self._held: HeldLease | None = None
 
-    def grant(self, holder: str, seconds: float) -> Held:
+    def grant(self, holder: str, seconds: float) -> HeldLease:
         """Take the lease if it is free. Raises Problem 409 if it is held, StorageError."""
         with self._noting:
             if (held := self._live()) is not None:
                 raise _other(held)
             return self._new(holder, seconds, "granted")
 
-    def renew(self, holder: str, seconds: float, lease_id: str) -> Held:
+    def renew(self, holder: str, seconds: float, lease_id: str) -> HeldLease:
         """Prolong the holder's lease. Raises Problem 409 if it has expired or belongs to another.
 
         One that has ended is not granted anew: its holder has to learn that the robot has come to rest, and a request
@@ -90,7 +90,7 @@ class MotionLease:
             self._held = replace(held, expires_utc=self._clock.utc() + seconds)
             return self._held
 
-    def take_over(self, holder: str, seconds: float, reason: str) -> tuple[Held, str]:
+    def take_over(self, holder: str, seconds: float, reason: str) -> tuple[HeldLease, str]:
         """Take the lease whoever holds it; with it the name of who did, empty for nobody. Raises StorageError.
 
         What moves by the old lease is for the caller to pause.
@@ -110,7 +110,7 @@ class MotionLease:
             self._held = None
             return None if held is None else held.holder
 
-    def needed(self, lease_id: str) -> Held:
+    def needed(self, lease_id: str) -> HeldLease:
         """The lease by which the robot may move. Raises Problem 409 where there is none, or it is another's."""
         with self._mutex:
             held = self._live()
@@ -125,30 +125,30 @@ class MotionLease:
             return held
 
     @property
-    def current(self) -> Held | None:
+    def current(self) -> HeldLease | None:
         """The live lease."""
         return self._live()
 
-    def _live(self) -> Held | None:
+    def _live(self) -> HeldLease | None:
         held = self._held
         return held if held is not None and held.live else None
 
-    def _new(self, holder: str, seconds: float, how: str, origin: str = "", **more: str) -> Held:
+    def _new(self, holder: str, seconds: float, how: str, origin: str = "", **more: str) -> HeldLease:
         # Before it takes effect: what cannot be noted does not happen.
         self._audit.note(f"lease {how}", holder=holder, seconds=seconds, **more)
-        beats = acquisition.Lease(holder, seconds, self._clock)
-        new = Held(secrets.token_urlsafe(24), beats, self._clock.utc() + seconds, origin)
+        beats = acquisition.LeaseDeadline(holder, seconds, self._clock)
+        new = HeldLease(secrets.token_urlsafe(24), beats, self._clock.utc() + seconds, origin)
         with self._mutex:
             self._held = new
         return new
 
 
-def _prove(held: Held, lease_id: str) -> None:
+def _prove(held: HeldLease, lease_id: str) -> None:
     if not held.proved_by(lease_id):
         raise _other(held, f"; this request has {'another' if lease_id else 'no'} Lease-Id")
 
 
-def _other(held: Held, more: str = "") -> Problem:
+def _other(held: HeldLease, more: str = "") -> Problem:
     return Problem(
         409,
         f"The motion lease is held by {held.holder}{held.origin}{more}.",

@@ -55,7 +55,7 @@ UPLOAD_BYTES = 32 * 1024 * 1024  # 100,000 readings have some 20 MB
 
 
 @dataclass(frozen=True)
-class Settings:
+class ServiceSettings:
     """`record`: the folder that holds everything. `token_file`: where the tokens are kept.
 
     `simulated` None: the real devices of `cell`. `store`: address of the history, None for a file of the record;

@@ -7,11 +7,11 @@ from typing import Any
 
 from fastapi import APIRouter, Request, Response
 
-from service.http.access.motion_lease import Held
+from service.http.access.motion_lease import HeldLease
 from service.http.routes.json_route import JsonRoute
 from service.http.routes.pages.page import page_hash
 from service.http.state import Here
-from service.http.wire.bodies import CellShown, Health, LeaseShown, TakeLease, TakeLeaseOver
+from service.http.wire.bodies import CellShown, Health, LeaseRequest, LeaseShown, LeaseTakeoverRequest
 from service.http.wire.headers import LeaseId
 from service.plain import utc_text
 
@@ -47,7 +47,7 @@ async def get_cell(here: Here, request: Request) -> dict[str, Any]:
 
 
 @router.post("/cell/lease", operation_id="takeLease", response_model=LeaseShown)
-async def take_lease(here: Here, body: TakeLease, lease_id: LeaseId = "") -> dict[str, Any]:
+async def take_lease(here: Here, body: LeaseRequest, lease_id: LeaseId = "") -> dict[str, Any]:
     """Take the motion lease, or keep it: repeat this before it expires, or the robot rests and its run is paused.
 
     Without `Lease-Id` it is taken where nobody holds it, and the answer has its secret, `lease_id`, which is never
@@ -60,7 +60,7 @@ async def take_lease(here: Here, body: TakeLease, lease_id: LeaseId = "") -> dic
 
 
 @router.post("/cell/lease/takeover", operation_id="takeLeaseOver", response_model=LeaseShown)
-async def take_lease_over(here: Here, body: TakeLeaseOver) -> dict[str, Any]:
+async def take_lease_over(here: Here, body: LeaseTakeoverRequest) -> dict[str, Any]:
     """Take the motion lease from its holder; a moving run pauses after the current reading.
 
     Holder, reason and time are kept in `lease.jsonl` of the record, and in the events of the run.
@@ -89,7 +89,7 @@ async def give_lease_back(here: Here, lease_id: LeaseId = "") -> Response:
     return Response(status_code=204)
 
 
-def _shown(held: Held, *, lease_id: str = "", taken_from: str = "") -> dict[str, Any]:
+def _shown(held: HeldLease, *, lease_id: str = "", taken_from: str = "") -> dict[str, Any]:
     return {
         "holder": held.holder,
         "expires_utc": utc_text(held.expires_utc),

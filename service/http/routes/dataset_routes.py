@@ -11,8 +11,8 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
 from service.http.wire.bodies import (
+    DatasetList,
     DatasetMapped,
-    Datasets,
     DatasetShown,
 )
 from service.http.wire.headers import DatasetId, IdempotencyKey
@@ -81,7 +81,7 @@ def upload_mapped(
     return here.keys.once(idempotency_key, (DATASETS, "mapped", name, *hashes), work)
 
 
-@router.get("/datasets", operation_id="listDatasets", response_model=Datasets)
+@router.get("/datasets", operation_id="listDatasets", response_model=DatasetList)
 async def list_datasets(here: Here) -> Response:
     """Every data set, newest first."""
     return await here.listed("datasets", here.datasets.all)

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query
 from service.http.routes.json_route import JsonRoute
 from service.http.routes.runs.run_routes import who
 from service.http.state import Here
-from service.http.wire.bodies import Deletions, DeletionShown
+from service.http.wire.bodies import DeletionList, DeletionShown
 from service.http.wire.headers import CampaignId, DatasetId, JobId, LeaseId, RunId
 
 router = APIRouter(route_class=JsonRoute, tags=["deletions"])
@@ -54,7 +54,7 @@ def delete_result(here: Here, job_id: JobId, reason: Reason, lease_id: LeaseId =
     return here.jobs.delete(job_id, here.deletions, who(here, lease_id), reason)
 
 
-@router.get("/deletions", operation_id="listDeletions", response_model=Deletions)
+@router.get("/deletions", operation_id="listDeletions", response_model=DeletionList)
 def list_deletions(here: Here) -> dict[str, Any]:
     """Everything that was ever deleted from this record, by whom and why."""
     return {"deletions": here.deletions.all()}

@@ -11,7 +11,7 @@ from fastapi.responses import JSONResponse, Response
 from service import history_calls
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
-from service.http.wire.bodies.robots import Added, Robots, RobotShown, Trends
+from service.http.wire.bodies.robots import AddResponse, RobotResponse, Robots, Trends
 from service.http.wire.headers import IdempotencyKey
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
@@ -97,7 +97,7 @@ def list_robots(
     return JSONResponse(found | more)
 
 
-@router.get("/robots/{robot_id}", operation_id="getRobot", response_model=RobotShown)
+@router.get("/robots/{robot_id}", operation_id="getRobot", response_model=RobotResponse)
 def get_robot(
     here: Here,
     robot_id: RobotName,
@@ -160,7 +160,7 @@ def get_document(
     return Response(found, media_type="application/json", headers={"X-Content-Type-Options": "nosniff"})
 
 
-@router.post("/documents", operation_id="addDocument", status_code=201, response_model=Added)
+@router.post("/documents", operation_id="addDocument", status_code=201, response_model=AddResponse)
 def add_document(
     here: Here,
     file: Annotated[

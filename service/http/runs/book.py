@@ -24,7 +24,7 @@ from acquisition import (
     Cell,
     Devices,
     Event,
-    Lease,
+    LeaseDeadline,
     Run,
     RunStatus,
     State,
@@ -32,16 +32,16 @@ from acquisition import (
 )
 from acquisition.campaign import Visit
 from acquisition.errors import RecordError, StorageError
-from acquisition.record import Acceptance
+from acquisition.record import DeviceAcceptance
 from acquisition.run import ON_REQUEST, Forecast, forecast_of
 from drivers.errors import AcquisitionError, LinkError, LinkLost
 from service.http.runs import dry_runs, refused
 from service.http.runs.damage import Damaged, look_through
 from service.http.runs.dry_runs import DryRuns
-from service.http.runs.execution import Execution
+from service.http.runs.execution import RobotThread
 from service.http.runs.run_document import run_document
 from service.http.wire.problems import Problem, not_found
-from service.http.work.deletions import Deletions, take_away
+from service.http.work.deletions import DeletionLog, take_away
 from service.http.work.workers import Workers, ending
 from service.names import new_id, safe_id
 
@@ -61,7 +61,7 @@ SERVICE_ENDS = "The service was ended."
 MAY_MOVE = "Nothing is connected since this link was lost: press the emergency stop if the robot moves."
 
 
-class Book:
+class RunManager:
     """Thread-safe. `open_devices`: the devices of a cell, not yet connected; `workers` make the plans.
 
     Two locks: `_opening` is held while a record is opened, which may wait for another program that has it; `_mutex`
@@ -79,7 +79,7 @@ class Book:
         self._errors: dict[str, AcquisitionError] = {}
         self._dry_runs = DryRuns(folder)
         self._damaged = Damaged(folder)
-        self._execution: Execution | None = None
+        self._execution: RobotThread | None = None
         self.last: str | None = None  # the run that used the robot last
         self.at_rest: Callable[[], None] = lambda: None  # called when a run or a loop has ended
         folder.mkdir(parents=True, exist_ok=True)
@@ -189,7 +189,7 @@ class Book:
         self._workers.call(dry_runs.keep, self._folder / own, cell, table, name, self._simulated)
         return own
 
-    def start(self, cell: Cell, plan: tuple[Campaign, list[Visit]], name: str, lease: Lease) -> str:
+    def start(self, cell: Cell, plan: tuple[Campaign, list[Visit]], name: str, lease: LeaseDeadline) -> str:
         """Make a run of what was planned and let the robot move. Raises Problem 409 while another uses the robot."""
         campaign, visits = plan
         devices = self._open_devices(cell)
@@ -207,7 +207,9 @@ class Book:
             raise
         return run_id
 
-    def resume(self, name: str, cell: Cell, lease: Lease, accepted: Acceptance | None = None) -> None:
+    def resume(
+        self, name: str, cell: Cell, lease: LeaseDeadline, accepted: DeviceAcceptance | None = None
+    ) -> None:
         """Let a paused or stopped run go on. Raises Problem, NotResumed, RecordInUse.
 
         accepted: another robot or instrument than the record's.
@@ -255,7 +257,7 @@ class Book:
         execution = self._execution
         return None if execution is None else execution.loop_id or None
 
-    def _begin(self, name: str, run: Run, devices: Devices, lease: Lease) -> None:
+    def _begin(self, name: str, run: Run, devices: Devices, lease: LeaseDeadline) -> None:
         def work() -> None:
             try:
                 outcome = run.execute(devices, on_event=heard, lease=lease, foresee=self.foresee)
@@ -271,7 +273,7 @@ class Book:
         def heard(_: Event) -> None:
             execution.begun.set()
 
-        execution = Execution(threading.Thread(target=work, name=f"run {name}"), name)
+        execution = RobotThread(threading.Thread(target=work, name=f"run {name}"), name)
         self._errors.pop(name, None)
         self._execution, self.last = execution, name
         execution.thread.start()
@@ -292,7 +294,7 @@ class Book:
             self.refuse_busy()
             # Not waited for when the program ends: between its runs a loop computes for many seconds.
             thread = threading.Thread(target=whole, name=f"loop {loop_id}", daemon=True)
-            self._execution = Execution(thread, "", loop_id)
+            self._execution = RobotThread(thread, "", loop_id)
             thread.start()
 
     @contextmanager
@@ -329,7 +331,7 @@ class Book:
         self.need_robot()
         with self._mutex:
             self.refuse_busy()
-            self._execution = Execution(threading.current_thread(), "", examines=True)
+            self._execution = RobotThread(threading.current_thread(), "", examines=True)
         try:
             yield
         finally:
@@ -367,7 +369,7 @@ class Book:
         return problems
 
     def delete(
-        self, name: str, trail: Deletions, by: str, reason: str, in_hand: Sequence[str]
+        self, name: str, trail: DeletionLog, by: str, reason: str, in_hand: Sequence[str]
     ) -> dict[str, Any]:
         """Delete a run with its readings; its events stay. in_hand: runs of the loop that has the robot.
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from acquisition import RunStatus, State
 from acquisition.errors import DamagedRecord, RecordError, RecordInUse, StorageError
-from acquisition.record import FILE, Store, salvage
+from acquisition.record import FILE, RecordStore, salvage
 from drivers.errors import AcquisitionError
 from service.http.runs.run_document import run_document
 from service.wording import counted
@@ -28,7 +28,7 @@ def holds_a_record(folder: Path) -> bool:
 
 def look_through(folder: Path) -> None:
     """Every row of a record is what it was. Raises RecordError, StorageError, DamagedRecord."""
-    with Store.reading(folder):
+    with RecordStore.reading(folder):
         pass
 
 

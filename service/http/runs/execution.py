@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass
-class Execution:
+class RobotThread:
     """A thread that uses the robot. `run_id`: empty while a loop is between two runs; `begun`: that run can be paused.
 
     stopped: it was ordered to end; examines: devices are only asked how they are.

@@ -11,18 +11,18 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from service.http.runs.book import Book
+from service.http.runs.book import RunManager
 from service.http.runs.run_document import FINAL
-from service.http.wire.bodies import RunShown
-from service.http.work.readings import Readings
+from service.http.wire.bodies import RunResponse
+from service.http.work.readings import DocumentCache
 
 KEPT_S = 0.25
 """How old `seconds_left` may be, s. What is written to the record is seen at once."""
 
 
 @dataclass(frozen=True)
-class Glance:
-    """A run as it was. `still`: nothing can happen to it any more; `changes`: of `Book.changes`, from before."""
+class RunSnapshot:
+    """A run as it was. `still`: nothing can happen to it any more; `changes`: of `RunManager.changes`, from before."""
 
     run_id: str
     version: int
@@ -32,15 +32,17 @@ class Glance:
     at_s: float
 
 
-class Glances:
+class RunCache:
     """Made and used within the event loop."""
 
-    def __init__(self, book: Book, reading: Readings, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, book: RunManager, reading: DocumentCache, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self._book, self._reading, self._clock = book, reading, clock
-        self._kept: Glance | None = None
+        self._kept: RunSnapshot | None = None
 
-    async def __call__(self, run_id: str) -> Glance:
-        """The run as it is. Raises as `Book.document`."""
+    async def __call__(self, run_id: str) -> RunSnapshot:
+        """The run as it is. Raises as `RunManager.document`."""
         kept = self._kept
         if (
             kept is not None
@@ -52,15 +54,15 @@ class Glances:
             return kept
         return await self.anew(run_id)
 
-    async def anew(self, run_id: str) -> Glance:
-        """The run as it is, read after this call. Raises as `Book.document`."""
+    async def anew(self, run_id: str) -> RunSnapshot:
+        """The run as it is, read after this call. Raises as `RunManager.document`."""
         glance = await self._reading(f"a glance at run {run_id}", lambda: self._read(run_id))
         self._kept = glance
         return glance
 
-    def _read(self, run_id: str) -> Glance:
+    def _read(self, run_id: str) -> RunSnapshot:
         at_s, changes = self._clock(), self._book.changes(run_id)  # before: what comes meanwhile makes it old
         document = self._book.document(run_id)
         still = document["state"] in FINAL or document["dry_run"]
-        body = RunShown.model_validate(document).model_dump_json(by_alias=True).encode()
-        return Glance(run_id, document["version"], still, body, changes, at_s)
+        body = RunResponse.model_validate(document).model_dump_json(by_alias=True).encode()
+        return RunSnapshot(run_id, document["version"], still, body, changes, at_s)

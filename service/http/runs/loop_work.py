@@ -1,7 +1,8 @@
 """A closed loop that goes on: what it has come to, and the orders that it obeys between and within its runs.
 
-It lives in one thread, which has the robot until it ends (`Book.lend`): while the loop computes its robot is at rest,
-and nothing else may move it. What takes long is computed in a worker process of its own, which ends with the loop.
+It lives in one thread, which has the robot until it ends (`RunManager.lend`): while the loop computes its robot is at
+rest, and nothing else may move it. What takes long is computed in a worker process of its own, which ends with
+the loop.
 
 While it is paused it keeps what it knows and its clock, and goes on where it was. It does not outlive the service:
 the runs do, the loop is begun anew.
@@ -18,15 +19,26 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from acquisition import Campaign, Cell, Devices, Event, Lease, Outcome, Run, ScaledClock, State, checked_plan
+from acquisition import (
+    Campaign,
+    Cell,
+    Devices,
+    Event,
+    ExecutionOutcome,
+    LeaseDeadline,
+    Run,
+    ScaledClock,
+    State,
+    checked_plan,
+)
 from acquisition.loop import Compute, Equipment, LoopEnded, LoopResult, Say, close_loop, diagnosed
-from acquisition.record import Acceptance
+from acquisition.record import DeviceAcceptance
 from acquisition.run import ON_REQUEST
-from calib.diagnose import Diagnosis
+from calib.diagnose import DiagnosisFit
 from calib.text import replace_file
 from drivers.errors import AcquisitionError
 from service.files import as_json
-from service.http.runs.book import BEGIN_S, SERVICE_ENDS, Book
+from service.http.runs.book import BEGIN_S, SERVICE_ENDS, RunManager
 from service.http.wire import problems
 from service.http.wire.problems import Problem
 from service.http.work.workers import Workers
@@ -46,10 +58,10 @@ class LoopWork:
         self,
         folder: Path,
         status: LoopStatus,
-        book: Book,
+        book: RunManager,
         cell: Cell,
         devices: Devices,
-        lease: Lease,
+        lease: LeaseDeadline,
         done: Callable[[Compute, LoopResult], str],
     ) -> None:
         self._folder, self._book, self._lease, self._done = folder, book, lease, done
@@ -59,7 +71,7 @@ class LoopWork:
         self._run: Run | None = None
         self._pausing = ""  # why
         self._ending = ""
-        self._accepted: Acceptance | None = None  # by whoever resumed it last
+        self._accepted: DeviceAcceptance | None = None  # by whoever resumed it last
         self._simulated = status.simulated
         self._equipment = Equipment(
             cell,
@@ -115,7 +127,7 @@ class LoopWork:
             self._checkpoint()
             raise
 
-    def _diagnose(self, data: Path, say: Say) -> Diagnosis:
+    def _diagnose(self, data: Path, say: Say) -> DiagnosisFit:
         say("diagnosis: which effects explain the readings")
         return self._compute(diagnosed, data)
 
@@ -124,7 +136,9 @@ class LoopWork:
         if self._pausing and not self._ending:
             self._rest(self._pausing)
         if self._ending:
-            raise LoopEnded(Outcome(State.STOPPED if self._ending == STOPPED else State.PAUSED, self._ending))
+            raise LoopEnded(
+                ExecutionOutcome(State.STOPPED if self._ending == STOPPED else State.PAUSED, self._ending)
+            )
 
     def _rest(self, reason: str, error: AcquisitionError | None = None) -> str | None:
         """Wait for somebody to say go on: who it was; None when the loop is to end. error: what it rests for."""
@@ -138,7 +152,7 @@ class LoopWork:
             self._update(state=State.RUNNING, reason="", problem=None)
             return self._lease.owner
 
-    def _resumed(self, run: Run, outcome: Outcome) -> bool:
+    def _resumed(self, run: Run, outcome: ExecutionOutcome) -> bool:
         self._book.not_begun()
         by = self._rest(outcome.reason, outcome.error)
         if by is not None:
@@ -196,7 +210,7 @@ class LoopWork:
         if not resting:
             self._book.pause_all(by, reason)
 
-    def resume(self, lease: Lease, accepted: Acceptance | None = None) -> None:
+    def resume(self, lease: LeaseDeadline, accepted: DeviceAcceptance | None = None) -> None:
         """Go on, by leave of whoever has the lease; back when the loop does. Raises Problem 409 where it is not paused.
 
         accepted: another robot or instrument than that of the loop's first campaign.

@@ -12,19 +12,19 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from acquisition import Campaign, Cell, Devices, Lease, State
+from acquisition import Campaign, Cell, Devices, LeaseDeadline, State
 from acquisition.loop import Compute, LoopResult, check_loop
-from acquisition.record import Acceptance
+from acquisition.record import DeviceAcceptance
 from calib.text import replace_file
 from drivers.errors import AcquisitionError
 from service.files import as_json
-from service.http.runs.book import Book
+from service.http.runs.book import RunManager
 from service.http.runs.dry_runs import readings_of
 from service.http.runs.loop_work import ABOUT, LoopStatus, LoopWork
-from service.http.wire.bodies import Answered, LoopKept
+from service.http.wire.bodies import LoopKept, ResponseBody
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
-from service.http.work.datasets import Datasets
+from service.http.work.datasets import DatasetStore
 from service.http.work.kept import read_kept, readable
 from service.http.work.workers import Workers
 from service.job_folder import RESULT
@@ -37,14 +37,14 @@ ENDED = (State.SUCCEEDED, State.FAILED, State.STOPPED)
 CUT_OFF = "The service ended in mid-loop. Its runs are kept; begin a new loop to go through it whole."
 
 
-class Loops:
+class LoopStore:
     """The loops of one record directory. Thread-safe."""
 
     def __init__(
         self,
         folder: Path,
-        book: Book,
-        datasets: Datasets,
+        book: RunManager,
+        datasets: DatasetStore,
         open_devices: Callable[[Cell], Devices],
         workers: Workers,
         *,
@@ -79,7 +79,7 @@ class Loops:
         done = document["state"] == State.SUCCEEDED.value and not document["dry_run"]
         return document | {
             "run": run,
-            "result": read_kept(result, Answered) if done else None,
+            "result": read_kept(result, ResponseBody) if done else None,
             "report": path_of("reports", name) if done else None,
         }
 
@@ -105,7 +105,7 @@ class Loops:
         self._write(status.as_dict())
         return status.id
 
-    def start(self, cell: Cell, campaign: Campaign, name: str, poses: int, lease: Lease) -> str:
+    def start(self, cell: Cell, campaign: Campaign, name: str, poses: int, lease: LeaseDeadline) -> str:
         """Begin a loop; the robot moves. Raises Problem 409 while it is busy, ConfigError, UnsafePlan."""
         check_loop(cell)
         self._book.refuse_busy()
@@ -144,7 +144,7 @@ class Loops:
         if work is not None:
             work.pause(by, reason)
 
-    def resume(self, name: str, lease: Lease, accepted: Acceptance | None) -> None:
+    def resume(self, name: str, lease: LeaseDeadline, accepted: DeviceAcceptance | None) -> None:
         """Let a loop go on. Raises Problem 404, 409 where the loop is not paused."""
         self._going_on(name).resume(lease, accepted)
 

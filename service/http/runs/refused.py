@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from service.http.runs.execution import Execution
+from service.http.runs.execution import RobotThread
 from service.http.wire.problems import Problem
 
 
@@ -31,7 +31,7 @@ def other_devices(*, simulated: bool) -> Problem:
     )
 
 
-def busy(execution: Execution) -> Problem:
+def busy(execution: RobotThread) -> Problem:
     """The robot is used; with the ids of the run and the loop that do."""
     ids = {"run_id": execution.run_id, "loop_id": execution.loop_id}
     can_pause = not execution.loop_id and not execution.examines

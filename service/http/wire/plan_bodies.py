@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from service.http.wire.bodies import Answered
+from service.http.wire.bodies import ResponseBody
 
 
 def _field(description: str, example: Any) -> Any:
@@ -23,7 +23,7 @@ Format = Annotated[str, _field("Name of this format.", "truepose-plan/1")]
 VisitNumber = Annotated[int, _field("Number of the visit in the plan, from 0 on.", 17)]
 
 
-class PlannedShown(Answered):
+class PlannedShown(ResponseBody):
     """One planned reading."""
 
     id: Annotated[int | None, _field("Number of the planned reading in the record; null of a dry run.", 52)]
@@ -37,7 +37,7 @@ class PlannedShown(Answered):
     ]
 
 
-class VisitShown(Answered):
+class VisitShown(ResponseBody):
     """The robot at rest in one pose once."""
 
     number: VisitNumber
@@ -55,7 +55,7 @@ class VisitShown(Answered):
     readings: Annotated[list[PlannedShown], _field("Its readings, in the order of the plan.", [])]
 
 
-class PlanShown(Answered):
+class PlanShown(ResponseBody):
     """A plan with what became of it so far."""
 
     format: Format
@@ -77,7 +77,7 @@ class PlanShown(Answered):
     ] = None
 
 
-class UShown(Answered):
+class UncertaintyResponse(ResponseBody):
     """Expanded uncertainty of predicted positions over the joint limits of the cell, k = 2, worst direction."""
 
     median: Annotated[float, _field("In the middle of all postures, mm.", 0.031)]
@@ -85,7 +85,7 @@ class UShown(Answered):
     max: Annotated[float, _field("In the worst posture, mm.", 0.071)]
 
 
-class PriceShown(Answered):
+class PriceShown(ResponseBody):
     """The price of a visit."""
 
     format: Annotated[str, _field("Name of this format.", "truepose-price/1")]
@@ -95,17 +95,18 @@ class PriceShown(Answered):
     seconds: Annotated[float, _field("What it takes to measure it again, s.", 17.9)]
     coverage_factor: Annotated[int, _field("k of the uncertainties, a number.", 2)]
     u_mm: Annotated[
-        UShown | None,
+        UncertaintyResponse | None,
         _field(
             "Predicted U as planned, and with the visit measured again, mm; null where it cannot be said.", {}
         ),
     ]
     u_without_mm: Annotated[
-        UShown | None, _field("Predicted U without the visit, mm; null where it cannot be said.", {})
+        UncertaintyResponse | None,
+        _field("Predicted U without the visit, mm; null where it cannot be said.", {}),
     ]
 
 
-class ArrowShown(Answered):
+class ArrowShown(ResponseBody):
     """A reading with its error, measured less predicted."""
 
     reading: Annotated[str, _field("Id of the reading in its data set.", "17")]
@@ -116,7 +117,7 @@ class ArrowShown(Answered):
     model_mm: Annotated[list[float], _field("Its error by the model found, mm.", [0.01, -0.02, 0.01])]
 
 
-class ArrowsShown(Answered):
+class ArrowsShown(ResponseBody):
     """Errors in space."""
 
     format: Annotated[str, _field("Name of this format.", "truepose-arrows/1")]
@@ -125,7 +126,7 @@ class ArrowsShown(Answered):
     arrows: Annotated[list[ArrowShown], _field("At most 500 of them.", [])]
 
 
-class ResultShown(Answered):
+class ResultShown(ResponseBody):
     """Members of all results. Those of jobs have the members of a job besides, those of loops the members of a loop."""
 
     id: Annotated[str, _field("The id of the job or loop.", "20261122-143851-6ab9e645236")]
@@ -136,7 +137,7 @@ class ResultShown(Answered):
     report: Annotated[str | None, _field("Path of the report; null before there is one.", None)]
 
 
-class CapsuleShown(Answered):
+class CapsuleShown(ResponseBody):
     """A part of arm or tool: all points within a radius of a line."""
 
     name: Annotated[str, _field("The part.", "forearm")]
@@ -146,14 +147,14 @@ class CapsuleShown(Answered):
     radius_mm: Annotated[float, _field("Its radius, mm.", 65.0)]
 
 
-class ObstacleShown(Answered):
+class ObstacleShown(ResponseBody):
     """An obstacle of arm and tool: a table has a height, a box two corners, a post two ends and a radius."""
 
     kind: Annotated[str, _field("table, box or post.", "box")]
     name: Annotated[str, _field("Its name in the cell file.", "keep-out box 1")]
 
 
-class SceneShown(Answered):
+class SceneShown(ResponseBody):
     """A cell as a picture needs it."""
 
     format: Annotated[str, _field("Name of this format.", "truepose-scene/1")]

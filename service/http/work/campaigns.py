@@ -13,7 +13,7 @@ from drivers.errors import ConfigError
 from service.files import as_json
 from service.http.wire.bodies import CampaignShown
 from service.http.wire.problems import Problem, not_found
-from service.http.work.deletions import Deletions, hash_of, take_away
+from service.http.work.deletions import DeletionLog, hash_of, take_away
 from service.http.work.kept import read_kept, readable
 from service.names import new_id, safe_id
 from service.plain import utc_text
@@ -54,7 +54,7 @@ def refuse_null(value: object, where: str) -> None:
             refuse_null(each, f"{where}[{i}]")
 
 
-class Shelf:
+class CampaignStore:
     """The campaigns of one record directory."""
 
     def __init__(self, folder: Path) -> None:
@@ -76,7 +76,7 @@ class Shelf:
             raise not_found("campaign", name)
         return read_kept(file, CampaignShown)
 
-    def delete(self, name: str, trail: Deletions, by: str, reason: str) -> dict[str, Any]:
+    def delete(self, name: str, trail: DeletionLog, by: str, reason: str) -> dict[str, Any]:
         """Delete a campaign; the line of the trail. Raises Problem 404, StorageError."""
         file = self._folder / f"{name}.json"
         if not safe_id(name) or not file.is_file():

@@ -15,8 +15,8 @@ from service.job_folder import JOB, MODEL, RESULT
 
 
 def certificate_of(folder: Path, about: dict[str, str]) -> str:
-    """The XML for the job in a folder. about: the fields of `About` that are known. Raises DataError."""
-    from service.report.certificate import About, Certified, certificate_xml
+    """The XML for the job in a folder. about: the fields of `CertificateParties` that are known. Raises DataError."""
+    from service.report.certificate import CertificateContent, CertificateParties, certificate_xml
 
     job: dict[str, Any] = read_json(folder / JOB)
     data = Path(job["data"])
@@ -25,7 +25,7 @@ def certificate_of(folder: Path, about: dict[str, str]) -> str:
             "is not there any more.", do="Its readings were deleted; ask for the job anew.", key="data"
         )
     model: dict[str, Any] = read_json(folder / MODEL) if (folder / MODEL).is_file() else {"parameters": []}
-    certified = Certified(
+    certified = CertificateContent(
         read_dataset(data), read_json(folder / RESULT), model["parameters"], model.get("content_sha256")
     )
-    return certificate_xml(certified, About(**about))
+    return certificate_xml(certified, CertificateParties(**about))

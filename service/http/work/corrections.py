@@ -14,7 +14,7 @@ from typing import Any
 
 from calib.compensate import Bounds, Usable
 from calib.errors import DataError
-from calib.saved import SavedModel, load_model
+from calib.saved import CalibratedModel, load_model
 from calib.text import meant_by
 from service.exports import written
 from service.http.work.campaigns import refuse_null
@@ -66,7 +66,7 @@ def corrected_program(
     )
 
 
-def for_use(model_file: Path, order: Mapping[str, Any]) -> tuple[SavedModel, Usable]:
+def for_use(model_file: Path, order: Mapping[str, Any]) -> tuple[CalibratedModel, Usable]:
     """The model of a request for corrections, and what it leaves out of the whole model. Raises DataError."""
     bounds = Bounds(order["largest_deg"], order["largest_mm"])
     return load_model(model_file, bounds=bounds).for_use(named_only=order["named_only"], bounds=bounds)
@@ -74,7 +74,7 @@ def for_use(model_file: Path, order: Mapping[str, Any]) -> tuple[SavedModel, Usa
 
 def _told(
     done: Compensation,
-    saved: SavedModel,
+    saved: CalibratedModel,
     usable: Usable,
     model_id: str,
     stated: ProgramConditions,

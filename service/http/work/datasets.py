@@ -10,10 +10,10 @@ from typing import Any
 
 import acquisition
 from acquisition import read_status
-from acquisition.record import Acceptance, export_together
+from acquisition.record import DeviceAcceptance, export_together
 from service.http.wire.bodies import DatasetShown
 from service.http.wire.problems import Problem, not_found
-from service.http.work.deletions import Deletions, take_away
+from service.http.work.deletions import DeletionLog, take_away
 from service.http.work.kept import read_kept, readable
 from service.kept_dataset import ABOUT, CSV, TOML, keep_dataset, refuse_path, refuse_paths
 from service.names import plain_name, safe_id
@@ -21,7 +21,7 @@ from service.names import plain_name, safe_id
 MAP = "map.toml"
 
 
-class Datasets:
+class DatasetStore:
     """The data sets of one record directory."""
 
     def __init__(self, folder: Path) -> None:
@@ -75,7 +75,7 @@ class Datasets:
         return keep_dataset(self._folder, write, name)
 
     def export(
-        self, records: Sequence[Path], name: str, accepted: Acceptance | None = None
+        self, records: Sequence[Path], name: str, accepted: DeviceAcceptance | None = None
     ) -> dict[str, Any]:
         """The readings of a run up to now, with those of later runs in the same cell as one data set.
 
@@ -102,7 +102,7 @@ class Datasets:
             raise not_found("dataset", name)
         return self._folder / name
 
-    def delete(self, name: str, trail: Deletions, by: str, reason: str) -> dict[str, Any]:
+    def delete(self, name: str, trail: DeletionLog, by: str, reason: str) -> dict[str, Any]:
         """Delete a data set; the line of the trail. Raises Problem 404, StorageError."""
         folder = self.path(name)
         try:

@@ -24,7 +24,7 @@ FILE, FOLDER = "deleted.jsonl", "deleted"
 _COMING = ".deleted-"  # ids do not begin with a dot: nobody lists what is on its way out
 
 
-class Deletions:
+class DeletionLog:
     """The trail of one record directory."""
 
     def __init__(self, record: Path) -> None:

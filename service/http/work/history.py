@@ -39,7 +39,7 @@ _T = TypeVar("_T")
 _Ts = TypeVarTuple("_Ts")
 
 
-class History:
+class RobotHistory:
     """The history of one service. Thread-safe; nothing is opened before something is asked or kept.
 
     store: its address, None for a file of the record; name: of the cell; permitted_mm: position error, RMS, by which

@@ -58,7 +58,7 @@ def _plain(part: object) -> object:
     return part.model_dump() if isinstance(part, BaseModel) else str(part)
 
 
-class Keys:
+class IdempotencyKeys:
     """The keys of one record directory. Thread-safe."""
 
     def __init__(self, folder: Path) -> None:

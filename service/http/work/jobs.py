@@ -26,10 +26,10 @@ from calib.text import replace_file
 from service import job
 from service.files import as_json
 from service.http.wire import problems
-from service.http.wire.bodies import Answered, JobKept, ProblemKept
+from service.http.wire.bodies import ProblemKept, ResponseBody, StoredJob
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
-from service.http.work.deletions import Deletions, hash_of, take_away
+from service.http.work.deletions import DeletionLog, hash_of, take_away
 from service.http.work.kept import read_kept, readable
 from service.http.work.workers import WorkerDied, Workers
 from service.job_folder import (
@@ -49,8 +49,8 @@ from service.names import new_id, safe_id
 from service.plain import utc_text
 from service.refusals import REFUSALS
 from service.results.cell import placements
-from service.results.files.alignment import Order
-from service.results.judgement.acceptance import Limits
+from service.results.files.alignment import AlignmentRequest
+from service.results.judgement.acceptance import AcceptanceLimits
 
 MOST_WAITING = 50
 _FOLDERS = {
@@ -90,7 +90,7 @@ class Jobs:
         dataset: dict[str, Any],
         data: Path,
         cell: Cell | None = None,
-        limits: Limits | None = None,
+        limits: AcceptanceLimits | None = None,
         *,
         save_anyway: bool = False,
     ) -> dict[str, Any]:
@@ -125,7 +125,7 @@ class Jobs:
         """Put a selection of poses in a cell in the queue, as `add`. order: that of `Question`."""
         return self._add("selection", {"dataset_id": "", "cell": cell.source, "order": order}, {})
 
-    def place(self, cell: Cell, order: placements.Order) -> dict[str, Any]:
+    def place(self, cell: Cell, order: placements.PlacementRequest) -> dict[str, Any]:
         """Put a search of placements of the base balls in the queue, as `add`."""
         return self._add("placement", {"dataset_id": "", "cell": cell.source, "order": asdict(order)}, {})
 
@@ -152,7 +152,7 @@ class Jobs:
         )
         return readable(names[:most], lambda name: self.document(kind, name))
 
-    def align(self, robot: bytes, tracker: bytes, order: Order, name: str) -> dict[str, Any]:
+    def align(self, robot: bytes, tracker: bytes, order: AlignmentRequest, name: str) -> dict[str, Any]:
         """Put the alignment of two streams in the queue, as `add`. name: that of the data set it will make."""
         asked = {"dataset_id": "", "name": name, "order": asdict(order)}
         return self._add("alignment", asked, {ROBOT: robot, TRACKER: tracker})
@@ -183,7 +183,7 @@ class Jobs:
         folder = self._record / _FOLDERS[kind] / name
         if not safe_id(name) or not (folder / JOB).is_file():
             raise not_found(kind, name)
-        order = read_kept(folder / JOB, JobKept)
+        order = read_kept(folder / JOB, StoredJob)
         with self._changed:
             waiting, current = folder in self._waiting, folder == self._current
         result = problem = None
@@ -193,13 +193,13 @@ class Jobs:
             state, version = State.RUNNING, 2
         elif (folder / RESULT).is_file():
             state, version = State.SUCCEEDED, 3
-            result = read_kept(folder / RESULT, Answered)
+            result = read_kept(folder / RESULT, ResponseBody)
         else:
             state, version = State.FAILED, 3
             problem = self._problem(folder)
         shown: dict[str, Any] = {key: order[key] for key in ("id", "kind", "dataset_id", "created_utc")}
         if (folder / PROGRESS).is_file():
-            shown["progress"] = read_kept(folder / PROGRESS, Answered)
+            shown["progress"] = read_kept(folder / PROGRESS, ResponseBody)
         if "baseline" in order:
             shown["baseline"] = {key: order["baseline"][key] for key in ("id", "sha256")}
         if result is not None and kind == "alignment":
@@ -224,7 +224,7 @@ class Jobs:
     def _step(self, folder: Path) -> str:
         """The step of the running job; empty before it has said so."""
         with suppress(Problem):
-            return str(read_kept(folder / STEP, Answered).get("step", ""))
+            return str(read_kept(folder / STEP, ResponseBody).get("step", ""))
         return ""
 
     def _problem(self, folder: Path) -> dict[str, Any]:
@@ -239,7 +239,7 @@ class Jobs:
         for kind, collection in _FOLDERS.items():
             folder = self._record / collection
             names = [p.name for p in folder.iterdir() if safe_id(p.name) and (p / JOB).is_file()]
-            orders = readable(names, lambda name, folder=folder: read_kept(folder / name / JOB, JobKept))
+            orders = readable(names, lambda name, folder=folder: read_kept(folder / name / JOB, StoredJob))
             own = [order["id"] for order in orders if order["dataset_id"] == dataset_id]
             found += readable(own, lambda name, kind=kind: self.document(kind, name))
         return sorted(found, key=lambda job: job["id"], reverse=True)
@@ -260,10 +260,10 @@ class Jobs:
         with self._changed:
             busy = [*self._waiting, *([] if self._current is None else [self._current])]
         for folder in busy:
-            if read_kept(folder / JOB, JobKept)["dataset_id"] == dataset_id:
+            if read_kept(folder / JOB, StoredJob)["dataset_id"] == dataset_id:
                 raise Problem(409, f"Job {folder.name} works on it.", "Wait until it is done.", code=8130)
 
-    def delete(self, name: str, trail: Deletions, by: str, reason: str) -> dict[str, Any]:
+    def delete(self, name: str, trail: DeletionLog, by: str, reason: str) -> dict[str, Any]:
         """Delete a job; the line of the trail. Raises Problem 404, 409 while it waits or works, StorageError."""
         places = {kind: self._record / each / name / JOB for kind, each in _FOLDERS.items() if safe_id(name)}
         found = [kind for kind, file in places.items() if file.is_file()]
@@ -287,11 +287,11 @@ class Jobs:
 
     def arrows(self, name: str) -> dict[str, Any]:
         """The errors of the readings in space. Raises Problem 404."""
-        return read_kept(self._path(name, ARROWS, "picture of errors"), Answered)
+        return read_kept(self._path(name, ARROWS, "picture of errors"), ResponseBody)
 
     def model(self, name: str) -> dict[str, Any]:
         """The model that a job or a loop has found. Raises Problem 404."""
-        return read_kept(self.model_file(name), Answered)
+        return read_kept(self.model_file(name), ResponseBody)
 
     def model_file(self, name: str) -> Path:
         """The path of the model that a job found. Raises Problem 404."""

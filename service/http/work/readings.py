@@ -16,7 +16,7 @@ import anyio.to_thread
 _T = TypeVar("_T")
 
 
-class Readings:
+class DocumentCache:
     """Made and used within the event loop. `threads`: how many read at the same time."""
 
     def __init__(self, threads: int) -> None:

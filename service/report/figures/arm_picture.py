@@ -13,7 +13,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from calib.arm import Chain, Placement, Robot, nominal_values, propagate
+from calib.arm import BasePoses, Chain, Robot, nominal_values, propagate
 from calib.array import Array
 from calib.robot_file import axes_of
 from service.report.figures.drawing import AFTER, FITTED, GRID, INK, NOMINAL, QUIET
@@ -36,7 +36,7 @@ _ASIDE = [
 
 def arm_svg(robot: Robot, joints: Array, title: str) -> str:
     """The arm at model joints (N,), rad or mm, as an SVG document."""
-    frames = propagate(Chain.of(robot), nominal_values(robot, joints[None, :]), Placement())
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints[None, :]), BasePoses())
     at = [tuple(np.broadcast_to(v, (3, 1))[:, 0] for v in frame) for frame in frames.link_frames]
     lines, radii = [], []
     for capsule in robot.body:
@@ -73,7 +73,7 @@ def _skeleton(robot: Robot, joints: Array) -> tuple[Array, list[bool]]:
     """The corners of a line from the base to the flange along every a and d of the robot file, (n + 1, 3), mm; and
     whether each of its n parts has its length from there: one along which a joint slides has not."""
     chain, values = Chain.of(robot), nominal_values(robot, joints[None, :])
-    frames = propagate(chain, values, Placement())
+    frames = propagate(chain, values, BasePoses())
     corners, fixed = [np.zeros(3)], []
     for slot in (motion.slot for link in (chain.base, *chain.links) for motion in link):
         length = np.broadcast_to(values.get(slot, 0.0), 1)[0]

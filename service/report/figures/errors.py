@@ -17,7 +17,7 @@ _WIDE = 6.0  # ratio of the medians above which only a logarithmic axis shows bo
 
 
 @dataclass(frozen=True)
-class Errors:
+class ErrorSample:
     """Distances (n,), mm, of one model on the held-out readings."""
 
     name: str
@@ -25,7 +25,7 @@ class Errors:
     colour: str
 
 
-def common_bins(sets: Sequence[Errors]) -> tuple[Array, bool]:
+def common_bins(sets: Sequence[ErrorSample]) -> tuple[Array, bool]:
     """Edges of bins that hold every set, mm, and whether they are spaced by ratio."""
     together = np.concatenate([s.distances for s in sets])
     count = int(np.clip(np.sqrt(2.0 * len(sets[0].distances)) * 1.5, _FEWEST_BINS, _MOST_BINS))
@@ -36,7 +36,7 @@ def common_bins(sets: Sequence[Errors]) -> tuple[Array, bool]:
     return np.linspace(0.0, max(float(together.max()), 1e-9), count + 1), False
 
 
-def histogram(sets: Sequence[Errors]) -> str:
+def histogram(sets: Sequence[ErrorSample]) -> str:
     """Histogram of all sets on the same bins, as SVG."""
     edges, ratio = common_bins(sets)
     drawn, (axes,) = drawing.figure(4.3, 2.9)
@@ -66,7 +66,7 @@ def histogram(sets: Sequence[Errors]) -> str:
     return drawing.as_svg(drawn, "histogram", f"Histogram of the position error, same bins: {names}")
 
 
-def cumulative(sets: Sequence[Errors]) -> str:
+def cumulative(sets: Sequence[ErrorSample]) -> str:
     """Share of the readings below an error, as SVG."""
     drawn, (axes,) = drawing.figure(4.3, 2.9)
     _, ratio = common_bins(sets)

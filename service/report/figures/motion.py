@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calib.motion import split
 from service.report.figures import drawing
 from service.report.figures.scatter import thinned
-from service.results.files.alignment import Result
+from service.results.files.alignment import StreamAlignment
 
 _SHOWN_S = 60.0
 _LEAD_S = 5.0
@@ -20,7 +20,7 @@ _MOST_DOTS = 1500
 Array = NDArray[np.float64]
 
 
-def motion_picture(result: Result) -> str:
+def motion_picture(result: StreamAlignment) -> str:
     """The picture as a text of SVG."""
     drawn, (before, after, *errors) = drawing.figure(9.0, 10.5, 4, 1)
     found = result.aligned
@@ -50,7 +50,7 @@ def _speeds(axes: Axes, time: Array, speed: Array, begin: float, colour: str, la
     axes.plot(time[inside], speed[inside], color=colour, linewidth=1.0, label=label)
 
 
-def _errors(result: Result, along: Axes, across: Axes) -> None:
+def _errors(result: StreamAlignment, along: Axes, across: Axes) -> None:
     """The errors of the samples that move, by speed: of the nominal arm, and what its static part leaves."""
     found = result.aligned
     moving = np.flatnonzero((found.weight > 0.0) & (found.speed >= result.order.slower_than))
@@ -84,7 +84,7 @@ def _errors(result: Result, along: Axes, across: Axes) -> None:
     across.legend(frameon=False, fontsize=8.5, loc="upper right")
 
 
-def _described(result: Result) -> str:
+def _described(result: StreamAlignment) -> str:
     miss = [
         float(np.sqrt(np.mean(np.sum(e[result.aligned.weight > 0.0] ** 2, axis=1))))
         for e in (result.aligned.nominal, result.aligned.moving)

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from calib.array import Array
 from calib.data import Conditions
 from calib.effects import words_of
-from calib.model import Axis, Drawn, Effect, Regressor
+from calib.model import Axis, Effect, PlotAxis, Regressor
 from calib.units import DEG
-from service.report.figures.residuals import MDEG, Sample, Seen
+from service.report.figures.residuals import MDEG, PlotSample, PlotValues
 
 _FOLDED_FROM = 9.0  # cycles a turn above which the angle is folded into one cycle
 _FAST = 30  # changes of sign
@@ -41,7 +41,7 @@ Curve = tuple[Array, Array, float]  # x, y, side (0 where none is distinguished)
 
 
 @dataclass(frozen=True)
-class Panel:
+class PlotPanel:
     """Points (x, y, sd), the law to draw as lines (x, y), and labels; all in the units of the labels."""
 
     title: str
@@ -70,7 +70,7 @@ class Panel:
         return bool(np.sum(signs[1:] * signs[:-1] < 0.0) > _FAST)
 
 
-def of_effect(sample: Sample, effect: Effect) -> Panel:
+def of_effect(sample: PlotSample, effect: Effect) -> PlotPanel:
     """The panel of one effect."""
     drivers = {term.regressor for term in effect.terms}
     slots = {term.slot for term in effect.terms}
@@ -82,7 +82,7 @@ def of_effect(sample: Sample, effect: Effect) -> Panel:
     return _by_displacement(sample, effect)
 
 
-def _by_displacement(sample: Sample, effect: Effect) -> Panel:
+def _by_displacement(sample: PlotSample, effect: Effect) -> PlotPanel:
     """The panel over the displacement that the law causes; in order of time where it is the same for all that it
     moves."""
     seen = sample.of_share(effect)
@@ -95,7 +95,7 @@ def _by_displacement(sample: Sample, effect: Effect) -> Panel:
             "share of the fitted effect",
         )
     else:
-        seen = Seen(seen.y * moved, seen.sd * moved, moved)
+        seen = PlotValues(seen.y * moved, seen.sd * moved, moved)
         x, x_label, y_label = moved, "displacement by the fitted law, mm", "displacement seen, mm"
     panel = _panel(sample, effect.label, x, x_label, seen, 1.0, y_label)
     return replace(
@@ -103,7 +103,7 @@ def _by_displacement(sample: Sample, effect: Effect) -> Panel:
     )
 
 
-def _on_joint(sample: Sample, effect: Effect, joint: int) -> Panel:
+def _on_joint(sample: PlotSample, effect: Effect, joint: int) -> PlotPanel:
     if effect.is_curve:
         return _over_a_turn(sample, effect, joint)
     seen = sample.of_joint(joint, [effect])
@@ -129,7 +129,7 @@ def _on_joint(sample: Sample, effect: Effect, joint: int) -> Panel:
     return panel
 
 
-def _over_a_turn(sample: Sample, effect: Effect, joint: int) -> Panel:
+def _over_a_turn(sample: PlotSample, effect: Effect, joint: int) -> PlotPanel:
     """The curve of a gear over a whole turn about the readings, with the band that its uncertainty leaves (k = 2)."""
     angle = sample.angle(joint)
     seen = sample.of_joint(joint, [effect])
@@ -149,7 +149,7 @@ def _over_a_turn(sample: Sample, effect: Effect, joint: int) -> Panel:
     return replace(panel, lines=((x, law, 0.0),), band=(x, law - room, law + room), described=described)
 
 
-def _turned(sample: Sample, joint: int, grid: Array, side: float = 0.0) -> Conditions:
+def _turned(sample: PlotSample, joint: int, grid: Array, side: float = 0.0) -> Conditions:
     """Conditions of the first reading with one joint turned to every angle of a grid, rad, from one side (or none)."""
     conditions = sample.parts[0].conditions.take(np.zeros(len(grid), dtype=int))
     joints, sides = conditions.joints.copy(), conditions.side.copy()
@@ -157,7 +157,7 @@ def _turned(sample: Sample, joint: int, grid: Array, side: float = 0.0) -> Condi
     return replace(conditions, joints=joints, side=sides)
 
 
-def _by_driver(sample: Sample, effect: Effect, axis: Axis) -> Panel:
+def _by_driver(sample: PlotSample, effect: Effect, axis: Axis) -> PlotPanel:
     seen = sample.of_driver(effect)
     x, name = axis.values, axis.label
     side = _side(sample, axis)
@@ -180,7 +180,7 @@ def _by_driver(sample: Sample, effect: Effect, axis: Axis) -> Panel:
     return _panel(sample, effect.label, x, name, seen, scale, label, side)
 
 
-def _common_axis(sample: Sample, effect: Effect) -> Axis | None:
+def _common_axis(sample: PlotSample, effect: Effect) -> Axis | None:
     """The axis over which all that drives an effect is drawn; None where that is several quantities, or one without an
     axis."""
     axes = [_axis(sample, term.regressor) for term in effect.terms]
@@ -188,25 +188,25 @@ def _common_axis(sample: Sample, effect: Effect) -> Axis | None:
     return axes[0] if len(labels) == 1 else None
 
 
-def _axis(sample: Sample, driver: Regressor) -> Axis | None:
-    return sample.axis(driver) if isinstance(driver, Drawn) else None
+def _axis(sample: PlotSample, driver: Regressor) -> Axis | None:
+    return sample.axis(driver) if isinstance(driver, PlotAxis) else None
 
 
-def _side(sample: Sample, axis: Axis) -> Array | None:
+def _side(sample: PlotSample, axis: Axis) -> Array | None:
     """(n,) side of approach of the joint whose angle an axis is, where a law has two sides."""
     return sample.side(axis.joint) if axis.sided and axis.joint is not None else None
 
 
 def _panel(
-    sample: Sample,
+    sample: PlotSample,
     title: str,
     x: Array,
     x_label: str,
-    seen: Seen,
+    seen: PlotValues,
     scale: float,
     y_label: str,
     side: Array | None = None,
-) -> Panel:
+) -> PlotPanel:
     """Points and law over x; one line a side where sides are distinguished."""
     law, lines = seen.law / scale, []
     for s in (0.0,) if side is None else (1.0, -1.0):
@@ -217,7 +217,7 @@ def _panel(
             keep = np.linspace(0, len(unique) - 1, _CURVE_POINTS).astype(int)
             unique, heights = unique[keep], heights[keep]
         lines.append((unique, heights, s))
-    return Panel(
+    return PlotPanel(
         title=title,
         x_label=x_label,
         y_label=y_label,
@@ -231,7 +231,7 @@ def _panel(
     )
 
 
-def of_joint(sample: Sample, joint: int, effects: tuple[Effect, ...]) -> Panel:
+def of_joint(sample: PlotSample, joint: int, effects: tuple[Effect, ...]) -> PlotPanel:
     """The error of one joint over its angle, with everything found on that joint taken out and drawn as lines."""
     shown = sample.shown(joint)
     mine = tuple(e for e in effects if {t.slot for t in e.terms} == {shown.slot})
@@ -241,7 +241,7 @@ def of_joint(sample: Sample, joint: int, effects: tuple[Effect, ...]) -> Panel:
     names = [words_of(e.label) for e in mine]
     of = "angle" if shown.turns else "position"
     listed = ", ".join(names[:1]) + (f" and {len(names) - 1} more" if len(names) > 1 else "")
-    return Panel(
+    return PlotPanel(
         title=listed or f"joint {shown.name}",
         x_label=shown.place,
         y_label=f"error, {shown.error}",
@@ -255,7 +255,7 @@ def of_joint(sample: Sample, joint: int, effects: tuple[Effect, ...]) -> Panel:
     )
 
 
-def _gap(sample: Sample, effects: tuple[Effect, ...]) -> float:
+def _gap(sample: PlotSample, effects: tuple[Effect, ...]) -> float:
     """The share of the laws that the side of approach makes, rad."""
     model, estimate = sample.fitted.model, sample.fitted.estimate
     return sum(
@@ -266,7 +266,7 @@ def _gap(sample: Sample, effects: tuple[Effect, ...]) -> float:
     )
 
 
-def _curves(sample: Sample, joint: int, effects: tuple[Effect, ...], *, sided: bool) -> tuple[Curve, ...]:
+def _curves(sample: PlotSample, joint: int, effects: tuple[Effect, ...], *, sided: bool) -> tuple[Curve, ...]:
     """The sum of the laws that the angle (and the side) of the joint drive, on an even grid of angles."""
     angle, shown = sample.angle(joint), sample.shown(joint)
     grid = np.linspace(angle.min(), angle.max(), _CURVE_POINTS)

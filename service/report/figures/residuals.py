@@ -19,17 +19,17 @@ from numpy.typing import NDArray
 from calib.arm import Frames, Robot
 from calib.array import Array
 from calib.data import Dataset
-from calib.fit import Identification, Readings, readings_of
-from calib.model import Axis, Design, Drawn, Effect
+from calib.fit import FitReadings, IdentificationFit, readings_of
+from calib.model import Axis, BoundModel, Effect, PlotAxis
 from calib.units import DEG
 
 MDEG = DEG * 1e-3
 
-Amounts = Callable[[Readings], Mapping[str, Array | float]]
-Law = Callable[[Readings, Design], Array]
+Amounts = Callable[[FitReadings], Mapping[str, Array | float]]
+Law = Callable[[FitReadings, BoundModel], Array]
 
 
-class Seen(NamedTuple):
+class PlotValues(NamedTuple):
     """The values of one quantity in n readings: estimate y, standard error sd, fitted law, in internal units."""
 
     y: Array
@@ -38,7 +38,7 @@ class Seen(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Shown:
+class JointAxis:
     """The way a joint is shown: its name, its slot, one unit of its place and of its error, and what to write on
     axes."""
 
@@ -51,7 +51,7 @@ class Shown:
     turns: bool
 
     @classmethod
-    def of(cls, robot: Robot, joint: int) -> Shown:
+    def of(cls, robot: Robot, joint: int) -> JointAxis:
         """The joint of a link, from 1."""
         axis, slot = robot.axes[joint - 1], robot.joint_slots[joint - 1]
         name = axis.removeprefix("j")
@@ -61,14 +61,14 @@ class Shown:
 
 
 @dataclass(frozen=True)
-class Sample:
+class PlotSample:
     """The readings a figure shows: those of the fit, and those held out."""
 
-    fitted: Identification
-    parts: tuple[Readings, ...]
+    fitted: IdentificationFit
+    parts: tuple[FitReadings, ...]
 
     @classmethod
-    def of(cls, dataset: Dataset, fitted: Identification) -> Sample:
+    def of(cls, dataset: Dataset, fitted: IdentificationFit) -> PlotSample:
         """Fit readings that belong, then measured validation readings where there are any."""
         held = dataset.validation_rows
         if not held.any():
@@ -81,13 +81,13 @@ class Sample:
         return np.concatenate([np.full(len(p.rows), i > 0) for i, p in enumerate(self.parts)])
 
     @cached_property
-    def designs(self) -> tuple[Design, ...]:
+    def designs(self) -> tuple[BoundModel, ...]:
         """The model bound to the conditions of each part: many figures ask for it."""
-        return tuple(Design(self.fitted.model, part.conditions) for part in self.parts)
+        return tuple(BoundModel(self.fitted.model, part.conditions) for part in self.parts)
 
-    def shown(self, joint: int) -> Shown:
+    def shown(self, joint: int) -> JointAxis:
         """The way a joint is shown."""
-        return Shown.of(self.fitted.model.robot, joint)
+        return JointAxis.of(self.fitted.model.robot, joint)
 
     def angle(self, joint: int) -> Array:
         """(n,) model angle of a joint, rad, or its place along its axis, mm."""
@@ -101,32 +101,32 @@ class Sample:
         """(n,) any of the conditions that is one number a reading."""
         return np.concatenate([getattr(p.conditions, name) for p in self.parts])
 
-    def axis(self, regressor: Drawn) -> Axis:
+    def axis(self, regressor: PlotAxis) -> Axis:
         """The axis over which a regressor is drawn, for the readings of all parts."""
         axes = [regressor.drawn_over(part.conditions) for part in self.parts]
         return replace(axes[0], values=np.concatenate([axis.values for axis in axes]))
 
-    def of_joint(self, joint: int, effects: Sequence[Effect]) -> Seen:
+    def of_joint(self, joint: int, effects: Sequence[Effect]) -> PlotValues:
         """The error of a joint, rad or mm, with some effects on that joint taken out of the model."""
         slot = self.shown(joint).slot
         return self._seen(effects, lambda _: {slot: 1.0}, lambda _, design: self._law(design, effects))
 
-    def of_driver(self, effect: Effect) -> Seen:
+    def of_driver(self, effect: Effect) -> PlotValues:
         """The regressor that all terms of an effect share, as each reading sees it."""
         amounts: dict[str, float] = {}
         for term in effect.terms:
             amounts[term.slot] = amounts.get(term.slot, 0.0) + term.weight * self._estimate(term.parameter)
         driver = effect.terms[0].regressor
 
-        def law(part: Readings, _: Design) -> Array:
+        def law(part: FitReadings, _: BoundModel) -> Array:
             return np.broadcast_to(driver.evaluate(part.conditions), (len(part.rows),))
 
         return self._seen([effect], lambda _: amounts, law)
 
-    def of_share(self, effect: Effect) -> Seen:
+    def of_share(self, effect: Effect) -> PlotValues:
         """Share of the fitted effect that a reading shows: 1 is all of it. For laws with several drivers."""
 
-        def amounts(part: Readings) -> dict[str, Array | float]:
+        def amounts(part: FitReadings) -> dict[str, Array | float]:
             slots: dict[str, Array | float] = {}
             for term in effect.terms:
                 amount = term.weight * self._estimate(term.parameter)
@@ -147,15 +147,15 @@ class Sample:
         return float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
 
     @cached_property
-    def _few(self) -> Design:
+    def _few(self) -> BoundModel:
         """The model bound to at most 400 readings of the fit."""
         conditions = self.parts[0].conditions
-        return Design(
+        return BoundModel(
             self.fitted.model,
             conditions.take(np.unique(np.linspace(0, len(conditions) - 1, 400).astype(int))),
         )
 
-    def _moved(self, effect: Effect, design: Design) -> Array:
+    def _moved(self, effect: Effect, design: BoundModel) -> Array:
         without = self.fitted.estimate.copy()
         without[self.fitted.model.positions(effect)] = 0.0
         if any(term.slot.startswith("anchor") for term in effect.terms):
@@ -179,7 +179,7 @@ class Sample:
     def _estimate(self, parameter: str) -> float:
         return float(self.fitted.estimate[self.fitted.model.index[parameter]])
 
-    def _seen(self, effects: Sequence[Effect], amounts: Amounts, law: Law) -> Seen:
+    def _seen(self, effects: Sequence[Effect], amounts: Amounts, law: Law) -> PlotValues:
         model = self.fitted.model
         without = self.fitted.estimate.copy()
         for effect in effects:
@@ -195,9 +195,9 @@ class Sample:
             square = np.maximum(np.sum(moved**2, axis=0), 1e-300)
             spread = max(self.fitted.noise_scale, 1.0) / np.sqrt(square)
             seen.append((np.sum(moved * residual, axis=0) / square, spread, law(part, design)))
-        return Seen(*(np.concatenate(column) for column in zip(*seen, strict=True)))
+        return PlotValues(*(np.concatenate(column) for column in zip(*seen, strict=True)))
 
-    def _law(self, design: Design, effects: Sequence[Effect]) -> Array:
+    def _law(self, design: BoundModel, effects: Sequence[Effect]) -> Array:
         """Sum over the effects of weight x parameter x regressor, (n,)."""
         mine = {position for effect in effects for position in self.fitted.model.positions(effect)}
         total = np.zeros(len(design.conditions))

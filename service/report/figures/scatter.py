@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from service.report.figures import drawing
-from service.report.figures.panels import Panel
+from service.report.figures.panels import PlotPanel
 from service.report.figures.residuals import binned
 
 MOST_DOTS = 500  # a panel: enough to see the cloud, few enough for a file that opens at once
@@ -18,7 +18,7 @@ _SIDE_COLOURS = {0.0: drawing.DOT, 1.0: "#2563a8", -1.0: "#8a5a00"}
 _SIDE_NAMES = {1.0: "arrived from below", -1.0: "from above"}
 
 
-def effect_figure(panel: Panel, name: str) -> str:
+def effect_figure(panel: PlotPanel, name: str) -> str:
     """One effect, large, as SVG."""
     drawn, (axes,) = drawing.figure(5.0, 2.9)
     _draw(axes, panel, large=True)
@@ -28,7 +28,7 @@ def effect_figure(panel: Panel, name: str) -> str:
     return drawing.as_svg(drawn, name, panel.described)
 
 
-def joints_figure(panels: Sequence[Panel]) -> str:
+def joints_figure(panels: Sequence[PlotPanel]) -> str:
     """Small panels, one a joint, as SVG."""
     columns = 3
     rows = -(-len(panels) // columns)
@@ -56,7 +56,7 @@ def joints_figure(panels: Sequence[Panel]) -> str:
     )
 
 
-def _draw(axes: Axes, panel: Panel, *, large: bool) -> None:
+def _draw(axes: Axes, panel: PlotPanel, *, large: bool) -> None:
     clear = panel.clear
     fast = panel.fast
     sides = (0.0,) if panel.side is None else (1.0, -1.0)
@@ -99,7 +99,7 @@ def _draw(axes: Axes, panel: Panel, *, large: bool) -> None:
     axes.axhline(0.0, color=drawing.QUIET, linewidth=0.7, zorder=1)
 
 
-def _means(axes: Axes, panel: Panel, mine: np.ndarray, side: float, *, large: bool) -> None:
+def _means(axes: Axes, panel: PlotPanel, mine: np.ndarray, side: float, *, large: bool) -> None:
     count = int(np.clip(mine.sum() / 10, 6, 30 if large else 20))
     if mine.sum() < 12:
         return
@@ -121,7 +121,7 @@ def _means(axes: Axes, panel: Panel, mine: np.ndarray, side: float, *, large: bo
     )
 
 
-def _heights(panel: Panel) -> tuple[float, float]:
+def _heights(panel: PlotPanel) -> tuple[float, float]:
     """Limits that hold zero, the law and all but the wildest dots."""
     law = np.concatenate([y for _, y, _ in panel.lines])
     low, high = np.quantile(panel.y[panel.clear], (0.008, 0.992)) if panel.clear.any() else (0.0, 0.0)

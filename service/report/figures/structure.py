@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.data import Dataset
-from calib.diagnose import ACTS_ON, EACH_POSE, SEEN, TOGETHER, Structure, sight_at_tool
+from calib.diagnose import ACTS_ON, EACH_POSE, SEEN, TOGETHER, ResidualStructure, sight_at_tool
 from calib.fit import all_readings
-from calib.model import Design
+from calib.model import BoundModel
 from service.report.figures import drawing
 from service.report.figures import residual_pictures as pictures
 from service.report.figures.quantities import Quantity, quantity_of
-from service.report.figures.residuals import MDEG, Sample
+from service.report.figures.residuals import MDEG, PlotSample
 
 _MOST_POSES = 40
 
@@ -40,7 +40,7 @@ _IN_SQUARE = 4  # readings, where there are few
 _THIRDS = "lowest", "middle", "highest"
 
 
-def picture_of(left: Structure, number: int, dataset: Dataset, sample: Sample) -> str | None:
+def picture_of(left: ResidualStructure, number: int, dataset: Dataset, sample: PlotSample) -> str | None:
     """The picture of one place as SVG; None where no points were measured, or the place has no name we know."""
     name = f"left{number}"
     if left.acts_on == ACTS_ON:
@@ -74,11 +74,11 @@ def picture_of(left: Structure, number: int, dataset: Dataset, sample: Sample) -
 
 
 def _over_three(
-    left: Structure,
+    left: ResidualStructure,
     angles: Quantity,
     rest: Array,
     pointed: NDArray[np.bool_],
-    sample: Sample,
+    sample: PlotSample,
     name: str,
 ) -> str | None:
     """Maps over the three angles that tell most of what is left: of its parts, or of the joint on which it acts."""
@@ -139,7 +139,7 @@ def _taken(quantity: Quantity, rows: NDArray[np.bool_]) -> Quantity:
     return Quantity(quantity.values[rows], quantity.labels, group, quantity.group_names)
 
 
-def _quantity(where: str, design: Design, dataset: Dataset, sample: Sample) -> Quantity | None:
+def _quantity(where: str, design: BoundModel, dataset: Dataset, sample: PlotSample) -> Quantity | None:
     """The quantity over which structure is drawn. The side from which the tool is seen depends on the fitted base."""
     conditions = design.conditions
     if SEEN not in where:
@@ -151,13 +151,13 @@ def _quantity(where: str, design: Design, dataset: Dataset, sample: Sample) -> Q
     return Quantity(seen, labels, conditions.target, conditions.target_names)
 
 
-def _in_tool(sample: Sample, rest: Array) -> Array:
+def _in_tool(sample: PlotSample, rest: Array) -> Array:
     """(n, 3) what is left along the axes of the tool."""
     turns = [design.frames(sample.fitted.estimate, ()).rotation for design in sample.designs]
     return np.einsum("nji,nj->ni", np.concatenate(turns), rest)
 
 
-def _by_pose(sample: Sample, rest: Array, pointed: NDArray[np.bool_], name: str) -> str | None:
+def _by_pose(sample: PlotSample, rest: Array, pointed: NDArray[np.bool_], name: str) -> str | None:
     """The poses whose own errors are largest, of those that were visited again in the calibration."""
     pose = sample.parts[0].conditions.pose
     count = len(pose)
@@ -179,10 +179,10 @@ def _by_pose(sample: Sample, rest: Array, pointed: NDArray[np.bool_], name: str)
     )
 
 
-def _of_left_out(where: str, name: str, dataset: Dataset, sample: Sample) -> str | None:
+def _of_left_out(where: str, name: str, dataset: Dataset, sample: PlotSample) -> str | None:
     """The distance of every calibration reading from the model, those that were left out among the others."""
     readings, out = all_readings(dataset, sample.fitted)
-    design = Design(sample.fitted.model, readings.conditions)
+    design = BoundModel(sample.fitted.model, readings.conditions)
     predicted = design.predict(sample.fitted.estimate)
     error = np.linalg.norm(dataset.points[readings.rows] - predicted, axis=1)
     seen = np.isfinite(error)

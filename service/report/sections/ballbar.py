@@ -11,12 +11,12 @@ from markupsafe import Markup
 from calib.array import Array
 from calib.data import Dataset
 from calib.fit import length_differences
-from calib.model import RobotModel
+from calib.model import ModelStructure
 from calib.validation import over_the_fixture, sphere_tests
 from service.report.figures import drawing
 from service.report.figures.scatter import thinned
 
-Models = Mapping[str, tuple[RobotModel, Array, str]]
+Models = Mapping[str, tuple[ModelStructure, Array, str]]
 _BINS = 24
 _MOST_DOTS = 1200
 _BIN_MM = 50.0  # in which the error is averaged along the distance

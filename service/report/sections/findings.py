@@ -10,20 +10,22 @@ import numpy as np
 from markupsafe import Markup
 
 from calib.data import Dataset
-from calib.diagnose import Diagnosis, Found, Structure, Visible, errors_without
+from calib.diagnose import DetectableEffect, DiagnosedEffect, DiagnosisFit, ResidualStructure, errors_without
 from calib.effects import words_of
 from calib.fit import ErrorStatistics
 from calib.units import to_display
 from service import effect_names, wording
 from service.report.figures import panels, scatter, structure
-from service.report.figures.residuals import Sample
+from service.report.figures.residuals import PlotSample
 
 _LISTED = 12  # parameters of an effect
 DRAWN = 12  # effects that get a picture of their own, strongest first; all are listed
 _PLACES_DRAWN = 6  # places where structure is left, most certain first; all are listed
 
 
-def structure_of(left: Structure, number: int, dataset: Dataset, sample: Sample) -> dict[str, Any]:
+def structure_of(
+    left: ResidualStructure, number: int, dataset: Dataset, sample: PlotSample
+) -> dict[str, Any]:
     picture = structure.picture_of(left, number + 1, dataset, sample) if number < _PLACES_DRAWN else None
     return {
         "where": left.where,
@@ -35,7 +37,7 @@ def structure_of(left: Structure, number: int, dataset: Dataset, sample: Sample)
     }
 
 
-def power_of(power: Sequence[Visible]) -> list[dict[str, Any]]:
+def power_of(power: Sequence[DetectableEffect]) -> list[dict[str, Any]]:
     """The smallest size that would have shown, by kind of effect, from the joint that shows it best to the worst."""
     kinds: dict[tuple[str, str], list[tuple[float, str]]] = {}
     for each in power:
@@ -57,7 +59,7 @@ def _smallest(size: float) -> str:
     return wording.two_figures(size) if math.isfinite(size) else "these readings cannot show it"
 
 
-def effects_of(diagnosis: Diagnosis, sample: Sample) -> list[dict[str, Any]]:
+def effects_of(diagnosis: DiagnosisFit, sample: PlotSample) -> list[dict[str, Any]]:
     """The confirmed effects, in their order."""
     effects, known = diagnosis.confirmed, diagnosis.causes_known
     without = errors_without(diagnosis.dataset, sample.fitted, [found.effect for found in effects])
@@ -68,7 +70,12 @@ def effects_of(diagnosis: Diagnosis, sample: Sample) -> list[dict[str, Any]]:
 
 
 def effect_of(
-    found: Found, sample: Sample, number: int, without: ErrorStatistics | None, *, causes_known: bool
+    found: DiagnosedEffect,
+    sample: PlotSample,
+    number: int,
+    without: ErrorStatistics | None,
+    *,
+    causes_known: bool,
 ) -> dict[str, Any]:
     value, uncertainty, unit = wording.amplitude(found)
     picture = None
@@ -98,7 +105,7 @@ def effect_of(
     }
 
 
-def _parts(found: Found) -> str:
+def _parts(found: DiagnosedEffect) -> str:
     """Every parameter of an effect that has more of them than its amplitude; empty for the waves of a curve."""
     if not 3 <= len(found.effect.parameters) <= _LISTED:
         return ""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from acquisition.loop import FollowedUp
-from calib.diagnose import SEPARATES, Diagnosis, FollowUp, Found
+from acquisition.loop import FollowUpResult
+from calib.diagnose import SEPARATES, DiagnosedEffect, DiagnosisFit, FollowUp
 from service import wording
 
 Weights = Sequence[tuple[str, float]]
@@ -32,7 +32,7 @@ def pairs_of(follow_up: FollowUp) -> list[tuple[str, str, str, bool]]:
     ]
 
 
-def middle_step_of(step: FollowedUp | None, after: Diagnosis) -> Mapping[str, Any] | None:
+def middle_step_of(step: FollowUpResult | None, after: DiagnosisFit) -> Mapping[str, Any] | None:
     """The section on the middle step; None where there was none."""
     if step is None:
         return None
@@ -46,12 +46,12 @@ def middle_step_of(step: FollowedUp | None, after: Diagnosis) -> Mapping[str, An
     }
 
 
-def row_of(diagnosis: Diagnosis) -> tuple[str, list[Weights]]:
+def row_of(diagnosis: DiagnosisFit) -> tuple[str, list[Weights]]:
     """Verdict and, for every effect, its candidates with their weights, heaviest first."""
     return wording.VERDICT_NAMES[diagnosis.verdict], [_class_of(found) for found in diagnosis.effects]
 
 
-def middle_step_in_words(step: FollowedUp, after: Diagnosis) -> str:
+def middle_step_in_words(step: FollowUpResult, after: DiagnosisFit) -> str:
     """The middle step in a sentence or two."""
     unsettled = [found for found in step.before.effects if not found.evidence.certain]
     what = "; ".join(" or ".join(label for label, _ in _class_of(found)) for found in unsettled)
@@ -65,5 +65,5 @@ def middle_step_in_words(step: FollowedUp, after: Diagnosis) -> str:
     )
 
 
-def _class_of(found: Found) -> Weights:
+def _class_of(found: DiagnosedEffect) -> Weights:
     return [(label, w) for label, w in found.evidence.candidates.items() if w >= 0.01]

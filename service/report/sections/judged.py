@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from calib.array import Array
 from calib.data import Dataset
 from calib.fit import statistics_of
-from calib.model import Design, RobotModel
+from calib.model import BoundModel, ModelStructure
 from service.report.figures import drawing
-from service.report.figures.errors import Errors
+from service.report.figures.errors import ErrorSample
 from service.report.figures.scatter import thinned
 from service.wording import millimetres
 
-Models = Mapping[str, tuple[RobotModel, Array, str]]
+Models = Mapping[str, tuple[ModelStructure, Array, str]]
 _ARROWS = 150
 _DOTS = 800
 _STRETCHES = 40  # of the readings in order of time, for the line
@@ -42,7 +42,7 @@ class Vectors:
     colour: str
 
 
-def section_of(dataset: Dataset, models: Models, measured: Sequence[Errors]) -> dict[str, Any]:
+def section_of(dataset: Dataset, models: Models, measured: Sequence[ErrorSample]) -> dict[str, Any]:
     """Pictures and table for models with their colours and errors on the validation readings; empty where none is."""
     if not measured:
         return {}
@@ -74,7 +74,7 @@ def _arrows_of(dataset: Dataset, models: Models) -> Markup | None:
         arrows(
             points,
             [
-                Vectors(name, points - Design(model, conditions).predict(estimate), colour)
+                Vectors(name, points - BoundModel(model, conditions).predict(estimate), colour)
                 for name, (model, estimate, colour) in ends
             ],
         )
@@ -131,7 +131,7 @@ def _arrows(axes: Axes, at: Array, vectors: Array, colour: str) -> None:
     axes.set_aspect("equal", adjustable="datalim")
 
 
-def over_time(dataset: Dataset, rows: NDArray[np.int64], measured: Sequence[Errors]) -> str:
+def over_time(dataset: Dataset, rows: NDArray[np.int64], measured: Sequence[ErrorSample]) -> str:
     """Errors (n,) of every model on the rows (n,) over time in hours, or in order where no time is known;
     the line is the median of a stretch, and ends where measuring paused. As SVG."""
     clock = _known_time(dataset, rows)
@@ -169,7 +169,7 @@ def stretches(x: Array) -> list[list[NDArray[np.int64]]]:
 
 
 def _by_target(
-    dataset: Dataset, rows: NDArray[np.int64], measured: Sequence[Errors]
+    dataset: Dataset, rows: NDArray[np.int64], measured: Sequence[ErrorSample]
 ) -> list[tuple[str, int, list[tuple[str, str]]]]:
     """(target, n, (RMS, max) of every model, mm) for every target, of every series where there are several."""
     conditions = dataset.conditions

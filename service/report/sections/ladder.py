@@ -19,7 +19,7 @@ DRIVEN = "new poses, driven corrected"
 
 
 @dataclass(frozen=True)
-class Rung:
+class LadderStep:
     """One model, the readings that judged it, its errors, and by how much its RMS differs from the rung above."""
 
     name: str
@@ -30,7 +30,7 @@ class Rung:
 
 def ladder_of(
     held_out: Mapping[str, ErrorStatistics | None], verified: ErrorStatistics | None = None
-) -> list[Rung]:
+) -> list[LadderStep]:
     """The rungs from top to bottom. held_out: model -> errors on the held-out readings, None where there are none.
 
     verified: the errors of targets that the robot was driven to with the correction.
@@ -40,7 +40,7 @@ def ladder_of(
         judged.append((VERIFIED, DRIVEN, verified))
     above = [None, *(errors for _, _, errors in judged)]
     return [
-        Rung(name, where, errors, _step(before, errors))
+        LadderStep(name, where, errors, _step(before, errors))
         for before, (name, where, errors) in zip(above, judged, strict=False)
     ]
 

@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from calib.array import Array
-from calib.comparison import Comparison
+from calib.comparison import RegressionComparison
 from service.printed.regression_tables import COLUMNS, rows
 from service.report.figures import drawing
 from service.results.models.regression_document import UM, waypoints
@@ -18,7 +18,7 @@ from service.results.models.regression_document import UM, waypoints
 _WIDE = 1000.0  # ratio of the ends of an axis, from which on 2 and 5 between the powers of ten run into each other
 
 
-def section_of(comparison: Comparison, findings: list[str]) -> dict[str, Any]:
+def section_of(comparison: RegressionComparison, findings: list[str]) -> dict[str, Any]:
     """The panel as the template shows it: rows of (name, kind, figures), the picture, and the findings."""
     return {
         "columns": COLUMNS,
@@ -37,7 +37,7 @@ def foremost(findings: list[str], asked: str) -> list[str]:
     return list(dict.fromkeys([findings[0], *(each for each in findings if each.startswith(f"{asked}:"))]))
 
 
-def picture(comparison: Comparison) -> str:
+def picture(comparison: RegressionComparison) -> str:
     """The errors of every predictor: each waypoint a dot, in sample and left out, with the median."""
     drawn, (axes,) = drawing.figure(7.2, 0.6 + 0.55 * len(comparison.scored))
     kinds = (("in sample", drawing.BEFORE, -0.16), ("on waypoints left out", drawing.AFTER, 0.16))

@@ -8,14 +8,14 @@ from typing import Any
 
 from calib.array import Array
 from calib.data import Dataset
-from calib.model import RobotModel
+from calib.model import ModelStructure
 from calib.validation import VISITS_OF_THE_STANDARD, PoseFigures, judge_repeats
 from service import wording
 
 _MOST = 24  # poses listed; the worst repeatability first
 
 
-def section_of(dataset: Dataset, model: RobotModel, estimate: Array) -> dict[str, Any] | None:
+def section_of(dataset: Dataset, model: ModelStructure, estimate: Array) -> dict[str, Any] | None:
     """Rows of the table and what to say beside it; None where no pose was visited again."""
     poses = judge_repeats(dataset, model, estimate).poses
     if not poses:

@@ -11,7 +11,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 
 from calib.data import Dataset
-from calib.fit import Identification, UncertaintyMap, uncertainty_map
+from calib.fit import IdentificationFit, UncertaintyMap, uncertainty_map
 from service.report.figures import drawing
 from service.results.models.parameters import high_leverage, strong_correlations
 from service.wording import millimetres
@@ -21,7 +21,7 @@ _CELLS = 28
 _COLOURS = colormaps["viridis_r"].resampled(16)  # steps can be read off; a smooth scale becomes a bitmap
 
 
-def trust_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
+def trust_of(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:
     """The section of a report: figure, radius that contains 95 %, correlations, leverage, condition number."""
     of_map = uncertainty_map(found)
     return {

@@ -7,14 +7,14 @@ from dataclasses import asdict
 from typing import Any
 
 from acquisition.record import Verification
-from calib.diagnose import Diagnosis
+from calib.diagnose import DiagnosisFit
 from calib.fit import ErrorStatistics
 from service import wording
 
 NEARLY = 1.3  # times the floor: what a correction is held to
 
 
-def rows_of(diagnosis: Diagnosis, verification: Verification) -> dict[str, ErrorStatistics | None]:
+def rows_of(diagnosis: DiagnosisFit, verification: Verification) -> dict[str, ErrorStatistics | None]:
     """The one table: what each model predicts on validation readings, then what the robot did."""
     return {
         "nominal robot, placed (predicted)": diagnosis.error_nominal,

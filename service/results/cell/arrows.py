@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 
 from calib.data import Dataset
-from calib.fit import Identification, base_model_of, place_nominal
-from calib.model import Design
+from calib.fit import IdentificationFit, base_model_of, place_nominal
+from calib.model import BoundModel
 from service.plain import finite
 
 FORMAT = "truepose-arrows/1"
 MOST = 500  # more cannot be told apart
 
 
-def arrows_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
+def arrows_of(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:
     """Held-out readings where there are any, else those that were fitted; points only. `readings`: of how many."""
     held = dataset.validation_rows & dataset.pointed
     rows = held if held.any() else dataset.fit_rows & dataset.pointed
@@ -36,7 +36,7 @@ def arrows_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
         conditions, points = dataset.conditions.take(taken), dataset.points[taken]
         nominal, placed = place_nominal(dataset, base_model_of(dataset, None))
         before, after = (
-            points - Design(nominal, conditions).predict(placed),
+            points - BoundModel(nominal, conditions).predict(placed),
             points - found.predict(conditions),
         )
         document["arrows"] = [

@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 
 from acquisition import Cell
-from acquisition.campaign import Hexapod, Placement, Reached, best_first, grid, placement_picture
+from acquisition.campaign import (
+    BallPlacement,
+    HexapodSurvey,
+    ReachResult,
+    best_first,
+    grid,
+    placement_picture,
+)
 from calib.array import Array
 from calib.errors import DataError
 
@@ -24,7 +31,7 @@ Zone = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
-class Order:
+class PlacementRequest:
     """The search to make. x, y, z: (low, high, step) shifts, mm; turn: deg; base: the balls, None for the first three
     nests; zone: x, y, z and radius, mm; together: placements that complete each other in the zone.
     """
@@ -40,30 +47,30 @@ class Order:
     show: int = 5
 
     @classmethod
-    def of(cls, table: Mapping[str, Any]) -> Order:
+    def of(cls, table: Mapping[str, Any]) -> PlacementRequest:
         """An order from what JSON has made of one."""
         plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
         return cls(**plain)
 
 
 @dataclass(frozen=True)
-class Found:
+class PlacementResult:
     """The best placements, proven, each with the largest U in the zone, mm, by itself; `plan`: those that are to be
     used together, with the largest U of the first, the first two, and so on.
     """
 
-    hexapod: Hexapod
-    order: Order
+    hexapod: HexapodSurvey
+    order: PlacementRequest
     placements: int
-    best: list[tuple[Reached, float | None]]
-    plan: list[tuple[Reached, float | None]]
+    best: list[tuple[ReachResult, float | None]]
+    plan: list[tuple[ReachResult, float | None]]
 
     def picture(self) -> str:
         """The placements that are shown, as SVG."""
         return placement_picture(self.hexapod, [each for each, _ in self._shown])
 
     @property
-    def _shown(self) -> list[tuple[Reached, float | None]]:
+    def _shown(self) -> list[tuple[ReachResult, float | None]]:
         return self.plan if self.order.together > 1 else self.best
 
     def document(self) -> dict[str, Any]:
@@ -81,7 +88,7 @@ class Found:
             "plan": [self._one(*each) for each in self.plan],
         }
 
-    def _one(self, each: Reached, u: float | None) -> dict[str, Any]:
+    def _one(self, each: ReachResult, u: float | None) -> dict[str, Any]:
         nests = self.hexapod.moved(each.placement).nests
         return {
             "shift_mm": list(each.placement.shift_mm),
@@ -94,7 +101,7 @@ class Found:
         }
 
 
-def wanted_of(order: Order) -> list[Placement]:
+def wanted_of(order: PlacementRequest) -> list[BallPlacement]:
     """The placements of an order. Raises DataError naming the option."""
     shifts = [_steps(f"--{name}", each) for name, each in (("x", order.x), ("y", order.y), ("z", order.z))]
     turns = _steps("--turn", order.turn)
@@ -108,8 +115,12 @@ def wanted_of(order: Order) -> list[Placement]:
 
 
 def found_for(
-    cell: Cell, order: Order, file: Path, say: Callable[[str], None], progress: Callable[[int, int], None]
-) -> Found:
+    cell: Cell,
+    order: PlacementRequest,
+    file: Path,
+    say: Callable[[str], None],
+    progress: Callable[[int, int], None],
+) -> PlacementResult:
     """Search. `say` is called with each step, `progress` with the placements done and all of them.
 
     Raises DataError, ConfigError.
@@ -125,12 +136,12 @@ def found_for(
     ranks = np.argsort(u, kind="stable") if places is not None else _by_poses(proven)
     best = [(proven[i], _finite(u[i])) for i in ranks]
     plan = [] if places is None else _together(hexapod, best, places, order.together)
-    return Found(hexapod, order, len(wanted), best[: order.show], plan)
+    return PlacementResult(hexapod, order, len(wanted), best[: order.show], plan)
 
 
 def _together(
-    hexapod: Hexapod, best: Sequence[tuple[Reached, float | None]], places: Array, count: int
-) -> list[tuple[Reached, float | None]]:
+    hexapod: HexapodSurvey, best: Sequence[tuple[ReachResult, float | None]], places: Array, count: int
+) -> list[tuple[ReachResult, float | None]]:
     """The best one, then one by one whichever lowers the largest U most beside those that are there."""
     plan = list(best[:1])
     left = [each for each, _ in best[1:] if each.poses]
@@ -141,7 +152,7 @@ def _together(
     return plan
 
 
-def _largest(hexapod: Hexapod, reached: Sequence[Reached], places: Array | None) -> float:
+def _largest(hexapod: HexapodSurvey, reached: Sequence[ReachResult], places: Array | None) -> float:
     if places is None or not all(each.poses for each in reached):
         return np.inf
     return float(hexapod.uncertainty(reached, places).max())
@@ -151,7 +162,7 @@ def _finite(u: float) -> float | None:
     return float(u) if np.isfinite(u) else None
 
 
-def _hexapod(cell: Cell, path: Path, base: tuple[str, ...] | None) -> Hexapod:
+def _hexapod(cell: Cell, path: Path, base: tuple[str, ...] | None) -> HexapodSurvey:
     """Block of a search. Raises DataError for a cell without a ballbar, for balls not in it or without a tool."""
     if not cell.instrument.declared.measures_lengths:
         raise DataError(
@@ -166,7 +177,7 @@ def _hexapod(cell: Cell, path: Path, base: tuple[str, ...] | None) -> Hexapod:
             f"is '{','.join(names)}'.", do=f"Name three or four of {', '.join(cell.nests)}.", key="--base"
         )
     try:
-        return Hexapod(cell, names, list(cell.tool.targets)[:3])
+        return HexapodSurvey(cell, names, list(cell.tool.targets)[:3])
     except ValueError as error:
         raise DataError(f"{error}.", do="Correct world.nests or tool.targets.", file=path) from error
 
@@ -182,16 +193,16 @@ def _steps(option: str, wanted: Range) -> list[float]:
     return [low + i * step for i in range(int((high - low) / step + 1e-9) + 1)]
 
 
-def _finalists(hexapod: Hexapod, found: Sequence[Reached], show: int) -> list[Reached]:
+def _finalists(hexapod: HexapodSurvey, found: Sequence[ReachResult], show: int) -> list[ReachResult]:
     """The best by stances, each set of places once, and the placement of the cell file beside them."""
-    once: dict[object, Reached] = {}
+    once: dict[object, ReachResult] = {}
     for each in found:
         once.setdefault(hexapod.same_balls(each.placement), each)
     best = list(once.values())[: _TRIED * show]
-    own = once[hexapod.same_balls(Placement())]
+    own = once[hexapod.same_balls(BallPlacement())]
     return best if own in best else [*best, own]
 
 
-def _by_poses(proven: Sequence[Reached]) -> list[int]:
+def _by_poses(proven: Sequence[ReachResult]) -> list[int]:
     ranked = best_first(proven)
     return [next(i for i, each in enumerate(proven) if each is one) for one in ranked]

@@ -15,7 +15,7 @@ import numpy as np
 from acquisition import Campaign, Cell
 from acquisition.campaign import Visit, setup_of
 from acquisition.cell import Transit, cell_of_record, targets_at
-from acquisition.record import Store
+from acquisition.record import RecordStore
 from acquisition.run import Forecast, forecast_of
 from calib.fit import expanded
 
@@ -32,7 +32,7 @@ def plan_of_campaign(cell: Cell, campaign: Campaign, visits: Sequence[Visit]) ->
 
 def plan_of_record(record: Path) -> dict[str, Any]:
     """The plan of a run with what became of every reading. Raises RecordError, StorageError."""
-    with Store.reading(record) as store:
+    with RecordStore.reading(record) as store:
         cell = cell_of_record(store.campaign["cell"], str(record))
         planned = store.plan()
     visits: dict[int, Visit] = {}

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from acquisition.campaign import setup_of
 from acquisition.cell import cell_of_record
-from acquisition.record import Store
+from acquisition.record import RecordStore
 from acquisition.run import forecast_of
 from calib.errors import DataError
 from calib.fit import expanded
@@ -31,7 +31,7 @@ def price_of(record: Path, number: int) -> dict[str, Any] | None:
 
     Raises DataError for a campaign of distances, RecordError, StorageError.
     """
-    with Store.reading(record) as store:
+    with RecordStore.reading(record) as store:
         cell = cell_of_record(store.campaign["cell"], str(record))
         planned = [each for each in store.plan() if each.visit.counted]
     own = [each for each in planned if each.visit.number == number]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.cell import Box, Cell, Obstacle, Post, Table, home_of, targets_at
+from acquisition.cell import Box, Cell, FloorObstacle, Obstacle, Post, home_of, targets_at
 from calib.errors import DataError
 
 FORMAT = "truepose-scene/1"
@@ -46,7 +46,7 @@ def scene_of(cell: Cell, joints_deg: Sequence[float] = ()) -> dict[str, Any]:
         ],
         "obstacles": [
             shape
-            for each in (Table(cell.robot.table_z_mm), *cell.robot.keep_out, *cell.fixtures)
+            for each in (FloorObstacle(cell.robot.table_z_mm), *cell.robot.keep_out, *cell.fixtures)
             if (shape := _shape(each)) is not None
         ],
         "nests_mm": {name: list(place) for name, place in cell.nests.items()},
@@ -60,7 +60,7 @@ def scene_of(cell: Cell, joints_deg: Sequence[float] = ()) -> dict[str, Any]:
 
 def _shape(obstacle: Obstacle) -> dict[str, Any] | None:
     match obstacle:
-        case Table():
+        case FloorObstacle():
             return {"kind": "table", "name": "table", "z_mm": obstacle.z_mm}
         case Box():
             ends = {"low_mm": list(obstacle.low_mm), "high_mm": list(obstacle.high_mm)}

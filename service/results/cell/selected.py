@@ -30,7 +30,7 @@ FORMAT = "truepose-selection/1"
 
 
 @dataclass(frozen=True)
-class Question:
+class SelectionRequest:
     """The question of a choice of poses. groups: what the model will free; targets: names, None for all of the cell;
     offset_deg: from where joints arrive; share: most of the poses that may fill the joints' ranges; wanted_u: mm, None
     for no wish."""
@@ -51,7 +51,7 @@ class Selected:
     """The poses that were chosen among candidates, and what they promise."""
 
     cell: Cell
-    asked: Question
+    asked: SelectionRequest
     targets: tuple[str, ...]
     candidates: Candidates
     choice: Choice
@@ -60,7 +60,7 @@ class Selected:
     of_type: BesideType | None = None
 
     @staticmethod
-    def of(cell: Cell, asked: Question, say: Callable[[str], None] = silent) -> Selected:
+    def of(cell: Cell, asked: SelectionRequest, say: Callable[[str], None] = silent) -> Selected:
         """Draw and choose. Raises DataError, ConfigError."""
         if cell.instrument.declared.measures_lengths:
             raise DataError(

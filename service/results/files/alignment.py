@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 
 from calib.arm import Robot, load_robot
-from calib.convert import Table
+from calib.convert import ConvertedTable
 from calib.data import LEAST, Noise, read_noise
 from calib.errors import DataError
 from calib.motion import (
     Aligned,
-    Band,
     JointStream,
     Origin,
     PointStream,
+    SpeedBandErrors,
     Standstills,
     align,
     by_speed,
@@ -42,7 +42,7 @@ SLOW_MM_S = 2.0
 
 
 @dataclass(frozen=True)
-class Order:
+class AlignmentRequest:
     """The order: what is known of two streams, and what becomes of them. tool: mm, in the flange frame;
     robot_in_header: the robot as the data set shall name it, where that is not as it is named here; sigma_mm: what one
     coordinate of the instrument is uncertain by, mm, where the header beside its stream does not say so."""
@@ -72,17 +72,17 @@ _STRETCH_S = 1.0  # of wild points: no single outliers
 
 
 @dataclass(frozen=True)
-class Result:
+class StreamAlignment:
     """The streams, their clocks, the standstills, the error of the path, and the data set of the standstills."""
 
-    order: Order
+    order: AlignmentRequest
     robot: Robot
     moved: JointStream
     tracked: PointStream
     aligned: Aligned
     still: Standstills
-    bands: list[Band]
-    table: Table
+    bands: list[SpeedBandErrors]
+    table: ConvertedTable
     noise: Noise | None  # of the instrument, None where nobody stated it
 
     @property
@@ -152,8 +152,11 @@ class Result:
 
 
 def aligned_of(
-    robot_file: Path, tracker_file: Path, order: Order, progress: Callable[[str], None] = lambda _: None
-) -> Result:
+    robot_file: Path,
+    tracker_file: Path,
+    order: AlignmentRequest,
+    progress: Callable[[str], None] = lambda _: None,
+) -> StreamAlignment:
     """Read the streams, align them, gather the standstills. Raises DataError naming file, line, column or option."""
     if not all(abs(x) <= FARTHEST_TOOL_MM for x in order.tool):
         raise DataError("is no point on a tool.", do="Give X Y Z in mm, flange frame.", key="--tool")
@@ -196,10 +199,10 @@ def aligned_of(
     if order.holdout > 0.0:
         table = table.hold_out("random", order.holdout, order.seed)
     bands = by_speed(aligned, order.slower_than)
-    return Result(order, robot, moved, tracked, aligned, still, bands, table, noise)
+    return StreamAlignment(order, robot, moved, tracked, aligned, still, bands, table, noise)
 
 
-def _noise(order: Order, header: Path) -> Noise | None:
+def _noise(order: AlignmentRequest, header: Path) -> Noise | None:
     """The instrument's noise as ordered, or as the header beside its stream has it; None where neither states it.
 
     Raises DataError for one that is none.
@@ -221,7 +224,7 @@ def _noise(order: Order, header: Path) -> Noise | None:
     return noise
 
 
-def document(result: Result) -> dict[str, Any]:
+def document(result: StreamAlignment) -> dict[str, Any]:
     """The document of `align --json`. Uncertainties are one standard deviation."""
     aligned, clocks = result.aligned, result.aligned.clocks
     jump = None

@@ -5,18 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from calib.convert import Table
-from calib.foreign import Converted, Proposal
+from calib.convert import ConvertedTable
+from calib.foreign import Converted, MapProposal
 from service import wording
 
 
-def summary(out: Path, table: Table) -> str:
+def summary(out: Path, table: ConvertedTable) -> str:
     """Two sentences on a data set that was written: its readings, and which are held out to judge a model by."""
     said = f"{out}: {wording.counted(len(table), 'reading')}; {table.note}."
     return f"{said} --holdout block, random or none holds out others." if _held(table) else said
 
 
-def document(out: Path, table: Table) -> dict[str, Any]:
+def document(out: Path, table: ConvertedTable) -> dict[str, Any]:
     """The result of a conversion, `truepose-conversion/1`."""
     return {
         "format": "truepose-conversion/1",
@@ -43,7 +43,7 @@ def told_of(found: Converted) -> dict[str, Any]:
     }
 
 
-def proposal_document(proposal: Proposal, kept: Path | None) -> dict[str, Any]:
+def proposal_document(proposal: MapProposal, kept: Path | None) -> dict[str, Any]:
     """A proposal, `truepose-proposal/1`: what every column was taken for, and what is open."""
     return {
         "format": "truepose-proposal/1",
@@ -69,5 +69,5 @@ def proposal_document(proposal: Proposal, kept: Path | None) -> dict[str, Any]:
     }
 
 
-def _held(table: Table) -> int:
+def _held(table: ConvertedTable) -> int:
     return table.columns.get("set", []).count("validation")

@@ -31,7 +31,7 @@ from calib.array import Array
 from calib.data import Dataset
 from calib.errors import DataError
 from calib.fit import errors_on
-from calib.model import RobotModel
+from calib.model import ModelStructure
 from calib.text import TomlTable, read_toml
 from calib.validation import targets_in_base
 from service import wording
@@ -118,7 +118,7 @@ def judged_as(effects: Sequence[object]) -> str:
 
 
 @dataclass(frozen=True)
-class Limits:
+class AcceptanceLimits:
     """The largest errors asked for, mm; None where a figure has no limit. zones: parts with limits of their own."""
 
     rms: float | None
@@ -126,7 +126,9 @@ class Limits:
     zones: Sequence[Zone] = ()
 
     @classmethod
-    def of(cls, rms: float | None, largest: float | None, zones: Sequence[Zone] = ()) -> Limits | None:
+    def of(
+        cls, rms: float | None, largest: float | None, zones: Sequence[Zone] = ()
+    ) -> AcceptanceLimits | None:
         """The limits of --accept-rms, --accept-max and --accept-zones, None where none was given. Raises DataError."""
         for option, value in (("--accept-rms", rms), ("--accept-max", largest)):
             if value is not None and not (math.isfinite(value) and value > 0.0):
@@ -134,7 +136,7 @@ class Limits:
         return None if rms is None and largest is None and not zones else cls(rms, largest, zones)
 
     @classmethod
-    def kept(cls, table: Mapping[str, Any] | None) -> Limits | None:
+    def kept(cls, table: Mapping[str, Any] | None) -> AcceptanceLimits | None:
         """The limits of which `asdict` made a table."""
         if table is None:
             return None
@@ -193,7 +195,7 @@ class Criterion:
 
 
 @dataclass(frozen=True)
-class Acceptance:
+class AcceptanceResult:
     """Every figure that has a limit, of one model on n readings."""
 
     model: str
@@ -247,8 +249,13 @@ class Acceptance:
 
 
 def decide(
-    limits: Limits, dataset: Dataset, rows: NDArray[np.bool_], model: RobotModel, estimate: Array, name: str
-) -> Acceptance:
+    limits: AcceptanceLimits,
+    dataset: Dataset,
+    rows: NDArray[np.bool_],
+    model: ModelStructure,
+    estimate: Array,
+    name: str,
+) -> AcceptanceResult:
     """Hold a model to limits on the measured rows of a mask (n,), of which there must be one."""
     errors = np.full(len(dataset), np.nan)
     errors[rows] = errors_on(dataset, rows, model, estimate)
@@ -257,7 +264,7 @@ def decide(
         places = targets_in_base(dataset, model, estimate)
         for zone in limits.zones:
             criteria += _held(dataset, rows & zone.holds(places), errors, zone.rms, zone.largest, zone)
-    return Acceptance(name, int(rows.sum()), tuple(criteria))
+    return AcceptanceResult(name, int(rows.sum()), tuple(criteria))
 
 
 def _held(

@@ -12,8 +12,8 @@ import numpy as np
 from calib.array import Array
 from calib.data import Dataset
 from calib.fit import base_model_of, place_nominal, silent
-from calib.model import RobotModel, named_only
-from calib.saved import SavedModel
+from calib.model import ModelStructure, named_only
+from calib.saved import CalibratedModel
 from calib.validation import (
     Difference,
     Judgement,
@@ -28,29 +28,29 @@ from calib.validation import (
     refuse_other_robot,
 )
 from service.results.judgement import validation_document
-from service.results.judgement.acceptance import Acceptance, Limits, decide
+from service.results.judgement.acceptance import AcceptanceLimits, AcceptanceResult, decide
 
 _SAME_PLACE_MM = 0.01  # by which a tool target may be written elsewhere
 
 
-class Read(NamedTuple):
+class LoadedModel(NamedTuple):
     """A model to judge and its file, and another to set beside it."""
 
-    model: SavedModel
+    model: CalibratedModel
     path: Path
-    second: SavedModel | None = None
+    second: CalibratedModel | None = None
     other: Path | None = None
 
 
 @dataclass(frozen=True)
-class Question:
+class ValidationRequest:
     """The question: how to judge. placed: base and tool fitted to the calibration rows; everything: on all measured
     rows; point: of the world, mm, from which errors are shown by distance; limits: that the error is held to."""
 
     placed: bool = False
     everything: bool = False
     point: tuple[float, float, float] | None = None
-    limits: Limits | None = None
+    limits: AcceptanceLimits | None = None
 
 
 @dataclass(frozen=True)
@@ -58,19 +58,23 @@ class Validated:
     """The judgements, first that of the nominal robot, and what else is said of them."""
 
     dataset: Dataset
-    asked: Question
+    asked: ValidationRequest
     placed: bool
     judgements: Sequence[Judgement]
     repeats: Repeats
     names: Sequence[str]
-    models: Mapping[str, tuple[Dataset, RobotModel, Array]]  # each under the loads that it was judged under
+    models: Mapping[
+        str, tuple[Dataset, ModelStructure, Array]
+    ]  # each under the loads that it was judged under
     parameters: Sequence[Difference]
     between: Summary | None
-    acceptance: Acceptance | None
+    acceptance: AcceptanceResult | None
     warnings: Sequence[str]
 
     @staticmethod
-    def of(dataset: Dataset, read: Read, asked: Question, say: Callable[[str], None] = silent) -> Validated:
+    def of(
+        dataset: Dataset, read: LoadedModel, asked: ValidationRequest, say: Callable[[str], None] = silent
+    ) -> Validated:
         """Judge. Raises DataError."""
         saved, path, second, other = read
         refuse_other_robot(saved, dataset, path)
@@ -80,7 +84,7 @@ class Validated:
         rows = dataset.usable if asked.everything else dataset.validation_rows
         placed = asked.placed or (second is not None and bool(dataset.pointed.any()))
 
-        def in_place(model: SavedModel) -> tuple[RobotModel, Array]:
+        def in_place(model: CalibratedModel) -> tuple[ModelStructure, Array]:
             return (
                 place(dataset.placing, model.model, model.estimate)
                 if placed
@@ -157,8 +161,8 @@ def _name(path: Path, unlike: str = "") -> str:
 
 def _warnings(
     dataset: Dataset,
-    saved: SavedModel,
-    second: SavedModel | None,
+    saved: CalibratedModel,
+    second: CalibratedModel | None,
     judgements: list[Judgement],
     *,
     placed: bool,
@@ -198,7 +202,7 @@ def _warnings(
     return out
 
 
-def _other_targets(dataset: Dataset, saved: SavedModel) -> list[str]:
+def _other_targets(dataset: Dataset, saved: CalibratedModel) -> list[str]:
     """Sentences on tool targets that the header of the readings places elsewhere than the model holds them."""
     freed = {parameter.name.partition(".")[0] for parameter in saved.model.parameters}
     out = []

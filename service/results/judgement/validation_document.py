@@ -15,7 +15,7 @@ from calib.validation import (
     Difference,
     DistanceFigures,
     Grouping,
-    HeldOut,
+    HoldOutErrors,
     Judgement,
     PoseFigures,
     Repeats,
@@ -64,7 +64,7 @@ def of_validation(
     }
 
 
-def of_hold_outs(dataset: Dataset, held_out: Sequence[HeldOut]) -> dict[str, Any]:
+def of_hold_outs(dataset: Dataset, held_out: Sequence[HoldOutErrors]) -> dict[str, Any]:
     """The document where no model was given."""
     return {
         "format": VALIDATION_FORMAT,

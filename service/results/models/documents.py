@@ -17,11 +17,19 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.loop import FollowedUp, campaign_table
+from acquisition.loop import FollowUpResult, campaign_table
 from calib.array import Array
 from calib.data import Dataset
-from calib.diagnose import SEPARATES, CarriedTerm, CarryOver, Diagnosis, FollowUp, Found, Surprise
-from calib.fit import ErrorStatistics, Identification, UncertaintyMap, left_out, uncertainty_map
+from calib.diagnose import (
+    SEPARATES,
+    CarriedTerm,
+    CarryOver,
+    DiagnosedEffect,
+    DiagnosisFit,
+    FollowUp,
+    HeldOutTest,
+)
+from calib.fit import ErrorStatistics, IdentificationFit, UncertaintyMap, left_out, uncertainty_map
 from calib.regression import Patch, error_with_patch, error_without_patch, patch_of
 from calib.sweeps import JointSweep
 from calib.text import written_by
@@ -40,7 +48,7 @@ FORMAT = "truepose-sweeps/1"
 
 def of_identification(
     dataset: Dataset,
-    found: Identification,
+    found: IdentificationFit,
     error_nominal: ErrorStatistics | None,
     error_identified: ErrorStatistics | None,
 ) -> dict[str, Any]:
@@ -87,7 +95,7 @@ def _predicted(of_map: UncertaintyMap) -> dict[str, Any]:
 
 
 def of_diagnosis(
-    diagnosis: Diagnosis, carried: CarryOver | None = None, patched: Patched | None = None
+    diagnosis: DiagnosisFit, carried: CarryOver | None = None, patched: PatchResult | None = None
 ) -> dict[str, Any]:
     """The document of `diagnose --json`; with `carry_over` where another data set was judged as well, with `patch`
     where a residual map was asked for."""
@@ -166,7 +174,7 @@ def follow_up_of(follow_up: FollowUp) -> list[dict[str, Any]]:
     return [poses, *({"kind": "procedure", "text": text} for text in follow_up.procedures)]
 
 
-def of_middle_step(step: FollowedUp) -> dict[str, Any]:
+def of_middle_step(step: FollowUpResult) -> dict[str, Any]:
     """The middle step of a closed loop: the classes that were ambiguous, and what was measured to settle them."""
     return {
         "verdict_before": step.before.verdict,
@@ -184,7 +192,7 @@ def of_middle_step(step: FollowedUp) -> dict[str, Any]:
     }
 
 
-def _patch(patched: Patched) -> dict[str, Any]:
+def _patch(patched: PatchResult) -> dict[str, Any]:
     return {
         "meaning": "A smooth map of what no named effect explains; a patch, not a cause.",
         "block_rms_without_mm": _number(patched.patch.block_rms_without),
@@ -225,7 +233,7 @@ def data_of(dataset: Dataset) -> dict[str, Any]:
     }
 
 
-def parameters_of(found: Identification, *, base_model_only: bool = False) -> list[dict[str, Any]]:
+def parameters_of(found: IdentificationFit, *, base_model_only: bool = False) -> list[dict[str, Any]]:
     """Every parameter of a model: value (counted from where the fit began), standard error, the absolute value with its
     own, nominal value and change from it, unit, owner; null where dropped."""
     return [
@@ -251,7 +259,7 @@ def reading(name: str) -> int | str:
     return int(name) if name.isascii() and name.isdigit() and str(int(name)) == name else name
 
 
-def _fit_of(dataset: Dataset, found: Identification) -> dict[str, Any]:
+def _fit_of(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:
     return {
         "faulty_rows": [reading(name) for name in found.faulty_rows],
         "left_out": [
@@ -296,7 +304,7 @@ def _carried_term(term: CarriedTerm) -> dict[str, Any]:
     }
 
 
-def _effect(found: Found, *, causes_known: bool) -> dict[str, Any]:
+def _effect(found: DiagnosedEffect, *, causes_known: bool) -> dict[str, Any]:
     spread = np.sqrt(np.diag(found.covariance))
     value, std, unit = found.amplitude
     return {
@@ -331,7 +339,7 @@ def _errors(errors: ErrorStatistics | None) -> dict[str, Any] | None:
     return None if errors is None else {name: _number(x) for name, x in asdict(errors).items()}
 
 
-def _held_out_misfit(surprise: Surprise | None) -> dict[str, Any] | None:
+def _held_out_misfit(surprise: HeldOutTest | None) -> dict[str, Any] | None:
     """Held-out readings against what noise and the parameters' covariance let expect; null where none were held out."""
     if surprise is None:
         return None
@@ -394,7 +402,7 @@ def _sweep(sweep: JointSweep) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Patched:
+class PatchResult:
     """A patch beside the model: never part of it, never an effect."""
 
     patch: Patch
@@ -402,7 +410,7 @@ class Patched:
     with_it: ErrorStatistics | None
 
     @classmethod
-    def of(cls, diagnosis: Diagnosis) -> Patched:
+    def of(cls, diagnosis: DiagnosisFit) -> PatchResult:
         """The patch of what a diagnosis leaves."""
         dataset, final = diagnosis.dataset, diagnosis.final
         patch = patch_of(dataset, final)

@@ -10,7 +10,7 @@ from calib.array import Array
 from calib.data import LEVELS, Dataset
 from calib.fit import (
     ErrorStatistics,
-    Identification,
+    IdentificationFit,
     base_model_of,
     errors_on,
     identify,
@@ -19,33 +19,33 @@ from calib.fit import (
     statistics_of,
     worse,
 )
-from calib.model import RobotModel
+from calib.model import ModelStructure
 from calib.prior import TypePrior
-from calib.saved import SavedModel
-from service.results.judgement.acceptance import BASE, Acceptance, Limits, decide
+from calib.saved import CalibratedModel
+from service.results.judgement.acceptance import BASE, AcceptanceLimits, AcceptanceResult, decide
 from service.results.models import documents
 
 
 @dataclass(frozen=True)
-class Identified:
+class IdentificationReport:
     """The findings in a data set, and the errors on its validation rows before, `nominal` as `placed`, and after."""
 
     dataset: Dataset
-    found: Identification
-    nominal: RobotModel
+    found: IdentificationFit
+    nominal: ModelStructure
     placed: Array
     error_nominal: ErrorStatistics | None
     error_identified: ErrorStatistics | None
-    acceptance: Acceptance | None = None
+    acceptance: AcceptanceResult | None = None
 
     @staticmethod
     def of(
         dataset: Dataset,
         level: int | None = None,
         say: Callable[[str], None] = silent,
-        limits: Limits | None = None,
+        limits: AcceptanceLimits | None = None,
         prior: TypePrior | None = None,
-    ) -> Identified:
+    ) -> IdentificationReport:
         """Identify. level: 1 to 3, instead of what the header frees; limits: errors to be held to; prior: what
         robots of the type share. Raises DataError."""
         if limits is not None:
@@ -59,7 +59,7 @@ class Identified:
         verdict = None
         if limits is not None:
             verdict = decide(limits, dataset, rows, found.model, found.estimate, BASE)
-        return Identified(dataset, found, nominal, placed, before, after, verdict)
+        return IdentificationReport(dataset, found, nominal, placed, before, after, verdict)
 
     @property
     def worse_than_nominal(self) -> bool:
@@ -75,7 +75,7 @@ class Identified:
             document["acceptance"] = self.acceptance.document()
         return document
 
-    def report(self, model_sha256: str | None, preliminary: SavedModel | None = None) -> str:
+    def report(self, model_sha256: str | None, preliminary: CalibratedModel | None = None) -> str:
         """The report as HTML. model_sha256: as `save_model` returns it, None of a fit that did not converge;
         preliminary: of stage 1 of a ballbar campaign, set beside the other two."""
         from service.report import identification_report  # drawing takes long to import

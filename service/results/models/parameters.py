@@ -10,13 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from calib.array import Array
 from calib.data import Header
-from calib.fit import Identification
-from calib.model import InSeries, OnTarget, Regressor, RobotModel, Term, ToAnchor
+from calib.fit import IdentificationFit
+from calib.model import EffectTerm, InSeries, ModelStructure, OnTarget, Regressor, ToAnchor
 from calib.units import to_display, to_internal
 
 
 @dataclass(frozen=True)
-class Row:
+class ParameterRow:
     """One parameter, in the unit it is shown in. What the fit says of it is None where it was dropped.
 
     estimate and std: counted from where the fit began; absolute and absolute_std: the value itself, of a base its pose
@@ -40,7 +40,7 @@ class Row:
         return None if self.absolute is None or self.nominal is None else self.absolute - self.nominal
 
 
-def rows_of(found: Identification, *, base_model_only: bool = False) -> list[Row]:
+def rows_of(found: IdentificationFit, *, base_model_only: bool = False) -> list[ParameterRow]:
     """Every parameter of a model in order; without those of diagnosed effects on request."""
     dropped = {drop.name: drop.confounded_with for drop in found.dropped}
     errors = found.standard_errors
@@ -55,7 +55,7 @@ def rows_of(found: Identification, *, base_model_only: bool = False) -> list[Row
             live = parameter.name not in dropped
             value, std = absolute[parameter.name] if live else (None, None)
             rows.append(
-                Row(
+                ParameterRow(
                     name=parameter.name,
                     effect=effect.label,
                     owner=effect.owner,
@@ -71,7 +71,7 @@ def rows_of(found: Identification, *, base_model_only: bool = False) -> list[Row
     return rows
 
 
-def absolutes(model: RobotModel, estimate: Array, covariance: Array) -> dict[str, tuple[float, float]]:
+def absolutes(model: ModelStructure, estimate: Array, covariance: Array) -> dict[str, tuple[float, float]]:
     """Name of every parameter -> value and standard error in the unit it is shown in, wherever the fit began.
 
     estimate (m,) and covariance (m, m) in internal units.
@@ -88,7 +88,7 @@ def absolutes(model: RobotModel, estimate: Array, covariance: Array) -> dict[str
     }
 
 
-def nominals(model: RobotModel, header: Header | None) -> dict[str, float]:
+def nominals(model: ModelStructure, header: Header | None) -> dict[str, float]:
     """Name of a parameter -> nominal value in the unit it is shown in; without those that nothing states.
 
     header: of the data set, which states targets and, where the world frame is given, the base; None: unknown.
@@ -115,17 +115,17 @@ Start = tuple[Array, Array, Array]
 """From where the parameters of a frame count: translation (3,), the axes (3, 3) of theirs, orientation (3, 3)."""
 
 
-def _mounting(model: RobotModel) -> Iterator[Term]:
+def _mounting(model: ModelStructure) -> Iterator[EffectTerm]:
     """The terms of the parameters that say where base, tool targets and base targets are."""
     for effect in model.effects:
         if effect.group == "base model" and effect.owner == "mounting":
             yield from effect.terms
 
 
-def _starts(model: RobotModel) -> Iterator[tuple[list[int], Start, list[str]]]:
+def _starts(model: ModelStructure) -> Iterator[tuple[list[int], Start, list[str]]]:
     """For every base, tool target and base target its parameters' positions, start and slots."""
     eye, zero = np.eye(3), np.zeros(3)
-    bodies: dict[Regressor, list[Term]] = {}
+    bodies: dict[Regressor, list[EffectTerm]] = {}
     for term in _mounting(model):
         bodies.setdefault(term.regressor, []).append(term)
     for of, terms in bodies.items():
@@ -165,7 +165,7 @@ _STRONG = 0.9
 _HIGH = 3.0  # times the mean
 
 
-def strong_correlations(found: Identification) -> list[tuple[str, str, float]]:
+def strong_correlations(found: IdentificationFit) -> list[tuple[str, str, float]]:
     """Pairs of parameters that the readings hardly distinguish, |r| above 0.9, strongest first."""
     correlations = np.nan_to_num(np.triu(found.correlations, k=1))
     pairs = np.argwhere(np.abs(correlations) > _STRONG)
@@ -174,7 +174,7 @@ def strong_correlations(found: Identification) -> list[tuple[str, str, float]]:
     return sorted(strong, key=lambda pair: -abs(pair[2]))
 
 
-def high_leverage(found: Identification) -> list[tuple[int, float]]:
+def high_leverage(found: IdentificationFit) -> list[tuple[int, float]]:
     """Rows of the data set (index, hat value) on which the fit leans more than three times as on others."""
     leverage = found.leverage
     high = np.flatnonzero(leverage > _HIGH * leverage.mean())
@@ -182,7 +182,7 @@ def high_leverage(found: Identification) -> list[tuple[int, float]]:
     return [(int(found.readings.rows[i]), float(leverage[i])) for i in order]
 
 
-def _of_link(model: RobotModel, name: str) -> float | None:
+def _of_link(model: ModelStructure, name: str) -> float | None:
     """Nominal value of a parameter of a link, in the unit it is shown in; None for others."""
     robot = model.robot
     kind, number = name.rstrip("0123456789"), name[len(name.rstrip("0123456789")) :]

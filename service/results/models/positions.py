@@ -10,7 +10,7 @@ import numpy as np
 
 from calib.arm import with_sides
 from calib.data import Dataset
-from calib.fit import Identification, Offset, offsets_of
+from calib.fit import IdentificationFit, TargetOffset, offsets_of
 from service import wording
 
 _SAME_MM = 5e-4  # cups that the robot touched have those sides already
@@ -45,7 +45,7 @@ def by_the_bar(dataset: Dataset) -> str:
     )
 
 
-def document_of(found: Identification) -> list[dict[str, Any]]:
+def document_of(found: IdentificationFit) -> list[dict[str, Any]]:
     """Every target with its offset, mm, (x, y, z) as far as they were free, and standard error."""
     return [
         {
@@ -63,7 +63,7 @@ def document_of(found: Identification) -> list[dict[str, Any]]:
     ]
 
 
-def rows_of(found: Identification) -> list[tuple[str, ...]]:
+def rows_of(found: IdentificationFit) -> list[tuple[str, ...]]:
     """One row of text a target, for `HEADINGS`."""
     return [
         (
@@ -82,7 +82,7 @@ def _with_error(x: float, std: float) -> str:
     return f"{value} ± {error}"
 
 
-def _sigma(offset: Offset) -> str:
+def _sigma(offset: TargetOffset) -> str:
     return f"{offset.judged.sigma:.1f}" + (": measure anew" if offset.judged.doubted else "")
 
 

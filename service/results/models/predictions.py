@@ -5,13 +5,13 @@ from __future__ import annotations
 import csv
 import io
 
-from calib.diagnose import Diagnosis
+from calib.diagnose import DiagnosisFit
 from calib.text import no_formula
 
 COLUMNS = ("reading_id", "x_mm", "y_mm", "z_mm", "x_base_mm", "y_base_mm", "z_base_mm")
 
 
-def predictions_csv(diagnosis: Diagnosis) -> str:
+def predictions_csv(diagnosis: DiagnosisFit) -> str:
     """One line a validation row, measured or not, in the order of the data set; mm, world frame.
 
     A column `simulated` is there where the readings come from simulators.

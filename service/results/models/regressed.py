@@ -7,19 +7,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from calib.comparison import Comparison, Plan, away, compare
+from calib.comparison import ComparisonRequest, RegressionComparison, away, compare
 from calib.data import read_dataset
 from calib.fit import silent
-from calib.regression import Wanted, products_of, usual
+from calib.regression import RegressionRequest, products_of, usual
 from calib.saved import save_model
 from service.results.models.regression_document import of_regression
 
 
 @dataclass(frozen=True)
-class Regressed:
+class RegressionOutcome:
     """The results of regression and identification on the same readings, and the document of it."""
 
-    comparison: Comparison
+    comparison: RegressionComparison
     document: dict[str, Any]
 
     @staticmethod
@@ -33,15 +33,15 @@ class Regressed:
         both: bool = False,
         diagnosed: bool = False,
         say: Callable[[str], None] = silent,
-    ) -> Regressed:
+    ) -> RegressionOutcome:
         """Read and compare; the options are those of `truepose regress`. Raises DataError."""
         dataset = read_dataset(data)
         robot = dataset.header.robot
         features = usual(robot, dataset.conditions.joints) if features is None else features
         products_of(features, robot)  # refused before the work, not after it
-        plan = Plan(Wanted.of(on, features, kernel), level, both, diagnosed)
+        plan = ComparisonRequest(RegressionRequest.of(on, features, kernel), level, both, diagnosed)
         found = compare(dataset, plan, progress=say)
-        return Regressed(found, of_regression(found, away(found)))
+        return RegressionOutcome(found, of_regression(found, away(found)))
 
     @property
     def gains(self) -> bool:

@@ -11,7 +11,16 @@ from typing import Any
 import numpy as np
 
 from calib.array import Array
-from calib.comparison import DIAGNOSIS, NOMINAL, TURN, Away, Comparison, Scored, mae, rmse
+from calib.comparison import (
+    DIAGNOSIS,
+    NOMINAL,
+    TURN,
+    RegressionComparison,
+    Scored,
+    TurnedPostureTest,
+    mae,
+    rmse,
+)
 from calib.regression import evaluate, independent, products_of
 from calib.units import DEG, percent
 from service.results.models.documents import data_of
@@ -23,7 +32,7 @@ _WORSE = 1.02
 _MANY = 50.0  # times, from which on a share in per cent says nothing
 
 
-def of_regression(comparison: Comparison, turned: tuple[Away, ...]) -> dict[str, Any]:
+def of_regression(comparison: RegressionComparison, turned: tuple[TurnedPostureTest, ...]) -> dict[str, Any]:
     """The document of a comparison."""
     plan, asked = comparison.plan, comparison.asked
     return {
@@ -64,19 +73,19 @@ def of_regression(comparison: Comparison, turned: tuple[Away, ...]) -> dict[str,
     }
 
 
-def waypoints(comparison: Comparison) -> int:
+def waypoints(comparison: RegressionComparison) -> int:
     """Number of waypoints of the samples."""
     return len(np.unique(comparison.waypoint))
 
 
-def columns_of(comparison: Comparison) -> dict[str, int]:
+def columns_of(comparison: RegressionComparison) -> dict[str, int]:
     """Numbers of columns that the features have, and that are independent at these samples."""
     joints = comparison.dataset.conditions.joints[comparison.rows]
     products = products_of(comparison.plan.wanted.features, comparison.dataset.header.robot)
     return {"columns": len(products), "independent_columns": independent(evaluate(products, joints))}
 
 
-def findings(comparison: Comparison, turned: tuple[Away, ...]) -> list[str]:
+def findings(comparison: RegressionComparison, turned: tuple[TurnedPostureTest, ...]) -> list[str]:
     """The findings from the figures, as sentences."""
     by_name = {s.predictor.name: s for s in comparison.scored}
     out = []

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib import DataError, Dataset, Diagnosis
+from calib import DataError, Dataset, DiagnosisFit
 from calib.diagnose import diagnose
-from fleet.diagnose import EngineGone, Order, Source, in_files
+from fleet.diagnose import DatasetSource, DiagnosisOrder, EngineGone, in_files
 from fleet.diagnose.batch import work_off
 from fleet.errors import StoreGone
-from fleet.store import Store, utc_now
+from fleet.store import FleetStore, utc_now
 from tests.drivers.waiting import in_thread, until
 from tests.fleet.diagnose.sets import bad, good
 
@@ -26,12 +26,12 @@ from tests.fleet.diagnose.sets import bad, good
 class Counted:
     """A diagnosis that is computed once for all and counts how often it was asked for."""
 
-    _known: Diagnosis | None = None
+    _known: DiagnosisFit | None = None
 
     def __init__(self) -> None:
         self.calls: list[str] = []
 
-    def __call__(self, dataset: Dataset, most: int) -> Diagnosis:
+    def __call__(self, dataset: Dataset, most: int) -> DiagnosisFit:
         self.calls.append(dataset.header.text.splitlines()[0])
         if Counted._known is None:
             Counted._known = diagnose(dataset, most=most)
@@ -39,20 +39,20 @@ class Counted:
 
 
 @pytest.fixture
-def order(tmp_path: Path) -> Order:
-    return Order(f"sqlite:///{tmp_path}/s.sqlite3", "this call", most=1)
+def order(tmp_path: Path) -> DiagnosisOrder:
+    return DiagnosisOrder(f"sqlite:///{tmp_path}/s.sqlite3", "this call", most=1)
 
 
-def results(order: Order) -> dict[str, dict[str, Any]]:
-    with Store.open(order.store) as store:
+def results(order: DiagnosisOrder) -> dict[str, dict[str, Any]]:
+    with FleetStore.open(order.store) as store:
         return {each.job.data: json.loads(each.content) for each in store.work.results(order.task)}
 
 
-def sources_of(folder: Path, count: int) -> list[Source]:
+def sources_of(folder: Path, count: int) -> list[DatasetSource]:
     return in_files([good(folder, f"set{i}") for i in range(count)])
 
 
-def test_every_result_is_kept_and_none_is_computed_again(tmp_path: Path, order: Order) -> None:
+def test_every_result_is_kept_and_none_is_computed_again(tmp_path: Path, order: DiagnosisOrder) -> None:
     sources, find = [*sources_of(tmp_path, 2), *in_files([bad(tmp_path, "bad")])], Counted()
     first = work_off(sources, order, find)
     assert (first.done, first.refused, first.found, first.twice) == (3, 1, 0, 0)
@@ -65,11 +65,11 @@ def test_every_result_is_kept_and_none_is_computed_again(tmp_path: Path, order: 
     assert results(order) == kept
 
 
-def test_a_statement_says_what_the_diagnosis_says(tmp_path: Path, order: Order) -> None:
+def test_a_statement_says_what_the_diagnosis_says(tmp_path: Path, order: DiagnosisOrder) -> None:
     (source,) = sources_of(tmp_path, 1)
     work_off([source], order)
     table = results(order)[source.hash]
-    with Store.open(order.store) as store:
+    with FleetStore.open(order.store) as store:
         (kept,) = store.work.results(order.task)
     assert kept.job == order.job(source)
     assert 0.0 < kept.seconds < 600.0
@@ -81,7 +81,9 @@ def test_a_statement_says_what_the_diagnosis_says(tmp_path: Path, order: Order) 
     assert table["simulated"]
 
 
-def test_a_refusal_says_where_and_what_to_do_and_names_no_folder(tmp_path: Path, order: Order) -> None:
+def test_a_refusal_says_where_and_what_to_do_and_names_no_folder(
+    tmp_path: Path, order: DiagnosisOrder
+) -> None:
     table = bad(tmp_path, "bad")
     work_off(in_files([table]), order)
     (refusal,) = results(order).values()
@@ -91,7 +93,7 @@ def test_a_refusal_says_where_and_what_to_do_and_names_no_folder(tmp_path: Path,
 
 
 def test_settings_and_programs_have_results_of_their_own(
-    tmp_path: Path, order: Order, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, order: DiagnosisOrder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sources, find = sources_of(tmp_path, 1), Counted()
     assert work_off(sources, order, find).done == 1
@@ -100,7 +102,7 @@ def test_settings_and_programs_have_results_of_their_own(
     assert work_off(sources, replace(order, expected="9.9.9+other"), find).done == 1
 
 
-def test_another_program_is_refused_before_anything_is_read(tmp_path: Path, order: Order) -> None:
+def test_another_program_is_refused_before_anything_is_read(tmp_path: Path, order: DiagnosisOrder) -> None:
     find = Counted()
     with pytest.raises(EngineGone, match=r"this is 9\.9\.9"):
         work_off(sources_of(tmp_path, 1), replace(order, expected="9.9.9"), find)
@@ -108,9 +110,9 @@ def test_another_program_is_refused_before_anything_is_read(tmp_path: Path, orde
     assert results(order) == {}
 
 
-def test_what_another_call_works_on_is_left_to_it(tmp_path: Path, order: Order) -> None:
+def test_what_another_call_works_on_is_left_to_it(tmp_path: Path, order: DiagnosisOrder) -> None:
     sources, find = sources_of(tmp_path, 2), Counted()
-    with Store.open(order.store) as store:
+    with FleetStore.open(order.store) as store:
         store.work.claim([order.job(sources[0])], "another call", utc_now(), 600.0)
         outcome = work_off(sources, order, find)
         assert (outcome.done, outcome.held) == (1, (sources[0],))
@@ -120,12 +122,12 @@ def test_what_another_call_works_on_is_left_to_it(tmp_path: Path, order: Order) 
     assert work_off(sources, order, find).done == 1
 
 
-def test_a_claim_is_renewed_as_long_as_the_work_takes(tmp_path: Path, order: Order) -> None:
+def test_a_claim_is_renewed_as_long_as_the_work_takes(tmp_path: Path, order: DiagnosisOrder) -> None:
     def term() -> str:
         with closing(sqlite3.connect(tmp_path / "s.sqlite3")) as store:
             return str(store.execute("SELECT until FROM claim").fetchone()[0])
 
-    def slow(dataset: Dataset, most: int) -> Diagnosis:
+    def slow(dataset: Dataset, most: int) -> DiagnosisFit:
         first = term()
         until(lambda: term() > first)
         return Counted()(dataset, most)
@@ -137,11 +139,11 @@ def test_a_claim_is_renewed_as_long_as_the_work_takes(tmp_path: Path, order: Ord
     assert term() == last  # nobody goes on renewing
 
 
-def test_a_result_that_comes_late_changes_nothing(tmp_path: Path, order: Order) -> None:
+def test_a_result_that_comes_late_changes_nothing(tmp_path: Path, order: DiagnosisOrder) -> None:
     sources = sources_of(tmp_path, 1)
 
-    def overtaken(dataset: Dataset, most: int) -> Diagnosis:
-        with Store.open(order.store) as store:
+    def overtaken(dataset: Dataset, most: int) -> DiagnosisFit:
+        with FleetStore.open(order.store) as store:
             assert store.work.finish(order.job(sources[0]), "faster", b'{"verdict": "first"}', utc_now(), 1.0)
         return Counted()(dataset, most)
 
@@ -150,10 +152,10 @@ def test_a_result_that_comes_late_changes_nothing(tmp_path: Path, order: Order) 
     assert results(order) == {sources[0].hash: {"verdict": "first"}}
 
 
-def test_what_was_finished_before_the_program_failed_is_kept(tmp_path: Path, order: Order) -> None:
+def test_what_was_finished_before_the_program_failed_is_kept(tmp_path: Path, order: DiagnosisOrder) -> None:
     sources, find = sources_of(tmp_path, 3), Counted()
 
-    def failing(dataset: Dataset, most: int) -> Diagnosis:
+    def failing(dataset: Dataset, most: int) -> DiagnosisFit:
         if "# set1" in dataset.header.text:
             raise np.linalg.LinAlgError("SVD did not converge")
         return find(dataset, most)
@@ -165,7 +167,7 @@ def test_what_was_finished_before_the_program_failed_is_kept(tmp_path: Path, ord
     assert (outcome.done, outcome.found) == (2, 1)
 
 
-def test_files_that_have_changed_get_no_result(tmp_path: Path, order: Order) -> None:
+def test_files_that_have_changed_get_no_result(tmp_path: Path, order: DiagnosisOrder) -> None:
     sources, find = sources_of(tmp_path, 2), Counted()
     good(tmp_path, "set0").write_text("something else", "utf-8")
     outcome = work_off(sources, order, find)
@@ -177,21 +179,21 @@ def test_files_that_have_changed_get_no_result(tmp_path: Path, order: Order) -> 
 
 
 def test_a_store_that_is_gone_is_no_refusal_of_the_data(
-    tmp_path: Path, order: Order, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, order: DiagnosisOrder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def gone(*_: object) -> bytes:
         raise StoreGone("does not answer.", do="Ask again.")
 
-    monkeypatch.setattr(Store, "content", gone)
+    monkeypatch.setattr(FleetStore, "content", gone)
     with pytest.raises(StoreGone):
-        work_off([Source("0" * 64, "a")], order)
+        work_off([DatasetSource("0" * 64, "a")], order)
     monkeypatch.undo()
     assert results(order) == {}
     with pytest.raises(DataError, match="folder does not exist"):
         work_off(sources_of(tmp_path, 1), replace(order, store="sqlite:////nowhere/s.sqlite3"))
 
 
-def test_two_workers_with_one_batch_give_every_result_once(tmp_path: Path, order: Order) -> None:
+def test_two_workers_with_one_batch_give_every_result_once(tmp_path: Path, order: DiagnosisOrder) -> None:
     sources = in_files([bad(tmp_path, f"bad{i}") for i in range(6)])
     both = [in_thread(partial(work_off, sources, replace(order, owner=owner))) for owner in ("a", "b")]
     outcomes = [each.result() for each in both]

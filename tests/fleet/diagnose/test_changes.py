@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from calib.errors import DataError
-from fleet.diagnose import Change, changes_between, named
-from fleet.store import Job, Result
+from fleet.diagnose import VersionDifference, changes_between, named
+from fleet.store import FleetJob, JobResult
 
 OLD, NEW = "0.1.0+aaaaaaaaaaaa", "0.2.0+bbbbbbbbbbbb"
 BEGAN = datetime(2026, 3, 2, tzinfo=UTC)
@@ -23,7 +23,7 @@ def result(
     rms: float | None = 0.05,
     day: int = 0,
     **effects: tuple[float, float],
-) -> Result:
+) -> JobResult:
     """What a version says: effects by label with size and standard error, deg."""
     table: dict[str, Any] = {
         "name": f"robot {data}",
@@ -35,10 +35,12 @@ def result(
         "error_after_mm": None if rms is None else {"n": 20, "rms": rms},
     }
     moment = BEGAN + timedelta(days=day)
-    return Result(Job("diagnose most=10", data, program), "x", moment, 1.0, json.dumps(table).encode())
+    return JobResult(
+        FleetJob("diagnose most=10", data, program), "x", moment, 1.0, json.dumps(table).encode()
+    )
 
 
-def only(before: Result, now: Result) -> Change:
+def only(before: JobResult, now: JobResult) -> VersionDifference:
     (change,) = changes_between([before], [now], NEW).changed
     return change
 

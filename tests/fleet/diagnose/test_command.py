@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from fleet.diagnose import Order, Tally, batch, call, in_files
+from fleet.diagnose import DiagnosisOrder, ProgressCounts, batch, call, in_files
 from fleet.diagnose.batch import work_off
-from fleet.store import Store
+from fleet.store import FleetStore
 from service import exit_codes
 from service.cli import main
 from tests.drivers.nobody import nobody_listens
@@ -23,9 +23,11 @@ from tests.fleet.diagnose.sets import bad, good
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
     """The work is done in this process, without Dask."""
 
-    def done(sources: Any, order: Order, *_: object, **__: object) -> Tally:
+    def done(sources: Any, order: DiagnosisOrder, *_: object, **__: object) -> ProgressCounts:
         outcome = work_off(sources, order)
-        return Tally(len(sources), done=outcome.done, refused=outcome.refused, seconds=outcome.seconds)
+        return ProgressCounts(
+            len(sources), done=outcome.done, refused=outcome.refused, seconds=outcome.seconds
+        )
 
     monkeypatch.setattr("service.results.fleet_diagnosed.diagnose_all", done)
 
@@ -76,15 +78,15 @@ def test_what_has_changed_since_a_version_is_told(
     monkeypatch.setattr(batch, "this_program", lambda: old)
     with monkeypatch.context() as silent:  # the version before knew no effects
         silent.setattr(batch, "diagnose", None)
-        work_off(in_files([data]), Order(f"sqlite:///{tmp_path}/s.sqlite3", "x", 0, old))
-    with Store.open(f"sqlite:///{tmp_path}/s.sqlite3") as store:
+        work_off(in_files([data]), DiagnosisOrder(f"sqlite:///{tmp_path}/s.sqlite3", "x", 0, old))
+    with FleetStore.open(f"sqlite:///{tmp_path}/s.sqlite3") as store:
         (before,) = store.work.results()
-        job = Order("", "", 1, old).job(in_files([data])[0])
+        job = DiagnosisOrder("", "", 1, old).job(in_files([data])[0])
         store.work.finish(job, "x", before.content, before.finished_at, 1.0)
     monkeypatch.undo()
     monkeypatch.setattr(
         "service.results.fleet_diagnosed.diagnose_all",
-        lambda sources, order, *_, **__: Tally(1, done=work_off(sources, order).done),
+        lambda sources, order, *_, **__: ProgressCounts(1, done=work_off(sources, order).done),
     )
     code, document = call_for(tmp_path, str(data), "--changed-since", "0.0.9")
     assert code == exit_codes.DONE
@@ -163,7 +165,7 @@ def test_an_open_way_is_said_before_anything_goes_over_it(
     monkeypatch.setattr("fleet.diagnose.engine.CONNECT_S", 0.1)
     monkeypatch.setattr(call, "exposed", lambda _: True)
     told: list[str] = []
-    order = Order(f"sqlite:///{tmp_path}/s.sqlite3", "x")
+    order = DiagnosisOrder(f"sqlite:///{tmp_path}/s.sqlite3", "x")
     with nobody_listens() as port, pytest.raises(ValueError, match="no scheduler"):
         call.diagnose_all(
             in_files([bad(tmp_path, "b")]),

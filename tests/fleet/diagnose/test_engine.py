@@ -15,10 +15,10 @@ import psutil
 import pytest
 from distributed import Client, Worker, WorkerPlugin
 
-from fleet.diagnose import Order, Source, Tally, batch, in_files, this_program
+from fleet.diagnose import DatasetSource, DiagnosisOrder, ProgressCounts, batch, in_files, this_program
 from fleet.diagnose.engine import local
-from fleet.diagnose.run import Run
-from fleet.store import Store
+from fleet.diagnose.run import FleetRun
+from fleet.store import FleetStore
 from tests.drivers import waiting
 from tests.fleet.diagnose.noted import Noting
 from tests.fleet.diagnose.sets import bad, good
@@ -57,35 +57,40 @@ def client() -> Iterator[Client]:
 
 
 @pytest.fixture
-def order(tmp_path: Path) -> Order:
-    order = Order(f"sqlite:///{tmp_path}/s.sqlite3", "this call", most=1, lease_s=5.0)
-    Store.open(order.store).close()  # before workers come to it together
+def order(tmp_path: Path) -> DiagnosisOrder:
+    order = DiagnosisOrder(f"sqlite:///{tmp_path}/s.sqlite3", "this call", most=1, lease_s=5.0)
+    FleetStore.open(order.store).close()  # before workers come to it together
     return order
 
 
-def some(folder: Path, goods: int, bads: int) -> list[Source]:
+def some(folder: Path, goods: int, bads: int) -> list[DatasetSource]:
     files = [good(folder, f"good{i}") for i in range(goods)] + [bad(folder, f"bad{i}") for i in range(bads)]
     return in_files(files)
 
 
 def run(
-    client: Client, order: Order, sources: list[Source], progress: Callable[[Tally], None] | None = None
-) -> tuple[Tally, list[str], Counter[str]]:
+    client: Client,
+    order: DiagnosisOrder,
+    sources: list[DatasetSource],
+    progress: Callable[[ProgressCounts], None] | None = None,
+) -> tuple[ProgressCounts, list[str], Counter[str]]:
     """The tally, what was told, and how often a worker said something of each data set."""
     noted = Path(order.store.removeprefix("sqlite:///")).with_name("noted")
     noted.touch()
     client.register_plugin(Noted(noted))
     told: list[str] = []
-    tally = Run(client, order, sources, told.append).run(progress or (lambda _: None))
+    tally = FleetRun(client, order, sources, told.append).run(progress or (lambda _: None))
     return tally, told, Counter(noted.read_text("utf-8").split())
 
 
-def kept(order: Order) -> int:
-    with Store.open(order.store) as store:
+def kept(order: DiagnosisOrder) -> int:
+    with FleetStore.open(order.store) as store:
         return len(store.work.results(order.task, program=order.expected))
 
 
-def test_every_data_set_is_done_once_and_only_here(client: Client, order: Order, tmp_path: Path) -> None:
+def test_every_data_set_is_done_once_and_only_here(
+    client: Client, order: DiagnosisOrder, tmp_path: Path
+) -> None:
     sources = some(tmp_path, 2, 20)
     tally, told, said = run(client, order, sources)
     assert (tally.done, tally.refused, tally.twice, tally.failed, tally.left) == (22, 20, 0, {}, 0)
@@ -109,12 +114,12 @@ def test_every_data_set_is_done_once_and_only_here(client: Client, order: Order,
     assert set(threads.values()) == {"1"}
 
 
-def test_a_killed_worker_loses_nothing(client: Client, order: Order, tmp_path: Path) -> None:
+def test_a_killed_worker_loses_nothing(client: Client, order: DiagnosisOrder, tmp_path: Path) -> None:
     pids: Any = client.run(os.getpid)
     address, pid = next(iter(pids.items()))
     killed: list[int] = []
 
-    def kill(tally: Tally) -> None:
+    def kill(tally: ProgressCounts) -> None:
         if not killed:
             killed.append(pid)
             os.kill(pid, signal.SIGKILL)
@@ -131,7 +136,7 @@ def test_a_killed_worker_loses_nothing(client: Client, order: Order, tmp_path: P
 
 
 def test_what_ends_its_worker_or_has_changed_is_named_and_stops_no_other(
-    client: Client, order: Order, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    client: Client, order: DiagnosisOrder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cluster: Any = client.cluster
     monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)  # every death takes a start of seconds

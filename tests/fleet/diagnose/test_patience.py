@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fleet.diagnose.run import FIRST_S, MOST_S, STORE_S, Patience
+from fleet.diagnose.run import FIRST_S, MOST_S, STORE_S, StoreRetry
 from fleet.errors import StoreGone
 
 GONE = StoreGone("does not answer.", do="Ask again.", file="postgresql://db/plant")
@@ -13,7 +13,7 @@ GONE = StoreGone("does not answer.", do="Ask again.", file="postgresql://db/plan
 def test_it_is_asked_less_and_less_often_and_given_up_after_an_hour() -> None:
     told: list[str] = []
     now = 0.0
-    patience = Patience(told.append, lambda: now)
+    patience = StoreRetry(told.append, lambda: now)
     patience.answered()
     assert not patience.away
     pauses: list[float] = []
@@ -41,7 +41,7 @@ def test_it_is_asked_less_and_less_often_and_given_up_after_an_hour() -> None:
 def test_one_that_comes_back_is_told_and_may_go_again() -> None:
     told: list[str] = []
     now = 0.0
-    patience = Patience(told.append, lambda: now)
+    patience = StoreRetry(told.append, lambda: now)
     for _ in range(2):
         patience.refused(GONE)
         now += STORE_S / 2

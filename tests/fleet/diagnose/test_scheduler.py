@@ -15,10 +15,10 @@ from dask import config
 from distributed import Client
 
 from calib import DataError
-from fleet.diagnose import EngineGone, Order, Source, Tally, diagnose_all, in_store
+from fleet.diagnose import DatasetSource, DiagnosisOrder, EngineGone, ProgressCounts, diagnose_all, in_store
 from fleet.diagnose.engine import connected
-from fleet.diagnose.run import Run
-from fleet.store import Document, Store, dataset_content
+from fleet.diagnose.run import FleetRun
+from fleet.store import Document, FleetStore, dataset_content
 from tests.drivers.nobody import nobody_listens
 from tests.fleet.diagnose.certificates import make_certificates
 from tests.fleet.diagnose.plant import address_in, as_in_the_manual, process, settings
@@ -37,9 +37,9 @@ def certificates(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return make_certificates(tmp_path_factory.mktemp("tls") / "own")
 
 
-def put(url: str, folder: Path) -> list[Source]:
+def put(url: str, folder: Path) -> list[DatasetSource]:
     """Data sets that cannot be used, of which refusals are quickly made, in a store."""
-    with Store.open(url) as store:
+    with FleetStore.open(url) as store:
         for i in range(SETS):
             data = bad(folder, f"bad{i}")
             content = dataset_content(data.read_text("utf-8"), data.with_suffix(".toml").read_text("utf-8"))
@@ -47,8 +47,8 @@ def put(url: str, folder: Path) -> list[Source]:
         return in_store(store)
 
 
-def results(order: Order) -> Sequence[object]:
-    with Store.open(order.store) as store:
+def results(order: DiagnosisOrder) -> Sequence[object]:
+    with FleetStore.open(order.store) as store:
         return store.work.results(order.task)
 
 
@@ -57,7 +57,7 @@ def test_a_plant_with_a_killed_scheduler_and_a_database_that_goes(
 ) -> None:
     url = postgres.database(template)
     sources = put(url, tmp_path)
-    order = Order(url, "first", lease_s=1.0)
+    order = DiagnosisOrder(url, "first", lease_s=1.0)
     told: list[str] = []
     with ExitStack() as running:
         said = tmp_path / "scheduler.json"
@@ -84,7 +84,7 @@ def test_a_plant_with_a_killed_scheduler_and_a_database_that_goes(
         ):
             pass
 
-        def kill(tally: Tally) -> None:
+        def kill(tally: ProgressCounts) -> None:
             if tally.done >= 2:
                 scheduler.kill()
 
@@ -100,7 +100,7 @@ def test_a_plant_with_a_killed_scheduler_and_a_database_that_goes(
     stopped: list[int] = []
     said_again: list[str] = []
 
-    def stop(tally: Tally) -> None:
+    def stop(tally: ProgressCounts) -> None:
         if not stopped and tally.done:
             stopped.append(tally.done)
             postgres.stop()
@@ -132,9 +132,9 @@ def test_a_scheduler_that_goes_while_nothing_is_out_is_gone(tmp_path: Path, told
         def scheduler_info(self, n_workers: int) -> dict[str, Any]:
             return told
 
-    order = Order(f"sqlite:///{tmp_path}/s.sqlite3", "this call")
+    order = DiagnosisOrder(f"sqlite:///{tmp_path}/s.sqlite3", "this call")
     with pytest.raises(EngineGone, match="scheduler is gone"):
-        Run(cast(Client, Lost()), order, [Source("0" * 64, "a")], print).run(print)
+        FleetRun(cast(Client, Lost()), order, [DatasetSource("0" * 64, "a")], print).run(print)
 
 
 def test_a_way_with_tls_needs_certificates_that_can_be_read(

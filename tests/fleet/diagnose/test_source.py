@@ -10,15 +10,15 @@ import pytest
 
 from calib.errors import DataError
 from fleet.diagnose import for_workers, in_files, in_store
-from fleet.diagnose.batch import Source, Unseen, opened
+from fleet.diagnose.batch import DatasetMismatch, DatasetSource, opened
 from fleet.diagnose.call import exposed
 from fleet.diagnose.changes import fingerprint, release, this_program
-from fleet.store import Document, Store, dataset_content
+from fleet.store import Document, FleetStore, dataset_content
 from tests.fleet.diagnose.sets import good
 from tests.fleet.documents import BEGAN, ROBOT
 
 
-def stored(store: Store, data: Path, identity: str = "one", header: str = "") -> str:
+def stored(store: FleetStore, data: Path, identity: str = "one", header: str = "") -> str:
     """Put a data set into the store; its hash."""
     text = header or data.with_suffix(".toml").read_text("utf-8")
     content = dataset_content(data.read_text("utf-8"), text)
@@ -27,7 +27,7 @@ def stored(store: Store, data: Path, identity: str = "one", header: str = "") ->
 
 def test_files_have_the_hash_of_the_stores_document(tmp_path: Path) -> None:
     data = good(tmp_path, "a")
-    with Store.open(f"sqlite:///{tmp_path}/s.sqlite3") as store:
+    with FleetStore.open(f"sqlite:///{tmp_path}/s.sqlite3") as store:
         kept = stored(store, data)
         (of_files,), (of_store,) = in_files([data]), in_store(store)
         assert of_files.hash == of_store.hash == kept
@@ -79,12 +79,12 @@ def _empty(folder: Path) -> Path:
 def test_files_that_are_others_now_are_not_read(tmp_path: Path) -> None:
     data = good(tmp_path, "a")
     (source,) = in_files([data])
-    with Store.open(f"sqlite:///{tmp_path}/s.sqlite3") as store:
+    with FleetStore.open(f"sqlite:///{tmp_path}/s.sqlite3") as store:
         data.write_text(data.read_text("utf-8") + "\n", "utf-8")
-        with pytest.raises(Unseen, match="changed since"), opened(source, store):
+        with pytest.raises(DatasetMismatch, match="changed since"), opened(source, store):
             pass
         data.unlink()
-        with pytest.raises(Unseen, match="cannot be read here"), opened(source, store):
+        with pytest.raises(DatasetMismatch, match="cannot be read here"), opened(source, store):
             pass
 
 
@@ -92,8 +92,8 @@ def test_files_that_are_others_now_are_not_read(tmp_path: Path) -> None:
 def test_a_header_that_was_sent_opens_no_file_of_this_computer(tmp_path: Path, robot: str) -> None:
     data = good(tmp_path, "a")
     header = data.with_suffix(".toml").read_text("utf-8").replace('"abb-irb120"', f'"{robot}"')
-    with Store.open(f"sqlite:///{tmp_path}/s.sqlite3") as store:
-        source = Source(stored(store, data, header=header), "a")
+    with FleetStore.open(f"sqlite:///{tmp_path}/s.sqlite3") as store:
+        source = DatasetSource(stored(store, data, header=header), "a")
         with pytest.raises(DataError, match="names a file"), opened(source, store):
             pass
 

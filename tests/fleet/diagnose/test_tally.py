@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fleet.diagnose.run import AHEAD, BATCH_S, Tally, size_of
+from fleet.diagnose.run import AHEAD, BATCH_S, ProgressCounts, size_of
 
 
 @pytest.mark.parametrize("each", [1e-9, 0.01, 1.0, 60.0])
@@ -22,10 +22,10 @@ def test_the_first_batch_is_one_data_set() -> None:
 
 
 def test_every_data_set_is_counted_once() -> None:
-    tally = Tally(
+    tally = ProgressCounts(
         20, known=1, done=6, refused=2, found=3, twice=4, failed={"a": "why"}, seconds=3.0, elapsed=12.0
     )
     assert tally.left == 20 - (1 + 6 + 3 + 4 + 1)
     assert tally.seconds_each == pytest.approx(0.5)
     assert tally.seconds_left == pytest.approx(2.0 * tally.left)
-    assert Tally(3).seconds_left is None
+    assert ProgressCounts(3).seconds_left is None

@@ -7,13 +7,13 @@ from typing import Any
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse, Response
 
-from acquisition import Lease
+from acquisition import LeaseDeadline
 from service.http.routes.json_route import JsonRoute
 from service.http.routes.runs.run_routes import acceptance, who
 from service.http.runs.dry_runs import planned
 from service.http.runs.loops import ENDED
 from service.http.state import Here, Service
-from service.http.wire.bodies import Loops, LoopShown, NewLoop, ResumeBody
+from service.http.wire.bodies import LoopList, LoopShown, NewLoop, ResumeBody
 from service.http.wire.headers import After, IdempotencyKey, LeaseId, LoopId, Wait
 from service.http.wire.paths import path_of
 from service.http.work.idempotency import reply
@@ -46,7 +46,7 @@ def create_loop(
         here.book.need_robot()
         campaign, _ = here.workers.call(planned, cell, table)
 
-        def begin(lease: Lease) -> str:
+        def begin(lease: LeaseDeadline) -> str:
             return here.loops.start(cell, campaign, body.name, body.poses, lease)
 
         return _accepted(here, here.let_move(lease_id, begin))
@@ -54,7 +54,7 @@ def create_loop(
     return here.keys.once(idempotency_key, (LOOPS, body), work)
 
 
-@router.get("/loops", operation_id="listLoops", response_model=Loops)
+@router.get("/loops", operation_id="listLoops", response_model=LoopList)
 async def list_loops(here: Here) -> Response:
     """Every loop, newest first."""
     return await here.listed("loops", here.loops.documents)

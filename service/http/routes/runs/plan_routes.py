@@ -13,7 +13,7 @@ from service.http.routes.json_route import JsonRoute
 from service.http.routes.runs.run_routes import RUNS, accepted, who
 from service.http.runs.dry_runs import plan_in
 from service.http.state import Here
-from service.http.wire.bodies import RunShown, WhyBody
+from service.http.wire.bodies import RunResponse, WhyBody
 from service.http.wire.headers import IdempotencyKey, LeaseId, RunId
 from service.http.wire.plan_bodies import PlanShown, PriceShown, SceneShown
 from service.http.wire.problems import not_found
@@ -91,13 +91,13 @@ Order = Annotated[Callable[[str], JSONResponse], Depends(_order)]
 VISIT = "/runs/{run_id}/visits/{number}"
 
 
-@router.post(f"{VISIT}/retake", operation_id="retakeVisit", status_code=202, response_model=RunShown)
+@router.post(f"{VISIT}/retake", operation_id="retakeVisit", status_code=202, response_model=RunResponse)
 def retake_visit(order: Order) -> JSONResponse:
     """Measure a pose again: its readings are kept, out of use. The robot goes back there, so this needs `Lease-Id`."""
     return order("retake")
 
 
-@router.post(f"{VISIT}/skip", operation_id="skipVisit", status_code=202, response_model=RunShown)
+@router.post(f"{VISIT}/skip", operation_id="skipVisit", status_code=202, response_model=RunResponse)
 def skip_visit(order: Order) -> JSONResponse:
     """Leave out what is not measured yet in a pose. It can be asked for again with `retake`."""
     return order("skip")

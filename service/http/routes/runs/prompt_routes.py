@@ -18,7 +18,7 @@ from service.http.routes.json_route import JsonRoute
 from service.http.routes.runs.run_routes import RUNS, who
 from service.http.runs.run_document import FINAL
 from service.http.state import Here
-from service.http.wire.bodies import AnswerBody, Prompts, RunShown
+from service.http.wire.bodies import AnswerBody, Prompts, RunResponse
 from service.http.wire.headers import IdempotencyKey, LeaseId, PromptId, RunId
 from service.http.wire.problems import Problem
 from service.http.work.idempotency import reply
@@ -46,7 +46,7 @@ async def list_prompts(here: Here, run_id: RunId) -> dict[str, Any]:
 
 
 @router.post(
-    "/runs/{run_id}/prompts/{prompt_id}/{verb}", operation_id="answerPrompt", response_model=RunShown
+    "/runs/{run_id}/prompts/{prompt_id}/{verb}", operation_id="answerPrompt", response_model=RunResponse
 )
 async def answer_prompt(
     here: Here,

@@ -9,8 +9,8 @@ from typing import Any
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse, PlainTextResponse, Response
 
-from acquisition import Lease, export_events
-from acquisition.record import Acceptance
+from acquisition import LeaseDeadline, export_events
+from acquisition.record import DeviceAcceptance
 from service.http.routes.json_route import JsonRoute
 from service.http.runs.dry_runs import planned
 from service.http.state import Here, Service
@@ -20,8 +20,8 @@ from service.http.wire.bodies import (
     NewRun,
     Resume,
     ResumeBody,
+    RunResponse,
     Runs,
-    RunShown,
     WhyBody,
 )
 from service.http.wire.headers import After, IdempotencyKey, LeaseId, RunId, Wait
@@ -39,7 +39,7 @@ def accepted(here: Service, run_id: str, *, at_once: bool = False, **more: Any) 
     return reply(202, document, location=f"{RUNS}/{run_id}", retry_after=1)
 
 
-@router.post("/runs", operation_id="createRun", status_code=202, response_model=RunShown)
+@router.post("/runs", operation_id="createRun", status_code=202, response_model=RunResponse)
 def create_run(
     here: Here, body: NewRun, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
@@ -54,7 +54,9 @@ def create_run(
         here.book.need_robot()
         plan = here.workers.call(planned, cell, table)
 
-        def begin(lease: Lease) -> str:  # asked for again: planning may take longer than the lease was held
+        def begin(
+            lease: LeaseDeadline,
+        ) -> str:  # asked for again: planning may take longer than the lease was held
             return here.book.start(cell, plan, body.name, lease)
 
         return accepted(here, here.let_move(lease_id, begin))
@@ -68,7 +70,7 @@ async def list_runs(here: Here) -> Response:
     return await here.listed("runs", here.book.documents)
 
 
-@router.get("/runs/{run_id}", operation_id="getRun", response_model=RunShown)
+@router.get("/runs/{run_id}", operation_id="getRun", response_model=RunResponse)
 async def get_run(here: Here, run_id: RunId, wait: Wait = 0, after: After = 0) -> Response:
     """A run; with `wait`, as soon as its version is beyond `after` or nothing can happen to it any more."""
     glance = await here.glances(run_id)
@@ -79,7 +81,7 @@ async def get_run(here: Here, run_id: RunId, wait: Wait = 0, after: After = 0) -
     return Response(glance.body, media_type=JSONResponse.media_type)
 
 
-@router.post("/runs/{run_id}/pause", operation_id="pauseRun", status_code=202, response_model=RunShown)
+@router.post("/runs/{run_id}/pause", operation_id="pauseRun", status_code=202, response_model=RunResponse)
 async def pause_run(here: Here, run_id: RunId) -> JSONResponse:
     """The run ends after the reading in hand; it can be resumed."""
 
@@ -90,7 +92,7 @@ async def pause_run(here: Here, run_id: RunId) -> JSONResponse:
     return await here.order(run_id, work)
 
 
-@router.post("/runs/{run_id}/resume", operation_id="resumeRun", status_code=202, response_model=RunShown)
+@router.post("/runs/{run_id}/resume", operation_id="resumeRun", status_code=202, response_model=RunResponse)
 def resume_run(
     here: Here, run_id: RunId, body: ResumeBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
@@ -112,7 +114,7 @@ def resume_run(
 
 
 @router.post(
-    "/runs/{run_id}/restation", operation_id="restationRun", status_code=202, response_model=RunShown
+    "/runs/{run_id}/restation", operation_id="restationRun", status_code=202, response_model=RunResponse
 )
 def restation_run(
     here: Here, run_id: RunId, body: WhyBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
@@ -130,7 +132,7 @@ def restation_run(
     return here.keys.once(idempotency_key, (f"{RUNS}/{run_id}/restation", body), work)
 
 
-@router.post("/runs/{run_id}/stop", operation_id="stopRun", status_code=202, response_model=RunShown)
+@router.post("/runs/{run_id}/stop", operation_id="stopRun", status_code=202, response_model=RunResponse)
 async def stop_run(here: Here, run_id: RunId) -> JSONResponse:
     """The robot halts now and the run ends. Needs no lease. `problems`: what could not be stopped.
 
@@ -178,9 +180,9 @@ def download_events(here: Here, run_id: RunId) -> PlainTextResponse:
         return PlainTextResponse(file.read_text(encoding="utf-8"), media_type=LINES)
 
 
-def acceptance(body: Resume, by: str) -> Acceptance | None:
+def acceptance(body: Resume, by: str) -> DeviceAcceptance | None:
     """The other device that a request accepts; None where it accepts none."""
-    return Acceptance(body.accept_other, body.reason, by) if body.accept_other.strip() else None
+    return DeviceAcceptance(body.accept_other, body.reason, by) if body.accept_other.strip() else None
 
 
 def who(here: Service, lease_id: str = "") -> str:

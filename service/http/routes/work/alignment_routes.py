@@ -18,7 +18,7 @@ from service.http.wire.bodies import AlignmentShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.work.idempotency import begun
-from service.results.files.alignment import FARTHEST_TOOL_MM, HOLDOUT, SEED, SLOW_MM_S, Order
+from service.results.files.alignment import FARTHEST_TOOL_MM, HOLDOUT, SEED, SLOW_MM_S, AlignmentRequest
 
 router = APIRouter(route_class=JsonRoute, tags=["alignments"])
 ALIGNMENTS = path_of("alignments")
@@ -96,7 +96,7 @@ def create_alignment(
     """
     if robot not in built_in_robots():  # a path would be looked for among the server's files
         raise DataError(f"is '{robot}'.", do=f"Use {', '.join(built_in_robots())}.", key="robot")
-    order = Order(
+    order = AlignmentRequest(
         tool=(tool_x_mm, tool_y_mm, tool_z_mm),
         robot=robot,
         tool_known=tool_known,

@@ -12,7 +12,7 @@ from service.http.wire.bodies import PlacementsAsked, PlacementsShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.work.idempotency import begun
-from service.results.cell.placements import Order, wanted_of
+from service.results.cell.placements import PlacementRequest, wanted_of
 
 router = APIRouter(route_class=JsonRoute, tags=["placements"])
 PLACEMENTS = path_of("placements")
@@ -23,7 +23,7 @@ def create_placements(
     here: Here, body: PlacementsAsked, idempotency_key: IdempotencyKey = ""
 ) -> JSONResponse:
     """Search where the base balls should be, so that the arm reaches most stances; nothing moves."""
-    order = Order.of(body.model_dump())
+    order = PlacementRequest.of(body.model_dump())
     wanted_of(order)
     cell = here.cell
 

@@ -22,7 +22,13 @@ from service.http.wire.bodies.jobs import (
     WatchPlansShown,
     WatchShown,
 )
-from service.http.wire.bodies.watches import OfBaseline, OfReadings, UpkeepAsked, WatchAsked, WatchPlanAsked
+from service.http.wire.bodies.watches import (
+    BaselineReference,
+    ReadingsReference,
+    UpkeepAsked,
+    WatchPlanAsked,
+    WatchRequestBody,
+)
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.wire.problems import not_found
@@ -34,7 +40,7 @@ PLANS, WATCHES, UPKEEPS = path_of("watch-plans"), path_of("watches"), path_of("u
 Limit = Annotated[int, Query(ge=1, le=500, description="Number of them, newest first.", examples=[50])]
 
 
-def _baseline(here: Service, body: OfBaseline) -> tuple[str, bytes]:
+def _baseline(here: Service, body: BaselineReference) -> tuple[str, bytes]:
     """The id and the document of the model that is judged by. Raises Problem 404, DataError."""
     if body.model_id:
         return body.model_id, here.jobs.model_file(body.model_id).read_bytes()
@@ -44,7 +50,7 @@ def _baseline(here: Service, body: OfBaseline) -> tuple[str, bytes]:
     return body.model_document, content
 
 
-def _readings(here: Service, body: OfReadings) -> dict[str, Any]:
+def _readings(here: Service, body: ReadingsReference) -> dict[str, Any]:
     """The data set to judge; that of a run is made of its readings up to now. Raises Problem 404, RecordError."""
     if body.dataset_id:
         return here.datasets.get(body.dataset_id)
@@ -52,7 +58,7 @@ def _readings(here: Service, body: OfReadings) -> dict[str, Any]:
     return here.workers.call(here.datasets.export, [here.book.path(body.run_id)], "", None)
 
 
-def _judge(here: Service, kind: str, body: OfReadings, more: dict[str, Any]) -> dict[str, Any]:
+def _judge(here: Service, kind: str, body: ReadingsReference, more: dict[str, Any]) -> dict[str, Any]:
     baseline = _baseline(here, body)
     dataset = _readings(here, body)
     order = {
@@ -105,7 +111,7 @@ async def get_watch_plan(here: Here, job_id: JobId, wait: Wait = 0, after: After
 
 
 @router.post("/watches", operation_id="createWatch", status_code=202, response_model=WatchShown)
-def create_watch(here: Here, body: WatchAsked, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+def create_watch(here: Here, body: WatchRequestBody, idempotency_key: IdempotencyKey = "") -> JSONResponse:
     """Judge readings of check poses by the model of the calibration: is this still the robot that was calibrated?
 
     Where a cause is known, GET /models/ID with the id of this job is the updated model; targets are corrected with it

@@ -16,8 +16,8 @@ from pydantic import AfterValidator, ConfigDict, Field, model_validator
 from calib.compensate import Bounds
 from service.http.wire.bodies.campaign import Campaign
 from service.http.wire.bodies.targets import TargetRow
-from service.http.wire.bodies.told import AsRead, Body, DescribedAs, Name, told, told_limit
-from service.results.judgement.acceptance import FARTHEST, Limits, Zone
+from service.http.wire.bodies.told import AsRead, DescribedAs, Name, RequestBody, told, told_limit
+from service.results.judgement.acceptance import FARTHEST, AcceptanceLimits, Zone
 
 _LOW, _HIGH = [200.0, -400.0, 0.0], [500.0, -100.0, 300.0]
 
@@ -26,7 +26,7 @@ _MOST = 100
 _COORDINATE = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
 
 
-class ZoneAsked(Body):
+class ZoneAsked(RequestBody):
     """A box with edges along the axes of the robot's base frame, and the largest errors in it, one of them or both."""
 
     name: Annotated[
@@ -104,7 +104,7 @@ TABLE = "target_id,j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg\nA,10,-20,30,0,45,0
 _CAMPAIGN_ID = "20261121-170459-3f9a1c07b2e"
 
 
-class NewRun(Body):
+class NewRun(RequestBody):
     """One of `campaign` and `campaign_id`. `dry_run` true: everything is checked and nothing moves."""
 
     model_config = ConfigDict(
@@ -127,7 +127,7 @@ class NewRun(Body):
         return self
 
 
-class NewCampaign(Body):
+class NewCampaign(RequestBody):
     """A campaign to be kept."""
 
     campaign: Annotated[
@@ -137,7 +137,7 @@ class NewCampaign(Body):
     name: Given = ""
 
 
-class TakeLease(Body):
+class LeaseRequest(RequestBody):
     """`seconds` until the lease expires unless this is sent again with its `Lease-Id`."""
 
     holder: Annotated[
@@ -155,7 +155,7 @@ class TakeLease(Body):
     ] = 30.0
 
 
-class TakeLeaseOver(TakeLease):
+class LeaseTakeoverRequest(LeaseRequest):
     """The request to take the lease from its holder."""
 
     reason: Annotated[
@@ -177,13 +177,13 @@ class NewLoop(NewRun):
     poses: Annotated[int, told("Number of new poses that verify the correction.", 20, ge=1, le=500)] = 20
 
 
-class Why(Body):
+class ReasonBody(RequestBody):
     """The name or reason that a person gives with an order; may be left out."""
 
     reason: Reason = ""
 
 
-class AnswerGiven(Why):
+class AnswerGiven(ReasonBody):
     """The reason and the typed numbers of an answer, for a prompt with an `entry`; may be left out."""
 
     typed: Annotated[
@@ -192,7 +192,7 @@ class AnswerGiven(Why):
     ] = ""
 
 
-class Resume(Body):
+class Resume(RequestBody):
     """May be left out. `accept_other` goes with the `reason` for which both devices belong together."""
 
     accept_other: SerialNumber = ""
@@ -205,7 +205,7 @@ class Resume(Body):
         return self
 
 
-class Export(Resume):
+class DatasetExportRequest(Resume):
     """May be left out. `with`: ids of runs measured later in the same cell, brought into one data set."""
 
     later: Annotated[
@@ -217,11 +217,11 @@ class Export(Resume):
 
 ResumeBody = Annotated[Resume, BodyOf(default_factory=Resume)]
 
-WhyBody = Annotated[Why, BodyOf(default_factory=Why)]
+WhyBody = Annotated[ReasonBody, BodyOf(default_factory=ReasonBody)]
 
 AnswerBody = Annotated[AnswerGiven, BodyOf(default_factory=AnswerGiven)]
 
-ExportBody = Annotated[Export, BodyOf(default_factory=Export)]
+ExportBody = Annotated[DatasetExportRequest, BodyOf(default_factory=DatasetExportRequest)]
 
 LargestDeg = Annotated[
     float, told("A model that turns the flange by more is refused, deg.", 2.0, gt=0.0, le=90.0)
@@ -247,7 +247,7 @@ Inverse = Annotated[bool, told("From actual to nominal: targets taught on the re
 KeepRefused = Annotated[bool, told("Go on though some targets stay as they were.", False)]
 
 
-class TargetsToCorrect(Body):
+class TargetsToCorrect(RequestBody):
     """One of `csv` and `targets`."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"csv": TABLE, "conditions": "side=below"}]})
@@ -303,13 +303,13 @@ AcceptMax = Annotated[
 ]
 
 
-class OfDataset(Body):
+class DatasetReference(RequestBody):
     """Readings to work on."""
 
     dataset_id: DatasetId
 
 
-class ToJudge(OfDataset):
+class JudgeRequest(DatasetReference):
     """Readings to work on, and limits that the result is held to."""
 
     accept_rms_mm: AcceptRms = 0.0
@@ -317,13 +317,13 @@ class ToJudge(OfDataset):
     accept_zones: AcceptZones = Field(default_factory=list)
 
     @property
-    def limits(self) -> Limits | None:
+    def limits(self) -> AcceptanceLimits | None:
         """The limits that were asked for; None where none were."""
         zones = [each.zone for each in self.accept_zones]
-        return Limits.of(self.accept_rms_mm or None, self.accept_max_mm or None, zones)
+        return AcceptanceLimits.of(self.accept_rms_mm or None, self.accept_max_mm or None, zones)
 
 
-class ToFit(ToJudge):
+class ToFit(JudgeRequest):
     """Readings to fit a model to, and limits that its error is held to."""
 
     save_anyway: Annotated[
@@ -336,7 +336,7 @@ class ToFit(ToJudge):
     ] = False
 
 
-class RegressionAsked(OfDataset):
+class RegressionAsked(DatasetReference):
     """A data set, and the options of `truepose regress`."""
 
     on: Annotated[Literal["residuals", "positions"], told("What the regression learns.", "residuals")] = (

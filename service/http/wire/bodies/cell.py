@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from service.http.wire.bodies.campaign import Campaign
-from service.http.wire.bodies.told import Answered, Created, Id, Name, Simulated, told
+from service.http.wire.bodies.told import Created, Id, Name, ResponseBody, Simulated, told
 
 
-class Health(Answered):
+class Health(ResponseBody):
     """The service answers."""
 
     status: Annotated[Literal["ok"], told("It answers.", "ok")]
@@ -19,7 +19,7 @@ class Health(Answered):
     simulated: Simulated
 
 
-class LeaseShown(Answered):
+class LeaseShown(ResponseBody):
     """The motion lease."""
 
     holder: Annotated[str, told("Who holds it.", "anna")]
@@ -36,7 +36,7 @@ class LeaseShown(Answered):
     taken_from: Annotated[str, told("Who held it before it was taken over.", "")] = ""
 
 
-class CellShown(Answered):
+class CellShown(ResponseBody):
     """The cell of this service."""
 
     name: Name
@@ -58,7 +58,7 @@ class CellShown(Answered):
     lease: Annotated[LeaseShown | None, told("The motion lease; null: nobody holds it.", None)]
 
 
-class CampaignShown(Answered):
+class CampaignShown(ResponseBody):
     """A campaign that was kept."""
 
     id: Id
@@ -69,7 +69,7 @@ class CampaignShown(Answered):
     ]
 
 
-class DatasetShown(Answered):
+class DatasetShown(ResponseBody):
     """A data set."""
 
     id: Id
@@ -85,7 +85,7 @@ class DatasetShown(Answered):
     validation: Annotated[int, told("Number of readings that only judge.", 120)]
 
 
-class MappedFit(Answered):
+class MappedFit(ResponseBody):
     """How near the nominal robot, put in its best place with its tool fitted, comes to readings."""
 
     robot: Annotated[str, told("The robot.", "abb-irb120")]
@@ -100,13 +100,13 @@ class DatasetMapped(DatasetShown):
     said: Annotated[list[str], told("What was left aside or made of the files.", ["left aside: 'Remark'"])]
 
 
-class Campaigns(Answered):
+class Campaigns(ResponseBody):
     """Every campaign."""
 
     campaigns: Annotated[list[CampaignShown], told("Newest first.", [])]
 
 
-class Datasets(Answered):
+class DatasetList(ResponseBody):
     """Every data set."""
 
     datasets: Annotated[list[DatasetShown], told("Newest first.", [])]

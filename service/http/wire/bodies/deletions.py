@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from service.http.wire.bodies.told import Answered, Id, told
+from service.http.wire.bodies.told import Id, ResponseBody, told
 
 Kind = Literal[
     "run", "dataset", "campaign", "identification", "diagnosis", "alignment", "regression", "validation", "selection",
@@ -12,7 +12,7 @@ Kind = Literal[
 ]  # fmt: skip
 
 
-class DeletionShown(Answered):
+class DeletionShown(ResponseBody):
     """One deletion, as `deleted.jsonl` of the record keeps it."""
 
     utc: Annotated[str, told("When, RFC 3339 UTC.", "2026-11-21T17:04:59.120Z")]
@@ -32,7 +32,7 @@ class DeletionShown(Answered):
     ] = ""
 
 
-class Deletions(Answered):
+class DeletionList(ResponseBody):
     """Every deletion."""
 
     deletions: Annotated[list[DeletionShown], told("Oldest first.", [])]

@@ -12,21 +12,21 @@ from pydantic import Field
 from service.http.wire.bodies.campaign import Campaign
 from service.http.wire.bodies.results import (
     ERRORS,
-    Errors,
+    ErrorStatisticsResponse,
     Figure,
     FitShown,
     Number,
-    Parameter,
+    ParameterResponse,
     Share,
     Unit,
 )
-from service.http.wire.bodies.told import Answered, told
+from service.http.wire.bodies.told import ResponseBody, told
 
 Verdict = Literal["complete", "excess_noise", "attributed", "ambiguous", "unexplained"]
 Label = Annotated[str, told("The label of an effect.", "backlash:j4")]
 
 
-class Evidence(Answered):
+class Evidence(ResponseBody):
     """The evidence for an effect."""
 
     delta_bic: Number
@@ -34,7 +34,7 @@ class Evidence(Answered):
     explained_variance: Share
 
 
-class EffectShown(Answered):
+class EffectShown(ResponseBody):
     """An effect that was found. `candidates`: what else it may be, with odds."""
 
     label: Label
@@ -80,7 +80,7 @@ class EffectShown(Answered):
     ] = False
 
 
-class Separation(Answered):
+class Separation(ResponseBody):
     """How well two rivals can be distinguished."""
 
     effect: Label
@@ -88,7 +88,7 @@ class Separation(Answered):
     squared_distance: Number
 
 
-class FollowUpShown(Answered):
+class FollowUpShown(ResponseBody):
     """The next measurement: poses, or a procedure for a person."""
 
     kind: Annotated[Literal["poses", "procedure"], told("Which of the two.", "poses")]
@@ -112,7 +112,7 @@ class FollowUpShown(Answered):
     ] = Field(default_factory=dict)
 
 
-class StructureShown(Answered):
+class StructureShown(ResponseBody):
     """Structure that is left and that no effect of the library explains."""
 
     where: Annotated[str, told("What it goes with.", "j5")]
@@ -121,7 +121,7 @@ class StructureShown(Answered):
     explained_variance: Share
 
 
-class CarriedShown(Answered):
+class CarriedShown(ResponseBody):
     """A carried term: an error that left-out readings confirm and that has no known cause."""
 
     label: Label
@@ -140,7 +140,7 @@ class CarriedShown(Answered):
     usable: Annotated[bool, told("Whether what it follows is known when the model is used.", True)]
 
 
-class SharesShown(Answered):
+class SharesShown(ResponseBody):
     """Shares of the squared error that the base model leaves; they add up to 1."""
 
     named: Share
@@ -148,7 +148,7 @@ class SharesShown(Answered):
     noise: Share
 
 
-class Power(Answered):
+class Power(ResponseBody):
     """The smallest size of an effect that these readings would show."""
 
     label: Label
@@ -156,17 +156,19 @@ class Power(Answered):
     unit: Unit
 
 
-class CarriedOver(Answered):
+class CarriedOver(ResponseBody):
     """The effects judged on another data set."""
 
     data: Annotated[str, told("Its name.", "B.csv")]
-    error_base_mm: Annotated[Errors | None, told("Its own base model, mm.", ERRORS)]
-    error_frozen_mm: Annotated[Errors | None, told("With the effects as found, mm.", ERRORS)]
-    error_refitted_mm: Annotated[Errors | None, told("With amplitudes refitted, mm.", ERRORS)]
+    error_base_mm: Annotated[ErrorStatisticsResponse | None, told("Its own base model, mm.", ERRORS)]
+    error_frozen_mm: Annotated[ErrorStatisticsResponse | None, told("With the effects as found, mm.", ERRORS)]
+    error_refitted_mm: Annotated[
+        ErrorStatisticsResponse | None, told("With amplitudes refitted, mm.", ERRORS)
+    ]
     finding: Annotated[str, told("In words.", "The effects carry over.")]
 
 
-class HeldOutMisfit(Answered):
+class HeldOutMisfit(ResponseBody):
     """The error of held-out readings beside what noise and the uncertainty of the parameters let expect."""
 
     times_expected: Annotated[
@@ -176,7 +178,7 @@ class HeldOutMisfit(Answered):
     beyond: Annotated[bool, told("Whether the model does not hold there: told before the verdict.", False)]
 
 
-class HeldOutFaultShown(Answered):
+class HeldOutFaultShown(ResponseBody):
     """A held-out reading that is no reading of what it says."""
 
     reading_id: Annotated[str, told("The reading.", "212")]
@@ -204,12 +206,15 @@ class DiagnosisResult(FitShown):
     ] = ""
     effects: Annotated[list[EffectShown], told("What was found, the largest first.", [])]
     p_lack_of_fit: Annotated[float | None, told("Probability that chance leaves as much.", 0.58)]
-    error_before_mm: Annotated[Errors | None, told("Of the base model, on readings held out, mm.", ERRORS)]
+    error_before_mm: Annotated[
+        ErrorStatisticsResponse | None, told("Of the base model, on readings held out, mm.", ERRORS)
+    ]
     error_named_mm: Annotated[
-        Errors | None, told("With the named effects only, on readings held out, mm.", ERRORS)
+        ErrorStatisticsResponse | None, told("With the named effects only, on readings held out, mm.", ERRORS)
     ] = None
     error_after_mm: Annotated[
-        Errors | None, told("With effects and carried terms, on readings held out, mm.", ERRORS)
+        ErrorStatisticsResponse | None,
+        told("With effects and carried terms, on readings held out, mm.", ERRORS),
     ]
     raises_held_out_error: Annotated[list[str], told("Labels of effects that do.", [])]
     held_out_misfit: Annotated[
@@ -225,7 +230,8 @@ class DiagnosisResult(FitShown):
         Field(default_factory=list),
     ]
     error_without_faults_mm: Annotated[
-        Errors | None, told("Error of the held-out readings without these, mm; null if none is left.", None)
+        ErrorStatisticsResponse | None,
+        told("Error of the held-out readings without these, mm; null if none is left.", None),
     ] = None
     follow_up: Annotated[list[FollowUpShown], told("What to measure next where something is ambiguous.", [])]
     shares: Annotated[
@@ -256,7 +262,7 @@ class DiagnosisResult(FitShown):
         told("What to measure next where a cause is not known.", ["Move joint 3 alone through its range."]),
     ] = Field(default_factory=list)
     structure: Annotated[list[StructureShown], told("What is left.", [])]
-    parameters: Annotated[list[Parameter], told("Every parameter of the base model.", [])] = Field(
+    parameters: Annotated[list[ParameterResponse], told("Every parameter of the base model.", [])] = Field(
         default_factory=list
     )
     power: Annotated[list[Power], told("What would have been seen.", [])]
@@ -265,11 +271,11 @@ class DiagnosisResult(FitShown):
     seconds: Annotated[float, told("Time it took, s.", 3.4)]
 
 
-class Verified(Answered):
+class Verified(ResponseBody):
     """Where the robot landed with corrected targets."""
 
-    error_uncorrected_mm: Annotated[Errors | None, told("Driven uncorrected, mm.", ERRORS)]
-    error_verified_mm: Annotated[Errors, told("Driven corrected, mm.", ERRORS)]
+    error_uncorrected_mm: Annotated[ErrorStatisticsResponse | None, told("Driven uncorrected, mm.", ERRORS)]
+    error_verified_mm: Annotated[ErrorStatisticsResponse, told("Driven corrected, mm.", ERRORS)]
     floor_rms_mm: Annotated[float, told("What noise and repeatability alone would show, mm.", 0.039)]
     ratio: Annotated[float, told("Verified over floor, a ratio.", 1.07)]
     poses: Annotated[int, told("Number of new poses.", 20)]
@@ -279,26 +285,28 @@ class Verified(Answered):
     accepted: Annotated[list[str], told("Other devices that were accepted.", [])]
 
 
-class RivalsBefore(Answered):
+class RivalsBefore(ResponseBody):
     """An effect that was ambiguous."""
 
     label: Label
     candidates: Annotated[dict[str, float | None], told("Probability by label.", {"periodic:j5:n2": 0.7})]
 
 
-class FollowedUp(Answered):
+class FollowUpResponse(ResponseBody):
     """The middle step of a loop: what was ambiguous, and what was measured to settle it."""
 
     verdict_before: Annotated[Verdict, told("The verdict before.", "ambiguous")]
     effects_before: Annotated[list[RivalsBefore], told("What was ambiguous.", [{"label": "periodic:j5:n2"}])]
-    error_before_follow_up_mm: Annotated[Errors | None, told("The error before, mm.", ERRORS)]
+    error_before_follow_up_mm: Annotated[
+        ErrorStatisticsResponse | None, told("The error before, mm.", ERRORS)
+    ]
     poses: Annotated[int, told("Number of poses that were added.", 12)]
     readings: Annotated[int, told("Number of readings that were added.", 36)]
     separates: Annotated[list[Separation], told("The rivals that they tell apart.", [])]
 
 
-class LoopResult(DiagnosisResult):
+class LoopResponse(DiagnosisResult):
     """A diagnosis with its verification on the robot."""
 
     verification: Annotated[Verified, told("Where the robot landed.", {"ratio": 1.07})]
-    followed_up: Annotated[FollowedUp | None, told("Where poses were added.", None)] = None
+    followed_up: Annotated[FollowUpResponse | None, told("Where poses were added.", None)] = None

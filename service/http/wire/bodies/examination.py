@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from service.http.wire.bodies.told import Answered, Simulated, told
+from service.http.wire.bodies.told import ResponseBody, Simulated, told
 
 
-class FindingShown(Answered):
+class FindingShown(ResponseBody):
     """One check."""
 
     device: Annotated[str, told("robot, instrument or computer.", "robot")]
@@ -21,7 +21,7 @@ class FindingShown(Answered):
     error: Annotated[str | None, told("The kind of error.", None)]
 
 
-class ExaminationShown(Answered):
+class ExaminationShown(ResponseBody):
     """Whether a campaign can begin, and else what prevents it."""
 
     format: Annotated[Literal["truepose-doctor/1"], told("The format.", "truepose-doctor/1")]

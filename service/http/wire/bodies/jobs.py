@@ -19,23 +19,29 @@ from acquisition import State
 from calib.data import DEFAULT_GROUPS
 from calib.selection import SHARE
 from service.http.wire.bodies.diagnoses import DiagnosisResult
-from service.http.wire.bodies.results import DataShown, Dropped, IdentificationResult, Share, Warnings
+from service.http.wire.bodies.results import (
+    DataShown,
+    DroppedParameterResponse,
+    IdentificationResult,
+    Share,
+    Warnings,
+)
 from service.http.wire.bodies.runs import StateCode
 from service.http.wire.bodies.told import (
-    Answered,
-    Body,
     Created,
     Id,
     Joints,
     Names,
     Point,
     ProblemShown,
+    RequestBody,
+    ResponseBody,
     told,
     told_limit,
 )
 from service.http.wire.bodies.validations import ValidationResult
 from service.http.wire.bodies.watches import UpkeepResult, WatchPlanResult, WatchResult
-from service.results.cell.placements import TOGETHER, Order
+from service.results.cell.placements import TOGETHER, PlacementRequest
 
 Number = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
 
@@ -44,20 +50,20 @@ def _range(words: str, default: tuple[float, float, float]) -> Any:
     return told(f"{words}: lowest, highest, step.", list(default), min_length=3, max_length=3)
 
 
-class PlacementsAsked(Body):
+class PlacementsAsked(RequestBody):
     """The shifts and turns of the base balls to try; the options of `truepose plan-ballbar`."""
 
-    x: Annotated[list[Number], _range("Shift along x of the world, mm", Order.x)] = Field(
-        default_factory=lambda: list(Order.x)
+    x: Annotated[list[Number], _range("Shift along x of the world, mm", PlacementRequest.x)] = Field(
+        default_factory=lambda: list(PlacementRequest.x)
     )
-    y: Annotated[list[Number], _range("Shift along y of the world, mm", Order.y)] = Field(
-        default_factory=lambda: list(Order.y)
+    y: Annotated[list[Number], _range("Shift along y of the world, mm", PlacementRequest.y)] = Field(
+        default_factory=lambda: list(PlacementRequest.y)
     )
-    z: Annotated[list[Number], _range("Shift along z of the world, mm", Order.z)] = Field(
-        default_factory=lambda: list(Order.z)
+    z: Annotated[list[Number], _range("Shift along z of the world, mm", PlacementRequest.z)] = Field(
+        default_factory=lambda: list(PlacementRequest.z)
     )
-    turn: Annotated[list[Number], _range("Turn about the vertical, deg", Order.turn)] = Field(
-        default_factory=lambda: list(Order.turn)
+    turn: Annotated[list[Number], _range("Turn about the vertical, deg", PlacementRequest.turn)] = Field(
+        default_factory=lambda: list(PlacementRequest.turn)
     )
     base: Annotated[
         list[Annotated[str, Field(max_length=100)]] | None,
@@ -85,14 +91,14 @@ class PlacementsAsked(Body):
     ] = 1
     offset_deg: Annotated[
         float,
-        told("From how far below every joint arrives, deg.", Order.offset_deg, ge=0.1, le=30.0),
-    ] = Order.offset_deg
+        told("From how far below every joint arrives, deg.", PlacementRequest.offset_deg, ge=0.1, le=30.0),
+    ] = PlacementRequest.offset_deg
     show: Annotated[
-        int, told("Number of placements that are proven and listed.", Order.show, ge=1, le=50)
-    ] = Order.show
+        int, told("Number of placements that are proven and listed.", PlacementRequest.show, ge=1, le=50)
+    ] = PlacementRequest.show
 
 
-class Placed(Answered):
+class Placed(ResponseBody):
     """One placement of the base balls."""
 
     shift_mm: Annotated[Point, told("Shift from the cell file, mm.", [50.0, 0.0, 0.0])]
@@ -104,7 +110,7 @@ class Placed(Answered):
     max_u_mm: Annotated[float | None, told("Largest predicted U (k = 2) in the zone, mm.", 0.021)]
 
 
-class PlacementsResult(Answered):
+class PlacementsResult(ResponseBody):
     """The result of a search (`truepose-placements/1`)."""
 
     format: Annotated[Literal["truepose-placements/1"], told("The format.", "truepose-placements/1")]
@@ -118,14 +124,14 @@ class PlacementsResult(Answered):
     plan: Annotated[list[Placed], told("Those that complete each other, in order.", [])]
 
 
-class Progress(Answered):
+class SearchProgress(ResponseBody):
     """How far a search is."""
 
     done: Annotated[int, told("Number of placements looked at.", 1200)]
     total: Annotated[int, told("Number of placements in all.", 5832)]
 
 
-class Clocks(Answered):
+class ClocksResponse(ResponseBody):
     """Two clocks put on one; u: one standard deviation."""
 
     offset_s: Annotated[float, told("The tracker's clock less the robot's, s.", 0.412)]
@@ -136,7 +142,7 @@ class Clocks(Answered):
     offset_by_speeds_s: Annotated[float, told("The offset by the speeds alone, s.", 0.41)]
 
 
-class Jump(Answered):
+class Jump(ResponseBody):
     """A jump of a clock."""
 
     step_s: Annotated[float, told("Its size, s.", 0.1)]
@@ -144,7 +150,7 @@ class Jump(Answered):
     at_tracker_s: Annotated[float, told("When, s.", 212.0)]
 
 
-class Gap(Answered):
+class StreamGapResponse(ResponseBody):
     """A gap of a stream."""
 
     begin_s: Annotated[float, told("From, s.", 12.0)]
@@ -152,7 +158,7 @@ class Gap(Answered):
     lost: Annotated[int, told("Number of samples that are missing.", 4)]
 
 
-class StreamShown(Answered):
+class StreamShown(ResponseBody):
     """A stream."""
 
     samples: Annotated[int, told("Number of samples.", 12500)]
@@ -161,17 +167,17 @@ class StreamShown(Answered):
     begin_s: Annotated[float, told("The first, s.", 0.0)]
     end_s: Annotated[float, told("The last, s.", 100.0)]
     lost: Annotated[int, told("Number of samples that are missing.", 4)]
-    gaps: Annotated[list[Gap], told("Where samples are missing.", [])]
+    gaps: Annotated[list[StreamGapResponse], told("Where samples are missing.", [])]
 
 
-class BothStreams(Answered):
+class BothStreams(ResponseBody):
     """The streams by device."""
 
     robot: Annotated[StreamShown, told("The robot's.", {"samples": 12500})]
     tracker: Annotated[StreamShown, told("The instrument's.", {"samples": 1000})]
 
 
-class SpeedBand(Answered):
+class SpeedBand(ResponseBody):
     """Errors between two speeds."""
 
     slowest: Annotated[float, told("From, mm/s.", 0.0)]
@@ -188,7 +194,7 @@ class SpeedBand(Answered):
     lag_ms: Annotated[float, told("By how much points come late, ms.", 3.1)]
 
 
-class AlignmentResult(Answered):
+class AlignmentResult(ResponseBody):
     """Two streams on one clock (`truepose-alignment/1`)."""
 
     format: Annotated[Literal["truepose-alignment/1"], told("The format.", "truepose-alignment/1")]
@@ -199,7 +205,7 @@ class AlignmentResult(Answered):
     robot: Annotated[str, told("The robot file's name.", "ur5")]
     tool_mm: Annotated[list[float], told("The target on the flange as stated, mm.", [0.0, 0.0, 100.0])]
     tool_found_mm: Annotated[list[float], told("The target on the flange as found, mm.", [0.1, 0.0, 100.2])]
-    clocks: Annotated[Clocks, told("The clocks.", {"offset_s": 0.412})]
+    clocks: Annotated[ClocksResponse, told("The clocks.", {"offset_s": 0.412})]
     jump: Annotated[Jump | None, told("A jump of a clock, where there is one.", None)]
     streams: Annotated[BothStreams, told("What the streams hold.", {})]
     gross_errors: Annotated[int, told("Number of points that do not belong.", 0)]
@@ -213,7 +219,7 @@ class AlignmentResult(Answered):
     warnings: Warnings
 
 
-class SelectionAsked(Body):
+class SelectionAsked(RequestBody):
     """Which calibration poses to measure in the cell of this service; every member may be left out."""
 
     count: Annotated[int, told("Number of poses to select.", 50, ge=1, le=2000)] = 50
@@ -241,7 +247,7 @@ class SelectionAsked(Body):
     seed: Annotated[int, told("Draws the candidates and the starts; no unit.", 1, ge=0, le=2**53)] = 1
 
 
-class Observability(Answered):
+class ObservabilityResponse(ResponseBody):
     """The observability indices of the scaled columns."""
 
     O1: Annotated[float | None, told("No unit.", 0.9)]
@@ -251,7 +257,7 @@ class Observability(Answered):
     O5: Annotated[float | None, told("No unit.", 0.3)]
 
 
-class Expected(Answered):
+class ExpectedErrorResponse(ResponseBody):
     """The standard error that is expected of a parameter."""
 
     name: Annotated[str, told("Its name.", "theta2")]
@@ -259,7 +265,7 @@ class Expected(Answered):
     unit: Annotated[str, told("The unit of std.", "deg")]
 
 
-class UncertaintyCurve(Answered):
+class UncertaintyCurve(ResponseBody):
     """The predicted expanded uncertainty of positions over the number of poses, worst direction, k = 2."""
 
     poses: Annotated[list[int], told("Numbers of poses.", [40, 45, 50])]
@@ -273,7 +279,7 @@ class UncertaintyCurve(Answered):
     reached_with: Annotated[int | None, told("Number of poses that reach it.", None)]
 
 
-class SelectionResult(Answered):
+class SelectionResult(ResponseBody):
     """The poses that were chosen, for a block with `select = "list"`, and what they promise."""
 
     format: Annotated[Literal["truepose-selection/1"], told("The format.", "truepose-selection/1")]
@@ -285,17 +291,19 @@ class SelectionResult(Answered):
     candidates: Annotated[int, told("Number of candidates that were found.", 5000)]
     poses_deg: Annotated[list[Joints], told("The poses, deg: `joints_deg` of a block.", [[12.0, 45.0]])]
     filling: Annotated[list[int], told("Numbers of those that fill the joints' ranges.", [3, 17])]
-    observability: Annotated[Observability, told("The indices.", {"O1": 0.9})]
+    observability: Annotated[ObservabilityResponse, told("The indices.", {"O1": 0.9})]
     efficiency: Share
     efficiency_without_filling: Share
     bound_gap: Annotated[float | None, told("How sharp the bound is, a ratio.", 1e-4)]
-    parameters: Annotated[list[Expected], told("Every parameter.", [])]
-    dropped: Annotated[list[Dropped], told("Parameters that such poses do not determine.", [])]
+    parameters: Annotated[list[ExpectedErrorResponse], told("Every parameter.", [])]
+    dropped: Annotated[
+        list[DroppedParameterResponse], told("Parameters that such poses do not determine.", [])
+    ]
     uncertainty: Annotated[UncertaintyCurve, told("What more or fewer poses are worth.", {"enough": 45})]
     warnings: Warnings
 
 
-class ByAxis(Answered):
+class ByAxis(ResponseBody):
     """An error by axis, um."""
 
     x: Annotated[float | None, told("Along x, um.", 31.0)]
@@ -304,14 +312,14 @@ class ByAxis(Answered):
     mean: Annotated[float | None, told("Mean of the three, um.", 31.7)]
 
 
-class ErrorsByAxis(Answered):
+class ErrorsByAxis(ResponseBody):
     """Errors by axis, um."""
 
     mae: Annotated[ByAxis, told("Mean absolute, um.", {"mean": 31.7})]
     rmse: Annotated[ByAxis, told("Root mean square, um.", {"mean": 40.2})]
 
 
-class RegressionChoice(Answered):
+class RegressionChoice(ResponseBody):
     """The constants that were chosen."""
 
     gamma: Annotated[float, told("Weight of the errors, no unit.", 100.0)]
@@ -319,7 +327,7 @@ class RegressionChoice(Answered):
     left_out_rms_mm: Annotated[float, told("RMS on what was left out, mm.", 0.05)]
 
 
-class RegressionRow(Answered):
+class RegressionRow(ResponseBody):
     """A predictor of the comparison."""
 
     name: Annotated[str, told("Its name.", "level 3")]
@@ -328,7 +336,7 @@ class RegressionRow(Answered):
     regression: Annotated[RegressionChoice | None, told("Where one took part.", None)]
 
 
-class TurnedWrist(Answered):
+class TurnedWrist(ResponseBody):
     """The correction of a regression where nothing was measured."""
 
     name: Annotated[str, told("Its name.", "mls-svr on residuals of level 3")]
@@ -339,7 +347,7 @@ class TurnedWrist(Answered):
     within_region: Share
 
 
-class RegressionQuestion(Answered):
+class RegressionSettings(ResponseBody):
     """The regression that was asked for."""
 
     name: Annotated[str, told("In words.", "mls-svr on residuals of level 3")]
@@ -351,13 +359,13 @@ class RegressionQuestion(Answered):
     independent_columns: Annotated[int, told("Number of independent ones.", 96)]
 
 
-class RegressionResult(Answered):
+class RegressionResult(ResponseBody):
     """MLS-SVR beside the models (`truepose-regression/1`)."""
 
     format: Annotated[Literal["truepose-regression/1"], told("The format.", "truepose-regression/1")]
     data: Annotated[DataShown, told("The readings.", {"readings": 300})]
     method: Annotated[Literal["mls-svr"], told("The method.", "mls-svr")]
-    asked: Annotated[RegressionQuestion, told("The options of the question.", {"on": "residuals"})]
+    asked: Annotated[RegressionSettings, told("The options of the question.", {"on": "residuals"})]
     samples: Annotated[int, told("Number of samples.", 180)]
     waypoints: Annotated[int, told("Number of waypoints.", 60)]
     table_um: Annotated[list[RegressionRow], told("Errors of every predictor, um.", [])]
@@ -385,7 +393,7 @@ Result = (
 )
 
 
-class JobKept(Answered):
+class StoredJob(ResponseBody):
     """A job as it was asked for."""
 
     id: Id
@@ -400,14 +408,14 @@ class JobKept(Answered):
     created_utc: Created
 
 
-class ProblemKept(Answered):
+class ProblemKept(ResponseBody):
     """The kept reason why a job could not be done."""
 
     text: Annotated[str, told("What happened.", "The robot and the points do not belong together.")]
     do: Annotated[str, told("What to do.", "Look at line 12.")]
 
 
-class _Job(JobKept):
+class _Job(StoredJob):
     state: Annotated[State, told("ready: it waits for its turn; running, succeeded or failed.", "succeeded")]
     state_code: StateCode
     version: Annotated[int, told("1 ready, 2 running, 3 over; no unit. Ask with `after=2` for the end.", 3)]
@@ -418,7 +426,7 @@ class _Job(JobKept):
     ]
 
 
-class JobShown(_Job):
+class JobResponse(_Job):
     """A job of any kind; `result` once it has succeeded, `problem` once it has failed."""
 
     result: Annotated[Result | None, told("Once it has succeeded; `format` says which it is.", None)]
@@ -463,11 +471,11 @@ class SelectionShown(_Job):
 class PlacementsShown(_Job):
     """A search of placements."""
 
-    progress: Annotated[Progress | None, told("How far it is, once it has begun.", None)] = None
+    progress: Annotated[SearchProgress | None, told("How far it is, once it has begun.", None)] = None
     result: Annotated[PlacementsResult | None, told("Once it has succeeded.", None)]
 
 
-class BaselineShown(Answered):
+class BaselineShown(ResponseBody):
     """The model that a watch is judged by."""
 
     id: Annotated[str, told("The id of its job, or the hash of a document.", "20261121-170459-3f9a1c07b2e")]
@@ -496,25 +504,25 @@ class UpkeepShown(_Watched):
     result: Annotated[UpkeepResult | None, told("Once it has succeeded.", None)]
 
 
-class WatchPlansShown(Answered):
+class WatchPlansShown(ResponseBody):
     """Plans of watches."""
 
     watch_plans: Annotated[list[WatchPlanShown], told("Newest first.", [])]
 
 
-class WatchesShown(Answered):
+class WatchesShown(ResponseBody):
     """Watches."""
 
     watches: Annotated[list[WatchShown], told("Newest first.", [])]
 
 
-class UpkeepsShown(Answered):
+class UpkeepsShown(ResponseBody):
     """Upkeeps."""
 
     upkeeps: Annotated[list[UpkeepShown], told("Newest first.", [])]
 
 
-class JobsShown(Answered):
+class JobsShown(ResponseBody):
     """The jobs of a data set."""
 
-    jobs: Annotated[list[JobShown], told("Newest first.", [])]
+    jobs: Annotated[list[JobResponse], told("Newest first.", [])]

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from service.http.wire.bodies.told import Answered, told
+from service.http.wire.bodies.told import ResponseBody, told
 
 _SHA = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
 
@@ -30,7 +30,7 @@ Number = Annotated[float | None, told("A number without a unit; null: not known.
 Unit = Annotated[str, told("The unit of value and std.", "deg")]
 
 
-class Errors(Answered):
+class ErrorStatisticsResponse(ResponseBody):
     """Errors of n readings, mm."""
 
     n: Annotated[int, told("Number of readings.", 120)]
@@ -40,7 +40,7 @@ class Errors(Answered):
     max: Annotated[float | None, told("The largest, mm.", 0.09)]
 
 
-class Device(Answered):
+class DeviceResponse(ResponseBody):
     """A device that the readings come from."""
 
     role: Annotated[str, told("robot or instrument.", "robot")] = ""
@@ -49,14 +49,14 @@ class Device(Answered):
     firmware: Annotated[str, told("Its firmware.", "5.61")] = ""
 
 
-class Measured(Answered):
+class MeasuredPeriod(ResponseBody):
     """When readings were made, as text."""
 
     began: Annotated[str, told("The first.", "2026-03-02 09:15 UTC")]
     ended: Annotated[str, told("The last.", "2026-03-02 11:40 UTC")]
 
 
-class DataShown(Answered):
+class DataShown(ResponseBody):
     """The readings that a result is based on."""
 
     name: Annotated[str, told("The name of the table.", "data.csv")]
@@ -67,15 +67,15 @@ class DataShown(Answered):
     readings: Annotated[int, told("Number of readings.", 300)]
     fit: Annotated[int, told("Number of readings that took part in the fit.", 180)]
     validation: Annotated[int, told("Number of readings that only judge.", 120)]
-    devices: Annotated[list[Device], told("Robot and instrument, as far as they said who they are.", [])] = (
-        Field(default_factory=list)
-    )
-    measured: Annotated[Measured | None, told("When they were made; left out where nobody knows.", None)] = (
-        None
-    )
+    devices: Annotated[
+        list[DeviceResponse], told("Robot and instrument, as far as they said who they are.", [])
+    ] = Field(default_factory=list)
+    measured: Annotated[
+        MeasuredPeriod | None, told("When they were made; left out where nobody knows.", None)
+    ] = None
 
 
-class Figure(Answered):
+class Figure(ResponseBody):
     """A value with its standard error."""
 
     value: Annotated[float | None, told("The value, in `unit`.", 0.131)]
@@ -83,7 +83,7 @@ class Figure(Answered):
     unit: Unit
 
 
-class Parameter(Figure):
+class ParameterResponse(Figure):
     """A parameter of a model: `value` and `std` count from where the fit began, of a link from nominal."""
 
     name: Annotated[str, told("Its name.", "theta2")]
@@ -105,14 +105,14 @@ class Parameter(Figure):
     )
 
 
-class Dropped(Answered):
+class DroppedParameterResponse(ResponseBody):
     """A parameter that the readings do not determine."""
 
     name: Annotated[str, told("Its name.", "d3")]
     confounded_with: Annotated[list[str], told("Names of what it cannot be distinguished from.", ["d2"])]
 
 
-class LeftOut(Answered):
+class LeftOut(ResponseBody):
     """A reading that took no part in the fit."""
 
     reading: Reading
@@ -122,7 +122,7 @@ class LeftOut(Answered):
     times_noise: Annotated[float | None, told("Its error as a number of times the declared noise.", 44.0)]
 
 
-class Offset(Answered):
+class TargetOffsetResponse(ResponseBody):
     """A target that lies elsewhere than stated."""
 
     name: Annotated[str, told("The target.", "N1")]
@@ -136,7 +136,7 @@ class Offset(Answered):
     rivals: Annotated[list[str], told("Names of what it cannot be distinguished from.", [])]
 
 
-class Criterion(Answered):
+class CriterionResponse(ResponseBody):
     """One figure against its limit."""
 
     quantity: Annotated[Literal["rms", "max"], told("Which error.", "rms")]
@@ -148,7 +148,7 @@ class Criterion(Answered):
     verdict: Annotated[Literal["accepted", "rejected", "not_decided"], told("The verdict.", "accepted")]
 
 
-class AcceptanceShown(Answered):
+class AcceptanceShown(ResponseBody):
     """The error on readings held out, held to limits with guard bands (ISO 14253-1)."""
 
     verdict: Annotated[
@@ -157,10 +157,10 @@ class AcceptanceShown(Answered):
     model: Annotated[str, told("The model that was judged.", "base model with the effects found")]
     readings: Annotated[int, told("Number of readings.", 120)]
     rule: Annotated[str, told("The decision rule in words.", "Accepted where ...")]
-    criteria: Annotated[list[Criterion], told("Every figure that has a limit.", [])]
+    criteria: Annotated[list[CriterionResponse], told("Every figure that has a limit.", [])]
 
 
-class FitShown(Answered):
+class FitShown(ResponseBody):
     data: Annotated[DataShown, told("The readings.", {"readings": 300})]
     faulty_rows: Annotated[list[int | str], told("Ids of readings that do not belong.", [])]
     left_out: Annotated[list[LeftOut], told("Readings that took no part.", [])]
@@ -176,31 +176,34 @@ class FitShown(Answered):
     ending: Annotated[
         Literal["converged", "round limit", "no descent"], told("Why the fit ended.", "converged")
     ]
-    offsets: Annotated[list[Offset], told("Targets that lie elsewhere than stated.", [])]
-    dropped: Annotated[list[Dropped], told("Parameters that the readings do not determine.", [])]
+    offsets: Annotated[list[TargetOffsetResponse], told("Targets that lie elsewhere than stated.", [])]
+    dropped: Annotated[
+        list[DroppedParameterResponse], told("Parameters that the readings do not determine.", [])
+    ]
     warnings: Warnings
     holdout: Annotated[str, told("How readings were held out.", "random")]
     error_nominal_mm: Annotated[
-        Errors | None, told("Of the nominal robot, placed, on readings held out, mm.", ERRORS)
+        ErrorStatisticsResponse | None,
+        told("Of the nominal robot, placed, on readings held out, mm.", ERRORS),
     ]
     acceptance: Annotated[AcceptanceShown | None, told("Where limits were given.", None)] = None
 
 
-class Correlation(Answered):
+class Correlation(ResponseBody):
     """Two parameters whose errors go together."""
 
     between: Annotated[list[str], told("Their names.", ["a2", "d4"])]
     correlation: Annotated[float | None, told("From -1 to 1, no unit.", 0.93)]
 
 
-class Leverage(Answered):
+class Leverage(ResponseBody):
     """A reading on which the fit leans."""
 
     reading: Reading
     leverage: Share
 
 
-class Spread(Answered):
+class Spread(ResponseBody):
     """Expanded uncertainty of predicted positions, mm."""
 
     median: Annotated[float | None, told("Median, mm.", 0.14)]
@@ -208,7 +211,7 @@ class Spread(Answered):
     max: Annotated[float | None, told("The largest, mm.", 0.41)]
 
 
-class PredictedU(Answered):
+class PredictedU(ResponseBody):
     """The expanded uncertainty of predicted positions."""
 
     coverage_factor: Annotated[float, told("Number of standard uncertainties.", 2)]
@@ -226,18 +229,18 @@ class IdentificationResult(FitShown):
     """An identification (`truepose-identification/1`)."""
 
     format: Annotated[Literal["truepose-identification/1"], told("The format.", "truepose-identification/1")]
-    parameters: Annotated[list[Parameter], told("Every parameter.", [])]
+    parameters: Annotated[list[ParameterResponse], told("Every parameter.", [])]
     correlations: Annotated[list[Correlation], told("Those above 0.9.", [])]
     high_leverage: Annotated[list[Leverage], told("Readings on which the fit leans.", [])]
     predicted_u_mm: Annotated[
         PredictedU, told("Expanded uncertainty of positions, mm.", {"coverage_factor": 2})
     ]
     error_identified_mm: Annotated[
-        Errors | None, told("Of the identified model, on readings held out, mm.", ERRORS)
+        ErrorStatisticsResponse | None, told("Of the identified model, on readings held out, mm.", ERRORS)
     ]
 
 
-class LoadShown(Answered):
+class LoadShown(ResponseBody):
     """A mass on the arm."""
 
     link: Annotated[int, told("Number of the link that bears it.", 6)]
@@ -245,7 +248,7 @@ class LoadShown(Answered):
     cog_mm: Annotated[list[float], told("Its centre in the frame of the link, mm.", [0.0, 0.0, 60.0])]
 
 
-class RobotTable(Answered):
+class RobotTable(ResponseBody):
     """The nominal robot: its DH table and limits."""
 
     name: Annotated[str, told("The robot file's name.", "abb-irb120")]
@@ -259,7 +262,7 @@ class RobotTable(Answered):
     upper: Annotated[list[float], told("Upper joint limits, rad.", [2.88, 1.92])]
 
 
-class ModelEffect(Answered):
+class ModelEffect(ResponseBody):
     """An effect of a model; its terms say on which slots of the chain it acts."""
 
     label: Annotated[str, told("Its label.", "backlash:j4")]
@@ -268,7 +271,7 @@ class ModelEffect(Answered):
     meaning: Annotated[str, told("What it means, for people.", "Joint 4 has play.")]
 
 
-class HoldsFor(Answered):
+class HoldsFor(ResponseBody):
     """The conditions at which a model was identified."""
 
     approach: Annotated[list[str], told("The side of approach of each joint.", ["both sides", "from below"])]
@@ -282,14 +285,14 @@ class HoldsFor(Answered):
     ] = None
 
 
-class HeldOut(Answered):
+class HoldOutErrorsResponse(ResponseBody):
     """The error on readings held out."""
 
     kind: Annotated[str, told("How readings were held out.", "random")]
-    error_mm: Annotated[Errors, told("The error, mm.", ERRORS)]
+    error_mm: Annotated[ErrorStatisticsResponse, told("The error, mm.", ERRORS)]
 
 
-class ModelShown(Answered):
+class ModelShown(ResponseBody):
     """A model: what it holds beside these members is for the program that wrote it."""
 
     format: Annotated[
@@ -303,7 +306,7 @@ class ModelShown(Answered):
     gravity_base: Annotated[list[float], told("Gravity in the base frame, m/s2.", [0.0, 0.0, -9.81])]
     joint_coupling: Annotated[str, told("How the controller counts coupled joints.", "none")]
     groups: Annotated[list[str], told("Labels of the base model.", ["base", "geometry"])]
-    parameters: Annotated[list[Parameter], told("Every parameter.", [])]
+    parameters: Annotated[list[ParameterResponse], told("Every parameter.", [])]
     effects: Annotated[list[ModelEffect], told("Every effect.", [])]
     covariance_internal_units: Annotated[
         list[list[float]], told("Lower triangle of the covariance, in mm and rad.", [[1.4e-05]])
@@ -319,7 +322,7 @@ class ModelShown(Answered):
     data_sha256: Annotated[str, told("Hash of the readings.", "a93c6fe109b1ae11")]
     simulated: Annotated[bool, told("Whether the readings came from simulators.", True)] = False
     holds_for: Annotated[HoldsFor, told("At which conditions it was identified.", {"temperature_c": 22.1})]
-    held_out: Annotated[HeldOut | None, told("Its error on readings held out.", None)]
+    held_out: Annotated[HoldOutErrorsResponse | None, told("Its error on readings held out.", None)]
     noise_scale: Annotated[float, told("Number of times the declared noise that is left.", 0.99)]
     content_sha256: Annotated[
         str, told("Hash of all the rest: a change by hand is noticed.", "22aa677ddb782e9a")

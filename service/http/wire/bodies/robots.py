@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from service.http.wire.bodies.told import Answered, told
+from service.http.wire.bodies.told import ResponseBody, told
 
 _HASH = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
 Moment = Annotated[str, told("When the first reading was taken, RFC 3339 UTC.", "2026-03-02T09:15:00Z")]
@@ -23,20 +23,20 @@ InWords = Annotated[str, told("What was found, in words.", "Joint 4 lost its zer
 _CAUSE = {"label": "joint_step:j4", "value": 0.031, "u": 0.004, "unit": "deg"}
 
 
-class ErrorShown(Answered):
+class ErrorShown(ResponseBody):
     """The position error that was found last."""
 
     rms: Annotated[float, told("Root mean square, mm.", 0.081)]
     u: Annotated[float | None, told("Its expanded uncertainty U (k = 2), mm.", 0.01)]
 
 
-class ErrorThen(ErrorShown):
+class ErrorOnDate(ErrorShown):
     """The position error that was found on a day."""
 
     measured: Moment
 
 
-class CauseNamed(Answered):
+class CauseNamed(ResponseBody):
     """A cause that a watch names, or an effect that a diagnosis has found."""
 
     label: Annotated[str, told("What has changed, or acts.", "joint_step:j4")]
@@ -47,7 +47,7 @@ class CauseNamed(Answered):
     weight: Annotated[float | None, told("Probability among the members of its class.", 1.0)]
 
 
-class SaidShown(Answered):
+class SaidShown(ResponseBody):
     """The words of the last watch or diagnosis."""
 
     measured: Moment
@@ -58,14 +58,14 @@ class SaidShown(Answered):
     causes: Annotated[list[CauseNamed], told("The members of the class, likeliest first.", [_CAUSE])]
 
 
-class BaselineNow(Answered):
+class BaselineNow(ResponseBody):
     """The newest calibration of a robot: not what a watch has updated."""
 
     document: DocumentHash
     measured: Moment
 
 
-class DueShown(Answered):
+class DueShown(ResponseBody):
     """The date of the next check (ILAC-G24)."""
 
     date: Annotated[
@@ -75,7 +75,7 @@ class DueShown(Answered):
     because: Annotated[str, told("Why then, or why there is no date.", "It was never checked.")]
 
 
-class RobotLine(Answered):
+class RobotLine(ResponseBody):
     """A robot in the list."""
 
     id: RobotId
@@ -105,18 +105,18 @@ class RobotLine(Answered):
         BaselineNow | None, told("The newest calibration: the baseline of the next watch.", None)
     ]
     error_mm: Annotated[ErrorShown | None, told("The last position error, mm.", {"rms": 0.081, "u": 0.01})]
-    errors: Annotated[list[ErrorThen], told("The last 24 position errors, oldest first, mm.", [])]
+    errors: Annotated[list[ErrorOnDate], told("The last 24 position errors, oldest first, mm.", [])]
     due: Annotated[DueShown, told("When the next check is due.", {"date": None, "overdue": False})]
 
 
-class NotKept(Answered):
+class NotKept(ResponseBody):
     """A result of this service that is not in the history."""
 
     path: Annotated[str, told("Where it lies in the record; empty: all of them.", "diagnoses/X/result.json")]
     because: Annotated[str, told("Why it is not.", "names no serial number of the robot.")]
 
 
-class _OfStore(Answered):
+class _OfStore(ResponseBody):
     store: Annotated[
         str,
         told("The address of the store, without its password.", "sqlite:////var/history.sqlite3"),
@@ -143,14 +143,14 @@ class Robots(_OfStore):
     not_kept: Annotated[list[NotKept], told("Results of this service that are not in the store.", [])]
 
 
-class ResultHere(Answered):
+class ResultHere(ResponseBody):
     """The result of this service that a document is."""
 
     kind: Annotated[Literal["run", "diagnosis", "watch", "upkeep", "loop"], told("What it is.", "diagnosis")]
     id: Annotated[str, told("Its id.", "20261121-170459-3f9a1c07b2e")]
 
 
-class LineShown(Answered):
+class LineShown(ResponseBody):
     """A document of a robot and what it says."""
 
     measured: Moment
@@ -172,13 +172,13 @@ class LineShown(Answered):
     ]
 
 
-class RobotShown(RobotLine, _OfStore):
+class RobotResponse(RobotLine, _OfStore):
     """One robot: its line, and its documents."""
 
     history: Annotated[list[LineShown], told("Its documents, newest first.", [])]
 
 
-class TrendValue(Answered):
+class TrendValue(ResponseBody):
     """A value of a parameter."""
 
     measured: Moment
@@ -193,7 +193,7 @@ class TrendValue(Answered):
     )
 
 
-class TrendShown(Answered):
+class TrendResponse(ResponseBody):
     """The values of one parameter over time, and its control chart."""
 
     parameter: Annotated[str, told("Its name, as the model has it; error_rms: the position error.", "theta4")]
@@ -205,17 +205,17 @@ class TrendShown(Answered):
     left_out: Annotated[int, told("Number of older values that are not in the answer.", 0)]
 
 
-class Trends(Answered):
+class Trends(ResponseBody):
     """The trends of a robot."""
 
     format: Annotated[Literal["truepose-history/1"], told("The format.", "truepose-history/1")]
     id: RobotId
     serial: Serial
     model: Type
-    trends: Annotated[list[TrendShown], told("One for every parameter, by name.", [])]
+    trends: Annotated[list[TrendResponse], told("One for every parameter, by name.", [])]
 
 
-class AddedShown(Answered):
+class AddedDocument(ResponseBody):
     """The outcome for one document."""
 
     kind: Annotated[DocumentKind, told("What it is.", "model")]
@@ -233,9 +233,9 @@ class AddedShown(Answered):
     contradicts: Annotated[list[str], told("Hashes of those other contents.", [])]
 
 
-class Added(Answered):
+class AddResponse(ResponseBody):
     """The outcome for all that was sent."""
 
     format: Annotated[Literal["truepose-history/1"], told("The format.", "truepose-history/1")]
     robot_id: RobotId
-    added: Annotated[list[AddedShown], told("One for every document.", [])] = Field(default_factory=list)
+    added: Annotated[list[AddedDocument], told("One for every document.", [])] = Field(default_factory=list)

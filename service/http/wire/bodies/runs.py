@@ -8,8 +8,17 @@ from pydantic import Field
 
 from acquisition import State
 from drivers.interfaces import Answer
-from service.http.wire.bodies.diagnoses import LoopResult
-from service.http.wire.bodies.told import Answered, Created, Id, Name, ProblemShown, Simulated, Version, told
+from service.http.wire.bodies.diagnoses import LoopResponse
+from service.http.wire.bodies.told import (
+    Created,
+    Id,
+    Name,
+    ProblemShown,
+    ResponseBody,
+    Simulated,
+    Version,
+    told,
+)
 
 RunState = Annotated[State, told("What it does; `state_code` is its number.", "running")]
 StateCode = Annotated[
@@ -32,7 +41,7 @@ EventKind = Literal[
 """Every kind of event that a record may hold."""
 
 
-class EntryShown(Answered):
+class EntryShown(ResponseBody):
     """Numbers that are to be typed beside the answer confirm."""
 
     names: Annotated[list[str], told("What the numbers are, in their order.", ["x", "y", "z"])]
@@ -43,7 +52,7 @@ class EntryShown(Answered):
     needed: Annotated[bool, told("False: confirm alone says that the display shows just that.", True)]
 
 
-class PromptShown(Answered):
+class PromptShown(ResponseBody):
     """A question to a person."""
 
     id: Annotated[str, told("Its id, for the path of the answer.", "p7")]
@@ -53,7 +62,7 @@ class PromptShown(Answered):
     entry: Annotated[EntryShown | None, told("Numbers to be typed; null: none.", None)] = None
 
 
-class LastReading(Answered):
+class LastReading(ResponseBody):
     """The last good reading: a point of a tracker, or a distance of a ballbar."""
 
     attempt: Annotated[int, told("Number of the attempt in the record.", 118)]
@@ -80,7 +89,7 @@ class LastReading(Answered):
     length_mm: Annotated[float | None, told("Of a distance, its length, mm.", 300.012)] = None
 
 
-class Drift(Answered):
+class DriftResponse(ResponseBody):
     """How far the reference pose is from where it was first."""
 
     readings: Annotated[int, told("Number of readings of the reference pose.", 6)]
@@ -90,24 +99,24 @@ class Drift(Answered):
     t_s: Annotated[float, told("When that was, s since the start of the campaign.", 5400.0)]
 
 
-class Streams(Answered):
+class StreamCounts(ResponseBody):
     """Counts of the two streams of a path."""
 
     robot: Annotated[int, told("Number of the robot's.", 12500)] = 0
     instrument: Annotated[int, told("Number of the instrument's.", 1000)] = 0
 
 
-class PathShown(Answered):
+class PathShown(ResponseBody):
     """How far a path has come that is recorded in motion."""
 
     attempt: Annotated[int, told("Number of the attempt in the record.", 3)]
     waypoint: Annotated[int, told("Number of the last waypoint that was reached.", 17)]
     of: Annotated[int, told("Number of waypoints.", 38)]
-    samples: Annotated[Streams, told("Samples so far.", {"robot": 12500, "instrument": 1000})]
-    lost: Annotated[Streams, told("Samples that are missing.", {"robot": 0, "instrument": 0})]
+    samples: Annotated[StreamCounts, told("Samples so far.", {"robot": 12500, "instrument": 1000})]
+    lost: Annotated[StreamCounts, told("Samples that are missing.", {"robot": 0, "instrument": 0})]
 
 
-class DeviceError(Answered):
+class DeviceError(ResponseBody):
     """A failure of a device, or of the record."""
 
     code: Annotated[int, told("Number of the kind of error; no unit.", 2001)]
@@ -119,7 +128,7 @@ class DeviceError(Answered):
     what_to_do: Annotated[str, told("One sentence for the person at the cell.", "Clear the line of sight.")]
 
 
-class RunShown(Answered):
+class RunResponse(ResponseBody):
     """A run. `version` grows with everything that happens to it."""
 
     id: Id
@@ -134,9 +143,9 @@ class RunShown(Answered):
     prompt: Annotated[PromptShown | None, told("The question that waits for its answer.", None)]
     last_reading: Annotated[LastReading | None, told("The last good reading.", None)]
     seconds_left: Annotated[float | None, told("Until the end, s; null where it is not known.", 840.0)]
-    drift: Annotated[Drift | None, told("Of the reference pose; null before its second reading.", None)] = (
-        None
-    )
+    drift: Annotated[
+        DriftResponse | None, told("Of the reference pose; null before its second reading.", None)
+    ] = None
     path: Annotated[PathShown | None, told("How far a path has come.", None)] = None
     unprotected: Annotated[
         int, told("Number of readings without a checksum; always 0: every one has it.", 0)
@@ -150,7 +159,7 @@ class RunShown(Answered):
     ] = Field(default_factory=list)
 
 
-class LoopKept(Answered):
+class LoopKept(ResponseBody):
     """The kept document of a closed loop: what every file of one must hold."""
 
     id: Id
@@ -170,11 +179,11 @@ class LoopShown(LoopKept):
     reason: Ended
     step: Annotated[str, told("What it does now.", "diagnosis")]
     steps: Annotated[list[str], told("What it has done, the last in hand.", ["campaign", "diagnosis"])]
-    run: Annotated[RunShown | None, told("The run in hand.", None)]
+    run: Annotated[RunResponse | None, told("The run in hand.", None)]
     dataset_id: Annotated[str | None, told("The id of its readings, once it is through.", None)]
     simulated: Simulated
     problem: Annotated[ProblemShown | None, told("What it failed or rests for.", None)]
-    result: Annotated[LoopResult | None, told("The diagnosis and its verification.", None)]
+    result: Annotated[LoopResponse | None, told("The diagnosis and its verification.", None)]
     report: Annotated[
         str | None, told("The path of its report.", "/api/v1/reports/20261121-170459-3f9a1c07b2e")
     ]
@@ -183,7 +192,7 @@ class LoopShown(LoopKept):
     ] = Field(default_factory=list)
 
 
-class EventShown(Answered):
+class EventShown(ResponseBody):
     """One event of a run: a line of `events.jsonl`, or the `data` of one server-sent event.
 
     In the stream `id` is also the field `id` and `kind` the field `event`.
@@ -201,19 +210,19 @@ class EventShown(Answered):
     ]
 
 
-class Runs(Answered):
+class Runs(ResponseBody):
     """Every run."""
 
-    runs: Annotated[list[RunShown], told("Newest first.", [])]
+    runs: Annotated[list[RunResponse], told("Newest first.", [])]
 
 
-class Loops(Answered):
+class LoopList(ResponseBody):
     """Every loop."""
 
     loops: Annotated[list[LoopShown], told("Newest first.", [])]
 
 
-class Prompts(Answered):
+class Prompts(ResponseBody):
     """The prompts of a run."""
 
     prompts: Annotated[list[PromptShown], told("The one that is open, or none.", [])]

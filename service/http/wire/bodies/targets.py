@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal, NotRequired
 from pydantic import Field
 from typing_extensions import TypedDict
 
-from service.http.wire.bodies.results import ERRORS, Errors
-from service.http.wire.bodies.told import Answered, DescribedAs, told
+from service.http.wire.bodies.results import ERRORS, ErrorStatisticsResponse
+from service.http.wire.bodies.told import DescribedAs, ResponseBody, told
 
 Millimetres = Annotated[float | None, told("A length, mm; null where it is not known.", 0.412)]
 
@@ -44,7 +44,7 @@ class TargetRow(TypedDict):
     config: NotRequired[Annotated[str, told("The branch that a pose is meant in.", "front/up/noflip")]]
 
 
-class StatedConditions(Answered):
+class StatedConditionsBody(ResponseBody):
     """The conditions for which a correction or an export holds."""
 
     side_of_model_joints: Annotated[
@@ -61,7 +61,7 @@ class StatedConditions(Answered):
     )
 
 
-class TargetDone(Answered):
+class TargetDone(ResponseBody):
     """The outcome of one target."""
 
     target: Annotated[str, told("Its name.", "A")]
@@ -101,7 +101,7 @@ CarriedLeftOut = Annotated[
 ]
 
 CarriedLoss = Annotated[
-    Errors | None,
+    ErrorStatisticsResponse | None,
     told(
         "How far they move the tool, at random poses and times of the campaign, mm; null: none left out.",
         None,
@@ -109,7 +109,7 @@ CarriedLoss = Annotated[
 ]
 
 
-class Corrected(Answered):
+class CorrectionResponse(ResponseBody):
     """The outcome of the targets (`truepose-compensation/1`)."""
 
     format: Annotated[Literal["truepose-compensation/1"], told("The format.", "truepose-compensation/1")]
@@ -118,7 +118,7 @@ class Corrected(Answered):
     direction: Annotated[
         Literal["nominal to actual", "actual to nominal"], told("The direction.", "nominal to actual")
     ]
-    conditions: Annotated[StatedConditions, told("For which it holds.", {"approach_deg": 5.0})]
+    conditions: Annotated[StatedConditionsBody, told("For which it holds.", {"approach_deg": 5.0})]
     corrected: Annotated[int, told("Number of targets that were corrected.", 12)]
     refused: Annotated[int, told("Number of targets that stay as they were.", 0)]
     empty: Annotated[int, told("Number of targets that were never taught.", 0)]
@@ -130,7 +130,7 @@ class Corrected(Answered):
     warnings: Annotated[list[str], told("What keeps the correction from meaning what it seems to.", [])]
 
 
-class CorrectedTargets(Corrected):
+class CorrectedTargets(CorrectionResponse):
     """Corrected targets, as `csv` and as `rows`, and what became of each."""
 
     csv: Annotated[str, told("The table as text.", "target_id,j1_deg\nA,10.012\n")]
@@ -140,7 +140,7 @@ class CorrectedTargets(Corrected):
     ]
 
 
-class CorrectedProgram(Corrected):
+class CorrectedProgram(CorrectionResponse):
     """A corrected program, and what became of each of its targets."""
 
     name: Annotated[str, told("The name of the program that was sent.", "WELD.mod")]
@@ -152,7 +152,7 @@ class CorrectedProgram(Corrected):
 ExportKind = Literal["ur-yaml", "urdf", "dh-csv", "dh-md", "mastering"]
 
 
-class ModelExport(Answered):
+class ModelExport(ResponseBody):
     """The file's text, and what this format leaves out."""
 
     format: Annotated[Literal["truepose-model-export/1"], told("The format.", "truepose-model-export/1")]
@@ -162,11 +162,14 @@ class ModelExport(Answered):
     text: Annotated[str, told("The whole text of the file.", "<?xml ...")]
     carries: Annotated[str, told("What the format carries.", "joint origins")]
     left_out: Annotated[list[str], told("Parameters that it cannot carry.", ["compliance:j2"])]
-    conditions: Annotated[StatedConditions, told("For which it holds.", {"approach_deg": 5.0})]
+    conditions: Annotated[StatedConditionsBody, told("For which it holds.", {"approach_deg": 5.0})]
     loss_mm: Annotated[
-        Errors, told("The file, read back, against the whole model, at random poses, mm.", ERRORS)
+        ErrorStatisticsResponse,
+        told("The file, read back, against the whole model, at random poses, mm.", ERRORS),
     ]
-    nominal_mm: Annotated[Errors, told("The nominal robot against the whole model, mm.", ERRORS)]
+    nominal_mm: Annotated[
+        ErrorStatisticsResponse, told("The nominal robot against the whole model, mm.", ERRORS)
+    ]
     held_out_rms_mm: Annotated[
         float | None, told("The model's own error on readings held out, RMS, mm.", 0.04)
     ]

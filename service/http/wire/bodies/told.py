@@ -51,7 +51,7 @@ def _first_of_a_list(schema: Any) -> Any:
     return schema
 
 
-class Body(BaseModel):
+class RequestBody(BaseModel):
     """A request; strict, and nothing that nobody reads.
 
     A list is refused for its first wrong value and a request for its first hundred: to describe each of a hundred
@@ -77,7 +77,7 @@ class Body(BaseModel):
             ) from None
 
 
-class Answered(BaseModel):
+class ResponseBody(BaseModel):
     """A response; members may be added in time. What checks it is made when it is first sent: all of them together were
     a seventh of the start of the service."""
 
@@ -132,7 +132,7 @@ Joints = Annotated[
 ]
 
 
-class ProblemShown(Answered):
+class ProblemShown(ResponseBody):
     """RFC 9457, with a sentence on what happened and one on what to do.
 
     Some have more: `key` or `line` of what was sent, `run_id` of the run that uses the robot, `open_prompt_id`,

@@ -6,14 +6,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from service.http.wire.bodies.asked import ToJudge
+from service.http.wire.bodies.asked import JudgeRequest
 from service.http.wire.bodies.results import AcceptanceShown, DataShown, Number, Unit
-from service.http.wire.bodies.told import Answered, told
+from service.http.wire.bodies.told import ResponseBody, told
 
 _MODEL_ID = "20261121-170459-3f9a1c07b2e"
 
 
-class ValidationAsked(ToJudge):
+class ValidationAsked(JudgeRequest):
     """A data set, and the model to judge on it; without a model kinds of hold-out are compared."""
 
     model_id: Annotated[
@@ -31,7 +31,7 @@ class ValidationAsked(ToJudge):
     ] = False
 
 
-class SummaryShown(Answered):
+class SummaryShown(ResponseBody):
     """Figures of n errors, in the unit of the member's name."""
 
     n: Annotated[int, told("Number of errors.", 120)]
@@ -46,7 +46,7 @@ class SummaryShown(Answered):
 Summary = Annotated[SummaryShown | None, told("Null where nothing of the kind was measured; mm, mrad.", None)]
 
 
-class SphereShown(Answered):
+class SphereShown(ResponseBody):
     """A ballbar check about one ball."""
 
     tool_target: Annotated[str, told("The target on the tool.", "T1")]
@@ -58,7 +58,7 @@ class SphereShown(Answered):
     max_mm: Annotated[float | None, told("The largest, mm.", 0.02)]
 
 
-class GroupingShown(Answered):
+class GroupingShown(ResponseBody):
     """Errors by something."""
 
     by: Annotated[str, told("By what.", "branch")]
@@ -70,7 +70,7 @@ class GroupingShown(Answered):
     )
 
 
-class JudgementShown(Answered):
+class JudgementShown(ResponseBody):
     """The errors of one model."""
 
     model: Annotated[str, told("The model.", "nominal robot, placed")]
@@ -84,7 +84,7 @@ class JudgementShown(Answered):
     groups: Annotated[list[GroupingShown], told("By branch, target, side and the like.", [])]
 
 
-class LengthRepeatability(Answered):
+class LengthRepeatability(ResponseBody):
     """The scatter of distances that were measured again."""
 
     poses: Annotated[int, told("Number of poses.", 8)]
@@ -96,7 +96,7 @@ class LengthRepeatability(Answered):
 Angles = Annotated[list[float | None] | None, told("About x, y, z, mrad.", [0.1, 0.1, 0.2])]
 
 
-class RepeatedPose(Answered):
+class RepeatedPose(ResponseBody):
     """Pose accuracy and repeatability (ISO 9283)."""
 
     first_reading: Annotated[int | str, told("Id of its first reading.", 301)]
@@ -110,7 +110,7 @@ class RepeatedPose(Answered):
     vAP_xyz_mrad: Angles
 
 
-class RepeatedDistance(Answered):
+class RepeatedDistance(ResponseBody):
     """Distance accuracy and repeatability (ISO 9283)."""
 
     first_readings: Annotated[list[int | str], told("Ids of the two first readings.", [301, 331])]
@@ -119,7 +119,7 @@ class RepeatedDistance(Answered):
     RD_mm: Annotated[float | None, told("Distance repeatability, mm.", 0.03)]
 
 
-class Iso9283(Answered):
+class Iso9283(ResponseBody):
     """Figures of ISO 9283, where poses were visited again."""
 
     visits_of_the_standard: Annotated[int, told("Number of visits that the standard asks for.", 30)]
@@ -127,7 +127,7 @@ class Iso9283(Answered):
     distances: Annotated[list[RepeatedDistance], told("Distances between them.", [])]
 
 
-class DifferenceShown(Answered):
+class DifferenceShown(ResponseBody):
     """A parameter in two calibrations."""
 
     name: Annotated[str, told("Its name.", "theta2")]
@@ -140,7 +140,7 @@ class DifferenceShown(Answered):
     e_n: Number
 
 
-class ComparisonShown(Answered):
+class ComparisonShown(ResponseBody):
     """Two calibrations side by side."""
 
     models: Annotated[list[str], told("Their names.", ["a", "b"])]
@@ -148,7 +148,7 @@ class ComparisonShown(Answered):
     prediction_difference_mm: Summary
 
 
-class HoldOutShown(Answered):
+class HoldOutShown(ResponseBody):
     """One kind of hold-out."""
 
     kind: Annotated[str, told("How readings were held out.", "random")]
@@ -157,7 +157,7 @@ class HoldOutShown(Answered):
     left_out: Annotated[int, told("Number of readings that nothing can be said about.", 0)]
 
 
-class ValidationResult(Answered):
+class ValidationResult(ResponseBody):
     """A model judged on readings, or kinds of hold-out side by side."""
 
     format: Annotated[Literal["truepose-validation/1"], told("The format.", "truepose-validation/1")]

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from service.http.wire.bodies.campaign import Campaign
-from service.http.wire.bodies.results import Device, Measured
-from service.http.wire.bodies.told import Answered, Body, Joints, told
+from service.http.wire.bodies.results import DeviceResponse, MeasuredPeriod
+from service.http.wire.bodies.told import Joints, RequestBody, ResponseBody, told
 
 _ID = "20261121-170459-3f9a1c07b2e"
 _HASH = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
@@ -45,7 +45,7 @@ RunningS = Annotated[
 ]
 
 
-class OfBaseline(Body):
+class BaselineReference(RequestBody):
     """The model of the calibration: by the id of the job that found it, or by the hash of a document of the history."""
 
     model_id: Annotated[str, told("The id of the model (that of its job).", _ID, max_length=200)] = ""
@@ -61,7 +61,7 @@ class OfBaseline(Body):
         return self
 
 
-class OfReadings(OfBaseline):
+class ReadingsReference(BaselineReference):
     """Readings to judge by a baseline: a data set, or a run whose readings are made one."""
 
     dataset_id: Annotated[str, told("The id of the readings.", _ID, max_length=200)] = ""
@@ -79,7 +79,7 @@ class OfReadings(OfBaseline):
         return self
 
 
-class WatchPlanAsked(OfBaseline):
+class WatchPlanAsked(BaselineReference):
     """Which check poses to choose in the cell of this service; nothing moves."""
 
     poses: Annotated[int, told("Number of poses to visit.", 10, ge=1, le=200)] = 10
@@ -110,7 +110,7 @@ class WatchPlanAsked(OfBaseline):
     seed: Annotated[int, told("Draws the candidates; no unit.", 1, ge=0, le=2**53)] = 1
 
 
-class WatchAsked(OfReadings):
+class WatchRequestBody(ReadingsReference):
     """Check poses to judge."""
 
     new_frame: NewFrame = False
@@ -120,11 +120,11 @@ class WatchAsked(OfReadings):
     ] = True
 
 
-class UpkeepAsked(OfReadings):
+class UpkeepAsked(ReadingsReference):
     """A few readings between watches, that say how warm the arm is."""
 
 
-class CauseSeen(Answered):
+class CauseSeen(ResponseBody):
     """A cause, and from which size a plan shows it."""
 
     label: Annotated[str, told("The cause.", "joint_step:j4")]
@@ -142,14 +142,14 @@ class CauseSeen(Answered):
     ]
 
 
-class NestsSeen(Answered):
+class NestsSeen(ResponseBody):
     """The nests, which are measured again half-way."""
 
     limit_mm: Annotated[float | None, told("The limit of the check, mm.", 0.06)]
     seen_from_mm: Annotated[float | None, told("A nest that moved so far is seen, mm.", 0.1)]
 
 
-class WorstSeen(Answered):
+class WorstSeen(ResponseBody):
     """A cause and the size from which it is seen."""
 
     label: Annotated[str, told("The cause.", "backlash:j6")]
@@ -158,7 +158,7 @@ class WorstSeen(Answered):
     ]
 
 
-class ProposalShown(Answered):
+class ProposalShown(ResponseBody):
     """A choice of targets, visits and readings that detects every cause."""
 
     targets: Annotated[list[str], told("Names of targets.", ["T1", "T2"])]
@@ -171,7 +171,7 @@ class ProposalShown(Answered):
     ]
 
 
-class WatchPlanResult(Answered):
+class WatchPlanResult(ResponseBody):
     """Check poses, what they will show, and the campaign that visits them: POST it to /runs."""
 
     format: Annotated[Literal["truepose-watch-plan/1"], told("The format.", "truepose-watch-plan/1")]
@@ -202,7 +202,7 @@ class WatchPlanResult(Answered):
     campaign: Annotated[Campaign, told("The campaign of the check poses.", CAMPAIGN)]
 
 
-class QuestionShown(Answered):
+class QuestionShown(ResponseBody):
     """One test: of this watch, or of the mean over watches."""
 
     watches: Annotated[int, told("Number of watches that it is about.", 1)]
@@ -214,7 +214,7 @@ class QuestionShown(Answered):
     alarm: Annotated[bool, told("Whether it says that something has changed.", False)]
 
 
-class SizeShown(Answered):
+class SizeShown(ResponseBody):
     """A size with its uncertainty."""
 
     value: Annotated[float | None, told("The size, in `unit`.", 0.031)]
@@ -222,7 +222,7 @@ class SizeShown(Answered):
     unit: Annotated[str, told("The unit.", "deg")]
 
 
-class ChangedShown(Answered):
+class ChangedShown(ResponseBody):
     """A parameter that has changed."""
 
     name: Annotated[str, told("Its name.", "zero_j4")]
@@ -231,7 +231,7 @@ class ChangedShown(Answered):
     unit: Annotated[str, told("The unit.", "deg")]
 
 
-class WatchCause(Answered):
+class WatchCause(ResponseBody):
     """A cause of the class that the readings leave."""
 
     label: Annotated[str, told("The cause.", "joint_step:j4")]
@@ -241,7 +241,7 @@ class WatchCause(Answered):
     in_words: Annotated[str, told("What has changed, a sentence.", "Joint 4 lost its zero by 0.031 deg.")]
 
 
-class MissedShown(Answered):
+class MissedShown(ResponseBody):
     """The error of the baseline at the check poses."""
 
     n: Annotated[int, told("Number of values.", 10)]
@@ -250,11 +250,11 @@ class MissedShown(Answered):
     u: Annotated[float | None, told("U of the RMS by instrument and frame, k = 2, mm.", 0.01)]
 
 
-class _Judged(Answered):
+class _Judged(ResponseBody):
     program: Annotated[str, told("The program that judged.", "truepose 0.1.0")]
     robot: Annotated[str, told("The robot file's name.", "abb-irb120")]
-    device: Annotated[list[Device], told("Robot and instrument.", [])]
-    measured: Annotated[Measured | None, told("When.", None)]
+    device: Annotated[list[DeviceResponse], told("Robot and instrument.", [])]
+    measured: Annotated[MeasuredPeriod | None, told("When.", None)]
     simulated: Annotated[bool, told("Whether simulators were measured.", False)]
     exit_code: Annotated[
         int, told("The number for a PLC: 0 act on nothing, 3 changed, 6 cause unknown; no unit.", 0)
@@ -289,7 +289,7 @@ class WatchResult(_Judged):
     ]
 
 
-class ThermalShown(Answered):
+class ThermalShown(ResponseBody):
     """A thermal parameter, before and now."""
 
     name: Annotated[str, told("Its name.", "arm_growth")]
