@@ -221,7 +221,8 @@ def alignment(folder: Path, order: dict[str, Any], name: str) -> None:
     from service.files import as_json
     from service.kept_dataset import CSV, keep_dataset
     from service.report.figures.motion import motion_picture
-    from service.results.files.alignment import AlignmentRequest, aligned_of, document
+    from service.results.files.alignment import aligned_of, document
+    from service.results.files.alignment_request import AlignmentRequest
 
     result = aligned_of(
         folder / ROBOT, folder / TRACKER, AlignmentRequest(**{**order, "tool": tuple(order["tool"])})

@@ -1,6 +1,6 @@
 """Many data sets diagnosed by many workers, every result once, in the store (docs/decisions/0081)."""
 
-from fleet.diagnose.batch import REFUSED, DatasetSource, DiagnosisOrder, EngineGone, in_files, in_store
+from fleet.diagnose.batch import DatasetSource, DiagnosisOrder, EngineGone, in_files, in_store
 from fleet.diagnose.call import diagnose_all, for_workers
 from fleet.diagnose.changes import (
     VersionComparison,
@@ -11,7 +11,8 @@ from fleet.diagnose.changes import (
     release,
     this_program,
 )
-from fleet.diagnose.run import ProgressCounts
+from fleet.diagnose.progress import ProgressCounts
+from fleet.diagnose.statement import REFUSED
 
 __all__ = [
     "REFUSED",

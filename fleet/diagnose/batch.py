@@ -18,11 +18,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import threading
 import time
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,15 +29,14 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from calib.data import Dataset, read_dataset
-from calib.diagnose import MOST_EFFECTS, DiagnosedEffect, DiagnosisFit, diagnose
+from calib.diagnose import MOST_EFFECTS, DiagnosisFit, diagnose
 from calib.errors import DataError
-from calib.fit import ErrorStatistics
-from calib.saved import parameters_of
 from calib.text import decoded, parse_toml, read_bytes
+from fleet.diagnose import statement
 from fleet.diagnose.changes import this_program
 from fleet.errors import StoreError, StoreGone
 from fleet.store import FleetJob, FleetStore, Work, dataset_content, dataset_texts, utc_now
-from fleet.store.rediagnosed import FORMAT, TASK
+from fleet.store.rediagnosed import TASK
 
 MOST = 10_000_000  # data sets of a store
 
@@ -155,12 +153,7 @@ def _refuse_another(source: DatasetSource) -> None:
 
 
 LEASE_S = 20.0
-
 """How long a claim holds without being renewed: so long a lost worker's data sets wait for another command."""
-
-REFUSED = "refused"
-
-"""The verdict of a data set that cannot be used."""
 
 
 @dataclass(frozen=True)
@@ -230,7 +223,7 @@ def work_off(
                 content = json.dumps(result, allow_nan=False).encode()
                 if store.work.finish(job, order.owner, content, utc_now(), spent):
                     done += 1
-                    refused += result["verdict"] == REFUSED
+                    refused += result["verdict"] == statement.REFUSED
                 else:
                     twice += 1
                 seconds += spent
@@ -246,11 +239,11 @@ def _statement(
     """The statement kept of one data set: its diagnosis, or its refusal. Raises Unseen, StoreError."""
     try:
         with opened(source, store) as dataset:
-            return of_diagnosis(source.name, find(dataset, most=most))
+            return statement.of_diagnosis(source.name, find(dataset, most=most))
     except StoreError:  # says nothing about the data
         raise
     except DataError as error:
-        return of_refusal(source.name, error)
+        return statement.of_refusal(source.name, error)
 
 
 @contextmanager
@@ -272,81 +265,6 @@ def _renewed(work: Work, jobs: Sequence[FleetJob], order: DiagnosisOrder) -> Ite
     finally:
         over.set()
         thread.join()
-
-
-def of_diagnosis(name: str, found: DiagnosisFit) -> dict[str, Any]:
-    """Verdict, effects and errors on held-out readings (mm) of a data set of this name."""
-    data = found.dataset
-    return {
-        "format": FORMAT,
-        "name": name,
-        "robot": data.header.robot.name,
-        "simulated": data.header.simulated,
-        "readings": int(data.fit_rows.sum()),
-        "held_out": int(data.validation_rows.sum()),
-        "verdict": found.verdict,
-        "effects": [_effect(each) for each in found.effects],
-        "error_nominal_mm": _errors(found.error_nominal),
-        "error_before_mm": _errors(found.error_before),
-        "error_after_mm": _errors(found.error_after),
-        "parameters": _parameters(found) if found.final.converged else [],
-        "structure": [each.where for each in found.structure],
-        "converged": bool(found.final.converged),
-    }
-
-
-def of_refusal(name: str, error: DataError) -> dict[str, Any]:
-    """The fault of a data set of this name and what to do; line and key where there are some. No path: the file
-    may have lain in a folder of its own for the time of the reading."""
-    return {
-        "format": FORMAT,
-        "name": name,
-        "verdict": REFUSED,
-        "what": error.what,
-        "do": error.do,
-        "line": error.line,
-        "key": error.key,
-    }
-
-
-def _parameters(found: DiagnosisFit) -> list[dict[str, Any]]:
-    """The parameters of the base model and of named effects, as trends take them."""
-    final = found.final
-    carried = {p.name for e in final.model.effects if e.is_carried for p in e.parameters}
-    entries = parameters_of(final.model, final.estimate, final.standard_errors)
-    return [
-        {"name": e["name"], "value": _short(e["value"]), "std": _short(e["std"]), "unit": e["unit"]}
-        for e in entries
-        if e["name"] not in carried
-    ]
-
-
-def _short(value: float) -> float | None:
-    """Numbers to nine digits: a hundred thousand of these tables are kept."""
-    return float(f"{value:.9g}") if math.isfinite(value) else None
-
-
-def _effect(found: DiagnosedEffect) -> dict[str, Any]:
-    value, std, unit = found.effect.amplitude(found.values, found.covariance)
-    return {
-        "label": found.effect.label,
-        "value": _number(value),
-        "std": _number(std),
-        "unit": unit,
-        "p_value": _number(found.evidence.p_value),
-        "rivals": [label for label in found.evidence.candidates if label != found.effect.label],
-    }
-
-
-def _errors(errors: ErrorStatistics | None) -> Mapping[str, float | int | None] | None:
-    if errors is None:
-        return None
-    return {"n": errors.n, **{key: _number(getattr(errors, key)) for key in ("rms", "p95", "max")}}
-
-
-def _number(value: float) -> float | None:
-    """JSON knows neither NaN nor infinity."""
-    return float(value) if math.isfinite(value) else None
 
 
 class EngineGone(DataError):

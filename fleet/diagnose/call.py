@@ -17,7 +17,7 @@ from sqlalchemy import exc
 
 from calib.errors import DataError
 from fleet.diagnose.batch import DatasetSource, DiagnosisOrder
-from fleet.diagnose.run import ProgressCounts
+from fleet.diagnose.progress import ProgressCounts
 from fleet.errors import StoreGone
 from fleet.store import FleetStore, utc_now
 

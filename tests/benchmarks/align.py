@@ -16,7 +16,8 @@ import numpy as np
 
 from calib import load_robot
 from calib.motion import Aligned, JointStream, PointStream, align
-from service.results.files.alignment import AlignmentRequest, aligned_of
+from service.results.files.alignment import aligned_of
+from service.results.files.alignment_request import AlignmentRequest
 from tests.benchmarks.clock import line
 from tests.calib.bending import gears
 from tests.calib.moving import TOOL, Moving, simulate, write_robot, write_tracker

@@ -13,7 +13,7 @@ from calib.arm.robot import BUILT_IN
 from calib.data.read import read_dataset
 from calib.motion import SLOW_MM_S
 from service.cli import main
-from service.results.files import alignment
+from service.results.files import alignment_request
 from tests.calib.moving import TOOL, Moving, simulate, write_robot, write_tracker
 from tests.service.test_http_support import problem, served
 
@@ -219,4 +219,4 @@ def test_over_http(folder: Path, moving: Moving, tmp_path: Path) -> None:
 
 
 def test_the_service_takes_for_still_what_the_alignment_does() -> None:
-    assert alignment.SLOW_MM_S == SLOW_MM_S
+    assert alignment_request.SLOW_MM_S == SLOW_MM_S

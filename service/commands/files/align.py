@@ -18,7 +18,7 @@ from service.files import STANDARD_OUTPUT
 from service.printed import alignment_tables
 from service.printed.terminal import Terminal
 from service.results.files import alignment
-from service.results.files.alignment import HOLDOUT, SEED, AlignmentRequest
+from service.results.files.alignment_request import HOLDOUT, SEED, AlignmentRequest
 
 
 def align_command(

@@ -49,7 +49,7 @@ from service.names import new_id, safe_id
 from service.plain import utc_text
 from service.refusals import REFUSALS
 from service.results.cell import placements
-from service.results.files.alignment import AlignmentRequest
+from service.results.files.alignment_request import AlignmentRequest
 from service.results.judgement.acceptance import AcceptanceLimits
 
 MOST_WAITING = 50

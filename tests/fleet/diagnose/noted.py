@@ -6,15 +6,15 @@ import os
 from pathlib import Path
 from typing import Any
 
-from fleet.diagnose import batch
+from fleet.diagnose import batch, statement
 
 NOTED = "TRUEPOSE_NOTED"
 
 
 class Noting:
-    """`fleet.diagnose.batch`, which notes that it was asked."""
+    """`fleet.diagnose.statement`, which notes that it was asked."""
 
-    REFUSED = batch.REFUSED
+    REFUSED = statement.REFUSED
 
     def __init__(self, file: Path) -> None:
         """file: of the notes."""
@@ -22,11 +22,11 @@ class Noting:
 
     def of_diagnosis(self, name: str, found: Any) -> Any:
         """As `statement.of_diagnosis`."""
-        return self._noted(name, batch.of_diagnosis(name, found))
+        return self._noted(name, statement.of_diagnosis(name, found))
 
     def of_refusal(self, name: str, error: Any) -> Any:
         """As `statement.of_refusal`."""
-        return self._noted(name, batch.of_refusal(name, error))
+        return self._noted(name, statement.of_refusal(name, error))
 
     def _noted(self, name: str, said: Any) -> Any:
         with self._file.open("a", encoding="utf-8") as file:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from calib.data import read_dataset
 from calib.diagnose import diagnose
-from fleet.diagnose.batch import of_diagnosis
+from fleet.diagnose.statement import of_diagnosis
 from tests.fleet.diagnose.sets import good
 
 

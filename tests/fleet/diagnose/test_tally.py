@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from fleet.diagnose.run import AHEAD, BATCH_S, ProgressCounts, size_of
+from fleet.diagnose.progress import ProgressCounts
+from fleet.diagnose.run import AHEAD, BATCH_S, size_of
 
 
 @pytest.mark.parametrize("each", [1e-9, 0.01, 1.0, 60.0])

@@ -18,7 +18,13 @@ from service.http.wire.bodies import AlignmentShown
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.work.idempotency import begun
-from service.results.files.alignment import FARTHEST_TOOL_MM, HOLDOUT, SEED, SLOW_MM_S, AlignmentRequest
+from service.results.files.alignment_request import (
+    FARTHEST_TOOL_MM,
+    HOLDOUT,
+    SEED,
+    SLOW_MM_S,
+    AlignmentRequest,
+)
 
 router = APIRouter(route_class=JsonRoute, tags=["alignments"])
 ALIGNMENTS = path_of("alignments")
