@@ -24,15 +24,10 @@ from calib.text import read_bytes
 from service.http.access.roles import Tokens
 
 _POSIX = os.name == "posix"
-
 _OTHERS = stat.S_IRWXG | stat.S_IRWXO
-
 _MOST_BYTES = 65536
-
 NAME = "tokens"
-
 VARIABLE = "TRUEPOSE_TOKEN"
-
 SHORTEST = 16
 
 

@@ -60,13 +60,9 @@ from drivers.errors import ConfigError
 from drivers.interfaces import Identity
 
 FORMAT = "truepose-cell/1"
-
 SEAT_MM = 0.005  # centring and seat of an SMR in its nest; makers state 2.5 to 12 um for the centring
-
 FALSE_ALARM = 1e-3
-
 _STRAY = 3.0  # standard deviations by which two balls may be apart from what the cell file says
-
 CARRIES_MM = 30.0  # a fixture that comes so near to the centre of a ball carries it
 
 

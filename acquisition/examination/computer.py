@@ -30,17 +30,11 @@ from acquisition.run.run import LEAST_FREE_BYTES
 from drivers.errors import LinkLost
 
 _FIXED = (3, 51, 3)
-
 _MEGABYTE = 1_000_000
-
 _EARLIEST = datetime(2026, 11, 1, tzinfo=UTC)  # no computer that runs this program can have a clock before it
-
 _LOG = logging.getLogger(__name__)
-
 _SESSION = Path("/proc/self/autogroup")
-
 WHY = "beside a busy computer a stop may take seconds to reach the robot"
-
 REMEDY = "Start it in a session of its own without nice, as a service of the system, or with less beside it."
 
 

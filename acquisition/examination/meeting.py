@@ -22,13 +22,9 @@ from drivers.errors import AcquisitionError, LinkError, ProtocolError, SafetySto
 from drivers.interfaces import Device, Identity, OperatedByPerson, weakness_of
 
 _MOST_TIMES_MORE = 3  # connected after a question without an answer, each of which takes its deadline
-
 APART_S = 0.5
-
 _RATE_OFF = 0.05
-
 _CALENDAR = (1.0e9, 4.0e9)  # seconds since 1970, from 2001 to 2096
-
 _OFFSET_S = 2.0
 
 

@@ -66,27 +66,16 @@ from calib.units import DEG
 from drivers.errors import ConfigError
 
 FEW = 1  # poses that are corrected at once where the model follows time or temperature
-
 _NEW_POSES = 77  # random stream, beside those of the plan
-
 Create = Callable[[Path, Cell, Campaign, bool], AbstractContextManager[Run]]
-
 Guard = Callable[[Run], AbstractContextManager[None]]
-
 Say = Callable[[str], None]
-
 Listen = Callable[[Run], Callable[[Event], None]]
-
 Resumed = Callable[[Run, ExecutionOutcome], bool]
-
 Compute = Callable[..., Any]
-
 Diagnose = Callable[[Path, Say], DiagnosisFit]
-
 APPROACH_DEG = -5.0  # from below on every joint (Nubiola 2.5): the condition for which corrections hold
-
 _LEVER_MM = 500.0  # that turns an angle into a length
-
 _FOLLOWS_MM = 0.002  # movement within a quarter of an hour or 0.3 K below which it does not
 
 

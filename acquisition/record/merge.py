@@ -36,7 +36,6 @@ from acquisition.record.store import RecordStore
 from acquisition.record.verification import frame_holds, read_landings, world_of
 
 _POINT = ("x_mm", "y_mm", "z_mm")
-
 _OF_ROWS = ("readings", "not_taken")
 
 _OF_A_CAMPAIGN = (
@@ -50,7 +49,6 @@ _OF_A_CAMPAIGN = (
 )
 
 _TURN = ("rot_w", "rot_x", "rot_y", "rot_z")
-
 Pair = dict[str, Individual]  # by role; what is not known is left out
 
 

@@ -21,9 +21,7 @@ from acquisition.cell.workspace import targets_at
 from acquisition.record.store import RecordStore
 
 Numbers = tuple[float, ...]
-
 _AT_POSES = "pose.kind = 'pose'"
-
 _BETWEEN = "pose.kind = 'nest' AND pose.base_target IS NOT NULL AND attempt.arrival IS NULL"
 
 # A ball of the tool that a person has jogged into a cup: no joints were planned, those read are of its arrival.

@@ -34,11 +34,8 @@ from acquisition.record.path_progress import streams_kept
 from acquisition.record.states import LEFT_BEHIND, State, check_transition
 
 Point = tuple[float, ...]
-
 COUNTED = "(kind = 'pose' OR base_target IS NOT NULL)"  # of planned readings: as `Visit.counted`
-
 _OF_NESTS = "(kind = 'nest' AND base_target IS NULL)"
-
 _STATES = frozenset(state.value for state in State)
 
 

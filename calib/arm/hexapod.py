@@ -34,15 +34,12 @@ from numpy.typing import ArrayLike, NDArray
 from calib.array import Array
 
 LEGS = ((0, 0), (0, 1), (1, 0), (1, 1), (1, 2), (2, 0))
-
 """Base ball and tool ball of every leg, in the labelling of a design."""
 
 LENGTHS = ("b12", "b23", "b31", "r11", "r21", "r31", "r12", "r22", "r23", "t12", "t23", "t31")
-
 """Order of the twelve lengths: b_ik between base balls, r_ij from B_i to T_j, t_jk between tool balls."""
 
 MODES = np.array(list(product((1.0, -1.0), repeat=3)))
-
 """(8, 3) signs of the assembly modes: T1 above the base or below it, then the sides of T2 and of T3."""
 
 _ENDS = np.array(
@@ -52,7 +49,6 @@ _ENDS = np.array(
         *((3, 4), (4, 5), (5, 3)),
     ]
 )
-
 """(12, 2) the two balls of every length: B1, B2, B3, T1, T2, T3."""
 
 # Of 6 x 3 coordinates, those that the frame of the base does not fix.

@@ -20,15 +20,11 @@ from calib.text.toml_table import refuse_unknown
 from calib.units import DEG
 
 JointKind = Literal["turns", "slides"]
-
 KINDS: tuple[JointKind, ...] = ("turns", "slides")
-
 UNITS: Mapping[JointKind, str] = {"turns": "deg", "slides": "mm"}
-
 """In which a joint is read and written outside."""
 
 FACTORS: Mapping[JointKind, float] = {"turns": DEG, "slides": 1.0}
-
 """One of these units inside: rad, mm."""
 
 _LIMITS: Mapping[JointKind, tuple[str, str]] = {
@@ -36,11 +32,8 @@ _LIMITS: Mapping[JointKind, tuple[str, str]] = {
 }
 
 _KEYS = ("alpha_deg", "a_mm", "theta_deg", "d_mm", "joint", "axis")
-
 _MEANT = {"kind": "joint", "type": "joint", "joint_type": "joint", "name": "axis"}
-
 _EXTERNAL = re.compile(r"e[1-9][0-9]?")
-
 KEYS = ("matrix", "offset_deg", "offset_mm")
 
 

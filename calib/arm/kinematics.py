@@ -36,7 +36,6 @@ from calib.arm.robot import BasePlacement, Convention, Load, Robot
 from calib.array import Array
 
 LEVER_MM = 300.0
-
 """Length that turns an error of orientation into one of position, and a turn of a joint into a slide: about a link."""
 
 
@@ -80,15 +79,10 @@ def _link(convention: Convention, k: int, slides: bool) -> tuple[MotionStep, ...
 
 
 FRAME = _six("frame")
-
 TOOL = _six("tool")
-
 TARGET = _six("target")
-
 ANCHOR = tuple(motion.slot for motion in _six("anchor")[:3])
-
 LENGTH_ZERO = "length.zero"
-
 BESIDE = (*ANCHOR, LENGTH_ZERO)
 
 

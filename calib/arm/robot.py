@@ -40,17 +40,12 @@ from calib.text.toml_table import did_you_mean, read_toml, refuse_unknown
 from calib.units import DEG
 
 FORMAT = "truepose-robot/1"
-
 BUILT_IN = Path(__file__).parent / "robots"
-
 MOST_JOINTS = 20
-
 MOST_TURN = 1e4 * DEG
-
 """No joint turns further: what does was given in another unit."""
 
 Convention = Literal["mdh", "dh"]
-
 BasePlacement = Literal["plain", "thesis"]
 
 _KEYS = (
@@ -59,13 +54,10 @@ _KEYS = (
 )
 
 _NO_ROOM = 0.1  # deg or mm between the limits of a joint that follows others
-
 _LEANS = 10.0 * DEG
-
 """Axes that lean by more are not meant to be parallel."""
 
 DESCRIPTION = ("name", "maker", "source", "capsules")
-
 """Keys of a robot that are words, or its capsules, and move nothing."""
 
 

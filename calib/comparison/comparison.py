@@ -45,7 +45,6 @@ from calib.units import DEG
 from calib.validation.holdout import without
 
 TURN = 5.0 * DEG
-
 _WRIST = 3  # joints
 
 
@@ -113,7 +112,6 @@ def _turned(conditions: Conditions, header: Header, joints: Array) -> Conditions
 
 
 PLACE = ("base",)
-
 """What is freed of the nominal robot in its place."""
 
 _BESIDE = ("tool", "length_zero")  # not a matter of levels: the header frees them or not
@@ -139,7 +137,6 @@ def freeing(dataset: Dataset, groups: Sequence[str]) -> Dataset:
 
 
 SAME = 0.2 * DEG
-
 """Samples whose joints all lie within this of each other, or of a sample between them, are of one waypoint."""
 
 
@@ -152,9 +149,7 @@ def waypoints_of(dataset: Dataset) -> NDArray[np.int64]:
 
 
 NOMINAL = "nominal robot, placed"
-
 DIAGNOSIS = "diagnosis"
-
 _FEWEST = 3  # waypoints: one left out of the comparison, two to choose by
 
 

@@ -42,13 +42,9 @@ from calib.model.model import (
 from calib.regression.regression import Regression, world_points
 
 CORRECTED_OWNERS = ("robot", "mounting")
-
 _BEYOND = 1e-6  # of the width of the measured range: rounding of a target at its border
-
 _SAMPLES = 500
-
 _NAMED = 6  # terms named in one line; the document names all
-
 _SECONDS, _AIR_C = 3600.0, 20.0  # for named effects of time and temperature where none is stated
 
 

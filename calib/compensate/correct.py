@@ -47,9 +47,7 @@ MOST_ITERATIONS = 16  # all of 1000 poses of Nubiola's robot land within so many
 
 # Tenths of a degree are usual, more near a singular wrist; beyond this the branch is left
 FARTHEST = 30.0 * DEG  # of a slide as much of `LEVER_MM`
-
 _SAMPLES = 200
-
 _SECONDS, _AIR_C = 3600.0, 20.0  # for effects of time and temperature where none is stated
 
 

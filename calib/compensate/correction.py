@@ -46,7 +46,6 @@ REASONS = {
 }
 
 SHOWN_MM, SHOWN_RAD = 5e-4, 5e-4 * DEG
-
 """What is left below this does not show in three decimals."""
 
 

@@ -41,7 +41,6 @@ LEVELS = {
     2: ("base", "geometry", "parallel_twist"),
     3: DEFAULT_GROUPS,
 }
-
 """Levels of calibration: 1 joints, 2 geometry, 3 what is not geometry too. Source: Roth, Mooring and Ravani 1987."""
 
 
@@ -70,9 +69,7 @@ def occasion_of(table: TomlTable) -> MeasurementOccasion | None:
 
 
 FORMAT = "truepose-dataset/1"
-
 LEAST = 1e-9
-
 """No uncertainty, in the unit of its key, is smaller: what is would be a zero to the arithmetic."""
 
 _KEYS = {
@@ -118,13 +115,9 @@ _NOISE_KEYS = {
 }
 
 _IDS, _MOST_READINGS = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?"), 1_000_000
-
 _NEAR = 0.7  # likeness, of 1, from which an unknown key is a misspelt one
-
 World = Literal["free", "nominal"]
-
 ABSOLUTE_ACCURACY = ("on", "off", "unknown")
-
 """Whether the controller corrects targets by its maker's own calibration."""
 
 

@@ -47,35 +47,21 @@ from calib.errors import DataError
 
 # Miss of the nominal robot, as a share of the extent of the readings (or rad), that explains itself
 _GOOD = 0.05
-
 _BETTER = 0.1  # share of the miss that may be left when it is explained
-
 _NARROW = 20.0  # deg or mm
-
 _STUCK_ROWS = 3  # that give one point to the last digit
-
 READ_APART = 0.01
-
 """deg or mm by which joints are read back elsewhere than commanded before it is reported."""
 
 _MIRROR = np.array([-1.0, 1.0, 1.0])
-
 _ENOUGH = 300  # readings of a series that show what the files mean
-
 _MOST_RIVALS = 2
-
 _MOST_NAMED = 8
-
 _TRIES = 400  # triples of readings that may place the robot: of 60 % that belong together, one in five does
-
 _NEAR = 0.02  # share of the extent by which a nominal robot may miss a reading
-
 _MOST = 0.95  # share of the readings that one kind may have before there are two
-
 _LEAST = 0.4  # share that must agree for the rest to be called another kind
-
 _STATION, _TARGET = 6, 3  # readings that may show another station, another target
-
 _ROUNDS = 3
 
 

@@ -49,17 +49,11 @@ from calib.text.toml_table import FARTHEST_MM
 from calib.units import DEG
 
 _MOST_DEG = 1e5
-
 _OF_AXIS = re.compile(r"([je]\d+)_(?:deg|mm)")
-
 _MOST_WAYPOINTS = 1e9
-
 _WARMEST_C = 100.0  # air, either way of zero, in which nobody measures
-
 _UNITLESS = ("x", "y", "z", "t", "length", "t_air")
-
 _FEWEST = 3  # points that say where a robot is
-
 _NEAR = 0.88  # likeness, of 1: one letter too many, too few or swapped in a name of eight
 
 _ONCE = (
@@ -91,11 +85,8 @@ _ONCE = (
 )
 
 _FOR_PEOPLE = re.compile(r"[je]\d+_read_(deg|mm)|t_.+_c")
-
 _DIGITS = re.compile(r"\d+")
-
 STILL = 1e-5 * DEG
-
 """rad; a joint that turned less did not turn: files have four decimals of a degree, sums of them rounding errors."""
 
 

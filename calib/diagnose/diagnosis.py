@@ -82,11 +82,8 @@ from calib.scan.scores import CLAIM, Scores, Space, p_value
 from calib.units import percent
 
 BLOCKS = 8
-
 _FEWEST = 8  # readings a block
-
 _DEALS = 4  # stretches that are dealt to each block
-
 _KNOWN = 1e-9  # what no other block knows of a parameter without a prior, so that it may be solved for
 
 
@@ -114,15 +111,10 @@ def in_type(
 
 
 Verdict = Literal["complete", "excess_noise", "attributed", "ambiguous", "unexplained"]
-
 _SCREENINGS = 3
-
 _MOST_RIVALS = 5  # of an effect, and of all of them together, that poses are sought for to distinguish
-
 _MOST_PAIRS = 12
-
 _MANY_FAULTS = 0.02  # share of held-out readings that are faulty, beyond which nothing is called complete
-
 _HARM = 0.02  # share by which the held-out error must be smaller without an effect that does harm
 
 

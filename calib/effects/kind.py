@@ -25,15 +25,10 @@ OTHER_WARMTH = (
 )
 
 OTHER_LOAD = "measure some poses with another payload, declared in the header."
-
 SECOND_TARGET = "measure a second tool target, 50 mm or more off the axis of the last joint."
-
 OTHER_STATION = "measure the world nests again, or from another station."
-
 LATER = "visit some of the first poses again at once and an hour later: what creeps goes on, what jumped does not."
-
 PROCEDURES = (OTHER_SIDE, OTHER_WARMTH, OTHER_LOAD, SECOND_TARGET, OTHER_STATION, LATER)
-
 """Procedures that several kinds share, in the order in which they are advised."""
 
 

@@ -35,7 +35,6 @@ _UNKNOWN_BEYOND = (
 )
 
 _CONTAINED = 0.95
-
 _NODES = 32
 
 
@@ -215,7 +214,6 @@ def radius_95(covariance: Array) -> Array:
 
 
 _X, _WEIGHT = np.polynomial.legendre.leggauss(_NODES)
-
 _TURNS = (np.arange(16) + 0.5) * np.pi / 32.0  # a quarter turn; the plane is symmetric
 
 

@@ -54,9 +54,7 @@ from calib.model.model import BoundModel, ModelStructure
 from calib.units import percent, to_display
 
 Progress = Callable[[str], None]
-
 _LOOSE = {"mm": 5.0, "deg": 0.5}  # standard error from which on a parameter is not known by itself
-
 _UNSETTLED = 2.0  # ratio of found noise to declared above which the first steps may not have arrived
 
 _CROWDED = (
@@ -64,21 +62,13 @@ _CROWDED = (
 )
 
 _FAR = 10.0  # ratio of found noise to declared, or its inverse, that is reported
-
 _SOFTER = 3.0  # usual sizes from which on the readings contradict the size
-
 _ASTRAY = 5.0  # standard deviations by which a distance may miss what everything else says of it
-
 _CLEAR = 1e-9  # of a distance that nothing else shows
-
 _MISFIT_FAR = 0.05  # share of the extent of the measured points that a fitted robot may miss them by
-
 _LEAST_MM = 10.0
-
 _OTHER = 0.05  # share of the reach by which no length of a robot differs from its file
-
 _SURE = 10.0  # standard errors of such a length
-
 _NOISE = 10.0  # ratio of what is left to the declared noise below which the fit is no such matter
 
 

@@ -53,15 +53,11 @@ from calib.model.regressors import GearCurve
 from calib.units import DEG, FACTORS, to_internal
 
 _DIFFERENCE = 1e-4  # of the expected size: far above rounding, far below curvature
-
 _TOLERANCE = 1e-5
-
 FLANGE = ""
-
 """The tool point of the flange itself; no target can have this name."""
 
 AFTER_EVERYTHING = 1e12
-
 """Rank of a reading behind every step of the campaign."""
 
 
@@ -307,7 +303,6 @@ def ties(model: ModelStructure, estimate: Array) -> tuple[Array, Array]:
 
 
 Reduced = tuple[ModelStructure, Array, Array]
-
 """Model, estimate (m,) and covariance (m, m) in internal units."""
 
 

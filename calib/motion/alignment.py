@@ -38,34 +38,21 @@ from calib.motion.solve import Solve, weights
 from calib.motion.streams import JointStream, PointStream
 
 _FEWEST = 50
-
 _MOST_FITTED = 6000  # samples that take part in the fit; all are judged by it
-
 _LEAST_STEP_S, _SIGMA = 0.003, 6.0
-
 _STEP_OF_ROUNDING = 1.5  # times the resolution of the times: a smaller step may be their rounding
 
 # Miss of the nominal arm in its best place, as a share of the extent, that is hardly one of an arm, and that is none
 _ODD, _FOREIGN = 0.01, 0.05
-
 _ODD_TOOL_MM = 20.0
-
 _FAST_CLOCK = 1e-3
-
 _WILD = 3.0  # times the robot's highest speed: a beam that was broken and found again, no motion
-
 _SAME_OFFSET_S = 2.0  # that of windows and that of the whole may differ so far
-
 _ASTRAY_MM = 0.1  # a fit that misses by so much more than its start has not found its end
-
 _LOOKED_AT = 300
-
 _SLOWER = 0.5  # share of the samples that is looked at: the slow ones, which a wrong clock displaces least
-
 _OF_AN_ARM = 0.02  # of the standard deviation of the points
-
 _OPTIONS = {"robot": "--robot", "joint_coupling": "--coupling"}
-
 _MOST_RIVALS = 2
 
 

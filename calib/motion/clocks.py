@@ -29,45 +29,30 @@ from calib.motion.streams import JointStream, PointStream, covered
 from calib.units import percent
 
 _STEP_S = 0.02  # of the common time on which speeds are compared
-
 _MOST_STEPS = 300_000
-
 _OVER_S = 0.05  # to either side: a speed is the mean of a tenth of a second
-
 _WINDOW_S, _MOST_WINDOWS = 40.0, 20
 
 # Seconds by which the offset of a window may differ from that of the whole, as long as most windows agree
 _REACH_S = 2.0
-
 _LEAST_LIKENESS = 0.5
-
 _SAME = 0.01  # likenesses no farther apart are equal: of those the longest overlap is taken
-
 _LEAST_EXTENT_MM = 5.0
-
 _FEWEST_WINDOWS = 4
 
 # Rate at most: no clock, and hardly a count of samples, errs so much: windows that say so are of other moves
 _FASTEST = 0.01
-
 LEAST_STEP_S = 0.05
-
 """A smaller step of a clock is not visible in speeds."""
 
 _SHORTEST_GAP_S, _SHORTEST_PART_S = 0.2, 15.0
-
 SURE = 0.9
-
 """A likeness from which on two stretches show the same moves."""
 
 _ROUNDING = 1e-9  # of the transform, as a share of the largest sum of squares
-
 _SIGMA = 6.0
-
 _BESIDE, _FEWEST = 6, 3  # offsets to either side of a step that are compared
-
 _OF_MEDIAN = 1.2533  # standard error of a median beside that of a mean
-
 _LEAST_S = 1e-6
 
 

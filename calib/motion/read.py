@@ -36,27 +36,16 @@ from calib.text.text_file import read_text
 from calib.units import DEG
 
 _MOST_RAD = 4.0 * np.pi + 1e-3  # joints of all robots turn less than twice about to either side
-
 _LARGE_DEG = 2.0 * np.pi + 1e-3
-
 _WRAPS = 1.5 * np.pi  # from one sample to the next: no joint turns so fast
-
 _LARGEST = 1e10  # s, mm or rad: some 300 years of seconds
-
 _OF_AXIS = re.compile(r"([je]\d{1,3})_(?:deg|mm)")
-
 _EXPORT = re.compile(r"\s*spatial-analyzer\s*\[\s*(\w+)\s*\]\s*")
-
 _NAME_THEM = "Name the columns of a foreign file by a map: time=Timestamp[ms], ..."
-
 _COMMENT = ("//", "#")
-
 _MOST_NAMES = 3
-
 _BLANKS = re.compile(r'"[^"]*"|[^\s,]+')
-
 _LONGEST = 10_000
-
 _FARTHEST = 1e8  # units: what is beyond is no coordinate
 
 

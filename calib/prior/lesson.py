@@ -131,7 +131,6 @@ def _positive(precision: Array, scale: Array) -> Array:
 
 
 FEWEST = 8
-
 """Robots that a type takes: of fewer the spread is so uncertain that one member in six would be called a stranger."""
 
 _MOST_OUTSIDE = 0.3  # of a robot's parameters, beyond which all of it is left out

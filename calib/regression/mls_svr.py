@@ -142,15 +142,10 @@ def fit(features: Array, outputs: Array, kernel: Kernel, gamma: float, share: fl
 
 
 FOLDS = 5
-
 _SEED = 1
-
 _RIDGES = np.logspace(-14.0, 4.0, 91)  # of the sum of squares of the centred features
-
 _LEAST_SHARE = 1e-2
-
 _SURE = 2.0  # standard errors by which a regression must gain on predicting nothing
-
 Mask = NDArray[np.bool_]
 
 

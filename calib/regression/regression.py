@@ -50,7 +50,6 @@ from calib.regression.mls_svr import Kernel, Linear, MlsSvr, choose, widths
 from calib.units import DEG
 
 _S234 = ("s2c3c4", "c2s3c4", "c2c3s4", "s2s3s4")
-
 _C234 = ("c2c3c4", "c2s3s4", "s2c3s4", "s2s3c4")
 
 
@@ -68,9 +67,7 @@ def _up(without_5: tuple[str, ...], with_5: tuple[str, ...]) -> tuple[str, ...]:
 
 
 CLOSED_FORM = (*_across("c1", "s1"), *_across("s1", "c1"), *_up(_C234, _S234))
-
 PRINTED = (*_across("c1", "s1"), *_across("s1", "c1"), *_up(_S234, _C234))
-
 TOOL_DOWN = ("c1", "s1", "c1c2", "c1c2c3", "c1s2s3", "s1c2", "s1c2c3", "s1s2s3", "s2", "s2c3", "c2s3")
 
 
@@ -88,7 +85,6 @@ _OF_UR: Mapping[str, tuple[str, ...]] = {
 }
 
 SETS = (*_OF_UR, "turns")
-
 """Names of the sets of products. All but `turns` are for the UR's structure."""
 
 _DOWN = np.cos(0.1 * DEG)
@@ -144,13 +140,9 @@ def independent(features: Array) -> int:
 
 
 Subject = Literal["residuals", "positions"]
-
 KERNELS = ("linear", "rbf")
-
 _FEWEST = 2  # waypoints: one to leave out, one to keep
-
 MARGIN = 0.5 * DEG
-
 """By how much a joint may lie beyond the trained range: a wrist 5 deg away errs by millimetres."""
 
 _FARTHER = 1.25  # than any training sample from their centre, in units of their spread

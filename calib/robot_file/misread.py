@@ -42,17 +42,11 @@ from calib.text import TextTable, TomlTable, read_toml
 from calib.units import DEG
 
 _MOST_RIVALS = 4
-
 _NAME = "counted"
-
 _MOST = 8
-
 _NUMBERS = (("alpha", "alpha_deg", DEG), ("a", "a_mm", 1.0), ("theta", "theta_deg", DEG), ("d", "d_mm", 1.0))
-
 _POINT = ("x_mm", "y_mm", "z_mm")
-
 _HANDFUL_MOST = 300
-
 _ACCEPTED = ("", "ok")
 
 

@@ -35,9 +35,7 @@ from calib.text.text_file import replace_file
 from calib.units import FACTORS, to_display
 
 FORMAT = "truepose-model/1"
-
 WITH_CARRIED = "truepose-model/2"
-
 """The format of a model with carried terms: versions that do not know these refuse it, and so do their fleet servers,
 which read no effects."""
 

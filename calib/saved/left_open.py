@@ -57,15 +57,10 @@ from calib.saved.model_checks import numbers_of, refuse_effects
 from calib.units import DEG
 
 _PREFIX = "open"
-
 KEY = "left_open"
-
 _USUAL = 0.02 * DEG  # scatter of joints whose gears are as usual: half-normal
-
 _TRIED = np.linspace(0.0, 4.0 * _USUAL, 401)
-
 _POSES = 60  # 200 change a joint by some 15 %, and cost ten times as much
-
 _SWEEPS = 3  # over all joints; twenty change one by 8 % at most
 
 

@@ -55,11 +55,8 @@ from calib.selection.pose_rows import PoseRows
 from calib.units import DEG, to_display, to_internal
 
 STEP = 10  # poses
-
 WORTH = 0.02  # share by which STEP more poses must lower the largest U
-
 _BEYOND = 2.0  # the curve ends at so many times the selection
-
 _PLACES = 1000  # poses at which U is predicted
 
 
@@ -97,9 +94,7 @@ def observability(jacobian: Array, poses: int) -> ObservabilityIndices:
 
 
 SHARE = 0.2  # of the poses that may be spent on filling
-
 OFF_AXIS_MM = 20.0  # a target nearer to the axis of the last joint hardly sees it turn
-
 _HARDLY = 0.5  # of a parameter's usual size
 
 

@@ -29,27 +29,16 @@ from calib.errors import DataError
 from calib.selection.pose_rows import PoseRows
 
 Indices = NDArray[np.int64]
-
 STARTS = 32
-
 _SHORT = 300  # candidates of the starts; the best start then goes through all
-
 _SHORT_PER_POSE = 5
-
 _GAIN = 1e-9  # an exchange that raises log det by less is not made
-
 _PASSES = 100
-
 _FAINT = 1e-4  # of a pose's average information: steadies the first poses of a start
-
 _GRAIN = 1e-9  # least share of its information that a leaving pose leaves behind
-
 TOLERANCE = 3e-4  # how far the bound may lie above the optimum, as a share of det^(1/m)
-
 _STEPS = 5000
-
 _POWER = 1.9  # 1 is the classic step; nearly twice its length is as sure and comes earlier
-
 _EVERY = 10
 
 

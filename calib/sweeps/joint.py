@@ -30,9 +30,7 @@ from calib.model.model import BoundModel
 from calib.units import DEG
 
 _SAME = 1e-3 * DEG  # commanded angles of one place
-
 _ROUNDS = 6
-
 _HELD = 1e-9  # keeps the angle of a direction in which nothing was measured
 
 

@@ -27,9 +27,7 @@ from calib.errors import DataError
 from calib.text.text_file import read_text
 
 LONGEST_LINE = 100_000
-
 MOST_COLUMNS = 1_000
-
 """A robot of six joints with everything that can be measured has 60."""
 
 _BEGINS = ("=", "+", "-", "@", "\t", "\r", "\n")

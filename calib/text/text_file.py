@@ -17,13 +17,10 @@ from pathlib import Path
 from calib.errors import DataError
 
 MOST_BYTES = 256 * 1024 * 1024
-
 """A million readings have some 200 MB."""
 
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
-
 MODE = 0o644  # less what the umask takes away
-
 _noting: Callable[[Path, bytes], object] | None = None
 
 

@@ -25,17 +25,12 @@ from calib.text.plain_values import LONGEST_TEXT, refuse_unusual, too_deep
 from calib.text.text_file import read_text
 
 FARTHEST_MM = 1e8
-
 """No coordinate is larger: squares of what is would drown all others."""
 
 Vector = tuple[float, float, float]
-
 Word = TypeVar("Word", bound=str)
-
 _TURNS = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
-
 MOST_BYTES = 8 * 1024 * 1024
-
 """A campaign of 5,000 listed poses has half a megabyte."""
 
 _PARTS = 40

@@ -97,7 +97,6 @@ class Unit(NamedTuple):
 
 
 DAYS = Unit("day", "days")
-
 HOURS = Unit("hour of use", "hours of use")
 
 
@@ -113,7 +112,6 @@ def days_of(history: Sequence[Check]) -> list[CheckStep]:
 
 
 WITHIN = 0.8
-
 """Share of the permitted error within which a check lengthens the interval."""
 
 

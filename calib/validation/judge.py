@@ -62,9 +62,7 @@ from calib.validation.pairs import pair_errors
 from calib.validation.summary import Summary, summarise
 
 MOST_BINS = 10
-
 _PARALLEL = 1e-6
-
 _MEETING_MM = 1e-7
 
 

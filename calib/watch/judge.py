@@ -45,7 +45,6 @@ def mean_of(residuals: Array) -> Mean:
 
 
 RATE = 0.01
-
 """False alarms of an unchanged robot, a watch."""
 
 Kind = Literal["unchanged", "changed", "ambiguous", "unexplained"]

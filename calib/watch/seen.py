@@ -57,7 +57,6 @@ from calib.saved import CalibratedModel
 from calib.watch.baseline import Baseline, in_series, root_of, scatter_beyond
 
 _FEWEST = 3
-
 _STEP_MM = 1e-3  # by which a nest is moved to see what its errors do
 
 
@@ -186,7 +185,6 @@ class WhitenedReadings:
 
 
 _SINCE = "since"
-
 _FREE = 1e4  # standard deviations of the noise by which an unknown frame may be elsewhere
 
 

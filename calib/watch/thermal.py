@@ -40,11 +40,8 @@ from calib.watch.judge import RATE, WatchVerdict, judge
 from calib.watch.seen import WhitenedReadings
 
 _SHOWN = 1e-2  # whitened length of a parameter at its usual size
-
 _WARMTH = "arm_growth"
-
 _PASSING = ("arm_growth", "drift_translation", "drift_rotation")
-
 """Causes that are gone when the robot is as warm as it was, or the instrument is."""
 
 

@@ -22,7 +22,6 @@ from fleet.errors import StoreGone
 from fleet.store import FleetStore, utc_now
 
 MISSING = ("dask", "distributed", "cryptography")
-
 """Packages of the extra that a cell PC has not."""
 
 

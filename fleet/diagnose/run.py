@@ -37,22 +37,15 @@ BATCH_S = 5.0
 """So long a batch shall take: a thousand times what the scheduler spends on it, and little is lost with a worker."""
 
 AHEAD = 2  # batches for every worker: the next one is there when one is done
-
 PATIENCE_S = 60.0  # without a worker
-
 LOOK_S = 2.0
 
 # Workers lost with a data set before it is given by itself, and then before it is the one that does it.
 STRIKES = 2
-
 _ENDS_WORKERS = "its worker ended each time that it was tried: too little memory?"
-
 _AGAIN = "What is done is kept: see to it, then run the same command again."
-
 STORE_S = 3600.0
-
 FIRST_S, MOST_S = 1.0, 30.0  # between two questions: twice as long each time
-
 BLAS = "OPENBLAS_NUM_THREADS"
 
 

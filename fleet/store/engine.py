@@ -30,23 +30,15 @@ from fleet.errors import StoreError, StoreFull, StoreGone
 from fleet.store import tables
 
 WRITES = {"writes": True}
-
 """Execution option of a connection that writes: SQLite then waits for other writers before it begins, not after."""
 
 BUSY_S = 30.0  # how long another program may hold an SQLite file
-
 _AGAIN_S = 0.05
-
 _MISSING = "Install it with: pip install 'truepose[fleet]'"
-
 _SCRIPTS = Path(__file__).parent / "migrations"
-
 _VERSIONS = "alembic_version"
-
 _LOCK = 0x74727565  # of PostgreSQL: two migrations at once wait for each other
-
 READER, WRITER = "truepose_reader", "truepose_writer"
-
 _CHANGED = (tables.claim.name,)  # what a writer may change: who works on what
 
 
@@ -133,13 +125,9 @@ def refusals(engine: sa.Engine) -> Iterator[None]:
 
 
 _LATER = "Look at the database and at the network to it, then ask again; nothing was kept."
-
 _FULL = ("disk is full", "No space left", "could not extend file", "disk I/O error")
-
 _RIGHTS = ("readonly database", "permission denied", "must be owner")
-
 _NO_DATABASE = ("not a database", "malformed")
-
 _NOBODY = ("authentication failed", "does not exist", "no pg_hba.conf entry", "no password supplied")
 
 

@@ -27,15 +27,11 @@ FORMATS: dict[Kind, str] = {
     "retired": "truepose-retired/1",
     "dataset": FORMAT,
 }
-
 """What a document of a kind must be; the other kinds may be any JSON with a format."""
 
 _ALSO = (("model", "truepose-model/2"),)  # a model with carried terms
-
 K = 2.0  # coverage factor of U
-
 ERROR = "error_rms"
-
 """The name under which the position error is kept among the parameters: of a model on readings that it had not seen, of
 a watch at its check poses; RMS, mm."""
 

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from fleet.store import FleetStore  # it loads the database library, which not every command needs
 
 app = typer.Typer(help="Keep the results of robots over the years: trends, causes, dates of the next checks.")
-
 Serial = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the robot.")]
 
 Model = Annotated[
@@ -39,15 +38,10 @@ Model = Annotated[
 ]
 
 _RECORD = "record.sqlite3"
-
 _DAYS, _HOURS = (180.0, 7.0, 1825.0), (2000.0, 100.0, 20_000.0)  # first, shortest, longest interval
-
 VARIABLE = "TRUEPOSE_STORE"
-
 DEFAULT = Path("truepose-record") / "history.sqlite3"  # beside what `truepose serve` keeps
-
 _FILE = "sqlite:///"
-
 _ADDRESS = "sqlite:///FILE or postgresql://USER@HOST/NAME"
 
 StoreOption = Annotated[
@@ -69,7 +63,6 @@ _PLANT: dict[str, Any] = {
 }
 
 StoreArgument = Annotated[str, typer.Argument(**_PLANT)]
-
 PlantStore = Annotated[str, typer.Option("--store", **_PLANT)]
 
 

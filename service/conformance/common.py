@@ -19,11 +19,8 @@ from drivers import AcquisitionError, Busy, ConfigError, Device, Identity, LinkE
 from mocks.faultproxy import FaultProxy  # knows no protocol and simulates nothing: docs/decisions/0059
 
 SOON_S = 30.0
-
 WRONG_ADDRESSES = ("http://127.0.0.1:1", "tcp://127.0.0.1", "tcp://127.0.0.1:99999", "tcp://127.0.0.1:x")
-
 SLACK_S = 20.0  # what a loaded machine may add to a deadline
-
 _ASK_AGAIN_S = 0.02  # no driver reports the end of a watchdog: it is asked until it agrees
 
 

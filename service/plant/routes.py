@@ -129,25 +129,15 @@ class HealthShown(BaseModel):
 
 
 router = APIRouter()
-
 UPLOADS = 16  # in hand; each may be a body in memory
-
 SHARE = 2  # of these for one sender: a cell sends one after another, and may begin anew before the last has ended here
-
 PIECE_S = 60.0  # a client that sends nothing for so long has gone
-
 UPLOAD_S = 600.0  # for a whole document: 32 MB at half a megabit a second
-
 AHEAD = timedelta(days=1)  # by which a cell's clock may go before the server's
-
 BUSY_S = 2
-
 MOST = 10_000  # documents of one list
-
 _CONFLICT = 8610
-
 _DAMAGED = 8611
-
 _OTHER_ROBOT = 8612
 
 

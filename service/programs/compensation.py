@@ -35,13 +35,9 @@ from service.programs.program import NewTarget, ProgramTarget, RobotProgram, rew
 from service.programs.read import as_written, parse
 
 CORRECTED, EMPTY, REFUSED = "corrected", "empty", "refused"
-
 _TOOL = "the tool of the program"
-
 _SLACK = 0.01  # share of its range by which a joint may leave it
-
 FORMAT = "truepose-compensation/1"
-
 _SHOWN = 40  # targets on a terminal; the JSON holds all
 
 

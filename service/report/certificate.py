@@ -34,9 +34,7 @@ from service.report.scope import devices_of
 from service.results.judgement.acceptance import RULE
 
 SCHEMA, SI = "https://ptb.de/dcc", "https://ptb.de/si"
-
 VERSION = "3.3.0"
-
 _INSTANCE = "http://www.w3.org/2001/XMLSchema-instance"
 
 UNITS: Mapping[str, str] = {
@@ -52,21 +50,14 @@ UNITS: Mapping[str, str] = {
     "mm/h": r"\milli\metre\hour\tothe{-1}",
     "deg/h": r"\degree\hour\tothe{-1}",
 }
-
 """Units of files and screens in the notation of D-SI; a quantity in another unit is written as text."""
 
 CONFORMITY = {"accepted": "pass", "rejected": "fail", "not_decided": "noPass"}
-
 COVERAGE, PROBABILITY = 2.0, 0.95
-
 _NOT_TEXT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-
 _ROOMS = ("service", "acquisition", "drivers", "calib")
-
 _DIGITS = 12
-
 _MISSING = "not recorded in the data set"
-
 _OF_THE_RUN = ("seconds",)  # keys of a result that differ each time it is worked out
 
 

@@ -40,19 +40,13 @@ from fleet.store import (
 )
 
 FORMAT = "truepose-history/1"
-
 MOST = 100_000  # documents of one robot
-
 _TOO_FEW = "One value makes no chart."
-
 COLUMNS = ["serial", "at", "hours"]
-
 CHANGED = ("changed", "ambiguous", "unexplained")
-
 """Verdicts after which somebody has to act, whatever the dates of checks say."""
 
 _EARLIEST = datetime(2001, 1, 1, tzinfo=UTC)
-
 """Clocks whose battery is empty begin in 1970, 1980 or 2000."""
 
 _AHEAD = timedelta(days=1)

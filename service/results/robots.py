@@ -38,17 +38,13 @@ from service.results import history
 from service.results.history import CHANGED, doubtful_date, due_now, state_of
 
 Way = Literal["staircase", "drift"]
-
 MOST = 1000
-
 """Robots of a list."""
 
 ERRORS = 24
-
 """Values of a line's small picture."""
 
 FORMAT = "truepose-campaign-record/1"
-
 Outcome = Literal["new", "known", "conflict", "refused"]
 
 _FILES = {
@@ -59,9 +55,7 @@ _FILES = {
 }
 
 RESULT = "result.json"
-
 _RECORD = "record.sqlite3"
-
 Reader = Callable[[Path, CellFolder], Sequence[Document]]
 
 

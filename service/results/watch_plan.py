@@ -59,15 +59,10 @@ class WatchPlanRequest:
 
 
 PLAN_FORMAT = "truepose-watch-plan/1"
-
 _STROKE_MM = 0.3  # of the bar's, which the legs of a check pose may be off by the model's own account
-
 _CORRECTED_DEG = 2.0  # by which a calibrated robot's joints differ from the nominal ones at most
-
 _SIDES_EACH = 4  # choices of sides for every stance
-
 _SETS = 12  # choices of targets that are compared
-
 NOT_TOUCHED = "rejected:not touched yet"
 
 

@@ -42,7 +42,6 @@ CODES = {
     "ambiguous": exit_codes.UNKNOWN_CAUSE,
     "unexplained": exit_codes.UNKNOWN_CAUSE,
 }
-
 """Exit code of every verdict."""
 
 _NAMES = {

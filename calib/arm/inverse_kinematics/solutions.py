@@ -41,17 +41,12 @@ BRANCHES = tuple(
 )
 
 WITHOUT_WRIST = tuple(f"{f}/{u}" for f in ("front", "back") for u in ("up", "down"))
-
 SINGULAR_SINE = 1e-6
-
 """Sine of the angle, or reach over the arm's length, below which a pose is reported as singular."""
 
 Mask = NDArray[np.bool_]
-
 Vector = tuple[Array, Array, Array]
-
 ITERATIONS = 12
-
 _REACHED = 1e-13  # rad: the step that no longer changes anything
 
 

@@ -37,7 +37,6 @@ from calib.array import Array
 from calib.errors import DataError
 
 LEVEL = 1e-4
-
 """rad: a tilt that a pose may ask for by its rounding; the arm leaves it out."""
 
 _RIGHT = np.array([1.0, -1.0]).reshape(2, 1)

@@ -22,16 +22,12 @@ from calib.arm.inverse_kinematics.zero_pose import MEETING_MM, ZeroPose
 from calib.array import Array
 
 TURN = 2.0 * np.pi
-
 EDGE = 1e-9  # rad: an angle on the limit itself is within it
-
 ROUNDING = 1e-12
-
 """Relative: by so much a cosine may exceed one in a pose just reached, and a sine be zero that leaves a joint free."""
 
 # The axes of the branches come first, then the poses: (front, up, ..., n).
 FRONT = np.array([1.0, -1.0]).reshape(2, 1, 1, 1)
-
 UP = np.array([1.0, -1.0]).reshape(1, 2, 1, 1)
 
 

@@ -41,11 +41,8 @@ _PREAMBLE_UNIT = re.compile(
 )
 
 _LOST = frozenset(NOT_MEASURED) - {"x"}  # which names a column
-
 _SHOWN = 10  # tables
-
 _FEW = 2  # rows above the names that look like readings and are none
-
 _OTHERS = {"d", "dist", "distance", "3d", "diameter", "dxyz", "dl", "dn", "t", "abstand"}
 
 

@@ -16,13 +16,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 _SPACES = " \u00a0\u202f\u2009'’"  # as put between thousands, the usual blank among them
-
 _DIGITS = rf"\d+(?:[{_SPACES}]\d{{3}})*"
-
 _NUMBER = re.compile(rf"[-+−]?(?:{_DIGITS}[.,\d]*|[.,]\d+)(?:[eE][-+−]?\d{{1,3}})?")
-
 _SUFFIX = re.compile(r"\s?(°|deg|rad|mm|m|um|µm|μm|in|\")$")
-
 _GROUPED = re.compile(r"[1-9]\d{0,2}")
 
 NOT_MEASURED = (
@@ -41,19 +37,13 @@ NOT_MEASURED = (
     "no point",
     "x",
 )
-
 """What cells hold, in lower case, where nothing was measured."""
 
 _LONGEST = 60
-
 _SPACE = str.maketrans("−", "-", _SPACES)
-
 _ISO = re.compile(r"(\d{4})-(\d\d?)-(\d\d?)[T ](\d\d?):(\d\d):(\d\d)(\.\d{1,9})?\s?(?:Z|[+-]\d\d:?\d\d)?")
-
 _SLASHED = re.compile(r"(\d\d?)/(\d\d?)/(\d{4})[T ](\d\d?):(\d\d):(\d\d)(\.\d{1,9})?(?:\s?([AaPp])[Mm])?")
-
 _DOTTED = re.compile(r"(\d\d?)\.(\d\d?)\.(\d{4})[T ,]\s?(\d\d?):(\d\d):(\d\d)([.,]\d{1,9})?")
-
 STAMP = re.compile(f"(?:{_ISO.pattern})|(?:{_SLASHED.pattern})")
 
 _DATE_LIKE = re.compile(

@@ -19,33 +19,22 @@ from calib.errors import DataError
 from calib.units import DEG
 
 DATE = "date"
-
 ANGLES = {"deg": DEG, "rad": 1.0, "mrad": 1e-3, "gon": 0.9 * DEG}
-
 LENGTHS = {"mm": 1.0, "m": 1000.0, "um": 1e-3, "cm": 10.0, "in": 25.4}
-
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, DATE: 1.0}
-
 TEMPERATURES = {"c": 1.0}
-
 _ENTRY = re.compile(r"(\w++)\s*+=\s*+(\S.*)\[\s*+(\w++)\s*+\]")
-
 _COLUMN = re.compile(r"(\S.*)\[\s*+(\w++)\s*+\]")
-
 FEW = 5
-
 """Rows that can show a size."""
 
 MOST_RAD = 4.0 * np.pi + 1e-3
-
 """No joint turns further to one side; what does is in degrees."""
 
 LARGE_DEG = 2.0 * np.pi + 1e-3
-
 """Degrees of which none is larger are radians."""
 
 SMALL_MM, HUGE_MM = 12.0, 100_000.0
-
 """Points of a robot's measurement span more, and less."""
 
 

@@ -32,13 +32,9 @@ from calib.foreign.files.sheet import SEPARATORS
 from calib.text.toml_table import TomlTable, read_toml
 
 FORMAT = "truepose-map/1"
-
 UNDECIDED = "?"
-
 BY = ("name", "order", "time")
-
 MATRIX = tuple(f"rot_{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
-
 """Quantities of a rotation matrix, row by row."""
 
 _TEXT = ("id", "pose", "series", "set", "target", "status", "waypoint", "visit")
@@ -60,9 +56,7 @@ _NUMBER = (
 )
 
 _TOGETHER = (("x", "y", "z"), ("rot_1", "rot_2", "rot_3"), ("rot_w", "rot_x", "rot_y", "rot_z"), MATRIX)
-
 _NUMBERED = re.compile(r"(j|e|read|prev|approach)([1-9]\d?)")
-
 UNITLESS = ("rot_w", "rot_x", "rot_y", "rot_z")
 
 _FILE = (
@@ -87,9 +81,7 @@ NAMED = {
 }
 
 VECTOR = "rotation-vector"
-
 USUAL = ("kuka-abc", "fanuc-wpr", "staubli", VECTOR)
-
 """Conventions that are asked about, each rotation once: `roll-pitch-yaw` is `fanuc-wpr` by another name."""
 
 _SEQUENCE = re.compile(r"(intrinsic|fixed)-([XYZ])([XYZ])([XYZ])")
@@ -100,7 +92,6 @@ ANGLES_OF = {
 }
 
 NAME_OF = {("rpy", "fanuc-wpr"): "roll-pitch-yaw"}
-
 """Family of angles and convention -> its name for these."""
 
 FOR_PEOPLE = (*USUAL, "roll-pitch-yaw", "intrinsic-ZYX (any three axes)", "fixed-XYZ (any three axes)")

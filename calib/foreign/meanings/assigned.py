@@ -19,9 +19,7 @@ from calib.foreign.map.map_file import UNDECIDED, FileMap, sequence_of
 from calib.foreign.meanings.words import ColumnMeaning
 
 Answers = Mapping[str, str]
-
 LEAVE = "leave"
-
 Set = tuple[str, ...]
 
 _GOOD = {
@@ -47,9 +45,7 @@ _BAD = {"nok", "invalid", "bad", "ungültig", "0", "false", "no", "nein", "nio",
         "rejected", "not measured", "fehler"}  # fmt: skip
 
 _OTHER_DEGREES = re.compile(r"(?:[\[(_\s/°]|deg)(?:f|k|fahrenheit|kelvin)\b", re.IGNORECASE)
-
 _WARMEST_C = 60.0  # air in which nobody calibrates
-
 _SETS = {"calibration", "reference", "repeat", "validation"}
 
 

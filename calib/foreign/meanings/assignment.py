@@ -41,7 +41,6 @@ from calib.foreign.meanings.words import ColumnMeaning, Role, meaning_of
 from calib.units import DEG
 
 _Key = tuple[Role, str, str]  # role, family of angles or name of the target, and which of equal names
-
 _YASKAWA = ("s", "l", "u", "r", "b", "t")
 
 

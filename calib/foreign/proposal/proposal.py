@@ -41,25 +41,15 @@ from calib.foreign.readings.readings import ForeignReadings
 from calib.units import DEG
 
 WORKBOOKS = (".xlsx", ".xlsm", ".xls")
-
 MOST_FILES = 2
-
 ASSUMED_SIGMA_MM = 0.05
-
 _ALWAYS = ("robot", "instrument", "sigma_mm", "match", "within_s", "sheet", "1.sheet", "2.sheet")
-
 _ENOUGH = 0.8  # share of the poses whose names must be among the points
-
 _BELIEVED = 0.03  # share of the extent, or rad, by which a robot may miss what it was measured at
-
 _LEAST_DEG = 0.1  # below it two conventions are alike
-
 _TURNED_WRONG = 5.0 * DEG  # by which no arm that reaches the points errs
-
 _MOST = 128  # combinations of answers that are tried
-
 ENOUGH = 300
-
 """Readings that tell."""
 
 _TOO_GOOD_MM = 0.005

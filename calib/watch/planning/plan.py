@@ -24,15 +24,10 @@ from calib.watch.planning.sizes import DetectableSizes, shown
 from calib.watch.seen import WhitenedReadings
 
 FEWEST = 4
-
 _MOST = 60  # poses that are tried where fewer show too little
-
 _TRIES = 3
-
 _STEPS = 6
-
 _NEAR = 0.02
-
 _FARTHEST_MM = 1000.0
 
 

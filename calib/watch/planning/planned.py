@@ -30,13 +30,10 @@ from calib.model.model import BoundModel, conditions_at
 from calib.saved import CalibratedModel
 
 VISIT_S = 60.0
-
 """How long a visit takes, s: ten poses are ten minutes."""
 
 _STEPS = 6
-
 Read = tuple[tuple[str, str], ...]
-
 """What is read in a visit: targets of the tool, each with the base target to which its distance is measured, or "" for
 its point."""
 

@@ -29,11 +29,8 @@ from calib.watch.planning.sizes import WANTED, seen_from
 from calib.watch.seen import WhitenedReadings
 
 TIMES = (1, 2, 4)
-
 REPEATS = (1, 2, 3, 4, 6, 8, 12)
-
 _MOVE = 4  # readings that an arrival costs
-
 _NEAR = 1.1  # of the smallest size that any readings show, up to which fewer are preferred
 
 

@@ -24,17 +24,12 @@ from calib.watch.odds import CauseColumns, Odds
 from calib.watch.seen import WhitenedReadings
 
 _TIMES = (1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)  # of the smallest size, at which names are counted
-
 _DRAWS = 400
-
 _NOTHING = 1e-12  # non-centrality of one unit
-
 SEEN, ALONE = 0.95, 0.80
-
 """Shares of watches in which a cause is to be seen, and to be named alone."""
 
 WANTED = {"joint_step": 0.01, "backlash": 0.01, "tool_shift": 0.1, "base_shift": 0.1}
-
 """Sizes that a watch should see, by the name of the cause, deg and mm: a tenth of what a new arm is off by."""
 
 

@@ -47,17 +47,11 @@ from service.names import new_id, safe_id
 
 # Seconds for the reading in hand when the service ends; then nothing but the move in hand is waited for
 PAUSE_S = 2.0
-
 REST_S = 3.0  # for that; then the robot is halted
-
 STOP_S = 60.0  # longer than any deadline of a device
-
 FINISH_S = 5.0
-
 BEGIN_S = 30.0  # from an order to go on until a run does: the robot's name is looked up, its lock and the record taken
-
 SERVICE_ENDS = "The service was ended."
-
 MAY_MOVE = "Nothing is connected since this link was lost: press the emergency stop if the robot moves."
 
 

@@ -45,9 +45,7 @@ from service.http.work.workers import Workers
 from service.refusals import REFUSALS
 
 ABOUT = "loop.json"
-
 FAULT = "A fault of this program has ended the loop; its runs are kept."
-
 STOPPED = "Stopped on request."
 
 

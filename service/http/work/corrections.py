@@ -26,7 +26,6 @@ from service.programs.read import parse
 from service.programs.text import bytes_of, text_of
 
 NAME = Path("targets.csv")  # the table as messages call it
-
 ID = "target_id"
 
 

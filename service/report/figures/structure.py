@@ -28,15 +28,10 @@ from service.report.figures.quantities import Quantity, quantity_of
 from service.report.figures.residuals import MDEG, PlotSample
 
 _MOST_POSES = 40
-
 _IN_CELL, _MOST_CELLS = 5, 4  # readings in a cell of three angles; cells along each
-
 _AXES = "xyz"
-
 _SQUARES = 12  # of either of two quantities
-
 _IN_SQUARE = 4  # readings, where there are few
-
 _THIRDS = "lowest", "middle", "highest"
 
 

@@ -31,11 +31,8 @@ from calib.motion import (
 from service.results.files.alignment_request import FARTHEST_TOOL_MM, AlignmentRequest
 
 FORMAT = "truepose-alignment/1"
-
 ASSUMED_MM = 0.05  # as `convert` does
-
 _GAPS = 3  # that are named one by one
-
 _STRETCH_S = 1.0  # of wild points: no single outliers
 
 

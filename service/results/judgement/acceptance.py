@@ -37,7 +37,6 @@ from calib.validation import targets_in_base
 from service import wording
 
 _KEYS = ("name", "low_mm", "high_mm", "accept_rms_mm", "accept_max_mm")
-
 FARTHEST = 1e5  # mm
 
 
@@ -97,9 +96,7 @@ def _zone(table: TomlTable) -> Zone:
 
 
 Quantity = Literal["rms", "max"]
-
 Verdict = Literal["accepted", "rejected", "not_decided"]
-
 NAMES: dict[Verdict, str] = {"accepted": "Accepted", "rejected": "Rejected", "not_decided": "Not decided"}
 
 RULE = (
@@ -108,7 +105,6 @@ RULE = (
 )
 
 BASE, _EFFECTS = "identified base model", "base model with the effects found"
-
 _RESAMPLES, _SEED = 2000, 1  # the seed is fixed: the same readings give the same verdict
 
 

@@ -40,9 +40,7 @@ from service.results.models import positions
 from service.results.models.parameters import high_leverage, rows_of, strong_correlations
 
 IDENTIFICATION_FORMAT = "truepose-identification/1"
-
 DIAGNOSIS_FORMAT = "truepose-diagnosis/1"
-
 FORMAT = "truepose-sweeps/1"
 
 

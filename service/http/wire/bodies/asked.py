@@ -20,9 +20,7 @@ from service.http.wire.bodies.told import AsRead, DescribedAs, Name, RequestBody
 from service.results.judgement.acceptance import FARTHEST, AcceptanceLimits, Zone
 
 _LOW, _HIGH = [200.0, -400.0, 0.0], [500.0, -100.0, 300.0]
-
 _MOST = 100
-
 _COORDINATE = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
 
 
@@ -88,7 +86,6 @@ SerialNumber = Annotated[
 ]
 
 Reason = Annotated[str, told("Why; it is kept.", "the motor of joint 4 was changed", max_length=500), AsRead]
-
 Given = Annotated[Name, AsRead]
 
 CAMPAIGN = {
@@ -100,7 +97,6 @@ CAMPAIGN = {
 }
 
 TABLE = "target_id,j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg\nA,10,-20,30,0,45,0\n"
-
 _CAMPAIGN_ID = "20261121-170459-3f9a1c07b2e"
 
 
@@ -216,11 +212,8 @@ class DatasetExportRequest(Resume):
 
 
 ResumeBody = Annotated[Resume, BodyOf(default_factory=Resume)]
-
 WhyBody = Annotated[ReasonBody, BodyOf(default_factory=ReasonBody)]
-
 AnswerBody = Annotated[AnswerGiven, BodyOf(default_factory=AnswerGiven)]
-
 ExportBody = Annotated[DatasetExportRequest, BodyOf(default_factory=DatasetExportRequest)]
 
 LargestDeg = Annotated[
@@ -243,7 +236,6 @@ Conditions = Annotated[
 ]
 
 Inverse = Annotated[bool, told("From actual to nominal: targets taught on the real robot.", False)]
-
 KeepRefused = Annotated[bool, told("Go on though some targets stay as they were.", False)]
 
 

@@ -14,9 +14,7 @@ from pydantic import Field
 from service.http.wire.bodies.told import ResponseBody, told
 
 _SHA = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
-
 ERRORS = {"n": 120, "rms": 0.04, "mean": 0.036, "p95": 0.067, "max": 0.09}
-
 Reading = Annotated[int | str, told("The id of a reading, a number or text as in the data set.", 17)]
 
 Warnings = Annotated[
@@ -24,9 +22,7 @@ Warnings = Annotated[
 ]
 
 Share = Annotated[float | None, told("A share from 0 to 1, no unit.", 0.97)]
-
 Number = Annotated[float | None, told("A number without a unit; null: not known.", 1.02)]
-
 Unit = Annotated[str, told("The unit of value and std.", "deg")]
 
 

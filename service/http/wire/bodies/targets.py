@@ -14,13 +14,9 @@ from service.http.wire.bodies.results import ERRORS, ErrorStatisticsResponse
 from service.http.wire.bodies.told import DescribedAs, ResponseBody, told
 
 Millimetres = Annotated[float | None, told("A length, mm; null where it is not known.", 0.412)]
-
 Degrees = Annotated[float | None, told("An angle, deg; null where it is not known.", 0.031)]
-
 _Angle = Annotated[float, told("A joint angle as the controller counts it, deg.", 12.0)]
-
 _Place = Annotated[float, told("A coordinate of the tool point in the base frame, mm.", 401.2)]
-
 _Turn = Annotated[float, told("A part of the unit quaternion, w first; no unit.", 0.7071068)]
 
 

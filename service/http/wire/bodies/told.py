@@ -108,14 +108,11 @@ def _as_read(text: str) -> str:
 
 
 AsRead = AfterValidator(_as_read)
-
 """The rule for names and reasons that people read: no control characters, and no mark that turns the direction of
 writing."""
 
 Id = Annotated[str, told("The id of the resource, as its path has it.", "20261121-170459-3f9a1c07b2e")]
-
 Created = Annotated[str, told("When it was made, RFC 3339 UTC.", "2026-11-21T17:04:59.120Z")]
-
 Simulated = Annotated[bool, told("Whether simulators were measured and no real devices.", False)]
 
 Version = Annotated[
@@ -123,7 +120,6 @@ Version = Annotated[
 ]
 
 Names = Annotated[list[str], told("Names.", ["T1", "T2"])]
-
 Point = Annotated[list[float], told("A place x, y, z, mm.", [401.223, 88.102, 310.446])]
 
 Joints = Annotated[
