@@ -4,7 +4,7 @@
 writes the data set of a record.
 """
 
-from acquisition.campaign import Campaign, campaign_from, read_campaign
+from acquisition.campaign import Campaign, CampaignTable, campaign_from, read_campaign
 from acquisition.cell import Cell, Devices, open_devices, read_cell
 from acquisition.record import Event, State, export, export_events
 from acquisition.run import (
@@ -21,6 +21,7 @@ from acquisition.run import (
 
 __all__ = [
     "Campaign",
+    "CampaignTable",
     "Cell",
     "Clock",
     "Devices",

@@ -1,7 +1,7 @@
 """The campaign: which blocks of poses are measured, planned for one cell and checked before anything moves."""
 
 from acquisition.campaign.blocks.block import DECIMALS
-from acquisition.campaign.campaign import Campaign, campaign_from, read_campaign
+from acquisition.campaign.campaign import Campaign, CampaignTable, campaign_from, read_campaign
 from acquisition.campaign.check_poses import ApproachRule, drawn_poses, stance_poses, touch_poses
 from acquisition.campaign.observability import setup_of
 from acquisition.campaign.placement_views import placement_picture
@@ -14,6 +14,7 @@ __all__ = [
     "ApproachRule",
     "BallPlacement",
     "Campaign",
+    "CampaignTable",
     "HexapodSurvey",
     "Pose",
     "ReachResult",

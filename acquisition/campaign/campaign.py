@@ -7,27 +7,26 @@ says what; `campaign.blocks` has its kinds of blocks, `campaign.plan` turns it i
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, Self
 
 import tomli_w
+from pydantic import PrivateAttr, Strict, model_validator
 
-from acquisition.campaign.blocks import read_block
-from acquisition.campaign.blocks.block import Approach, Block, Settle, read_approach, read_settle
-from acquisition.campaign.blocks.path import WaypointPath
+from acquisition.campaign.blocks import AnyBlock
+from acquisition.campaign.blocks.block import Approach, ApproachTable, Block, Settle
+from acquisition.campaign.blocks.path import PathBlock
 from acquisition.campaign.blocks.poses import read_poses
 from acquisition.errors import as_config_error
-from calib.text import TomlTable, parse_toml, read_toml
+from acquisition.file_table import Table, Text, Written, no_default, read_table, refused, told
+from calib.text import parse_toml, read_toml
 
 __all__ = [
     "FORMAT",
     "Approach",
     "Block",
     "Campaign",
-    "NestCheck",
     "Settle",
-    "WarmUpRule",
     "campaign_from",
     "campaign_of_record",
     "read_campaign",
@@ -35,69 +34,126 @@ __all__ = [
 ]
 
 FORMAT = "truepose-campaign/1"
-_KEYS = (
-    "format name approach settle_s settle_check samples retries warm_up_s warm_up nest_check reference_every "
-    "zero_every order seed block robot"
-)
-_DEVICE = ("maker", "model", "serial")
 
 
-@dataclass(frozen=True)
-class WarmUpRule:
-    """The arm is warm when its last `over` readings of the reference pose lie within `below_mm` of each other.
+class WarmUpTable(Table):
+    """The reference pose is measured until the arm is warm."""
 
-    They are `every_s` apart; after `at_most_s` a person decides.
+    below_mm: Annotated[
+        float, told("The last readings must lie within this of each other, mm.", 0.02, ge=1e-4, le=10.0)
+    ]
+    over: Annotated[int, told("Number of those readings.", 3, ge=2, le=100)] = 3
+    every_s: Annotated[float, told("Time between two of them, s.", 300.0, ge=0.0, le=3600.0)] = 300.0
+    at_most_s: Annotated[float, told("After this a person decides, s.", 7200.0, ge=0.0, le=86_400.0)] = 7200.0
+
+
+class NestCheckTable(Table):
+    """The nests are measured again while the campaign runs."""
+
+    every: Annotated[int, told("Number of readings between two checks.", 100, ge=1, le=1_000_000)]
+    limit_mm: Annotated[
+        float, told("A nest that moved by more stops for a person, mm.", 0.05, ge=1e-4, le=10.0)
+    ]
+
+
+class CampaignTable(Table):
+    """A campaign: what `campaign.toml` holds, also as JSON.
+
+    Every key has a default but `format` and `block`; one that is not known is refused by name. No null: leave it out.
     """
 
-    below_mm: float
-    over: int
-    every_s: float
-    at_most_s: float
+    format: Annotated[Literal["truepose-campaign/1"], told("The format of the table.", FORMAT)]
+    name: Annotated[Written, told("A name for people; nothing depends on it.", "night 1")] = ""
+    seed: Annotated[int, told("Everything random is drawn from it; no unit.", 7, ge=0, le=2**53)] = 1
+    order: Annotated[
+        Literal["blocks", "shuffled"],
+        told("`shuffled` mixes the poses of all blocks; sweeps and repeats stay whole.", "shuffled"),
+    ] = "blocks"
+    approach: Annotated[
+        ApproachTable,
+        told(
+            "How the last move to a pose begins.",
+            {"offset_deg": -5.0, "sides": "both"},
+            json_schema_extra=no_default,
+        ),
+    ] = ApproachTable()
+    settle_s: Annotated[float, told("Pause before a reading, s.", 4.0, ge=0.0, le=3600.0)] = 4.0
+    settle_check: Annotated[
+        bool, told("Then also wait until two read-backs half a second apart agree.", True)
+    ] = False
+    samples: Annotated[int, told("Number of samples of one reading.", 100, ge=1, le=100_000)] = 100
+    retries: Annotated[
+        int, told("Number of times a failed reading is repeated before it is put off.", 2, ge=0, le=100)
+    ] = 2
+    warm_up_s: Annotated[
+        float, told("Wait before the first pose, s, in every execution.", 600.0, ge=0.0, le=86_400.0)
+    ] = 0.0
+    warm_up: Annotated[WarmUpTable | None, told("Left out: nobody waits.", {"below_mm": 0.02})] = None
+    nest_check: Annotated[
+        NestCheckTable | None, told("Left out: not checked.", {"every": 100, "limit_mm": 0.05})
+    ] = None
+    reference_every: Annotated[
+        int, told("The reference pose again after this number of readings; 0: never.", 20, ge=0, le=1_000_000)
+    ] = 0
+    zero_every: Annotated[
+        int,
+        told(
+            "The ballbar's calibrator again after this number of distances; 0: never.", 30, ge=0, le=1_000_000
+        ),
+    ] = 0
+    robot: Annotated[
+        dict[Literal["maker", "model", "serial"], Text],
+        told("The one robot that may be measured; left out: any.", {"serial": "120-500000"}),
+    ] = {}  # noqa: RUF012 pydantic copies it
+    block: Annotated[
+        tuple[AnyBlock, ...],
+        Strict(False),
+        told(
+            "What is measured, one after the other.",
+            [{"kind": "poses", "set": "calibration", "count": 60}],
+            missing="A campaign measures at least one [[block]].",
+        ),
+    ]
+    _source: str = PrivateAttr("")
 
-
-@dataclass(frozen=True)
-class NestCheck:
-    """The nests are measured again after `every` readings; one that moved more than `limit_mm` stops for a person."""
-
-    every: int
-    limit_mm: float
-
-
-@dataclass(frozen=True)
-class Campaign:
-    """A measurement campaign as its file describes it.
-
-    source: the text of the file, kept in the record; robot: `maker`, `model` and `serial` of the only robot that may be
-    measured, such as that of a watch's baseline; empty for any.
-    """
-
-    blocks: tuple[Block, ...]
-    settle: Settle
-    samples: int
-    retries: int
-    warm_up_s: float
-    warm_up: WarmUpRule | None
-    nest_check: NestCheck | None
-    reference_every: int
-    zero_every: int
-    shuffled: bool
-    seed: int
-    source: str = field(repr=False)
-    robot: Mapping[str, str] = field(default_factory=dict)
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        """Blocks with what they leave out as the campaign has it."""
+        if not self.block:
+            raise refused("block", "is missing.", "A campaign measures at least one [[block]].")
+        if self.block[0].new_station:
+            what = "is true in the first block."
+            raise refused("block[0].new_station", what, "The nests are measured there anyway.")
+        approach = self.approach.within(ApproachTable(), "approach.")
+        settle = Settle(self.settle_s, self.settle_check)
+        blocks = tuple(each.within(approach, settle, f"block[{i}].") for i, each in enumerate(self.block))
+        return self.model_copy(update={"approach": approach, "block": blocks})
 
     @property
-    def settle_s(self) -> float:
-        """The pause before a reading, s, unless a block says otherwise."""
-        return self.settle.seconds
+    def blocks(self) -> tuple[AnyBlock, ...]:
+        return self.block
+
+    @property
+    def settle(self) -> Settle:
+        return Settle(self.settle_s, self.settle_check)
+
+    @property
+    def shuffled(self) -> bool:
+        return self.order == "shuffled"
+
+    @property
+    def source(self) -> str:
+        """The text of the file, kept in the record."""
+        return self._source
 
     def settle_of(self, block: int) -> Settle:
         """The settling of a visit of the block with this number; records of old have reference poses of none, -1."""
         return self.settle if block < 0 else self.blocks[block].settle
 
-    def path_of(self, block: int) -> WaypointPath | None:
+    def path_of(self, block: int) -> PathBlock | None:
         """The path of the block with this number, with how it is recorded; None where the block is no path."""
-        recipe = self.blocks[block].recipe if block >= 0 else None
-        return recipe if isinstance(recipe, WaypointPath) else None
+        found = self.blocks[block] if block >= 0 else None
+        return found if isinstance(found, PathBlock) else None
 
     def station_of(self, block: int) -> int:
         """Number of times that the instrument has been set up anew when the block is measured."""
@@ -127,62 +183,9 @@ def campaign_from(
     read_files: bool = True,
 ) -> Campaign:
     """A campaign from a parsed table (a file, or the body of a request). Raises ConfigError."""
-    top = TomlTable(table, file)
-    top.text("format", allowed=(FORMAT,))
-    top.only(_KEYS.split())
-    top.text("name", "")
-    approach = read_approach(top.table("approach"), Approach())
-    settle = read_settle(top, Settle(4.0, check=False))
-    blocks = top.tables("block")
-    if not blocks:
-        raise top.refuse("block", "is missing.", "A campaign measures at least one [[block]].")
-    folder = (beside or Path()) if read_files else None
-    return Campaign(
-        blocks=_stations(blocks, tuple(read_block(block, approach, settle, folder) for block in blocks)),
-        settle=settle,
-        samples=top.whole("samples", 100, low=1, high=100_000),
-        retries=top.whole("retries", 2, high=100),
-        warm_up_s=top.number("warm_up_s", 0.0, low=0.0, high=86_400.0),
-        warm_up=_warm_up(top),
-        nest_check=_nest_check(top),
-        reference_every=top.whole("reference_every", 0),
-        zero_every=top.whole("zero_every", 0),
-        shuffled=top.text("order", "blocks", ("blocks", "shuffled")) == "shuffled",
-        seed=top.whole("seed", 1, high=2**53),
-        source=source or tomli_w.dumps(table),
-        robot=_robot(top.table("robot")),
-    )
+    campaign = read_table(CampaignTable, table, file, (beside or Path()) if read_files else None)
+    campaign._source = source or tomli_w.dumps(table)
+    return campaign
 
 
-def _stations(tables: list[TomlTable], blocks: tuple[Block, ...]) -> tuple[Block, ...]:
-    if blocks[0].new_station:
-        raise tables[0].refuse(
-            "new_station", "is true in the first block.", "The nests are measured there anyway."
-        )
-    return blocks
-
-
-def _robot(table: TomlTable) -> dict[str, str]:
-    table.only(_DEVICE)
-    return {key: table.text(key) for key in _DEVICE if key in table.values}
-
-
-def _warm_up(top: TomlTable) -> WarmUpRule | None:
-    if "warm_up" not in top.values:
-        return None
-    table = top.table("warm_up")
-    table.only(("below_mm", "over", "every_s", "at_most_s"))
-    return WarmUpRule(
-        below_mm=table.number("below_mm", low=1e-4, high=10.0),
-        over=table.whole("over", 3, low=2, high=100),
-        every_s=table.number("every_s", 300.0, low=0.0, high=3600.0),
-        at_most_s=table.number("at_most_s", 7200.0, low=0.0, high=86_400.0),
-    )
-
-
-def _nest_check(top: TomlTable) -> NestCheck | None:
-    if "nest_check" not in top.values:
-        return None
-    table = top.table("nest_check")
-    table.only(("every", "limit_mm"))
-    return NestCheck(table.whole("every", low=1), table.number("limit_mm", low=1e-4, high=10.0))
+Campaign = CampaignTable

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.campaign.blocks.block import DECIMALS, Approach, Site
-from acquisition.campaign.blocks.hexapod import HexapodRecipe
+from acquisition.campaign.blocks.hexapod import HexapodBlock
 from acquisition.campaign.poses import Pose, draw_poses
 from acquisition.cell.cell import Cell
 from acquisition.cell.reach import configurations
@@ -83,8 +83,8 @@ def stance_poses(
     """Every stance of the cell's ballbar between its first three balls and targets, in every branch, from `draws`
     choices of sides each. Raises ConfigError where the arm reaches none."""
     targets = tuple(cell.tool.targets)[:3]
-    site = Site(cell, 0, 0, targets, Approach(-arrival.offset_deg))
-    every = HexapodRecipe(base=None, count=None, stages=1, configurations="all").visits_at(site)
+    site = Site(cell, 0, 0, targets, Approach(offset_deg=-arrival.offset_deg))
+    every = HexapodBlock(kind="hexapod", stages=1, configurations="all").visits_at(site)
     times = draws if arrival.both else 1
     joints = np.repeat([visit.joints_deg for visit in every], times, axis=0)
     sides = arrival.sides(joints.shape, rng)

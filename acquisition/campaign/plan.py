@@ -134,7 +134,7 @@ def _fits_instrument(cell: Cell, campaign: Campaign) -> None:
                 f"block {number}: kind = 'path' records while the robot moves, and the {' and the '.join(silent)} of "
                 "this cell cannot be recorded in motion; use kind = 'poses', which stops to measure"
             )
-        if block.recipe.lengths != lengths:
+        if block.lengths != lengths:
             blocks = "use kind = 'hexapod' or 'ballbar_geometry', or 'sphere' with its base"
             hint = blocks if lengths else "it needs a ballbar"
             raise ConfigError(
@@ -167,9 +167,9 @@ def _units(cell: Cell, campaign: Campaign, number: int, taken: tuple[Joints, ...
             tuple(base for _, base in visit.distances),
             visit.waypoints,
         )
-        for visit in block.recipe.visits_at(site)
+        for visit in block.visits_at(site)
     ]
-    return [visits] if block.recipe.ordered else [[visit] for visit in visits]
+    return [visits] if block.ordered else [[visit] for visit in visits]
 
 
 def site_of(cell: Cell, campaign: Campaign, number: int) -> Site:
@@ -191,7 +191,7 @@ def _targets(cell: Cell, block: Block, number: int) -> tuple[str, ...]:
 def _reference(cell: Cell, campaign: Campaign) -> Visit:
     """One pose that shows its targets: with one SMR each of them, else the first."""
     rng = np.random.default_rng([campaign.seed, RandomStream.REFERENCE])
-    approach = Approach(campaign.blocks[0].approach.offset_deg)
+    approach = Approach(offset_deg=campaign.blocks[0].approach.offset_deg)
     targets = tuple(cell.tool.targets)[: None if cell.instrument.one_smr else 1]
     ((pose, sides, _),) = draw_poses(
         cell, 1, rng, approach.offset_deg, both=False, decimals=DECIMALS, targets=targets

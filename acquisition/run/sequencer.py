@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from acquisition.campaign.blocks.ballbar_geometry import BallbarGeometry
+from acquisition.campaign.blocks.ballbar_geometry import BallbarGeometryBlock
 from acquisition.campaign.campaign import Campaign
 from acquisition.cell.cell import Bar, Cell, bar_for, bars_of
 from acquisition.cell.transit import Transit
@@ -99,7 +99,7 @@ class Sequencer:
         self._nests = Nests(store, cell, lambda nest: self._try(nest, last=True), self._consult)
         self._arrival: Arrival | None = None
         # The bar that is built, where it is always that of the legs; else nobody knows until it is built.
-        one = not any(isinstance(block.recipe, BallbarGeometry) for block in campaign.blocks)
+        one = not any(isinstance(block, BallbarGeometryBlock) for block in campaign.blocks)
         self._bar = bars_of(cell)[0] if one and cell.instrument.declared.measures_lengths else None
         self._reason = ""  # of the last answer
         self._last: tuple[int, ...] = ()  # planned reading of a pose that was measured last

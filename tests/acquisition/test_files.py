@@ -105,6 +105,10 @@ BLOCK: dict[str, Any] = {"set": "calibration", "count": 2}
         ({"retries": 1.5}, "retries"),
         ({"name": 5}, "name"),
         ({"name": ["a"]}, "name"),
+        ({"name": "a\u202eb"}, "name"),
+        ({"settle_s": 10**400}, "settle_s"),
+        ({"robot": {"serial": None}}, "robot.serial"),
+        ({"block": [BLOCK | {"kind": None}]}, "block[0].kind"),
         ({"order": "any"}, "order"),
         ({"block": []}, "block"),
         ({"block": [BLOCK | {"kind": "dance"}]}, "block[0].kind"),
@@ -120,6 +124,10 @@ BLOCK: dict[str, Any] = {"set": "calibration", "count": 2}
         ({"block": [BLOCK | {"targets": [1]}]}, "block[0].targets"),
         ({"block": [BLOCK | {"targets": "T1"}]}, "block[0].targets"),
         ({"block": [{"select": "list"}]}, "block[0].joints_deg"),
+        (
+            {"block": [{"select": "list", "joints_deg": [[0] * 6], "approach_sides": [[True] * 6]}]},
+            "block[0].approach_sides",
+        ),
     ],
 )
 def test_campaign_refused(change: dict[str, Any], key: str) -> None:

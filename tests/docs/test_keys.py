@@ -16,9 +16,8 @@ from typing import Any
 
 import pytest
 
-from acquisition import read_cell
-from acquisition.campaign import campaign
-from acquisition.campaign.blocks import KINDS, SHARED
+from acquisition import CampaignTable, read_cell
+from acquisition.file_table import FileSchema
 from calib import identify, load_robot, read_dataset, save_model
 from calib.arm.robot import BUILT_IN
 from calib.data import read_header
@@ -212,9 +211,20 @@ def test_cells(asked: dict[str, Asked], tmp_path: Path) -> None:
 def test_campaigns() -> None:
     text = (ROOT / "docs" / "campaign.md").read_text("utf-8")
     named = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`]+)`", text))))
-    keys = {*campaign._KEYS.split(), *SHARED, *(key for kind in KINDS.values() for key in kind.keys)}
+    tables = CampaignTable.model_json_schema(schema_generator=FileSchema)
+    keys = {*tables["properties"], *(key for each in tables["$defs"].values() for key in each["properties"])}
     assert keys - named == set()
-    assert [kind for kind in KINDS if f"**{kind}**" not in text] == []
+    kinds = (
+        tables["properties"]["block"]["items"]["discriminator"]["mapping"]
+        if "discriminator" in tables["properties"]["block"]["items"]
+        else {
+            each["properties"]["kind"]["const"]: 0
+            for each in tables["$defs"].values()
+            if "kind" in each["properties"]
+        }
+    )
+    assert len(kinds) == 9
+    assert [kind for kind in kinds if f"**{kind}**" not in text] == []
 
 
 def test_models(tmp_path: Path) -> None:

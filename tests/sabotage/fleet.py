@@ -31,7 +31,7 @@ CHANGES = (
         _BATCH,
     ),
     Change(
-        "fleet/diagnose/batch.py",
+        "fleet/diagnose/statement.py",
         "float(value) if math.isfinite(value) else None",
         "float(value)",
         "fleet diagnose: a size that is no number stops the call",
@@ -73,7 +73,7 @@ CHANGES = (
         _TALLY,
     ),
     Change(
-        "fleet/diagnose/run.py",
+        "fleet/diagnose/progress.py",
         " - self.twice - len(self.failed)",
         " - len(self.failed)",
         "fleet diagnose: what two have computed is still to come at the end",

@@ -11,29 +11,30 @@ three taught points and three sides say where the cups are. Source: Nubiola, the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import combinations
-from pathlib import Path
+from typing import Annotated, ClassVar, Literal
 
-from acquisition.campaign.blocks.block import BlockVisit, Site
+from acquisition.campaign.blocks.block import Balls, Block, BlockVisit, Site
 from acquisition.cell.cell import Cell, bar_between
-from calib.text import TomlTable
+from acquisition.file_table import Text, told
 from drivers.errors import ConfigError
 
-KEYS = ("base", "repeats", "touch_with")
 
+class BallbarGeometryBlock(Block):
+    """The sides of the triangles of the tool targets and of the balls on the base; the robot takes no part."""
 
-@dataclass(frozen=True)
-class BallbarGeometry:
-    """`base`: the balls on the base, None for all; `repeats`: how often every distance is measured; `touch_with`: the
-    ball of the tool with which the robot touches every cup, None where it does not.
-    """
+    lengths: ClassVar[bool] = True
 
-    base: tuple[str, ...] | None
-    repeats: int
-    touch_with: str | None = None
-    ordered = True
-    lengths = True
+    kind: Annotated[Literal["ballbar_geometry"], told("The kind of block.", "ballbar_geometry")]
+    set: Annotated[Literal["calibration"], told("Such distances enter the fit.", "calibration")] = (
+        "calibration"
+    )
+    base: Balls = None
+    repeats: Annotated[int, told("Number of times each side is measured.", 2, ge=1, le=100)] = 1
+    touch_with: Annotated[
+        Text | None,
+        told("A target that a person jogs into the cup of each ball; left out: none is touched.", "T1"),
+    ] = None
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
         cell, base = site.cell, self.base or tuple(site.cell.nests)
@@ -75,12 +76,3 @@ class BallbarGeometry:
         """Length of the bar, mm, and the two balls of every distance that can be measured."""
         found = [(bar_between(cell, *two), *two) for two in combinations(names, 2)]
         return [(bar.length_mm, one, other) for bar, one, other in found if bar is not None]
-
-
-def read(table: TomlTable, folder: Path | None) -> BallbarGeometry:
-    """The block of a table of the campaign, which names no file in `folder`. Raises ConfigError."""
-    return BallbarGeometry(
-        base=table.names("base"),
-        repeats=table.whole("repeats", 1, low=1, high=100),
-        touch_with=table.text("touch_with") if "touch_with" in table.values else None,
-    )

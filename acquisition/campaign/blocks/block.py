@@ -7,15 +7,17 @@ names. Joints deg, and mm where they slide, rounded to what every controller tak
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
+from pydantic import BeforeValidator, model_validator
 
 from acquisition.cell.cell import Cell
-from calib.text import TomlTable
+from acquisition.file_table import List, Once, Table, Text, no_default, refused, told
 from drivers.errors import ConfigError
 
 DECIMALS = 4  # a stock open_abb request carries four
@@ -25,22 +27,87 @@ Joints = tuple[float, ...]
 Sides = Literal["one", "both"]
 
 
+def _no_flag(value: Any) -> Any:
+    """Refuse true and false, which are 1 and 0 to a Literal."""
+    if isinstance(value, bool):
+        raise ValueError("a flag")
+    return value
+
+
+Side = Annotated[Literal[-1, 1], BeforeValidator(_no_flag)]
+ASide = "Give +1 (from below) or -1 for every joint of every pose."
+Posture = Annotated[
+    List[float] | None, told("The posture, deg; left out: drawn.", [0.0, 20.0, 0.0, 0.0, 60.0, 0.0])
+]
+Step = Annotated[float, told("Step, deg.", 5.0, ge=0.01, le=180.0)]
+Balls = Annotated[
+    Once[Text] | None, told("Names of balls on the base; left out: the cell's.", ["N1", "N2", "N3"])
+]
+Stages = Annotated[
+    int, told("Number of stages, 1 or 2: what lay out of the bar's stroke comes again.", 2, ge=1, le=2)
+]
+Set = Annotated[
+    Literal["calibration", "validation"],
+    told("Calibration enters the fit, validation never does.", "calibration"),
+]
+
+
 class RandomStream(IntEnum):
     """Streams of random numbers from the seed of a campaign, one for each thing that is drawn."""
 
     POSE, SIDE, ORDER, REFERENCE, POSTURE, REACH = range(6)
 
 
-@dataclass(frozen=True)
-class Approach:
-    """The point from which the last move to a pose starts: `offset_deg` away in every joint, its sign drawn if `both`.
+class ApproachTable(Table):
+    """How the last move to a pose begins: from an approach point that lies off in every joint."""
 
-    longest_deg: the length of each pose's last move is drawn up to this; None: the kind of block says it.
-    """
+    offset_deg: Annotated[
+        float,
+        told(
+            "How far off every joint starts, deg; left out: -5, or as the campaign.",
+            -5.0,
+            ge=-30.0,
+            le=30.0,
+            json_schema_extra=no_default,
+        ),
+    ] = -5.0
+    sides: Annotated[
+        Sides,
+        told(
+            "`both`: from a side drawn for each joint of each pose; left out: `one`, or as the campaign.",
+            "both",
+            json_schema_extra=no_default,
+        ),
+    ] = "one"
+    longest_deg: Annotated[
+        float | None,
+        told(
+            "The length is drawn anew for each pose up to this, deg; left out: the kind of block says it.",
+            15.0,
+        ),
+    ] = None
 
-    offset_deg: float = -5.0
-    sides: Sides = "one"
-    longest_deg: float | None = None
+    @model_validator(mode="after")
+    def _is_an_approach(self) -> Self:
+        if abs(self.offset_deg) < 0.1:
+            raise refused(
+                "offset_deg",
+                f"is {self.offset_deg:g}.",
+                "Without an approach, backlash spoils every reading.",
+            )
+        return self
+
+    def within(self, default: ApproachTable, where: str = "") -> ApproachTable:
+        """This table, what it leaves out as in `default`. Raises what `refused` makes, for a key below `where`."""
+        given = {key: getattr(self, key) for key in self.model_fields_set}
+        kept = {} if "offset_deg" in given else {"longest_deg": default.longest_deg}
+        found = default.model_copy(update={"longest_deg": None, **kept, **given})
+        least, most = abs(found.offset_deg), max(_LONGEST_DEG, abs(found.offset_deg))
+        if "longest_deg" in given and not least <= (longest := self.longest_deg or 0.0) <= most:
+            raise refused(
+                f"{where}longest_deg", f"is {longest!r}.", f"Give a number from {least:g} to {most:g}."
+            )
+        return found
 
     @property
     def side(self) -> int:
@@ -132,33 +199,68 @@ class Site:
         return rounded(joints_deg)
 
 
-class Recipe(Protocol):
-    """A kind of block. `ordered`: its poses stay together and in order when a campaign is shuffled; `lengths`: it
-    measures distances.
-    """
+class Block(Table):
+    """One block: what all kinds have. `ordered`: its poses stay together and in order when a campaign is shuffled;
+    `lengths`: it measures distances; `usual_settle_s`: of this kind unless the block says otherwise."""
+
+    ordered: ClassVar[bool] = True
+    lengths: ClassVar[bool] = False
+    usual_settle_s: ClassVar[float | None] = None
+
+    targets: Annotated[
+        Once[Text] | None, told("Names of targets of the cell; left out: all.", ["T1", "T3"])
+    ] = None
+    approach: Annotated[
+        ApproachTable,
+        told(
+            "How the last move to a pose begins; left out: as the campaign.",
+            {"offset_deg": -5.0, "sides": "both"},
+            json_schema_extra=no_default,
+        ),
+    ] = ApproachTable()
+    settle_s: Annotated[
+        float,
+        told(
+            "Pause before a reading, s; left out: the campaign's, 2 on a sphere.",
+            4.0,
+            ge=0.0,
+            le=3600.0,
+            json_schema_extra=no_default,
+        ),
+    ] = 4.0
+    settle_check: Annotated[
+        bool,
+        told(
+            "Then also wait until two read-backs half a second apart agree; left out: as the campaign.",
+            True,
+            json_schema_extra=no_default,
+        ),
+    ] = False
+    new_station: Annotated[bool, told("A person sets the instrument up anew before this block.", False)] = (
+        False
+    )
 
     @property
-    def ordered(self) -> bool: ...
+    def settle(self) -> Settle:
+        return Settle(self.settle_s, self.settle_check)
 
-    @property
-    def lengths(self) -> bool: ...
+    def within(self, approach: ApproachTable, settle: Settle, where: str) -> Self:
+        """The block with what it leaves out as the campaign has it."""
+        usual = settle.seconds if self.usual_settle_s is None else self.usual_settle_s
+        given = self.model_fields_set
+        return self.model_copy(
+            update={
+                "approach": self.approach.within(approach, f"{where}approach.")
+                if "approach" in given
+                else approach,
+                "settle_s": self.settle_s if "settle_s" in given else usual,
+                "settle_check": self.settle_check if "settle_check" in given else settle.check,
+            }
+        )
 
+    @abstractmethod
     def visits_at(self, site: Site) -> list[BlockVisit]:
         """Visits of the block in a cell. Raises ConfigError for what this cell cannot do."""
-        ...
-
-
-@dataclass(frozen=True)
-class Block:
-    """One block. `targets` None: all of the cell. `new_station`: the instrument is set up anew before it."""
-
-    kind: str
-    set: str
-    targets: tuple[str, ...] | None
-    approach: Approach
-    settle: Settle
-    new_station: bool
-    recipe: Recipe
 
 
 def rounded(joints_deg: Iterable[float]) -> Joints:
@@ -166,24 +268,4 @@ def rounded(joints_deg: Iterable[float]) -> Joints:
     return tuple(round(float(q), DECIMALS) for q in joints_deg)
 
 
-def read_approach(table: TomlTable, default: Approach) -> Approach:
-    """The `approach` table of a campaign or a block. Raises ConfigError."""
-    table.only(("offset_deg", "sides", "longest_deg"))
-    offset = table.number("offset_deg", default.offset_deg, low=-30.0, high=30.0)
-    if abs(offset) < 0.1:
-        raise table.refuse(
-            "offset_deg", f"is {offset:g}.", "Without an approach, backlash spoils every reading."
-        )
-    both = table.text("sides", default.sides, ("one", "both")) == "both"
-    longest = None if "offset_deg" in table.values else default.longest_deg
-    if "longest_deg" in table.values:
-        longest = table.number("longest_deg", low=abs(offset), high=max(_LONGEST_DEG, abs(offset)))
-    return Approach(offset, "both" if both else "one", longest)
-
-
-def read_settle(table: TomlTable, default: Settle) -> Settle:
-    """Read `settle_s` and `settle_check` of a campaign or a block. Raises ConfigError."""
-    return Settle(
-        table.number("settle_s", default.seconds, low=0.0, high=3600.0),
-        table.flag("settle_check", default.check),
-    )
+Approach = ApproachTable

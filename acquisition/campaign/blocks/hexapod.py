@@ -14,42 +14,55 @@ thesis, sections 4.2 to 4.4.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator
 
-from acquisition.campaign.blocks.block import DECIMALS, BlockVisit, Site
+from acquisition.campaign.blocks.block import DECIMALS, Balls, Block, BlockVisit, Set, Site, Stages
 from acquisition.cell.reach import configurations
 from acquisition.cell.transit import may_visit
 from acquisition.cell.workspace import Array
+from acquisition.file_table import Once, Text, refused, told
 from calib.arm import BRANCHES, LEGS, forward, stances_among
 from calib.errors import DataError
-from calib.text import TomlTable
 from drivers.errors import ConfigError
 
-KEYS = ("base", "count", "stages", "configurations", "branches")
 _SAME_MM = 0.05  # entries of two flange poses that are one stance
 _ONE_END = ((2, 0), (0, 0), (0, 1), (1, 1), (1, 0), (1, 2))
 """The legs of a design (`calib.arm.hexapod.LEGS`) in an order in which a person moves one end of the bar at a time."""
 _ORDER = tuple(LEGS.index(leg) for leg in _ONE_END)
 
 
-@dataclass(frozen=True)
-class HexapodRecipe:
-    """`base`: the balls on the base, None for the cell's first three; of four every three; `count`: at most so many
-    poses, None for all;
-    `configurations`: in which branches a stance is taken, of those whose names begin with one of `branches`.
-    """
+def _known(branches: tuple[str, ...]) -> tuple[str, ...]:
+    for name in branches:
+        if not any(branch == name or branch.startswith(f"{name}/") for branch in BRANCHES):
+            do = f"Name branches of the arm, or what they begin with: {', '.join(BRANCHES)}."
+            raise refused("", f"names {name!r}.", do)
+    return branches
 
-    base: tuple[str, ...] | None
-    count: int | None
-    stages: int
-    configurations: str
-    branches: tuple[str, ...] | None = None
-    ordered = True
-    lengths = True
+
+class HexapodBlock(Block):
+    """The tool on six legs of the ballbar's length."""
+
+    lengths: ClassVar[bool] = True
+
+    kind: Annotated[Literal["hexapod"], told("The kind of block.", "hexapod")]
+    set: Set = "calibration"
+    base: Balls = None
+    count: Annotated[
+        int | None, told("Number of stances at most; left out: all.", 48, ge=1, le=1_000_000)
+    ] = None
+    stages: Stages = 2
+    configurations: Annotated[
+        Literal["one", "mixed", "all"],
+        told("Stances in one, in every, or in one after the other configuration of the arm.", "one"),
+    ] = "one"
+    branches: Annotated[
+        Annotated[Once[Text], AfterValidator(_known)] | None,
+        told("Branches of the arm that are used; left out: all.", ["front/up", "back/down/flip"]),
+    ] = None
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
         base = self.base or tuple(site.cell.nests)[:3]
@@ -135,27 +148,3 @@ def _spread(some: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     if count >= len(some):
         return some
     return some[np.round(np.linspace(0, len(some) - 1, count)).astype(int)]
-
-
-def read(table: TomlTable, folder: Path | None) -> HexapodRecipe:
-    """The block of a table of the campaign, which names no file in `folder`. Raises ConfigError."""
-    return HexapodRecipe(
-        base=table.names("base"),
-        count=table.whole("count", low=1) if "count" in table.values else None,
-        stages=table.whole("stages", 2, low=1, high=2),
-        configurations=table.text("configurations", "one", ("one", "mixed", "all")),
-        branches=_branches(table),
-    )
-
-
-def _branches(table: TomlTable) -> tuple[str, ...] | None:
-    """Names of branches to be used, None for all. Raises ConfigError for a name with which no branch begins."""
-    named = table.names("branches")
-    for name in named or ():
-        if not any(branch == name or branch.startswith(f"{name}/") for branch in BRANCHES):
-            raise table.refuse(
-                "branches",
-                f"names {name!r}.",
-                f"Name branches of the arm, or what they begin with: {', '.join(BRANCHES)}.",
-            )
-    return named

@@ -6,29 +6,58 @@ true of a hexapod holds here: somebody moves the bar, and the robot leaves when 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from typing import Annotated, ClassVar, Literal, Self
 
-from acquisition.campaign.blocks.block import BlockVisit, Joints, Site
-from calib.text import TomlTable
+from pydantic import AfterValidator, Strict, model_validator
+
+from acquisition.campaign.blocks.block import ASide, Block, BlockVisit, Set, Side, Site
+from acquisition.file_table import List, Rows, Text, no_default, refused, same_width, told
 from drivers.errors import ConfigError
 
-KEYS = ("joints_deg", "legs", "approach_sides")
+Leg = Annotated[tuple[Text, Text], Strict(False)]
+SidesOfPoses = Annotated[
+    List[List[Side]],
+    AfterValidator(same_width),
+    told(
+        "From where each joint comes, 1 from below, -1 from above, one row a pose; left out: `approach` says it.",
+        [[1, -1, 1, 1, -1, 1]],
+        do=ASide,
+        json_schema_extra=no_default,  # empty, which a file may not say
+    ),
+]
 
-Leg = tuple[str, str]
+
+def refuse_other_shape(sides: tuple[tuple[int, ...], ...], poses: tuple[tuple[float, ...], ...]) -> None:
+    """Raise what `refused` makes where given sides are not one row a pose."""
+    if sides and [len(row) for row in sides] != [len(row) for row in poses]:
+        raise refused("approach_sides", "is not one row a pose.", ASide)
 
 
-@dataclass(frozen=True)
-class Legs:
-    """`joints_deg`: the poses; `legs`: of each pose target and ball on the base, in the order in which they are
-    measured; `sides`: from where every joint arrives; empty: as the approach of the block says."""
+class LegsBlock(Block):
+    """Given poses at which a ballbar measures given legs: the check poses of a watch."""
 
-    joints_deg: tuple[Joints, ...]
-    legs: tuple[tuple[Leg, ...], ...]
-    sides: tuple[tuple[int, ...], ...] = ()
-    ordered = True
-    lengths = True
+    lengths: ClassVar[bool] = True
+
+    kind: Annotated[Literal["legs"], told("The kind of block.", "legs")]
+    set: Set = "calibration"
+    joints_deg: Annotated[Rows, told("The poses, deg.", [[0.0, 20.0, 0.0, 0.0, 60.0, 0.0]])]
+    legs: Annotated[
+        List[List[Leg]],
+        told(
+            "Of every pose its legs: target and ball on the base.",
+            [[["T1", "B1"], ["T2", "B1"]]],
+            do="Give [['T1', 'B1'], ...] for every pose: target and ball on the base.",
+        ),
+    ]
+    approach_sides: SidesOfPoses = ()
+
+    @model_validator(mode="after")
+    def _one_each(self) -> Self:
+        if len(self.joints_deg) != len(self.legs):
+            what = f"has {len(self.joints_deg)} poses for {len(self.legs)} rows of legs."
+            raise refused("joints_deg", what, "Give one each.")
+        refuse_other_shape(self.approach_sides, self.joints_deg)
+        return self
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
         for target, base in (leg for legs in self.legs for leg in legs):
@@ -37,57 +66,10 @@ class Legs:
                     f"block {site.number + 1}: a leg from {target!r} to {base!r}; the cell has the targets "
                     f"{', '.join(site.cell.tool.targets)} and the balls {', '.join(site.cell.nests)}"
                 )
-        sides = self.sides or (site.sides(),) * len(self.legs)
+        sides = self.approach_sides or (site.sides(),) * len(self.legs)
         return [
             site.visit(f"pose {i}", site.posture(f"pose {i}", pose), side, legs)
             for i, (pose, side, legs) in enumerate(
                 zip(self.joints_deg, sides, self.legs, strict=True), start=1
             )
         ]
-
-
-def read(table: TomlTable, folder: Path | None) -> Legs:
-    """The block of a table of the campaign, which names no file in `folder`. Raises ConfigError."""
-    legs = _legs(table)
-    rows = table.values.get("joints_deg")
-    width = (
-        len(rows[0]) if isinstance(rows, list | tuple) and rows and isinstance(rows[0], list | tuple) else 0
-    )
-    poses = tuple(table.rows("joints_deg", width))
-    sides = tuple(table.rows("approach_sides", width))
-    if len(poses) != len(legs):
-        raise table.refuse(
-            "joints_deg", f"has {len(poses)} poses for {len(legs)} rows of legs.", "Give one each."
-        )
-    if sides and (len(sides) != len(poses) or any(abs(side) != 1.0 for row in sides for side in row)):
-        raise table.refuse(
-            "approach_sides",
-            "is not one row a pose.",
-            "Give +1 (from below) or -1 for every joint of every pose.",
-        )
-    return Legs(poses, legs, tuple(tuple(int(side) for side in row) for row in sides))
-
-
-def _legs(table: TomlTable) -> tuple[tuple[Leg, ...], ...]:
-    given = table.values.get("legs")
-    rows = given if isinstance(given, list | tuple) else ()
-    if not rows or not all(_are_legs(row) for row in rows):
-        raise table.refuse(
-            "legs",
-            "is no list of legs a pose.",
-            "Give [['T1', 'B1'], ...] for every pose: target and ball on the base.",
-        )
-    return tuple(tuple((str(target), str(base)) for target, base in row) for row in rows)
-
-
-def _are_legs(row: object) -> bool:
-    return (
-        isinstance(row, Sequence)
-        and len(row) > 0
-        and all(
-            isinstance(leg, list | tuple)
-            and len(leg) == 2
-            and all(isinstance(name, str) and name for name in leg)
-            for leg in row
-        )
-    )

@@ -8,33 +8,41 @@ The robot drives at the speeds of its cell file, or more slowly where the block 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from typing import Annotated, Literal, Self
 
-from acquisition.campaign.blocks.block import BlockVisit, Site
-from acquisition.campaign.blocks.poses import DRAWN, PoseSource, read_source
-from acquisition.campaign.blocks.poses import KEYS as SOURCE_KEYS
-from calib.text import TomlTable
+from pydantic import ValidationInfo, model_validator
+
+from acquisition.campaign.blocks.block import BlockVisit, Set, Site
+from acquisition.campaign.blocks.poses import Chosen
+from acquisition.file_table import refused, told
 from drivers.errors import ConfigError
 
-KEYS = (*SOURCE_KEYS, "rest_s", "robot_hz", "instrument_hz", "speed_deg_s")
 FEWEST = 3
 
 
-@dataclass(frozen=True)
-class WaypointPath:
-    """The block is one path through the waypoints of `source`.
+class PathBlock(Chosen):
+    """The robot drives through waypoints while joints and points are recorded."""
 
-    rest_s: how long the robot rests in each of them; rates_hz: asked of each stream, by role; speed_deg_s: of the
-    leading joint between two waypoints, None for that of the cell.
-    """
+    kind: Annotated[Literal["path"], told("The kind of block.", "path")]
+    set: Set = "calibration"
+    rest_s: Annotated[float, told("Rest in each waypoint, s.", 2.0, ge=0.0, le=3600.0)] = 2.0
+    robot_hz: Annotated[float, told("Samples of the joints, Hz.", 125.0, ge=10.0, le=500.0)] = 125.0
+    instrument_hz: Annotated[float, told("Points of the instrument, Hz.", 10.0, ge=1.0, le=1000.0)] = 10.0
+    speed_deg_s: Annotated[
+        float | None, told("Largest speed of a joint, deg/s; left out: the cell's.", 20.0, ge=0.1)
+    ] = None
 
-    source: PoseSource
-    rest_s: float
-    rates_hz: Mapping[str, float]
-    speed_deg_s: float | None
-    ordered = True
-    lengths = False
+    @model_validator(mode="after")
+    def _is_a_path(self, info: ValidationInfo) -> Self:
+        known = self.select != "file" or (info.context or {}).get("folder") is not None
+        if known and (self.number or 0) < FEWEST:
+            raise refused("count", f"gives {self.number} waypoints.", f"A path needs {FEWEST} or more.")
+        return self
+
+    @property
+    def rates_hz(self) -> Mapping[str, float]:
+        """Asked of each stream, by role."""
+        return {"robot": self.robot_hz, "instrument": self.instrument_hz}
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
         if len(site.targets) != 1:
@@ -48,7 +56,7 @@ class WaypointPath:
                 f"block {site.number + 1}: speed_deg_s = {self.speed_deg_s:g} is faster than the cell allows; write at "
                 f"most {fastest:g}, or raise [robot] speed_deg_s of the cell file"
             )
-        first, *rest = (pose.joints_deg for pose in self.source.poses(site, None))
+        first, *rest = (pose.joints_deg for pose in self.poses(site, None))
         sides = site.sides()
         return [
             BlockVisit(
@@ -59,19 +67,3 @@ class WaypointPath:
                 waypoints=tuple(rest),
             )
         ]
-
-
-def read(table: TomlTable, folder: Path | None) -> WaypointPath:
-    """The block of a table. Raises ConfigError. `folder`: where pose files are; None: they are not read again."""
-    source = read_source(table, folder)
-    if source.count < FEWEST and (folder is not None or source.select in DRAWN):
-        raise table.refuse("count", f"gives {source.count} waypoints.", f"A path needs {FEWEST} or more.")
-    return WaypointPath(
-        source,
-        rest_s=table.number("rest_s", 2.0, low=0.0, high=3600.0),
-        rates_hz={
-            "robot": table.number("robot_hz", 125.0, low=10.0, high=500.0),
-            "instrument": table.number("instrument_hz", 10.0, low=1.0, high=1000.0),
-        },
-        speed_deg_s=table.number("speed_deg_s", low=0.1) if "speed_deg_s" in table.values else None,
-    )

@@ -4,61 +4,98 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal, cast
+from typing import Annotated, ClassVar, Literal, Self
 
-from acquisition.campaign.blocks.block import DECIMALS, BlockVisit, Joints, RandomStream, Site
+from pydantic import PrivateAttr, ValidationInfo, model_validator
+
+from acquisition.campaign.blocks.block import DECIMALS, Block, BlockVisit, Joints, RandomStream, Set, Site
+from acquisition.campaign.blocks.legs import SidesOfPoses, refuse_other_shape
 from acquisition.campaign.observability import CANDIDATES, select_poses
 from acquisition.campaign.poses import Pose, draw_poses
 from acquisition.errors import as_config_error
-from calib.text import TomlTable, read_text, rows_of
+from acquisition.file_table import OnlyInFiles, Rows, Text, refused, told
+from calib.text import read_text, rows_of
 from drivers.errors import ConfigError
 
-Select = Literal["random", "file", "list", "observability"]
 DRAWN = ("random", "observability")
 _JOINT = re.compile(r"[je]\d+_(deg|mm)")
-KEYS = ("count", "select", "file", "joints_deg")
-OWN_KEYS = (*KEYS, "approach_sides", "readings")
-_MOST = 100  # readings of a target in one visit
 
 
-@dataclass(frozen=True)
-class PoseSource:
-    """The source of poses. `joints_deg`: the poses themselves where they are given, else drawn; `sides`: the side of
-    approach of every joint at each of them, where they are given too."""
+class Chosen(Block):
+    """A block whose poses are drawn, chosen, or given in the file or beside it."""
 
-    select: Select
-    count: int
-    joints_deg: tuple[Joints, ...] = ()
-    sides: tuple[tuple[int, ...], ...] = ()
+    usual_count: ClassVar[int | None] = None
+
+    select: Annotated[
+        Literal["random", "observability", "file", "list"],
+        OnlyInFiles("file"),
+        told(
+            "How poses are chosen. `file` would be one of the server where it comes by HTTP, and is refused.",
+            "list",
+        ),
+    ] = "random"
+    count: Annotated[int | None, told("Number of poses that are drawn.", 60, ge=1, le=1_000_000)] = None
+    file: Annotated[
+        Text | None, OnlyInFiles(), told("A CSV of `j1_deg`, `j2_deg`, ... beside the campaign.", "poses.csv")
+    ] = None
+    joints_deg: Annotated[
+        Rows | None,
+        told("The poses of `select = list`, deg, one row a pose.", [[12.0, 45.0, -10.0, 80.0, -35.0, 10.0]]),
+    ] = None
+    _given: tuple[Joints, ...] = PrivateAttr(())
+
+    @model_validator(mode="after")
+    def _has_poses(self, info: ValidationInfo) -> Self:
+        folder: Path | None = (info.context or {}).get("folder")
+        if self.select == "list":
+            if self.joints_deg is None:
+                raise refused("joints_deg", "is missing or empty.", "select = 'list' needs the poses.")
+            self._given = self.joints_deg
+        elif self.select == "file" and folder is not None:
+            if self.file is None:
+                raise refused("file", "is missing.", "Add it; the unit of a number is in the key's name.")
+            self._given = read_poses(folder / self.file)
+        elif self.select in DRAWN and self.number is None:
+            raise refused("count", "is missing.", "Add it; the unit of a number is in the key's name.")
+        return self
+
+    @property
+    def number(self) -> int | None:
+        """Number of poses."""
+        return (self.count or self.usual_count) if self.select in DRAWN else len(self._given)
+
+    @property
+    def given_sides(self) -> tuple[tuple[int, ...], ...]:
+        return ()
 
     def poses(self, site: Site, longest_deg: float | None) -> list[Pose]:
         """The poses with their approach; longest_deg: as `campaign.poses.draw_poses`. Raises ConfigError."""
         if self.select not in DRAWN:
-            return self._given(site, longest_deg)
+            return self._listed(site, longest_deg)
+        number = self.number or 0
         approach, rng, chosen = site.approach, site.rng(RandomStream.POSE), self.select == "observability"
         with as_config_error(f"block {site.number + 1}: "):
             drawn = draw_poses(
                 site.cell,
-                CANDIDATES if chosen else self.count,
+                CANDIDATES if chosen else number,
                 rng,
                 approach.offset_deg,
                 both=approach.sides == "both",
                 longest_deg=longest_deg,
                 decimals=DECIMALS,
                 targets=site.targets,
-                fewest=self.count,
+                fewest=number,
             )
-            return select_poses(site.cell, drawn, self.count, rng, site.targets) if chosen else drawn
+            return select_poses(site.cell, drawn, number, rng, site.targets) if chosen else drawn
 
-    def _given(self, site: Site, longest_deg: float | None) -> list[Pose]:
-        poses = [site.posture(f"pose {i}", pose) for i, pose in enumerate(self.joints_deg, start=1)]
+    def _listed(self, site: Site, longest_deg: float | None) -> list[Pose]:
+        poses = [site.posture(f"pose {i}", pose) for i, pose in enumerate(self._given, start=1)]
         shape = (len(poses), site.cell.robot.model.joints)
         sides = [(site.approach.side,) * shape[1]] * shape[0]
-        if self.sides:
-            sides = list(self.sides)
+        if self.given_sides:
+            sides = list(self.given_sides)
         elif site.approach.sides == "both":
             drawn = site.rng(RandomStream.SIDE).choice((-1, 1), size=shape)
             sides = [tuple(int(side) for side in row) for row in drawn]
@@ -69,71 +106,38 @@ class PoseSource:
         return [Pose(*each) for each in zip(poses, sides, lengths, strict=True)]
 
 
-@dataclass(frozen=True)
-class Poses:
-    """Visits each pose once and reads every target so often while the arm rests. Last moves to drawn poses are of many
-    lengths; those to given poses, where it is asked."""
+class PosesBlock(Chosen):
+    """Each pose once, every target read so often while the arm rests. Last moves to drawn poses are of many lengths;
+    those to given poses, where it is asked."""
 
-    source: PoseSource
-    readings: int = 1
-    ordered = False
-    lengths = False
+    ordered: ClassVar[bool] = False
+
+    kind: Annotated[Literal["poses"], told("Left out: this kind.", "poses")] = "poses"
+    set: Set = "calibration"
+    approach_sides: SidesOfPoses = ()
+    readings: Annotated[
+        int, told("Number of readings of every target while the arm rests there.", 3, ge=1, le=100)
+    ] = 1
+
+    @model_validator(mode="after")
+    def _sides_of_given_poses(self) -> Self:
+        if self.approach_sides and self.select != "list":
+            raise refused("approach_sides", "goes with given poses only.", "Use select = 'list'.")
+        refuse_other_shape(self.approach_sides, self._given)
+        return self
+
+    @property
+    def given_sides(self) -> tuple[tuple[int, ...], ...]:
+        return self.approach_sides
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
-        drawn = self.source.select in DRAWN
+        drawn = self.select in DRAWN
         longest = site.approach.usual_longest_deg if drawn else site.approach.longest_deg
         visits = [
             site.visit(f"pose {i}", pose.joints_deg, pose.sides, reach_deg=pose.reach_deg)
-            for i, pose in enumerate(self.source.poses(site, longest), start=1)
+            for i, pose in enumerate(self.poses(site, longest), start=1)
         ]
         return [replace(visit, readings=self.readings) for visit in visits]
-
-
-def read(table: TomlTable, folder: Path | None) -> Poses:
-    """The block of a table of the campaign. Raises ConfigError.
-
-    folder: where pose files are; None: they are not read again.
-    """
-    source = read_source(table, folder)
-    readings = table.whole("readings", 1, low=1, high=_MOST)
-    return Poses(replace(source, sides=_sides(table, source)), readings)
-
-
-def _sides(table: TomlTable, source: PoseSource) -> tuple[tuple[int, ...], ...]:
-    """Read `approach_sides` beside `joints_deg`: +1 from below or -1 from above, for every joint of every pose."""
-    if "approach_sides" not in table.values:
-        return ()
-    shape = [len(pose) for pose in source.joints_deg]
-    if source.select != "list":
-        raise table.refuse("approach_sides", "goes with given poses only.", "Use select = 'list'.")
-    rows = table.rows("approach_sides", shape[0])
-    if len(rows) != len(shape) or any(abs(side) != 1.0 for row in rows for side in row):
-        raise table.refuse(
-            "approach_sides",
-            "is not one row a pose.",
-            "Give +1 (from below) or -1 for every joint of every pose.",
-        )
-    return tuple(tuple(int(side) for side in row) for row in rows)
-
-
-def read_source(table: TomlTable, folder: Path | None, count: int | None = None) -> PoseSource:
-    """Read `select`, `count`, `file` and `joints_deg`; `count`: how many unless the file says. Raises ConfigError."""
-    select = table.text("select", "random", (*DRAWN, "file", "list"))
-    poses: tuple[Joints, ...] = ()
-    if select == "list":
-        poses = _listed(table)
-    elif select == "file" and folder is not None:
-        poses = read_poses(folder / table.text("file"))
-    number = table.whole("count", count, low=1) if select in DRAWN else len(poses)
-    return PoseSource(cast(Select, select), number, poses)
-
-
-def _listed(table: TomlTable) -> tuple[Joints, ...]:
-    rows = table.values.get("joints_deg")
-    if not isinstance(rows, Sequence) or not rows:
-        raise table.refuse("joints_deg", "is missing or empty.", "select = 'list' needs the poses.")
-    width = len(rows[0]) if isinstance(rows[0], Sequence) else 0
-    return tuple(table.rows("joints_deg", width))
 
 
 @as_config_error()

@@ -7,45 +7,31 @@ blocks list with opposite offsets give the multi-directional variation.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from typing import Annotated, ClassVar, Literal
 
-from acquisition.campaign.blocks import poses
 from acquisition.campaign.blocks.block import BlockVisit, Site
-from calib.text import TomlTable
-
-VISITS, POSES = 30, 5  # of ISO 9283
-KEYS = (*poses.KEYS, "visits", "order")
+from acquisition.campaign.blocks.poses import Chosen
+from acquisition.file_table import told
 
 
-@dataclass(frozen=True)
-class Repeat:
-    """`interleaved`: the poses take turns; else all visits of one pose before the next."""
+class RepeatBlock(Chosen):
+    """The same few poses again and again: repeatability (ISO 9283)."""
 
-    source: poses.PoseSource
-    visits: int
-    interleaved: bool
-    ordered = True
-    lengths = False
+    usual_count: ClassVar[int | None] = 5  # as the visits, of ISO 9283
+
+    kind: Annotated[Literal["repeat"], told("The kind of block.", "repeat")]
+    set: Annotated[Literal["repeat", "validation"], told("What the readings are for.", "repeat")] = "repeat"
+    visits: Annotated[int, told("Number of visits to each pose.", 30, ge=2, le=10_000)] = 30
+    order: Annotated[
+        Literal["interleaved", "row"], told("Poses take turns, or all visits of one come first.", "row")
+    ] = "interleaved"
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
-        found = list(enumerate(self.source.poses(site, None), start=1))
+        found = list(enumerate(self.poses(site, None), start=1))
         turns = range(1, self.visits + 1)
         order = (
             [(i, pose, k) for k in turns for i, pose in found]
-            if self.interleaved
+            if self.order == "interleaved"
             else [(i, pose, k) for i, pose in found for k in turns]
         )
         return [site.visit(f"visit {k} to pose {i}", pose.joints_deg, pose.sides) for i, pose, k in order]
-
-
-def read(table: TomlTable, folder: Path | None) -> Repeat:
-    """The block of a table of the campaign. Raises ConfigError.
-
-    folder: where pose files are; None: they are not read again.
-    """
-    return Repeat(
-        source=poses.read_source(table, folder, POSES),
-        visits=table.whole("visits", VISITS, low=2, high=10_000),
-        interleaved=table.text("order", "interleaved", ("interleaved", "row")) == "interleaved",
-    )

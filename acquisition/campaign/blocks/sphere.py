@@ -8,48 +8,59 @@ Points follow a spiral of equal areas (Swinbank & Purser 2006), sorted into ring
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from pydantic import PrivateAttr
 
-from acquisition.campaign.blocks.block import DECIMALS, BlockVisit, Joints, Site, rounded
+from acquisition.campaign.blocks.block import DECIMALS, Block, BlockVisit, Joints, Site, Stages, rounded
 from acquisition.cell.reach import configurations
 from acquisition.cell.transit import may_visit
 from acquisition.cell.workspace import facing
 from acquisition.errors import as_config_error
+from acquisition.file_table import List, Text, told
 from calib.arm import forward, nearest_branch
 from calib.array import Array
-from calib.text import TomlTable
 from calib.units import DEG
 from drivers.errors import ConfigError
 
-RADIUS_MM, COUNT = 300.0, 100
-SETTLE_S = 2.0
-KEYS = ("centre_deg", "radius_mm", "count", "above_deg", "base", "stages")
 _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 _MOST = 20  # points tried for each that is wanted
 
 
-@dataclass(frozen=True)
-class Sphere:
-    """`above_deg`: lowest elevation of a point, seen from the centre. `suppress`: every point has its approach;
-    `base`: the ball in the centre, for a ballbar as long as the radius; `stages` 2: what is out of its stroke comes
-    again after a calibration by what was not (`run.second_stage`), as for a hexapod.
-    """
+class SphereBlock(Block):
+    """Points on a sphere about a taught centre: the ballbar check of a calibrated robot."""
 
-    centre_deg: Joints
-    radius_mm: float
-    count: int
-    above_deg: float
-    suppress: bool
-    base: str | None
-    stages: int = 2
-    ordered = True
+    usual_settle_s: ClassVar[float | None] = 2.0
+
+    kind: Annotated[Literal["sphere"], told("The kind of block.", "sphere")]
+    set: Annotated[Literal["validation", "calibration"], told("What the readings are for.", "validation")] = (
+        "validation"
+    )
+    centre_deg: Annotated[
+        List[float],
+        told(
+            "Joints at which the target is in the centre, deg.",
+            [0.0, 20.0, 0.0, 0.0, 60.0, 0.0],
+            missing="Teach the pose at which the target is in the centre.",
+        ),
+    ]
+    radius_mm: Annotated[float, told("Radius, mm.", 300.0, ge=1.0, le=10_000.0)] = 300.0
+    count: Annotated[int, told("Number of points.", 100, ge=2, le=10_000)] = 100
+    above_deg: Annotated[float, told("Lowest elevation of a point, deg.", 0.0, ge=-89.0, le=89.0)] = 0.0
+    base: Annotated[
+        Text | None, told("The ball in the centre, for a ballbar as long as the radius.", "N1")
+    ] = None
+    stages: Stages = 2
+    _suppress: bool = PrivateAttr(False)
+
+    def model_post_init(self, _: Any) -> None:
+        self._suppress = "approach" in self.model_fields_set  # else it is driven from point to point
 
     @property
-    def lengths(self) -> bool:
+    def lengths(self) -> bool:  # type: ignore[override]
         return self.base is not None
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
@@ -69,7 +80,7 @@ class Sphere:
         sides = site.sides()
         distances = [] if self.base is None else [(site.targets[0], self.base)]
         visits = [site.visit(f"point {i}", pose, sides, distances) for i, pose in enumerate(poses, start=1)]
-        if self.suppress:
+        if self._suppress:
             return visits
         return visits[:1] + [
             replace(visit, sides=_moved(before, visit.joints_deg, sides), approach_deg=before)
@@ -104,7 +115,7 @@ class Sphere:
                 raise ConfigError(f"block {site.number + 1}: centre_deg is outside the limits of the cell")
             joints = configurations(site.cell, goals, taught[0])[:, branch]
         joints = np.round(joints[np.all(np.isfinite(joints), axis=1)], DECIMALS)
-        offset = abs(site.approach.offset_deg) * np.array(site.sides()) if self.suppress else 0.0
+        offset = abs(site.approach.offset_deg) * np.array(site.sides()) if self._suppress else 0.0
         clear = facing(site.cell, joints, site.targets) & may_visit(site.cell, joints, joints - offset)
         return joints[clear]
 
@@ -126,21 +137,3 @@ def _moved(before: Joints, after: Joints, usual: tuple[int, ...]) -> tuple[int, 
     """The sides from which the joints came; one that did not turn keeps the usual side."""
     turned = np.sign(np.array(after) - np.array(before)).astype(int)
     return tuple(int(turn) or side for turn, side in zip(turned, usual, strict=True))
-
-
-def read(table: TomlTable, folder: Path | None) -> Sphere:
-    """The block of a table of the campaign, which names no file in `folder`. Raises ConfigError."""
-    centre = table.numbers("centre_deg")
-    if centre is None:
-        raise table.refuse(
-            "centre_deg", "is missing.", "Teach the pose at which the target is in the centre."
-        )
-    return Sphere(
-        centre_deg=centre,
-        radius_mm=table.number("radius_mm", RADIUS_MM, low=1.0, high=10_000.0),
-        count=table.whole("count", COUNT, low=2, high=10_000),
-        above_deg=table.number("above_deg", 0.0, low=-89.0, high=89.0),
-        suppress="approach" in table.values,
-        base=table.text("base") if "base" in table.values else None,
-        stages=table.whole("stages", 2, low=1, high=2),
-    )

@@ -9,43 +9,66 @@ from where the sweep comes, the others from their usual side, so that an interru
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, Strict, model_validator
 
-from acquisition.campaign.blocks.block import BlockVisit, Joints, RandomStream, Site, rounded
+from acquisition.campaign.blocks.block import (
+    Block,
+    BlockVisit,
+    Joints,
+    Posture,
+    RandomStream,
+    Set,
+    Site,
+    Step,
+    rounded,
+)
 from acquisition.cell.cell import Cell
 from acquisition.cell.transit import may_visit
 from acquisition.cell.workspace import facing, is_allowed
+from acquisition.file_table import Once, refused, told
 from calib.array import Array
 from calib.fit import FEWEST, LEAST_RANGE
-from calib.text import TomlTable
 from calib.units import DEG
 from drivers.errors import ConfigError
 
 _Test = Callable[[Cell, Array, Array], NDArray[np.bool_]]
 
-STEP_DEG = 5.0
-WIDTH_DEG = 40.0
-KEYS = ("joint", "range_deg", "step_deg", "at_deg", "both_ways")
-CIRCLE_KEYS = ("joints", "width_deg", "step_deg", "at_deg")
+_LEAST_DEG = LEAST_RANGE / DEG
 _TRIES = 20_000  # postures
 _BATCH = 200
 
 
-@dataclass(frozen=True)
-class SweepRecipe:
-    """A sweep of one joint (1-based). `range_deg` None: as far as limits and approach allow. `at_deg` None: drawn."""
+class SweepBlock(Block):
+    """One joint turns step by step; the others do not move."""
 
-    joint: int
-    range_deg: tuple[float, float] | None
-    step_deg: float
-    at_deg: Joints | None
-    both_ways: bool
-    ordered = True
-    lengths = False
+    kind: Annotated[Literal["sweep"], told("The kind of block.", "sweep")]
+    set: Set = "calibration"
+    joint: Annotated[int, told("Number of the joint that turns, from 1.", 4, ge=1, le=99)]
+    range_deg: Annotated[
+        Annotated[tuple[float, float], Strict(False)] | None,
+        told(
+            "From and to, deg; left out: as far as limits and approach allow.",
+            [-90.0, 90.0],
+            do="Give the lower and the upper end.",
+        ),
+    ] = None
+    step_deg: Step = 5.0
+    at_deg: Posture = None
+    both_ways: Annotated[bool, told("Also down again.", True)] = True
+
+    @model_validator(mode="after")
+    def _has_two_angles(self) -> Self:
+        low, high = self.range_deg or (0.0, np.inf)
+        if low >= high:
+            raise refused("range_deg", f"is {[low, high]!r}.", "Give the lower and the upper end.")
+        if low + self.step_deg > high:
+            raise refused("step_deg", f"is {self.step_deg:g}.", "A sweep needs two angles or more.")
+        return self
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
         _refuse_joint(site, self.joint)
@@ -66,23 +89,41 @@ class SweepRecipe:
         return low + reach, high - reach
 
 
-@dataclass(frozen=True)
-class CirclePoint:
-    """Several joints over `width_deg` about one posture. `joints` None: 1, 2 and the last two."""
+class CirclePointBlock(Block):
+    """Several joints turn one after the other about one posture: base and tool are found from the circles."""
 
-    joints: tuple[int, ...] | None
-    width_deg: float
-    step_deg: float
-    at_deg: Joints | None
-    ordered = True
-    lengths = False
+    kind: Annotated[Literal["circle_point"], told("The kind of block.", "circle_point")]
+    set: Set = "calibration"
+    joints: Annotated[
+        Once[Annotated[int, Field(ge=1, le=99)]] | None,
+        told(
+            "Numbers of the joints, from 1; left out: 1, 2 and the last two.",
+            [1, 2],
+            do="List numbers of joints, each once.",
+        ),
+    ] = None
+    width_deg: Annotated[float, told("Width of an arc, deg.", 40.0, ge=_LEAST_DEG, le=360.0)] = 40.0
+    step_deg: Step = 5.0
+    at_deg: Posture = None
+
+    @property
+    def whole_deg(self) -> float:
+        """As far as whole steps go, so that the circle lies in the middle of its posture."""
+        return float(self.step_deg * np.floor(self.width_deg / self.step_deg + 1e-9))
+
+    @model_validator(mode="after")
+    def _is_a_circle(self) -> Self:
+        if self.whole_deg < max(_LEAST_DEG, (FEWEST - 1) * self.step_deg) - 1e-6:
+            do = f"A circle needs {FEWEST} angles over {_LEAST_DEG:g} deg."
+            raise refused("step_deg", f"is {self.step_deg:g}.", do)
+        return self
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
         count = site.cell.robot.model.joints
         joints = self.joints or (1, 2, count - 1, count)
         for joint in joints:
             _refuse_joint(site, joint)
-        steps = _steps(-0.5 * self.width_deg, 0.5 * self.width_deg, self.step_deg)
+        steps = _steps(-0.5 * self.whole_deg, 0.5 * self.whole_deg, self.step_deg)
         turns = [_Turn(joint, steps, False, about=True) for joint in joints]
         sides = site.sides()
         at = self.at_deg
@@ -177,48 +218,3 @@ def _refuse_joint(site: Site, joint: int) -> None:
         raise ConfigError(
             f"block {site.number + 1} turns joint {joint} ({robot.axes[joint - 1]}), which slides"
         )
-
-
-def read_sweep(table: TomlTable, folder: Path | None) -> SweepRecipe:
-    """The block of a table of the campaign, which names no file in `folder`. Raises ConfigError."""
-    ends = table.numbers("range_deg")
-    if ends is not None and (len(ends) != 2 or ends[0] >= ends[1]):
-        raise table.refuse("range_deg", f"is {list(ends)!r}.", "Give the lower and the upper end.")
-    sweep = SweepRecipe(
-        joint=table.whole("joint", low=1, high=99),
-        range_deg=None if ends is None else (ends[0], ends[1]),
-        step_deg=table.number("step_deg", STEP_DEG, low=0.01, high=180.0),
-        at_deg=table.numbers("at_deg"),
-        both_ways=table.flag("both_ways", True),
-    )
-    if ends is not None and ends[0] + sweep.step_deg > ends[1]:
-        raise table.refuse("step_deg", f"is {sweep.step_deg:g}.", "A sweep needs two angles or more.")
-    return sweep
-
-
-def read_circle_point(table: TomlTable, folder: Path | None) -> CirclePoint:
-    """The block of a table of the campaign, which names no file in `folder`. Raises ConfigError."""
-    least = LEAST_RANGE / DEG
-    circle = CirclePoint(
-        joints=_joint_numbers(table),
-        width_deg=table.number("width_deg", WIDTH_DEG, low=least, high=360.0),
-        step_deg=table.number("step_deg", STEP_DEG, low=0.01, high=180.0),
-        at_deg=table.numbers("at_deg"),
-    )
-    whole = circle.step_deg * np.floor(circle.width_deg / circle.step_deg + 1e-9)
-    if whole < least - 1e-6 or whole < (FEWEST - 1) * circle.step_deg - 1e-6:
-        raise table.refuse(
-            "step_deg", f"is {circle.step_deg:g}.", f"A circle needs {FEWEST} angles over {least:g} deg."
-        )
-    # As far as whole steps go, so that the circle lies in the middle of its posture.
-    return replace(circle, width_deg=float(whole))
-
-
-def _joint_numbers(table: TomlTable) -> tuple[int, ...] | None:
-    value = table.values.get("joints")
-    if value is None:
-        return None
-    good = isinstance(value, list | tuple) and all(type(k) is int and 1 <= k <= 99 for k in value)
-    if not good or not value or len(set(value)) != len(value):
-        raise table.refuse("joints", f"is {value!r}.", "List numbers of joints, each once.")
-    return tuple(value)

@@ -15,8 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from acquisition.campaign.blocks.block import BlockVisit, Joints, rounded
-from acquisition.campaign.blocks.hexapod import HexapodRecipe
-from acquisition.campaign.blocks.sphere import Sphere
+from acquisition.campaign.blocks.hexapod import HexapodBlock
+from acquisition.campaign.blocks.sphere import SphereBlock
 from acquisition.campaign.campaign import Campaign
 from acquisition.campaign.plan import Visit, site_of
 from acquisition.cell.cell import Cell, with_nests
@@ -134,8 +134,7 @@ class Placing:
                 visits.setdefault(planned.visit.number, []).append(planned)
         moved = left_out = 0
         for number, block in enumerate(self._campaign.blocks):
-            recipe = block.recipe
-            if not isinstance(recipe, HexapodRecipe | Sphere) or not recipe.lengths:
+            if not isinstance(block, HexapodBlock | SphereBlock) or not block.lengths:
                 continue
             untouched = [
                 group
@@ -143,7 +142,7 @@ class Placing:
                 if group[0].visit.block == number and all(each.status == "planned" for each in group)
             ]
             for group, elsewhere in zip(
-                untouched, self._visits(there, number, recipe, untouched), strict=True
+                untouched, self._visits(there, number, block, untouched), strict=True
             ):
                 if elsewhere is None:
                     left_out += 1
@@ -158,16 +157,16 @@ class Placing:
         self,
         there: Cell,
         number: int,
-        recipe: HexapodRecipe | Sphere,
+        recipe: HexapodBlock | SphereBlock,
         groups: Sequence[Sequence[PlannedReading]],
     ) -> list[BlockVisit | None]:
         """The visits planned anew: for each the pose with the same legs in the same branch, from where the cups are."""
         site = site_of(there, self._campaign, number)
         try:
-            if isinstance(recipe, HexapodRecipe):
-                found = replace(recipe, count=None, configurations="all").visits_at(site)
+            if isinstance(recipe, HexapodBlock):
+                found = recipe.model_copy(update={"count": None, "configurations": "all"}).visits_at(site)
                 return [_same_pose(group[0].visit, found) for group in groups]
-            found = replace(recipe, centre_deg=self._centre(there, recipe)).visits_at(site)
+            found = recipe.model_copy(update={"centre_deg": self._centre(there, recipe)}).visits_at(site)
         except ConfigError:
             return [None] * len(groups)
         by_name = {f"{elsewhere.what} of block {number + 1} ": elsewhere for elsewhere in found}
@@ -179,7 +178,7 @@ class Placing:
             for group in groups
         ]
 
-    def _centre(self, there: Cell, recipe: Sphere) -> Joints:
+    def _centre(self, there: Cell, recipe: SphereBlock) -> Joints:
         """The centre of a sphere moved with its cup. Raises ConfigError where the arm does not reach it."""
         robot, base = self._cell.robot, recipe.base or ""
         taught = np.array([recipe.centre_deg])

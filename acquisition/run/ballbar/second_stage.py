@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 
 from acquisition.campaign.blocks.block import rounded
-from acquisition.campaign.blocks.hexapod import HexapodRecipe
-from acquisition.campaign.blocks.sphere import Sphere
+from acquisition.campaign.blocks.hexapod import HexapodBlock
+from acquisition.campaign.blocks.sphere import SphereBlock
 from acquisition.campaign.campaign import Campaign
 from acquisition.campaign.plan import Visit
 from acquisition.cell.cell import Cell
@@ -48,11 +48,10 @@ class SecondStage:
         self._store = store
         self._cell = cell
         self._placed = placed or (lambda: cell)
-        recipes = [block.recipe for block in campaign.blocks]
         self._blocks = {
             i
-            for i, recipe in enumerate(recipes)
-            if isinstance(recipe, HexapodRecipe | Sphere) and recipe.lengths and recipe.stages == 2
+            for i, block in enumerate(campaign.blocks)
+            if isinstance(block, HexapodBlock | SphereBlock) and block.lengths and block.stages == 2
         }
 
     def plan(self) -> None:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.campaign.campaign import Campaign, NestCheck, WarmUpRule
+from acquisition.campaign.campaign import Campaign, NestCheckTable, WarmUpTable
 from acquisition.record.store import PlannedReading, RecordStore
 from acquisition.run.orders.control import Control
 
@@ -139,7 +139,7 @@ class Gates:
         if (check := self._campaign.nest_check) is not None and self._since_nests:
             self._check_nests(check)
 
-    def _check_nests(self, check: NestCheck) -> None:
+    def _check_nests(self, check: NestCheckTable) -> None:
         before = self._store.world_nests_mm or self._store.nests_mm()
         since = self._since_nests
         self._measured_nests(f"check after {len(since)} readings: has the instrument moved?", aim=False)
@@ -169,7 +169,7 @@ class Gates:
 
     # -- the arm ------------------------------------------------------------------------------------------
 
-    def _is_warm(self, gate: WarmUpRule, planned: PlannedReading) -> bool:
+    def _is_warm(self, gate: WarmUpTable, planned: PlannedReading) -> bool:
         now_s = self._store.moment().t_s or 0.0
         if self._warming_since_s is None:
             self._warming_since_s = now_s
@@ -193,7 +193,7 @@ class Gates:
         self._warming = None
         return True
 
-    def _again(self, gate: WarmUpRule, pose: int, spread_mm: float | None) -> None:
+    def _again(self, gate: WarmUpTable, pose: int, spread_mm: float | None) -> None:
         if self._points:
             self._store.add_event("warming_up", readings=len(self._points), spread_mm=spread_mm)
             self._wait(gate.every_s)

@@ -1,0 +1,275 @@
+"""A file of the user's as one model: what is read, what is refused and how, and its JSON schema.
+
+A class below `Table` is the only description of a table: its fields have type, limits, default, words and an example.
+`read_table` reads a parsed table by it and refuses with file, key and remedy; the JSON schema of HTTP and of editors
+comes from pydantic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+
+from annotated_types import Ge, Le, MinLen
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    Strict,
+    ValidationError,
+    model_validator,
+)
+from pydantic.fields import FieldInfo
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import PydanticCustomError, PydanticOmit
+
+from calib.errors import DataError
+from calib.text import turns_writing
+
+_LEAVE_OUT = "Leave out the marks that turn the direction of writing."
+_NO_TABLE = ("model_type", "dict_type", "model_attributes_type")
+_ADD = "Add it; the unit of a number is in the key's name."
+
+
+class Table(BaseModel):
+    """A table of a file; immutable, strict, and nothing that nobody reads."""
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_null(cls, values: Any) -> Any:
+        """A file cannot say null, and JSON should not: None stands for what was left out."""
+        for key in (
+            [key for key, value in values.items() if value is None] if isinstance(values, Mapping) else ()
+        ):
+            raise refused(key, "is null.", "Leave it out.")
+        return values
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """As pydantic makes it, less the nulls, which are refused."""
+        schema = handler(core)
+        for member in handler.resolve_ref_schema(schema).get("properties", {}).values():
+            kinds = [each for each in member.get("anyOf", ()) if each != {"type": "null"}]
+            if len(kinds) < len(member.get("anyOf", ())):
+                del member["anyOf"]
+                member.pop("default", None)
+                member.update(kinds[0] if len(kinds) == 1 else {"anyOf": kinds})
+        return schema
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """What to do about a field that is wrong or missing, where its type does not say it."""
+
+    wrong: str = ""
+    missing: str = ""
+
+
+def told(words: str, example: Any, *, do: str = "", missing: str = "", **limits: Any) -> Any:
+    """The description of a field: words with the unit, an example, what bounds it; do, missing: as of a Remedy."""
+    field = Field(description=words, examples=[example], **limits)
+    field.metadata.append(Remedy(do, missing))
+    return field
+
+
+def no_default(schema: dict[str, Any]) -> None:
+    """Take the default out of a JSON schema: what is left out is inherited, and a client must not fill it in."""
+    schema.pop("default", None)
+
+
+def refused(key: str, what: str, do: str) -> PydanticCustomError:
+    """The error that a validator raises. key: below its table; what and do: as of a DataError."""
+    return PydanticCustomError("refused", "{what} {do}", {"key": key, "what": what, "do": do})
+
+
+def _as_read(text: str) -> str:
+    if turns_writing(text):
+        raise refused("", f"is {text!r}.", _LEAVE_OUT)
+    return text
+
+
+def _each_once(names: tuple[Any, ...]) -> tuple[Any, ...]:
+    if len(set(names)) != len(names):
+        raise ValueError("twice")
+    return names
+
+
+Item = TypeVar("Item")
+Written = Annotated[str, AfterValidator(_as_read)]
+"""Text that may be empty."""
+Text = Annotated[Written, MinLen(1)]
+List = Annotated[tuple[Item, ...], Strict(False), MinLen(1)]
+"""A list of a file, not empty."""
+Once = Annotated[tuple[Item, ...], Strict(False), MinLen(1), AfterValidator(_each_once)]
+"""A list of which each item is there once."""
+
+
+def same_width(rows: tuple[tuple[Any, ...], ...]) -> tuple[tuple[Any, ...], ...]:
+    if len({len(row) for row in rows}) > 1:
+        raise ValueError("of several widths")
+    return rows
+
+
+Rows = Annotated[tuple[List[float], ...], Strict(False), MinLen(1), AfterValidator(same_width)]
+Model = TypeVar("Model", bound=Table)
+
+
+def read_table(
+    model: type[Model], table: Mapping[str, Any], file: Path | str, folder: Path | None = None
+) -> Model:
+    """Read a parsed table. folder: where files that it names are; None: not read. Raises DataError."""
+    try:
+        return model.model_validate(table, context={"folder": folder})
+    except ValidationError as error:
+        faults = error.errors(include_url=False)
+        # A mistyped key first: what it should have been is often missing too.
+        fault = min(faults, key=lambda each: (each["loc"] != ("format",), each["type"] != "extra_forbidden"))
+        raise _refusal(model, table, fault, file) from error
+
+
+def _refusal(model: type[Table], values: Any, fault: Any, file: Path | str) -> DataError:
+    kind, context = fault["type"], fault.get("ctx", {})
+    keys, table, field = _place(model, fault["loc"])
+    given = _at(values, keys)
+    what, do = f"is {given!r}.", _wanted(field, keys[-1] if keys else "")
+    if kind == "refused":
+        keys += [context["key"]] if context["key"] else []
+        what, do = context["what"], context["do"]
+    elif kind == "missing" and isinstance(fault["loc"][-1], str):
+        what, do = "is missing.", _remedy(field).missing or _ADD
+    elif kind == "extra_forbidden" or fault["loc"][-1] == "[key]":
+        known = table.model_fields if field is None else get_args(get_args(field.annotation)[0])
+        what, do = "is not known here.", f"There are {', '.join(sorted(known))}."
+    elif kind in ("union_tag_invalid", "union_tag_not_found") and given.get("kind", "") is None:
+        keys.append("kind")
+        what, do = "is null.", "Leave it out."
+    elif kind in ("union_tag_invalid", "union_tag_not_found"):
+        keys.append("kind")
+        what, do = (
+            f"is {given.get('kind')!r}.",
+            f"Use {context.get('expected_tags', 'text').replace(', ', ' or ')}.",
+        )
+    elif field is not None and (kind in _NO_TABLE or _tables(field.annotation)):
+        keys = [key for key in keys if isinstance(key, str)]
+        what, key = f"is {_at(values, keys)!r}.", ".".join(keys)
+        listed = bool(_tables(field.annotation)) and _is_list(field.annotation)
+        do = f"Write [[{key}]] tables." if listed else f"Make it a table, [{key}]."
+    elif given is None:
+        what, do = "is null.", "Leave it out."
+    name = ""
+    for key in keys:
+        name += f"[{key}]" if isinstance(key, int) else f".{key}" if name else str(key)
+    return DataError(what, do=do, file=file, key=name)
+
+
+def _remedy(field: FieldInfo | None) -> Remedy:
+    return next((m for m in (field.metadata if field else ()) if isinstance(m, Remedy)), Remedy())
+
+
+def _at(values: Any, keys: list[Any]) -> Any:
+    """The value that was given at these keys."""
+    for key in keys:
+        values = values.get(key) if isinstance(values, Mapping) else values[key]
+    return values
+
+
+def _place(model: type[Table], loc: tuple[Any, ...]) -> tuple[list[Any], type[Table], FieldInfo | None]:
+    """The keys of a fault, the table that it is in, and the field."""
+    keys: list[Any] = []
+    table, field, within = model, None, [model]
+    for part in loc:
+        tagged = [each for each in within if part == _tag(each)] if len(within) > 1 else []
+        if tagged:
+            within = tagged
+        elif isinstance(part, int):
+            if field is not None and _tables(field.annotation):  # of a row of numbers the list is named
+                keys.append(part)
+        elif part != "[key]":
+            table = within[0] if within else table
+            field = table.model_fields.get(part) if within else field
+            within = _tables(field.annotation) if field is not None else []
+            keys.append(part)
+    return keys, table, field
+
+
+def _tag(table: type[Table]) -> str | None:
+    field = table.model_fields.get("kind")
+    return None if field is None else get_args(field.annotation)[0]
+
+
+def _tables(annotation: Any) -> list[type[Table]]:
+    """The tables in an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        return [annotation]
+    return [table for each in get_args(annotation) for table in _tables(each)]
+
+
+def _is_list(annotation: Any) -> bool:
+    return get_origin(annotation) is tuple or any(_is_list(each) for each in get_args(annotation))
+
+
+def _bounds(field: FieldInfo) -> tuple[float | None, float | None]:
+    low = next((m.ge for m in field.metadata if isinstance(m, Ge)), None)
+    high = next((m.le for m in field.metadata if isinstance(m, Le)), None)
+    return low, high  # type: ignore[return-value]
+
+
+def _kind_of(annotation: Any) -> Any:
+    """The plain type below an annotation: float, int, bool, str, tuple, or a Literal."""
+    if get_origin(annotation) in (tuple, dict, Literal) or not get_args(annotation):
+        return annotation
+    return _kind_of(next(each for each in get_args(annotation) if each is not type(None)))
+
+
+def _wanted(field: FieldInfo | None, key: str) -> str:
+    """What a value should be, from its field."""
+    if field is None:
+        return ""
+    if _remedy(field).wrong:
+        return _remedy(field).wrong
+    kind = _kind_of(field.annotation)
+    if get_origin(kind) is Literal:
+        return f"Use {' or '.join(repr(each) for each in get_args(kind))}."
+    if kind is bool:
+        return "Use true or false."
+    if kind in (int, float):
+        return f"Give a {'whole ' if kind is int else ''}number{_range(*_bounds(field))}."
+    if get_origin(kind) is tuple:
+        (item, *_) = get_args(kind)
+        if get_origin(_kind_of(item)) is tuple:
+            return "Give a list of rows of numbers, all of one length."
+        return f"List names of {key}, each once." if _kind_of(item) is str else "Give a list of numbers."
+    return "Use text."
+
+
+def _range(low: float | None, high: float | None) -> str:
+    if low is not None and high is not None:
+        return f" from {low:g} to {high:g}"
+    if low is not None:
+        return f", {low:g} or above" if low else ", zero or above"
+    return "" if high is None else f", {high:g} or below"
+
+
+class OnlyInFiles:
+    """Mark of a key, or of one value of it, that names a file in the same folder; the schema for HTTP omits it."""
+
+    def __init__(self, value: str = "") -> None:
+        self._value = value
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> Any:
+        if isinstance(getattr(handler, "generate_json_schema", None), FileSchema):
+            return handler(core)
+        if not self._value:
+            raise PydanticOmit
+        schema = handler(core)
+        return {**schema, "enum": [each for each in schema["enum"] if each != self._value]}
+
+
+class FileSchema(GenerateJsonSchema):
+    """The JSON schema of a file, for editors: `Model.model_json_schema(schema_generator=FileSchema)`."""
