@@ -1,10 +1,14 @@
-"""The rules of every file: it imports no file that imports it in turn, and nobody has to scroll for long."""
+"""The rules of every file: it imports no file that imports it in turn, nobody has to scroll for long, and a name of a
+class means one thing.
+"""
 
 from __future__ import annotations
 
+import ast
 import graphlib
 import re
 import subprocess
+from collections import defaultdict
 from pathlib import Path
 
 import grimp
@@ -55,6 +59,18 @@ def test_no_file_is_longer_than_a_reader_has_patience() -> None:
     }
     assert len(lines) > 1000
     assert {name: count for name, count in lines.items() if count > LONGEST} == {}
+
+
+def test_no_two_classes_of_the_program_share_a_name() -> None:
+    """Whoever meets a name in an error, in the API or in a search would not know which is meant."""
+    found = defaultdict[str, list[str]](list)
+    for room in ROOMS:
+        for path in () if room in ("mocks", "tests") else sorted((REPO / room).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_bytes())):
+                if isinstance(node, ast.ClassDef):
+                    found[node.name].append(str(path.relative_to(REPO)))
+    assert len(found) > 500
+    assert {name: files for name, files in found.items() if len(files) > 1} == {}
 
 
 @pytest.mark.parametrize("way", TOUCHED)

@@ -22,7 +22,7 @@ from calib.array import Array
 from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset
 from calib.diagnose.dictionary import CONDITIONS, Entry, OfClock, bound, held, step_at
-from calib.diagnose.pursuit import HOLDS, LEASH, Choice, Chosen, parts, pursue
+from calib.diagnose.pursuit import HOLDS, LEASH, PursuitResult, PursuitTerm, parts, pursue
 from calib.diagnose.structure import TOGETHER, ResidualStructure
 from calib.fit.held_out import all_readings
 from calib.fit.identification import IdentificationFit
@@ -119,7 +119,7 @@ class Layers:
 
 def competed(
     base: IdentificationFit, readings: FitReadings, everywhere: Conditions, named: tuple[Effect, ...]
-) -> tuple[Chosen, tuple[Effect, ...]]:
+) -> tuple[PursuitResult, tuple[Effect, ...]]:
     """What a pursuit from the base model chooses among terms and names, and the names that hold.
 
     everywhere: the conditions of all rows that must be predicted.
@@ -135,7 +135,7 @@ def competed(
     return chosen, tuple(e for e in named if e.label in entered and _holds(e, entered, terms))
 
 
-def _holds(name: Effect, entered: Mapping[str, Choice], terms: Sequence[Choice]) -> bool:
+def _holds(name: Effect, entered: Mapping[str, PursuitTerm], terms: Sequence[PursuitTerm]) -> bool:
     """Whether a name holds beside all that entered, and explains its condition together with the other names of it."""
     own = _conditions_of(name)
     named = sum(
@@ -183,7 +183,9 @@ def _conditions_of_entry(entry: Entry) -> set[str | int]:
     return {*entry.joints} or {"air" if entry.kind == "late air" else entry.kind}
 
 
-def with_terms(dataset: Dataset, named: IdentificationFit, readings: FitReadings, chosen: Chosen) -> Layers:
+def with_terms(
+    dataset: Dataset, named: IdentificationFit, readings: FitReadings, chosen: PursuitResult
+) -> Layers:
     """The fit of base model and names with the carried terms of a pursuit, everything together on the exact chain."""
     carried = chosen.carried(named={e.label for e in named.model.effects})
     if not carried:
@@ -236,7 +238,9 @@ def with_terms(dataset: Dataset, named: IdentificationFit, readings: FitReadings
     return Layers(fitted, tuple(sorted(terms, key=lambda t: -t.explained)))
 
 
-def _effect(named: IdentificationFit, choice: Choice, number: int, functions: Sequence[Regressor]) -> Effect:
+def _effect(
+    named: IdentificationFit, choice: PursuitTerm, number: int, functions: Sequence[Regressor]
+) -> Effect:
     entry = choice.entry
     unit = "deg" if named.model.chain.slots[entry.slot].turns else "mm"
     label = f"carried:{entry.slot}:{entry.kind.replace(' ', '_')}:{number}"
@@ -252,7 +256,7 @@ def _effect(named: IdentificationFit, choice: Choice, number: int, functions: Se
     )
 
 
-def _unnamed(choice: Choice, number: int, conditions: Conditions, clock: str) -> Effect:
+def _unnamed(choice: PursuitTerm, number: int, conditions: Conditions, clock: str) -> Effect:
     """A named effect as a carried term: what drives it is held at the border of what was measured."""
     named = choice.entry.effect
     assert named is not None
@@ -280,9 +284,9 @@ def _unnamed(choice: Choice, number: int, conditions: Conditions, clock: str) ->
 def _averaged(
     named: IdentificationFit,
     readings: FitReadings,
-    chosen: Chosen,
+    chosen: PursuitResult,
     others: Sequence[Entry],
-    step: Choice,
+    step: PursuitTerm,
     known: Array,
 ) -> tuple[Regressor, tuple[float, float]]:
     """A step averaged over the moments that the readings allow, and the interval that contains 95 % of them."""

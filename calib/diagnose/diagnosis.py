@@ -42,7 +42,7 @@ from calib.diagnose.found import (
     visible,
     with_shapes,
 )
-from calib.diagnose.pursuit import Chosen
+from calib.diagnose.pursuit import PursuitResult
 from calib.diagnose.select import (
     MOST_EFFECTS,
     EffectEvidence,
@@ -225,7 +225,7 @@ def diagnose(
     selection, curves = _search(dataset, base, most, progress)
     progress("weighing rivals of every effect")
     selection, space, named, power = _judged(dataset, selection)
-    searched, chosen = selection.effects, Chosen()
+    searched, chosen = selection.effects, PursuitResult()
     readings, back = readings_back(dataset, selection.fitted)
     if curves is None:
         progress("comparing names with everything that left-out readings confirm")

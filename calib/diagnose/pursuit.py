@@ -254,7 +254,7 @@ class Screening:
 
 
 @dataclass(frozen=True)
-class Choice:
+class PursuitTerm:
     """An entry that a pursuit chose.
 
     sizes: standard deviation of each column by evidence, internal units; explained: by how much it lowered the sum of
@@ -270,15 +270,15 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Chosen:
+class PursuitResult:
     """What a pursuit chose, in the order of entry. clock: that its functions of time count by; kappa: ratio of the
     errors on left-out blocks to what they were expected to be, at least 1."""
 
-    choices: tuple[Choice, ...] = ()
+    choices: tuple[PursuitTerm, ...] = ()
     clock: str = "time"
     kappa: float = 1.0
 
-    def carried(self, named: Collection[str] = ()) -> tuple[Choice, ...]:
+    def carried(self, named: Collection[str] = ()) -> tuple[PursuitTerm, ...]:
         """The confirmed entries, without the named effects of these labels."""
         return tuple(
             c
@@ -300,14 +300,14 @@ def folds_of(readings: FitReadings, clock: str) -> NDArray[np.int64]:
 
 def pursue(
     found: IdentificationFit, readings: FitReadings, everywhere: Conditions, named: Sequence[Effect] = ()
-) -> Chosen:
+) -> PursuitResult:
     """The entries that left-out blocks confirm beside the model of a fit; nothing where no number of terms pays.
 
     readings: those that take part, which may be more than the fit's own; everywhere: the conditions of all rows that
     must be predicted; named: effects that compete as entries, and are chosen beyond the confirmed number as well while
     they are significant.
     """
-    nothing = Chosen()
+    nothing = PursuitResult()
     poses = len(np.unique(readings.conditions.pose))
     if poses < FEWEST_POSES:
         return nothing
@@ -402,7 +402,7 @@ def _decided(
     model: _Model,
     near: NDArray[np.int64],
     most: int,
-) -> Chosen:
+) -> PursuitResult:
     entries = [dictionary.entries[i] for i in near]
     width, count, clock = dictionary.width[near], len(model.size), dictionary.clock
     groups = Groups(width, price[near], dictionary.named[near], count)
@@ -467,7 +467,7 @@ def _decided(
     terms = int(np.flatnonzero(worse.mean(axis=0) <= _WITHIN * _standard_error(worse))[0])
     pays = table[:, 0] - table[:, terms]
     if not terms or pays.mean() <= _GATE * _standard_error(pays):
-        return Chosen()
+        return PursuitResult()
     missed = []
     for f, pursuit in enumerate(pursuits):
         columns, left = left_out[f]
@@ -511,9 +511,9 @@ def _decided(
         alone = float(plain[own] @ np.linalg.solve(inverse[own, own], plain[own]))
         log_p = log_chance(left + alone, left, w, free) + tries
         sizes = tuple(np.sqrt(noise / precision[own]).tolist())
-        choices.append(Choice(entries[g], sizes, gains[rank], log_p, rank < surest))
+        choices.append(PursuitTerm(entries[g], sizes, gains[rank], log_p, rank < surest))
         place += w
-    return Chosen(tuple(choices), clock, kappa)
+    return PursuitResult(tuple(choices), clock, kappa)
 
 
 def _surest(table: Array, named: list[bool], chance: Array) -> int:

@@ -29,7 +29,7 @@ _FEWEST = 3  # lines, or cells of one, that show a form
 
 
 @dataclass(frozen=True)
-class Cell:
+class LabelledCell:
     """A cell of a line. label: its own or that of its brackets; number: its place in the brackets, 0 of a cell with a
     label of its own; part: which cell or brackets of the line it is in."""
 
@@ -78,11 +78,11 @@ def _table(lines: Sequence[str]) -> Labelled | None:
     return Labelled(names, tuple((i, tuple(cell.text for cell in cells[i])) for i in of_form))
 
 
-def _taken_apart(line: str) -> list[Cell]:
+def _taken_apart(line: str) -> list[LabelledCell]:
     """The cells of a line; [] for one that cannot be taken apart."""
     if ";" in line and "." not in line:
         line = _DECIMAL_COMMA.sub("\0", line)  # which does not set cells apart
-    out: list[Cell] = []
+    out: list[LabelledCell] = []
     frames: list[list[str | int]] = []  # label of the brackets, and how many cells they have so far
     label, part, at = "", -1, 0
     while at < len(line):
@@ -109,9 +109,9 @@ def _taken_apart(line: str) -> list[Cell]:
             part += not frames
             if frames and not label:
                 frames[-1][1] = int(frames[-1][1]) + 1
-                out.append(Cell(text, str(frames[-1][0]), int(frames[-1][1]), part, deep=True))
+                out.append(LabelledCell(text, str(frames[-1][0]), int(frames[-1][1]), part, deep=True))
             else:
-                out.append(Cell(text, label, 0, part, deep=bool(frames)))
+                out.append(LabelledCell(text, label, 0, part, deep=bool(frames)))
             label = ""
     return [] if frames else out
 
@@ -126,7 +126,7 @@ def _above(lines: Sequence[str], parts: int) -> list[str]:
     return []
 
 
-def _names(cells: Sequence[Cell], above: Sequence[str]) -> tuple[str, ...]:
+def _names(cells: Sequence[LabelledCell], above: Sequence[str]) -> tuple[str, ...]:
     """The names of columns, () where none is known."""
     out = []
     for k, cell in enumerate(cells, start=1):

@@ -108,7 +108,7 @@ class DroppedParameterResponse(ResponseBody):
     confounded_with: Annotated[list[str], told("Names of what it cannot be distinguished from.", ["d2"])]
 
 
-class LeftOut(ResponseBody):
+class LeftOutResponse(ResponseBody):
     """A reading that took no part in the fit."""
 
     reading: Reading
@@ -159,7 +159,7 @@ class AcceptanceShown(ResponseBody):
 class FitShown(ResponseBody):
     data: Annotated[DataShown, told("The readings.", {"readings": 300})]
     faulty_rows: Annotated[list[int | str], told("Ids of readings that do not belong.", [])]
-    left_out: Annotated[list[LeftOut], told("Readings that took no part.", [])]
+    left_out: Annotated[list[LeftOutResponse], told("Readings that took no part.", [])]
     relabelled_rows: Annotated[
         list[list[int | str]], told("Reading, target as labelled, target as believed.", [[17, "T1", "T2"]])
     ]
