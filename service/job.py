@@ -82,7 +82,7 @@ def diagnosis(
     from calib.saved import save_model
     from calib.text import replace_file
     from service.files import as_json
-    from service.garbage import left_alone
+    from service.gc_pause import left_alone
     from service.report import diagnosis_report
     from service.results.cell.arrows import arrows_of
     from service.results.judgement.acceptance import AcceptanceLimits, decide, judged_as
@@ -154,7 +154,7 @@ def validation(data: Path, folder: Path, model: str | None, order: dict[str, Any
     from calib.text import replace_file
     from calib.validation import hold_outs
     from service.files import as_json
-    from service.garbage import left_alone
+    from service.gc_pause import left_alone
     from service.report import validation_report
     from service.results.judgement import validation_document
     from service.results.judgement.acceptance import AcceptanceLimits

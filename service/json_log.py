@@ -11,7 +11,7 @@ from pathlib import Path
 
 from calib.errors import DataError
 from service.files import STANDARD_OUTPUT
-from service.plain import finite, utc_text
+from service.json_values import finite, utc_text
 
 _LONGEST = 65536  # bytes of a line that are looked at
 NAMES = ("service", "acquisition", "drivers", "uvicorn.error")

@@ -15,8 +15,8 @@ from calib.data import read_dataset
 from calib.errors import DataError
 from calib.text import decoded, parse_toml, replace_file
 from service.files import as_json
-from service.names import new_id
-from service.plain import utc_text
+from service.ids import new_id
+from service.json_values import utc_text
 from service.results.models import documents
 
 CSV, TOML, ABOUT = "data.csv", "data.toml", "about.json"

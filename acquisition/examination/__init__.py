@@ -20,7 +20,7 @@ from acquisition.examination.finding import Chart, CheckResult, Examination
 from acquisition.examination.instrument import examine_instrument
 from acquisition.examination.meeting import Place
 from acquisition.examination.robot import examine_robot
-from acquisition.run.orders.mover import Mover
+from acquisition.run.orders.robot_lock import Mover
 
 __all__ = ["CheckResult", "Examination", "examine", "note_low_priority"]
 

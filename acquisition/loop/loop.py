@@ -36,8 +36,8 @@ from acquisition.cell.transit import may_visit
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import UnsafePlan
 from acquisition.loop.follow_up_campaign import campaign_table, in_cell
+from acquisition.record.device_serials import Individual, individuals_of, series_among
 from acquisition.record.export import export, table_of
-from acquisition.record.individuals import Individual, individuals_of, series_among
 from acquisition.record.merge import CampaignPart, frame_of_part, merge
 from acquisition.record.states import State
 from acquisition.record.store import Event
@@ -52,7 +52,7 @@ from acquisition.record.verification import (
     world_of,
 )
 from acquisition.run.clock import Clock
-from acquisition.run.foresight import Foresee, at_once
+from acquisition.run.duration import Foresee, at_once
 from acquisition.run.orders.lease import LeaseDeadline
 from acquisition.run.outcome import ExecutionOutcome
 from acquisition.run.run import Run

@@ -1,8 +1,8 @@
 """The record of a campaign: durable, sealed row by row, and what is read from it."""
 
 from acquisition.record.database import FILE, sha256_of
+from acquisition.record.device_serials import DeviceAcceptance, individual_of
 from acquisition.record.export import export, export_events, planned_header
-from acquisition.record.individuals import DeviceAcceptance, individual_of
 from acquisition.record.merge import export_together
 from acquisition.record.rescue import rescue, salvage
 from acquisition.record.states import State

@@ -29,7 +29,7 @@ import tomli_w
 from acquisition.cell.cell import Cell, cell_of_record
 from acquisition.cell.position_uncertainty import MADE_MM, TAUGHT_MM
 from acquisition.errors import RecordError
-from acquisition.record.individuals import ROLES, Individual, Individuals, header_table, series_of
+from acquisition.record.device_serials import ROLES, Individual, Individuals, header_table, series_of
 from acquisition.record.readings import Numbers, Reading, readings_of, spans_of
 from acquisition.record.store import RecordStore
 from acquisition.record.touches import taught_of

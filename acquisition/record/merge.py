@@ -22,8 +22,7 @@ import numpy as np
 from acquisition.cell.cell import Cell, cell_of_record
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import OtherIndividual, RecordError
-from acquisition.record.export import DataTable, table_of
-from acquisition.record.individuals import (
+from acquisition.record.device_serials import (
     ROLES,
     DeviceAcceptance,
     Individual,
@@ -32,6 +31,7 @@ from acquisition.record.individuals import (
     individuals_of,
     series_of,
 )
+from acquisition.record.export import DataTable, table_of
 from acquisition.record.store import RecordStore
 from acquisition.record.verification import frame_holds, read_landings, world_of
 

@@ -23,7 +23,7 @@ from acquisition.cell.cell import Cell, cell_of_record
 from acquisition.cell.workspace import targets_at
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import RecordError
-from acquisition.record.individuals import Individual, Individuals, series_among
+from acquisition.record.device_serials import Individual, Individuals, series_among
 from acquisition.record.readings import readings_of
 from acquisition.record.store import RecordStore
 from calib.array import Array

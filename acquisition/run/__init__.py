@@ -2,7 +2,7 @@
 
 from acquisition.campaign.plan import Forecast
 from acquisition.run.clock import Clock, ScaledClock
-from acquisition.run.foresight import forecast_of
+from acquisition.run.duration import forecast_of
 from acquisition.run.interrupt import pausing_on_interrupt
 from acquisition.run.orders.control import ON_REQUEST
 from acquisition.run.orders.lease import LeaseDeadline

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from acquisition.run.orders.control import Control
-from acquisition.run.orders.noting import StopOrders
-from acquisition.run.prompts.desk import PromptQueue
+from acquisition.run.orders.stop_orders import StopOrders
+from acquisition.run.prompts.prompt_queue import PromptQueue
 from acquisition.run.rig.rig import DevicePair
 from acquisition.run.status import Pace
 

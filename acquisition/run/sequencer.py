@@ -30,19 +30,19 @@ from acquisition.record.attempts import Attempts
 from acquisition.record.store import PlannedReading, RecordStore
 from acquisition.run.arrivals import Arrival, Arrivals
 from acquisition.run.ballbar.distances import BallbarChecks
-from acquisition.run.ballbar.placing import Placing
 from acquisition.run.ballbar.second_stage import SecondStage
+from acquisition.run.ballbar.touch_replanning import Placing
 from acquisition.run.checks.attitudes import Attitudes
 from acquisition.run.checks.calendar import Calendar
-from acquisition.run.checks.companions import TargetDistanceCheck
-from acquisition.run.checks.expected import Expectation, RepeatedPointCheck, as_planned
 from acquisition.run.checks.gates import Gates, Zeroing
 from acquisition.run.checks.nests import Nests
+from acquisition.run.checks.repeated_point import Expectation, RepeatedPointCheck, as_planned
+from acquisition.run.checks.target_distances import TargetDistanceCheck
 from acquisition.run.clock import Clock
 from acquisition.run.orders.control import ON_REQUEST, Control, Stopping
-from acquisition.run.prompts.desk import PromptAnswer, PromptQueue
-from acquisition.run.prompts.hands import ManualSteps
+from acquisition.run.prompts.manual_steps import ManualSteps
 from acquisition.run.prompts.picture import PromptPicture
+from acquisition.run.prompts.prompt_queue import PromptAnswer, PromptQueue
 from acquisition.run.prompts.touches import Touches
 from acquisition.run.rig.path import PathDrive
 from acquisition.run.rig.rig import DevicePair

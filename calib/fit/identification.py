@@ -24,8 +24,8 @@ from calib.data.conditions import Conditions
 from calib.data.header import Header
 from calib.fit.ending import FitTermination
 from calib.fit.least_squares import DroppedParameter
-from calib.fit.of_type import ParameterWeight, TypeFit, weighed
 from calib.fit.readings import FitReadings, linearised
+from calib.fit.type_prior import ParameterWeight, TypeFit, weighed
 from calib.model.model import BoundModel, ModelStructure, ties
 
 _AT_ONCE = 1200  # points whose columns are in memory at a time

@@ -37,7 +37,10 @@ from calib.fit.least_squares import (
     solve,
     usual_sizes,
 )
-from calib.fit.of_type import (
+from calib.fit.offsets import offsets_of
+from calib.fit.placing import base_model_of
+from calib.fit.readings import FitReadings, begun, readings_of
+from calib.fit.type_prior import (
     TypeFit,
     TypePrior,
     held_to,
@@ -45,9 +48,6 @@ from calib.fit.of_type import (
     stranger,
     together,
 )
-from calib.fit.offsets import offsets_of
-from calib.fit.placing import base_model_of
-from calib.fit.readings import FitReadings, begun, readings_of
 from calib.model.base_model import COMPLIANCE, adapted, named_in
 from calib.model.effect import Parameter
 from calib.model.model import BoundModel, ModelStructure

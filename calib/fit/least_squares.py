@@ -3,7 +3,7 @@
 minimise  sum_i w_i |W_i (measured_i - predicted_i(x))|^2  +  s^2 sum_j ((x_j - mean_j) / size_j)^2
           +  s^2 sum_k t_k(x)^2
 
-mean_j is zero, nominal, unless robots of the type share another (`calib.fit.of_type`); t_k are the distances between
+mean_j is zero, nominal, unless robots of the type share another (`calib.fit.type_prior`); t_k are the distances between
 balls of one body (`calib.model.model`), measurements like a declared position.
 
 s is the noise scale: where the readings are noisier than declared the prior counts for more against them, where

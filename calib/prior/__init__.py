@@ -1,8 +1,8 @@
 """The prior of a robot type: means and spreads of parameters, learnt from the models of robots of that type."""
 
-from calib.fit.of_type import TypePrior
+from calib.fit.type_prior import TypePrior
 from calib.prior.file import load_prior, prior_document, save_prior
-from calib.prior.lesson import FEWEST, LearnedParameter, Outlier, TypeMember, TypeStatistics, learn
+from calib.prior.type_statistics import FEWEST, LearnedParameter, Outlier, TypeMember, TypeStatistics, learn
 
 __all__ = [
     "FEWEST",

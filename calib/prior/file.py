@@ -19,8 +19,8 @@ import numpy as np
 
 from calib.errors import DataError
 from calib.fit.least_squares import DroppedParameter
-from calib.fit.of_type import TypeEffect, TypeParameter, TypePrior
-from calib.prior.lesson import FEWEST, TypeStatistics
+from calib.fit.type_prior import TypeEffect, TypeParameter, TypePrior
+from calib.prior.type_statistics import FEWEST, TypeStatistics
 from calib.saved.model_checks import content_hash, dropped_of
 from calib.text import read_json, replace_file
 from calib.units import FACTORS

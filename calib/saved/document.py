@@ -26,9 +26,9 @@ from calib.diagnose.diagnosis import DiagnosisFit
 from calib.fit.identification import IdentificationFit
 from calib.model.model import ModelStructure
 from calib.regression.regression import Regression
-from calib.saved.left_open import KEY, LeftOpen
 from calib.saved.model_checks import content_hash
 from calib.saved.regression import document_of
+from calib.saved.unresolved_effects import KEY, LeftOpen
 from calib.text.json_text import read_json
 from calib.text.program import written_by
 from calib.text.text_file import replace_file

@@ -39,7 +39,6 @@ from calib.model.effect import Effect
 from calib.model.model import ModelStructure, StatedConditions, without
 from calib.regression.regression import Regression
 from calib.saved.document import FORMAT, WITH_CARRIED, model_document, scope_of
-from calib.saved.left_open import KEY, LeftOpen
 from calib.saved.model_checks import (
     content_hash,
     covariance_of,
@@ -53,6 +52,7 @@ from calib.saved.model_checks import (
     rigid,
 )
 from calib.saved.regression import refuse_unlikely_shift, regression_of
+from calib.saved.unresolved_effects import KEY, LeftOpen
 from calib.text.json_text import read_json
 from calib.text.text_file import replace_file
 from calib.text.toml_table import FARTHEST_MM, Vector

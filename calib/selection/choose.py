@@ -38,7 +38,7 @@ from calib.array import Array
 from calib.errors import DataError
 from calib.fit.identification import expanded
 from calib.fit.least_squares import DroppedParameter
-from calib.fit.of_type import TypePrior
+from calib.fit.type_prior import TypePrior
 from calib.selection import coverage
 from calib.selection.exchange import (
     STARTS,

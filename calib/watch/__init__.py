@@ -10,9 +10,9 @@ from calib.watch.planning.planned import PlannedVisits, planned, within_stroke
 from calib.watch.planning.rounds import REPEATS, TIMES, WatchPlanProposal, proposals
 from calib.watch.planning.sizes import ALONE, SEEN, WANTED, DetectableSizes, SmallestDetected, seen_from
 from calib.watch.refusals import missing, refuse_copies, refuse_unlike
-from calib.watch.seen import CheckPoseErrors, WhitenedReadings, missed
 from calib.watch.thermal import ThermalUpdate, cause_to_update, keep_up, later, updated, warms_up
-from calib.watch.worth import DOUBTFUL, times_as_uncertain
+from calib.watch.update_uncertainty import DOUBTFUL, times_as_uncertain
+from calib.watch.whitened_readings import CheckPoseErrors, WhitenedReadings, missed
 
 __all__ = [
     "ALONE",

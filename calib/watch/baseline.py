@@ -1,7 +1,7 @@
 """The baseline of a watch: the saved model, for readings that were taken after its campaign.
 
-The lack of a baseline: additional scatter of the joints, as its file says (`calib.saved.left_open`); of a file that
-does not, by the errors that it left on readings it had not seen:
+The lack of a baseline: additional scatter of the joints, as its file says (`calib.saved.unresolved_effects`);
+of a file that does not, by the errors that it left on readings it had not seen:
 
     held-out error^2 = noise + repeatability + what its parameters are uncertain by + lack
 

@@ -12,7 +12,7 @@ from calib.array import Array
 from calib.effects import kind_of
 from calib.model.effect import Effect
 from calib.units import to_display, to_internal
-from calib.watch.seen import WhitenedReadings
+from calib.watch.whitened_readings import WhitenedReadings
 
 _STEPS = 10
 _NEAR = 0.01  # standard errors that a last step may move

@@ -22,7 +22,7 @@ from calib.saved import CalibratedModel
 from calib.text import read_text, replace_file
 from calib.text.json_text import parse_json
 from calib.watch.judge import WatchVerdict
-from calib.watch.seen import WhitenedReadings
+from calib.watch.whitened_readings import WhitenedReadings
 
 FORMAT = "truepose-watch-history/1"
 _TEXTS = ("data_sha256", "baseline_sha256", "poses_sha256", "verdict")

@@ -22,8 +22,8 @@ from scipy import stats
 from calib.array import Array
 from calib.effects import check_of
 from calib.watch.cause import Cause, fitted
-from calib.watch.odds import Odds
-from calib.watch.seen import WhitenedReadings
+from calib.watch.cause_evidence import Odds
+from calib.watch.whitened_readings import WhitenedReadings
 
 WEIGHT = 0.2
 

@@ -3,16 +3,16 @@
     r = A x + J e + T w + F f + noise,    x ~ N(0, S^2)
 
 with x the change of the model's thermal parameters since it was written, by their usual sizes, and the rest as in a
-watch (`calib.watch.seen`). First the rest is judged: with A S among what may differ with nothing changed, the questions
-of a watch (T-squared, and every cause that is not thermal) ask whether anything else has changed, at the stated rate
-of false alarms. Only where they do not, x is estimated, and added to the parameters.
+watch (`calib.watch.whitened_readings`). First the rest is judged: with A S among what may differ with nothing changed,
+the questions of a watch (T-squared, and every cause that is not thermal) ask whether anything else has changed,
+at the stated rate of false alarms. Only where they do not, x is estimated, and added to the parameters.
 
 A model that warms up follows a clock that began with a cold robot, so the readings must be on that clock (`later`).
 
 The update of a baseline: the parameters of one cause change, everything else stays.
 
-With e ~ P the error of the baseline and r = A x + J e + ... (`calib.watch.seen`), the estimate of x is that of a least
-squares in which e is noise; so
+With e ~ P the error of the baseline and r = A x + J e + ... (`calib.watch.whitened_readings`), the estimate of x
+is that of a least squares in which e is noise; so
 
     cov(x) = N = (A' C^-1 A + S^-2)^-1,      cov(e, x) = -P J' C^-1 A N,
 
@@ -37,7 +37,7 @@ from calib.saved import CalibratedModel
 from calib.units import to_internal
 from calib.watch.cause import Cause
 from calib.watch.judge import RATE, WatchVerdict, judge
-from calib.watch.seen import WhitenedReadings
+from calib.watch.whitened_readings import WhitenedReadings
 
 _SHOWN = 1e-2  # whitened length of a parameter at its usual size
 _WARMTH = "arm_growth"

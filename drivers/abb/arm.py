@@ -24,7 +24,6 @@ from contextlib import suppress
 
 from drivers.abb.calsrv import CalSrv
 from drivers.abb.conversation import DECIMALS, AbbConversation, AbbDeadlines
-from drivers.caps import Caps
 from drivers.errors import (
     CannotStop,
     LinkError,
@@ -36,6 +35,7 @@ from drivers.errors import (
     ProtocolError,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.limits import Caps
 from drivers.link import TcpLink, WireSink, beside, parse_url
 from drivers.read_back import apart_deg, is_there
 

@@ -29,7 +29,7 @@ from drivers.errors import (
 )
 from drivers.interfaces import RobotStatus
 from drivers.read_back import apart_deg
-from drivers.waiting import Waiting
+from drivers.wait import Waiting
 
 JOINTS = 6
 SET, JOINTS_NOW, STATE, STOP, CONDITIONS, GO = 201, 202, 205, 207, 208, 209

@@ -32,7 +32,6 @@ from contextlib import ExitStack
 from drivers.abb.simple_motion import MotionServer, patiently
 from drivers.abb.simple_packets import END, JOINTS, START, AbbState, raise_if_unfit
 from drivers.abb.simple_stream import AbbSimpleDeadlines, StateStream
-from drivers.caps import Caps
 from drivers.errors import (
     Busy,
     LinkLost,
@@ -42,6 +41,7 @@ from drivers.errors import (
     NotReached,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.limits import Caps
 from drivers.link import TcpLink, WireSink, beside, parse_url
 from drivers.read_back import apart_deg, is_there
 

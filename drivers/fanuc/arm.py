@@ -20,7 +20,6 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 
-from drivers.caps import Caps
 from drivers.errors import (
     Busy,
     CannotStop,
@@ -40,6 +39,7 @@ from drivers.fanuc.controller import (
 from drivers.fanuc.mappdk import MappdkController
 from drivers.fanuc.modbus import ModbusController
 from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.limits import Caps
 from drivers.link import TcpLink, WireSink, parse_url
 from drivers.read_back import apart_deg, is_there
 

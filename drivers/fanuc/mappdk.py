@@ -57,7 +57,7 @@ from drivers.fanuc.mappdk_link import (
 from drivers.interfaces import Identity, JointReading, RobotStatus
 from drivers.link import TcpLink, beside
 from drivers.read_back import apart_deg
-from drivers.waiting import Waiting
+from drivers.wait import Waiting
 
 _WATCHDOG_MS = 2000
 _MOVED_DEG = 0.01  # between two looks; less is rest

@@ -13,9 +13,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from drivers.caps import Caps
 from drivers.errors import CannotStop, ConfigError, JointLimit, NotArmed
 from drivers.interfaces import Asking, Identity, JointReading, RobotStatus, TypedEntry
+from drivers.limits import Caps
 from drivers.link import WireSink
 from drivers.manual.asking import Questions, TypingDoubt, in_words
 from drivers.manual.slips import apart, slip_of

@@ -6,7 +6,7 @@ program runs, and target and actual joints agree and are at rest, never because 
 3.9 or later the program brings its own number and target back in registers and waits until they were compared, so that
 a damaged one moves nothing and an older end is not taken for this one; its watchdog (`rtde_set_watchdog`) stops the arm
 when this program is gone. Without those registers `weakness` says what is missing. `stopj` over a connection of
-its own stops at any time; where 30003 does not answer, 30002 and the dashboard are used (`drivers.ur.other_ways`).
+its own stops at any time; where 30003 does not answer, 30002 and the dashboard are used (`drivers.ur.fallback_stop`).
 The other ports lie at their usual distances from the one in the URL; each can be given as an option (`realtime`,
 `secondary`, `dashboard`), and `feed=realtime` does without RTDE.
 
@@ -22,7 +22,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 
-from drivers.caps import Caps
 from drivers.errors import (
     AcquisitionError,
     ConfigError,
@@ -31,11 +30,12 @@ from drivers.errors import (
     NotArmed,
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus, Sample
+from drivers.limits import Caps
 from drivers.link import Address, TcpLink, WireSink, beside, parse_url
 from drivers.ur.dashboard import order, read_serial
 from drivers.ur.deadlines import SERVICES, UrDeadlines
+from drivers.ur.fallback_stop import halt_elsewhere
 from drivers.ur.motion import STOP_SCRIPT, Motion, MotionLimits, not_ready
-from drivers.ur.other_ways import halt_elsewhere
 from drivers.ur.realtime import Realtime
 from drivers.ur.rtde import Rtde
 from drivers.ur.secondary import Factory, read_factory

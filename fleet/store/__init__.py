@@ -15,8 +15,8 @@ from fleet.store.document import (
     utc_now,
 )
 from fleet.store.engine import READER, WRITER, migrate
+from fleet.store.robot_state import BaselineRecord, RobotState
 from fleet.store.rows import ERROR, dataset_content, dataset_texts
-from fleet.store.standing import BaselineRecord, RobotState
 from fleet.store.store import FleetStore
 from fleet.store.work import FleetJob, JobResult, Work
 

@@ -34,8 +34,8 @@ from fleet.store.engine import (
     version,
     writing,
 )
+from fleet.store.robot_state import RobotState, points_of, standings
 from fleet.store.rows import rows_of
-from fleet.store.standing import RobotState, points_of, standings
 from fleet.store.work import Work
 
 _TRIES = 20  # of a batch of which another program has just added a part

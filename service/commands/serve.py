@@ -173,8 +173,8 @@ def _sole_service(record: Path) -> Iterator[Callable[[str], object]]:
 
 
 def _lock_in_kernel(held: ExitStack, folder: Path) -> bool:
-    """Lock a folder beside its file, which somebody may delete, as `acquisition.run.orders.mover` locks a robot; False
-    where another service has it."""
+    """Lock a folder beside its file, which somebody may delete, as `acquisition.run.orders.robot_lock` locks a robot;
+    False where another service has it."""
     found = folder.stat()
     try:
         lock = held.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))

@@ -37,7 +37,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from calib.errors import DataError
 from service import exit_codes
 from service.http.access.gate import TokenRoles
-from service.http.runs.book import SERVICE_ENDS
+from service.http.runs.run_manager import SERVICE_ENDS
 
 GRACE_S = 3  # for answers under way when the service ends
 HEADER_S = 5.0  # for a complete header, from the connection or from the answer before

@@ -18,9 +18,9 @@ from acquisition import Cell, Devices, open_devices
 from service.http.access.audit import Audit
 from service.http.access.motion_lease import MotionLease
 from service.http.access.roles import ServiceSettings
-from service.http.runs.book import RunManager
-from service.http.runs.glances import RunCache
 from service.http.runs.loops import LoopStore
+from service.http.runs.run_cache import RunCache
+from service.http.runs.run_manager import RunManager
 from service.http.wire.problems import Problem
 from service.http.work.campaigns import CampaignStore
 from service.http.work.datasets import DatasetStore

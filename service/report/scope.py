@@ -14,7 +14,7 @@ from calib.array import Array
 from calib.data import Dataset
 from calib.units import DEG
 
-_APART_MM = 1.0  # a campaign asks about it (`acquisition.run.checks.companions`)
+_APART_MM = 1.0  # a campaign asks about it (`acquisition.run.checks.target_distances`)
 _LISTED = 12
 
 

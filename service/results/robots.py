@@ -32,8 +32,8 @@ from fleet.outbox import CellFolder, read_data, read_result
 from fleet.store import Document, FleetStore, RobotKey, RobotState, VerdictRecord, utc_now
 from service import refusals
 from service.files import as_json
+from service.json_values import finite
 from service.kept_dataset import CSV, TOML, refuse_paths
-from service.plain import finite
 from service.results import history
 from service.results.history import CHANGED, doubtful_date, due_now, state_of
 

@@ -21,7 +21,7 @@ from calib.text import written_by
 from calib.units import to_display
 from calib.watch import ThermalUpdate
 from service import exit_codes
-from service.plain import finite
+from service.json_values import finite
 
 FORMAT = "truepose-upkeep/1"
 

@@ -32,7 +32,7 @@ from calib.fit import silent
 from calib.saved import CalibratedModel
 from calib.units import DEG
 from calib.watch import NestLimit, PlannedVisits, WatchPlan, WatchPlanProposal
-from service.plain import finite
+from service.json_values import finite
 from service.results.watched import in_words
 
 

@@ -31,7 +31,7 @@ from calib.watch import (
     WhitenedReadings,
 )
 from service import exit_codes
-from service.plain import finite
+from service.json_values import finite
 from service.results.upkept import on_its_clock, origin_of
 
 FORMAT = "truepose-watch/1"

@@ -18,7 +18,7 @@ from acquisition.cell import targets_at
 from acquisition.errors import NotResumed, RecordError
 from acquisition.record import export_together
 from acquisition.record.store import PlannedReading
-from acquisition.run.prompts.hands import ManualSteps
+from acquisition.run.prompts.manual_steps import ManualSteps
 from calib import identify, read_dataset
 from drivers import Answer, ConfigError, LinkLost, NotReady, OutOfRange
 from tests.acquisition.bars import OFF_DEG, TWO_STAGES, Bar, made

@@ -16,7 +16,7 @@ import pytest
 from acquisition import ExecutionOutcome, export
 from acquisition.errors import OtherIndividual
 from acquisition.record import DeviceAcceptance, export_together
-from acquisition.record.individuals import Individual, individuals_of
+from acquisition.record.device_serials import Individual, individuals_of
 from acquisition.run.run import Run
 from calib import read_dataset
 from drivers import ConfigError, LinkLost

@@ -19,8 +19,8 @@ import pytest
 
 from acquisition import Run
 from acquisition.errors import RobotInUse
-from acquisition.run.orders import mover as movers
-from acquisition.run.orders.mover import Mover
+from acquisition.run.orders import robot_lock as movers
+from acquisition.run.orders.robot_lock import Mover
 from drivers import ConfigError, Identity
 from drivers.endpoint import endpoints
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
@@ -28,7 +28,7 @@ from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_camp
 ROOT = Path(__file__).parents[2]
 HOLD = """
 import sys
-from acquisition.run.orders.mover import Mover
+from acquisition.run.orders.robot_lock import Mover
 with Mover(sys.argv[1]):
     print("held", flush=True)
     sys.stdin.readline()

@@ -14,7 +14,7 @@ import pytest
 from acquisition import Devices
 from acquisition.errors import StorageError
 from acquisition.run.orders.control import Control
-from acquisition.run.orders.noting import StopOrders
+from acquisition.run.orders.stop_orders import StopOrders
 from acquisition.run.rig.rig import PRESS, DevicePair
 from drivers import AcquisitionError, CannotStop, LinkLost, LinkTimeout, ProtectiveStop
 from tests.acquisition.fakes import FakeArm, FakeMeter, JumpingClock, devices_of

@@ -25,7 +25,7 @@ from calib import Dataset, IdentificationFit, identify, save_model
 from calib.array import Array
 from calib.data import Noise
 from calib.fit import base_model_of, expanded
-from calib.fit.of_type import TypePrior
+from calib.fit.type_prior import TypePrior
 from calib.prior import FEWEST, TypeMember, learn, load_prior, save_prior
 from calib.units import to_internal
 from mocks.world.robots import THESIS_COMPLIANCE

@@ -13,7 +13,7 @@ from pathlib import Path
 from calib import read_dataset, save_model
 from calib.convert.ipa_ur10 import read
 from calib.diagnose import diagnose
-from service.garbage import left_alone
+from service.gc_pause import left_alone
 from service.report import diagnosis_report
 from service.results.models import documents
 from tests.benchmarks.clock import line

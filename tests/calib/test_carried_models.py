@@ -17,7 +17,7 @@ from calib.fit import IdentificationFit, radius_95
 from calib.fit.identification import expanded, predict_with_covariance
 from calib.model import BoundModel, conditions_at, named_only
 from calib.model.carried_regressors import Held, HeldPair
-from calib.prior.lesson import TypeMember
+from calib.prior.type_statistics import TypeMember
 from calib.saved.document import FORMAT, WITH_CARRIED
 from calib.units import DEG, to_internal
 from calib.validation import differences

@@ -19,12 +19,12 @@ from calib.fit import identify
 from calib.fit.identification import IdentificationFit
 from calib.fit.readings import linearised, readings_of
 from calib.saved import CalibratedModel, as_saved, load_model, save_model
-from calib.saved.left_open import LeftOpen
+from calib.saved.unresolved_effects import LeftOpen
 from calib.units import DEG
 from calib.watch import WhitenedReadings, judge, updated
 from calib.watch.cause import fitted
 from calib.watch.judge import odds_of
-from calib.watch.seen import frame_covariance
+from calib.watch.whitened_readings import frame_covariance
 from mocks.campaign import DEFAULT_FIT, Campaign, write_campaign
 from mocks.world import World
 from mocks.world.dataset import header_of, row_of

@@ -12,7 +12,7 @@ from calib.fit import identify
 from calib.saved import as_saved
 from calib.units import DEG
 from calib.watch import WhitenedReadings, missed
-from calib.watch.seen import frame_covariance
+from calib.watch.whitened_readings import frame_covariance
 from tests.benchmarks.coverage import KINDS, simulate
 
 DRAWS = 200

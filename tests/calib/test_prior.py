@@ -13,7 +13,7 @@ import pytest
 
 from calib import DataError, Dataset, choose, identify, save_model
 from calib.data import Noise
-from calib.fit.of_type import MOST_OUTSIDE, TypeEffect, TypePrior
+from calib.fit.type_prior import MOST_OUTSIDE, TypeEffect, TypePrior
 from calib.prior import TypeMember, learn, load_prior, save_prior
 from calib.prior.reml import hierarchy
 from calib.saved import as_saved

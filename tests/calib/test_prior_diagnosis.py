@@ -16,7 +16,7 @@ from calib.diagnose import diagnose
 from calib.diagnose.diagnosis import in_type
 from calib.effects import Survey, offers
 from calib.fit.identify import fit_plain
-from calib.fit.of_type import TypeEffect, TypeFit, TypeParameter, TypePrior
+from calib.fit.type_prior import TypeEffect, TypeFit, TypeParameter, TypePrior
 from calib.scan import Scores, Space
 from calib.scan.families import StepScores
 from tests.calib.campaigns import simulate

@@ -33,9 +33,9 @@ from calib.watch import (
     times_as_uncertain,
 )
 from calib.watch.cause import _fit, fitted
+from calib.watch.cause_evidence import CauseColumns
 from calib.watch.judge import WEIGHT, mean_of, odds_of
-from calib.watch.odds import CauseColumns
-from calib.watch.seen import frame_covariance
+from calib.watch.whitened_readings import frame_covariance
 from mocks.world import ArmState, World
 from mocks.world.poses import approach_point, random_pose
 from tests.benchmarks.coverage import KINDS, Kind, simulate

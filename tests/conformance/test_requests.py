@@ -22,7 +22,7 @@ FEW_REQUESTS = BRIDGED | REQUESTS_ONLY | {"ur-realtime"}  # one or two a questio
 STATES_ONLY = {"abb-simple-state"}  # this port hears nothing
 NO_SUM = {
     "leica-emscon"
-}  # a beam that is sent elsewhere may find another target there: acquisition.run.checks.expected
+}  # a beam that is sent elsewhere may find another target there: acquisition.run.checks.repeated_point
 
 
 @pytest.fixture(scope="module", params=sorted(set(RIGS) - STATES_ONLY - NO_SUM))

@@ -99,7 +99,7 @@ CHANGES = (
         _ABB,
     ),
     Change(
-        "drivers/caps.py",
+        "drivers/limits.py",
         "            if not low <= q <= high:",
         "            if q < low or q > high:",
         "a target that is not a number passes the limits",

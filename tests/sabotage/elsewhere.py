@@ -24,7 +24,7 @@ _MISREAD = ("tests/calib/test_hypotheses.py",)
 
 CHANGES = (
     Change(
-        "acquisition/run/prompts/hands.py",
+        "acquisition/run/prompts/manual_steps.py",
         "        if not self._one_smr or self._seated == planned.target:\n",
         "        if not self._one_smr or self._seated is not None:\n",
         "one SMR is asked for once and never moved to the next nest",
@@ -35,21 +35,21 @@ CHANGES = (
         ),
     ),
     Change(
-        "acquisition/run/prompts/hands.py",
+        "acquisition/run/prompts/manual_steps.py",
         "        self._seated = self._spanned = None\n        self._free = False\n",
         "        self._seated = None\n        self._free = False\n",
         "after a pause the ballbar is taken to hang where it hung",
         _BALLBAR,
     ),
     Change(
-        "acquisition/run/prompts/hands.py",
+        "acquisition/run/prompts/manual_steps.py",
         "        if not self._ballbar or self._free:\n",
         "        if not self._ballbar or not self._free:\n",
         "the robot moves while the ballbar hangs on it",
         _BALLBAR,
     ),
     Change(
-        "acquisition/run/prompts/hands.py",
+        "acquisition/run/prompts/manual_steps.py",
         "            self._free, self._spanned = True, None\n",
         "            self._free = True\n",
         "a leg that was taken off counts as attached",
@@ -181,7 +181,7 @@ CHANGES = (
         (*_SAVED, "tests/service/test_own_robot_http.py", "tests/acquisition/test_own_robot.py"),
     ),
     Change(
-        "calib/saved/left_open.py",
+        "calib/saved/unresolved_effects.py",
         "        whole[:m, :m] += covariance\n",
         "        whole[:m, :m] = covariance\n",
         "what is left open does not widen the parameters of the fit",

@@ -9,7 +9,7 @@ _DIAGNOSIS = ("tests/calib/test_prior_diagnosis.py",)
 
 CHANGES = (
     Change(
-        "calib/prior/lesson.py",
+        "calib/prior/type_statistics.py",
         "_positive(inverse - np.diag(held), scale)",
         "_positive(inverse, scale)",
         "a robot that knew its type confirms it",
@@ -30,21 +30,21 @@ CHANGES = (
         _PRIOR,
     ),
     Change(
-        "calib/fit/of_type.py",
+        "calib/fit/type_prior.py",
         "return worst if abs(worst.z) > limit else None",
         "return None",
         "a parameter outside the type is held to it",
         _PRIOR,
     ),
     Change(
-        "calib/fit/of_type.py",
+        "calib/fit/type_prior.py",
         "return len(self.outside) > MOST_OUTSIDE or self.p_value < TOGETHER",
         "return False",
         "a robot that is no member is held to a type",
         _PRIOR,
     ),
     Change(
-        "calib/fit/of_type.py",
+        "calib/fit/type_prior.py",
         "            gone.add(drop.name)",
         "            pass",
         "a redundant parameter takes what its stand-in was held to",

@@ -159,7 +159,7 @@ CHANGES = (
         _HTTP,
     ),
     Change(
-        "service/names.py",
+        "service/ids.py",
         "    return _SAFE.fullmatch(name) is not None",
         "    return _SAFE.match(name) is not None",
         "an id in a URL leads out of its folder",
@@ -194,14 +194,14 @@ CHANGES = (
         ("tests/service/test_priority.py",),
     ),
     Change(
-        "service/http/runs/book.py",
+        "service/http/runs/run_manager.py",
         ", foresee=self.foresee)",
         ")",
         "a run reads its whole plan in the process that has to hear a stop",
         ("tests/service/test_forecasts.py",),
     ),
     Change(
-        "service/http/runs/book.py",
+        "service/http/runs/run_manager.py",
         "            self._let_begin(name)\n",
         "",
         "a run that was resumed is shown as it rested",

@@ -130,14 +130,14 @@ CHANGES = (
         _STORE,
     ),
     Change(
-        "fleet/store/standing.py",
+        "fleet/store/robot_state.py",
         ".order_by(p.robot, p.name, p.measured_at, p.document)",
         ".order_by(p.robot, p.name, p.document)",
         "a trend is in the order in which documents came",
         _STORE,
     ),
     Change(
-        "fleet/store/standing.py",
+        "fleet/store/robot_state.py",
         "(d.measured_at > d.added_at, d.added_at)",
         "(d.measured_at > d.added_at, d.measured_at)",
         "a cell whose clock is ahead has the last word for years",
@@ -158,7 +158,7 @@ CHANGES = (
         (*_HISTORY, *_GONE),
     ),
     Change(
-        "calib/watch/seen.py",
+        "calib/watch/whitened_readings.py",
         "variance += float(turn @",
         "variance += 0.0 * float(turn @",
         "U of the error at check poses forgets the frame",

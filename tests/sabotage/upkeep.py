@@ -24,7 +24,7 @@ CHANGES = (
         _WATCH,
     ),
     Change(
-        "calib/watch/seen.py",
+        "calib/watch/whitened_readings.py",
         "np.concatenate([frame.to_world(about) - about, turn])",
         "np.concatenate([frame.to_world(about) - about, 0.5 * turn])",
         "the frame on the nests is as uncertain as another one",
@@ -38,7 +38,7 @@ CHANGES = (
         _WATCH,
     ),
     Change(
-        "calib/watch/seen.py",
+        "calib/watch/whitened_readings.py",
         "(n * rms))[~pointed] ** 2",
         "(n * rms))[pointed] ** 2",
         "U of the error at check poses forgets the noise of a ballbar",

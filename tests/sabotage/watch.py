@@ -11,21 +11,21 @@ _UPKEEP = ("tests/calib/test_upkeep.py",)
 
 CHANGES = (
     Change(
-        "calib/watch/seen.py",
+        "calib/watch/whitened_readings.py",
         "of_parameters @ root_of(covariance), of_frame",
         "0.0 * of_parameters, of_frame",
         "a watch forgets what the calibration left uncertain",
         _WATCH,
     ),
     Change(
-        "calib/watch/odds.py",
+        "calib/watch/cause_evidence.py",
         " | self._twins(int(b), residual[mine])",
         "",
         "of two causes that no reading tells apart the simpler is a name",
         _WATCH,
     ),
     Change(
-        "calib/watch/odds.py",
+        "calib/watch/cause_evidence.py",
         "        return float(np.exp(low))",
         "        return rate",
         "every question of an alarm has the whole rate of false alarms",
@@ -109,7 +109,7 @@ CHANGES = (
         _PLANS,
     ),
     Change(
-        "calib/watch/seen.py",
+        "calib/watch/whitened_readings.py",
         "dataset = dataset if frame_known else placed(dataset, model, estimate)",
         "pass",
         "a frame that lies far away is judged by its derivative alone",
@@ -151,7 +151,7 @@ CHANGES = (
         _WARMTH,
     ),
     Change(
-        "calib/watch/odds.py",
+        "calib/watch/cause_evidence.py",
         "        found = 0.5 * (along**2) @ self.shrink - 0.5 * np.sum(np.log1p(self.strengths**2))",
         "        found = 0.5 * (along**2) @ self.shrink",
         "without the term of Occam a cause with more parameters always wins",

@@ -11,10 +11,10 @@ import pytest
 from pydantic import ValidationError
 
 from acquisition import Cell, Devices, LeaseDeadline, checked_plan
-from acquisition.record.individuals import DeviceAcceptance
+from acquisition.record.device_serials import DeviceAcceptance
 from service.cli import main
 from service.http.routes.runs.run_routes import acceptance
-from service.http.runs.book import RunManager
+from service.http.runs.run_manager import RunManager
 from service.http.wire.bodies import DatasetExportRequest, Resume
 from service.http.work.datasets import DatasetStore
 from service.http.work.workers import Workers

@@ -19,7 +19,7 @@ from acquisition.errors import DamagedRecord, RecordError
 from acquisition.record.database import FILE
 from acquisition.run.run import Run
 from service.http.runs import dry_runs
-from service.http.runs.book import RunManager
+from service.http.runs.run_manager import RunManager
 from service.http.wire import problems
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, JumpingClock, a_campaign, a_cell, devices_of

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from acquisition import open_devices
-from acquisition.run.orders.mover import Mover
+from acquisition.run.orders.robot_lock import Mover
 from service.cli import main
 from tests.end_to_end.simulated import ROOT
 from tests.service.benches import EXAMPLES, Bench, Requests, bench, faults, level_of

@@ -19,8 +19,8 @@ import pytest
 from acquisition import Devices, LeaseDeadline, checked_plan, read_status
 from acquisition.errors import StorageError
 from calib.errors import DataError
-from service.http.runs import book
-from service.http.runs.book import RunManager
+from service.http.runs import run_manager
+from service.http.runs.run_manager import RunManager
 from service.http.wire.problems import Problem
 from service.http.work.workers import WorkerDied, Workers
 from tests.acquisition.fakes import Bench, FakeMeter, a_campaign, a_cell
@@ -90,8 +90,8 @@ def test_its_workers_end_when_it_is_killed(tmp_path: Path) -> None:
 
 
 def test_a_long_move_is_halted_and_the_run_paused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(book, "PAUSE_S", 0.05)
-    monkeypatch.setattr(book, "REST_S", 0.05)
+    monkeypatch.setattr(run_manager, "PAUSE_S", 0.05)
+    monkeypatch.setattr(run_manager, "REST_S", 0.05)
     bench = Bench(a_cell())
     arm = SlowArm(bench)
     workers = Workers(1, waiting=0)

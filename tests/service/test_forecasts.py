@@ -13,7 +13,7 @@ import pytest
 
 from acquisition import Devices, LeaseDeadline, Run, checked_plan
 from acquisition.run import Forecast, forecast_of
-from service.http.runs.book import Forecasts, RunManager
+from service.http.runs.run_manager import Forecasts, RunManager
 from service.http.wire.problems import Problem
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, FakeMeter, a_campaign, a_cell

@@ -14,9 +14,9 @@ from typing import Any, cast
 import pytest
 
 from acquisition import Run
-from service.http.runs.book import RunManager
-from service.http.runs.glances import KEPT_S, RunCache
+from service.http.runs.run_cache import KEPT_S, RunCache
 from service.http.runs.run_document import run_document
+from service.http.runs.run_manager import RunManager
 from service.http.work.readings import DocumentCache
 from tests.acquisition.fakes import a_campaign, a_cell
 

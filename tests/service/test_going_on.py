@@ -13,7 +13,7 @@ import pytest
 
 from acquisition import Cell, Devices, LeaseDeadline, checked_plan
 from acquisition.run import Forecast
-from service.http.runs.book import RunManager
+from service.http.runs.run_manager import RunManager
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import PATIENCE_S, until

@@ -20,11 +20,11 @@ from calib.text import no_formula
 from drivers.errors import ConfigError
 from service.http.access.gate import AccessGate
 from service.http.access.roles import ServiceSettings, Tokens
-from service.http.wire.bodies.asked import LeaseRequest
+from service.http.wire.bodies.requests import LeaseRequest
 from service.http.wire.problems import Problem, not_found
 from service.http.work.idempotency import JOURNAL, IdempotencyKeys, fingerprint, reply
-from service.names import new_id, safe_id
-from service.plain import finite, utc_text
+from service.ids import new_id, safe_id
+from service.json_values import finite, utc_text
 from service.refusals import cause
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 

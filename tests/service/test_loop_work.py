@@ -19,9 +19,9 @@ from acquisition.loop import Compute, Equipment, LoopResult, Say
 from acquisition.loop.loop import measure
 from drivers import ConfigError
 from service.http.runs import loop_work
-from service.http.runs.book import RunManager
 from service.http.runs.loop_work import ABOUT, LoopStatus, LoopWork
 from service.http.runs.loops import CUT_OFF, LoopStore
+from service.http.runs.run_manager import RunManager
 from service.http.wire.problems import Problem
 from service.http.work import workers
 from service.http.work.datasets import DatasetStore

@@ -25,7 +25,7 @@ from service import job, job_folder
 from service.exports import FORMATS
 from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
-from service.http.wire.bodies import CampaignTable, EventKind, ExportKind, ModelShown, asked
+from service.http.wire.bodies import CampaignTable, EventKind, ExportKind, ModelShown, requests
 from service.http.wire.bodies.diagnoses import DiagnosisResult
 from service.http.wire.bodies.jobs import RegressionResult
 from service.http.wire.bodies.results import IdentificationResult
@@ -219,10 +219,10 @@ def unnamed(model: Any, where: str = "") -> set[str]:
 
 def test_examples_of_requests_can_be_sent(document: dict[str, Any]) -> None:
     """What the page of the description offers to send is what the service takes."""
-    for model in (asked.NewRun, asked.NewLoop, asked.TargetsToCorrect):
+    for model in (requests.NewRun, requests.NewLoop, requests.TargetsToCorrect):
         (example,) = document["components"]["schemas"][model.__name__]["examples"]
         model.model_validate(example)
-    campaign_of(asked.CAMPAIGN)
+    campaign_of(requests.CAMPAIGN)
 
 
 def test_the_document_is_made_once_and_not_in_the_loop_of_events(tmp_path: Path) -> None:

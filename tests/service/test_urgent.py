@@ -25,7 +25,7 @@ from acquisition import Cell, Devices, ExecutionOutcome, Run, State
 from service.http.access.lanes import AT_ONCE, ORDINARY, UPLOADS, RequestLanes
 from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
-from service.http.runs import book
+from service.http.runs import run_manager
 from service.http.state import ORDERS, Service
 from service.http.wire.paths import PREFIX
 from service.http.work.campaigns import CampaignStore
@@ -163,16 +163,16 @@ def test_what_is_urgent_is_served_while_every_other_thread_is_held(
 def test_a_stop_is_answered_before_the_run_has_ended_and_the_next_one_waits_for_that(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
-    monkeypatch.setattr(book, "FINISH_S", 10.0 * PATIENCE_S)
+    monkeypatch.setattr(run_manager, "FINISH_S", 10.0 * PATIENCE_S)
     let_go, wanted = threading.Event(), threading.Event()
-    execute, need_robot = Run.execute, book.RunManager.need_robot
+    execute, need_robot = Run.execute, run_manager.RunManager.need_robot
 
     def lingering(run: Run, devices: Devices, **more: Any) -> ExecutionOutcome:
         outcome = execute(run, devices, **more)
         let_go.wait()
         return outcome
 
-    def wanting(here: book.RunManager) -> None:
+    def wanting(here: run_manager.RunManager) -> None:
         wanted.set()
         need_robot(here)
 
@@ -193,7 +193,7 @@ def test_a_stop_is_answered_before_the_run_has_ended_and_the_next_one_waits_for_
                     await asyncio.sleep(0.01)
             assert held.arm.halted.is_set()
             assert held.service.book.busy_with == name
-            monkeypatch.setattr(book.RunManager, "need_robot", wanting)
+            monkeypatch.setattr(run_manager.RunManager, "need_robot", wanting)
             again = asyncio.create_task(client.post(f"{run}/resume"))
             await asyncio.to_thread(wanted.wait, PATIENCE_S)
         finally:

@@ -16,7 +16,7 @@ import numpy as np
 
 from acquisition.cell.cell import Cell
 from acquisition.errors import OtherBalls
-from acquisition.record.individuals import Individuals, series_among
+from acquisition.record.device_serials import Individuals, series_among
 from acquisition.record.readings import spans_of
 from acquisition.record.store import PlannedReading, RecordStore
 from calib.model import BoundModel, StatedConditions, conditions_at

@@ -25,8 +25,8 @@ from acquisition.cell.cell import Cell
 from acquisition.cell.transit import may_visit
 from acquisition.cell.workspace import Array
 from acquisition.errors import RecordError, StorageError
+from acquisition.record.device_serials import Individuals, series_among
 from acquisition.record.export import table_of
-from acquisition.record.individuals import Individuals, series_among
 from acquisition.record.store import PlannedReading, RecordStore
 from acquisition.run.ballbar.distances import STAGE_1
 from calib.compensate import correct

@@ -29,7 +29,7 @@ from calib.array import Array
 from calib.units import to_internal
 from calib.watch.baseline import root_of
 from calib.watch.planning.sizes import needed, of_one_unit, wanted_of
-from calib.watch.seen import WhitenedReadings
+from calib.watch.whitened_readings import WhitenedReadings
 
 _NOTICED = 0.1  # of the usual size
 _PASSING = ("drift_translation", "drift_rotation", "arm_growth")  # looked for, but no pose is chosen for them

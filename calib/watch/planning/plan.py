@@ -21,7 +21,7 @@ from calib.watch.planning.choose import choose
 from calib.watch.planning.planned import PlannedVisits, planned
 from calib.watch.planning.rounds import DetectionResult, RepetitionOptions, Repetitions, fewest, wanted
 from calib.watch.planning.sizes import DetectableSizes, shown
-from calib.watch.seen import WhitenedReadings
+from calib.watch.whitened_readings import WhitenedReadings
 
 FEWEST = 4
 _MOST = 60  # poses that are tried where fewer show too little

@@ -26,7 +26,7 @@ from calib.data.header import Header
 from calib.saved import CalibratedModel
 from calib.watch.planning.planned import PlannedVisits, planned
 from calib.watch.planning.sizes import WANTED, seen_from
-from calib.watch.seen import WhitenedReadings
+from calib.watch.whitened_readings import WhitenedReadings
 
 TIMES = (1, 2, 4)
 REPEATS = (1, 2, 3, 4, 6, 8, 12)

@@ -19,9 +19,9 @@ from scipy.special import chndtrinc
 from calib.array import Array
 from calib.model.effect import Effect
 from calib.units import to_internal
+from calib.watch.cause_evidence import CauseColumns, Odds
 from calib.watch.judge import RATE, odds_of
-from calib.watch.odds import CauseColumns, Odds
-from calib.watch.seen import WhitenedReadings
+from calib.watch.whitened_readings import WhitenedReadings
 
 _TIMES = (1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)  # of the smallest size, at which names are counted
 _DRAWS = 400

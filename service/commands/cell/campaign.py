@@ -37,7 +37,7 @@ from drivers.errors import AcquisitionError, ConfigError, NoOperator
 from service import exit_codes, wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT, write_json
-from service.plain import finite
+from service.json_values import finite
 from service.printed.progress import RunProgress, terminal_operator
 from service.printed.terminal import Terminal
 from service.private import note_if_others_read, owner_only

@@ -25,7 +25,7 @@ from calib.text import read_text, replace_file
 from service import exit_codes
 from service.child import python
 from service.ending import ShutdownSignal, until_asked
-from service.names import new_id
+from service.ids import new_id
 from service.private import lasting_tokens, owner_only
 
 POSES, JUDGED = 30, 12  # of a campaign

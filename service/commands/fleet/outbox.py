@@ -13,7 +13,7 @@ from fleet.store import utc_now
 from service import wording
 from service.commands import options
 from service.files import STANDARD_OUTPUT
-from service.plain import utc_text
+from service.json_values import utc_text
 from service.printed import tables
 from service.printed.terminal import Terminal
 from service.private import owner_only

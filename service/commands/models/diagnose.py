@@ -19,7 +19,7 @@ from service import wording
 from service.commands import options
 from service.commands.models.certificate import CertificateRequest, Dcc, DccAbout
 from service.files import STANDARD_OUTPUT
-from service.garbage import left_alone
+from service.gc_pause import left_alone
 from service.printed import tables, type_tables
 from service.printed.terminal import Terminal
 from service.results.judgement.acceptance import AcceptanceResult, decide, judged_as

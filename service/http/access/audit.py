@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from acquisition.errors import StorageError
-from service.plain import utc_text
+from service.json_values import utc_text
 
 FILE = "lease.jsonl"
 MODE = 0o600

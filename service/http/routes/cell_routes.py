@@ -13,7 +13,7 @@ from service.http.routes.pages.page import page_hash
 from service.http.state import Here
 from service.http.wire.bodies import CellShown, Health, LeaseRequest, LeaseShown, LeaseTakeoverRequest
 from service.http.wire.headers import LeaseId
-from service.plain import utc_text
+from service.json_values import utc_text
 
 router = APIRouter(route_class=JsonRoute, tags=["cell"])
 

@@ -16,7 +16,7 @@ from service.http.wire.headers import IdempotencyKey
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
 from service.http.work.idempotency import reply
-from service.names import plain_name
+from service.ids import plain_name
 
 router = APIRouter(route_class=JsonRoute, tags=["robots"])
 DOCUMENTS = path_of("documents")

@@ -38,7 +38,7 @@ from calib.diagnose import DiagnosisFit
 from calib.text import replace_file
 from drivers.errors import AcquisitionError
 from service.files import as_json
-from service.http.runs.book import BEGIN_S, SERVICE_ENDS, RunManager
+from service.http.runs.run_manager import BEGIN_S, SERVICE_ENDS, RunManager
 from service.http.wire import problems
 from service.http.wire.problems import Problem
 from service.http.work.workers import Workers

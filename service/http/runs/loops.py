@@ -18,18 +18,18 @@ from acquisition.record import DeviceAcceptance
 from calib.text import replace_file
 from drivers.errors import AcquisitionError
 from service.files import as_json
-from service.http.runs.book import RunManager
 from service.http.runs.dry_runs import readings_of
 from service.http.runs.loop_work import ABOUT, LoopStatus, LoopWork
+from service.http.runs.run_manager import RunManager
 from service.http.wire.bodies import LoopKept, ResponseBody
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
 from service.http.work.datasets import DatasetStore
-from service.http.work.kept import read_kept, readable
+from service.http.work.stored_documents import read_kept, readable
 from service.http.work.workers import Workers
+from service.ids import new_id, safe_id
 from service.job_folder import RESULT
-from service.names import new_id, safe_id
-from service.plain import utc_text
+from service.json_values import utc_text
 from service.results.cell import loop_results
 from service.wording import counted
 

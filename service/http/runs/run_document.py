@@ -6,7 +6,7 @@ from typing import Any
 
 from acquisition import RunStatus
 from drivers.errors import AcquisitionError
-from service.plain import finite
+from service.json_values import finite
 
 FINAL = ("succeeded", "failed")
 """States of a run to which nothing can happen any more."""

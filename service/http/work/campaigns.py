@@ -14,9 +14,9 @@ from service.files import as_json
 from service.http.wire.bodies import CampaignShown
 from service.http.wire.problems import Problem, not_found
 from service.http.work.deletions import DeletionLog, hash_of, take_away
-from service.http.work.kept import read_kept, readable
-from service.names import new_id, safe_id
-from service.plain import utc_text
+from service.http.work.stored_documents import read_kept, readable
+from service.ids import new_id, safe_id
+from service.json_values import utc_text
 
 MOST_POSES = 5_000  # a plan is made before the answer; a night has some hundreds
 

@@ -18,7 +18,7 @@ from calib.saved import CalibratedModel, load_model
 from calib.text import meant_by
 from service.exports import written
 from service.http.work.campaigns import refuse_null
-from service.plain import finite
+from service.json_values import finite
 from service.programs import Compensation, KnownFrames, compensate, compensation, named_frames
 from service.programs.compensation import REFUSED
 from service.programs.conditions import ProgramConditions, stated_conditions

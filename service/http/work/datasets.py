@@ -14,9 +14,9 @@ from acquisition.record import DeviceAcceptance, export_together
 from service.http.wire.bodies import DatasetShown
 from service.http.wire.problems import Problem, not_found
 from service.http.work.deletions import DeletionLog, take_away
-from service.http.work.kept import read_kept, readable
+from service.http.work.stored_documents import read_kept, readable
+from service.ids import plain_name, safe_id
 from service.kept_dataset import ABOUT, CSV, TOML, keep_dataset, refuse_path, refuse_paths
-from service.names import plain_name, safe_id
 
 MAP = "map.toml"
 

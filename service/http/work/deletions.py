@@ -18,7 +18,7 @@ from acquisition.errors import StorageError
 from acquisition.record import sha256_of
 from service.http.access.audit import Audit
 from service.http.wire.problems import Problem
-from service.plain import utc_text
+from service.json_values import utc_text
 
 FILE, FOLDER = "deleted.jsonl", "deleted"
 _COMING = ".deleted-"  # ids do not begin with a dot: nobody lists what is on its way out

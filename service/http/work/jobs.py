@@ -30,8 +30,9 @@ from service.http.wire.bodies import ProblemKept, ResponseBody, StoredJob
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
 from service.http.work.deletions import DeletionLog, hash_of, take_away
-from service.http.work.kept import read_kept, readable
+from service.http.work.stored_documents import read_kept, readable
 from service.http.work.workers import WorkerDied, Workers
+from service.ids import new_id, safe_id
 from service.job_folder import (
     ARROWS,
     JOB,
@@ -45,8 +46,7 @@ from service.job_folder import (
     STEP,
     TRACKER,
 )
-from service.names import new_id, safe_id
-from service.plain import utc_text
+from service.json_values import utc_text
 from service.refusals import REFUSALS
 from service.results.cell import placements
 from service.results.files.alignment_request import AlignmentRequest

@@ -12,7 +12,7 @@ import numpy as np
 from calib.data import Dataset
 from calib.fit import IdentificationFit, base_model_of, place_nominal
 from calib.model import BoundModel
-from service.plain import finite
+from service.json_values import finite
 
 FORMAT = "truepose-arrows/1"
 MOST = 500  # more cannot be told apart

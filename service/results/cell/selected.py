@@ -24,7 +24,7 @@ from calib.selection import (
     curve_of,
 )
 from calib.units import to_display
-from service.plain import finite
+from service.json_values import finite
 
 FORMAT = "truepose-selection/1"
 

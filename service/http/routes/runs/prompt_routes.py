@@ -22,7 +22,7 @@ from service.http.wire.bodies import AnswerBody, Prompts, RunResponse
 from service.http.wire.headers import IdempotencyKey, LeaseId, PromptId, RunId
 from service.http.wire.problems import Problem
 from service.http.work.idempotency import reply
-from service.plain import finite, utc_text
+from service.json_values import finite, utc_text
 
 router = APIRouter(route_class=JsonRoute, tags=["prompts"])
 NOTED_S = 2.0  # until the record has an answer; a disk that takes longer is not waited for

@@ -13,7 +13,7 @@ from service.http.routes.work.target_routes import refuse
 from service.http.state import Here
 from service.http.wire.bodies import CorrectedProgram, ExportKind, ModelExport
 from service.http.wire.headers import JobId
-from service.http.work.in_worker import corrected_program, exported
+from service.http.work.worker_calls import corrected_program, exported
 
 router = APIRouter(route_class=JsonRoute, tags=["results"])
 _CONDITIONS = (

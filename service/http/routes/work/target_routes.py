@@ -12,7 +12,7 @@ from service.http.state import Here
 from service.http.wire.bodies import CorrectedTargets, TargetsToCorrect
 from service.http.wire.headers import JobId
 from service.http.wire.problems import Problem
-from service.http.work.in_worker import corrected
+from service.http.work.worker_calls import corrected
 
 router = APIRouter(route_class=JsonRoute, tags=["results"])
 

@@ -1,6 +1,34 @@
 """The bodies of requests and answers, as OpenAPI describes them: every field with its unit and an example."""
 
-from service.http.wire.bodies.asked import (
+from service.http.wire.bodies.campaign import CampaignTable
+from service.http.wire.bodies.cell import (
+    Campaigns,
+    CampaignShown,
+    CellShown,
+    DatasetList,
+    DatasetMapped,
+    DatasetShown,
+    Health,
+    LeaseShown,
+)
+from service.http.wire.bodies.deletions import DeletionList, DeletionShown
+from service.http.wire.bodies.examination import ExaminationShown
+from service.http.wire.bodies.fields import ProblemShown, ResponseBody
+from service.http.wire.bodies.jobs import (
+    AlignmentShown,
+    DiagnosisShown,
+    IdentificationShown,
+    JobsShown,
+    PlacementsAsked,
+    PlacementsShown,
+    ProblemKept,
+    RegressionShown,
+    SelectionAsked,
+    SelectionShown,
+    StoredJob,
+    ValidationShown,
+)
+from service.http.wire.bodies.requests import (
     AnswerBody,
     DatasetExportRequest,
     ExportBody,
@@ -16,33 +44,6 @@ from service.http.wire.bodies.asked import (
     ToFit,
     WhyBody,
 )
-from service.http.wire.bodies.campaign import CampaignTable
-from service.http.wire.bodies.cell import (
-    Campaigns,
-    CampaignShown,
-    CellShown,
-    DatasetList,
-    DatasetMapped,
-    DatasetShown,
-    Health,
-    LeaseShown,
-)
-from service.http.wire.bodies.deletions import DeletionList, DeletionShown
-from service.http.wire.bodies.examination import ExaminationShown
-from service.http.wire.bodies.jobs import (
-    AlignmentShown,
-    DiagnosisShown,
-    IdentificationShown,
-    JobsShown,
-    PlacementsAsked,
-    PlacementsShown,
-    ProblemKept,
-    RegressionShown,
-    SelectionAsked,
-    SelectionShown,
-    StoredJob,
-    ValidationShown,
-)
 from service.http.wire.bodies.results import ModelShown
 from service.http.wire.bodies.runs import (
     EventKind,
@@ -55,7 +56,6 @@ from service.http.wire.bodies.runs import (
     Runs,
 )
 from service.http.wire.bodies.targets import CorrectedProgram, CorrectedTargets, ExportKind, ModelExport
-from service.http.wire.bodies.told import ProblemShown, ResponseBody
 from service.http.wire.bodies.validations import ValidationAsked
 
 __all__ = [

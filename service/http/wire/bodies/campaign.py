@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from acquisition import CampaignTable
-from service.http.wire.bodies.told import DescribedAs
+from service.http.wire.bodies.fields import DescribedAs
 
 __all__ = ["Campaign", "CampaignTable"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from service.http.wire.bodies.campaign import Campaign
-from service.http.wire.bodies.told import Created, Id, Name, ResponseBody, Simulated, told
+from service.http.wire.bodies.fields import Created, Id, Name, ResponseBody, Simulated, told
 
 
 class Health(ResponseBody):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from service.http.wire.bodies.told import Id, ResponseBody, told
+from service.http.wire.bodies.fields import Id, ResponseBody, told
 
 Kind = Literal[
     "run", "dataset", "campaign", "identification", "diagnosis", "alignment", "regression", "validation", "selection",

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from service.http.wire.bodies.campaign import Campaign
+from service.http.wire.bodies.fields import ResponseBody, told
 from service.http.wire.bodies.results import (
     ERRORS,
     ErrorStatisticsResponse,
@@ -20,7 +21,6 @@ from service.http.wire.bodies.results import (
     Share,
     Unit,
 )
-from service.http.wire.bodies.told import ResponseBody, told
 
 Verdict = Literal["complete", "excess_noise", "attributed", "ambiguous", "unexplained"]
 Label = Annotated[str, told("The label of an effect.", "backlash:j4")]

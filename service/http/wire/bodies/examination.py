@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from service.http.wire.bodies.told import ResponseBody, Simulated, told
+from service.http.wire.bodies.fields import ResponseBody, Simulated, told
 
 
 class FindingShown(ResponseBody):

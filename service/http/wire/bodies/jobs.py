@@ -19,15 +19,7 @@ from acquisition import State
 from calib.data import DEFAULT_GROUPS
 from calib.selection import SHARE
 from service.http.wire.bodies.diagnoses import DiagnosisResult
-from service.http.wire.bodies.results import (
-    DataShown,
-    DroppedParameterResponse,
-    IdentificationResult,
-    Share,
-    Warnings,
-)
-from service.http.wire.bodies.runs import StateCode
-from service.http.wire.bodies.told import (
+from service.http.wire.bodies.fields import (
     Created,
     Id,
     Joints,
@@ -39,6 +31,14 @@ from service.http.wire.bodies.told import (
     told,
     told_limit,
 )
+from service.http.wire.bodies.results import (
+    DataShown,
+    DroppedParameterResponse,
+    IdentificationResult,
+    Share,
+    Warnings,
+)
+from service.http.wire.bodies.runs import StateCode
 from service.http.wire.bodies.validations import ValidationResult
 from service.http.wire.bodies.watches import UpkeepResult, WatchPlanResult, WatchResult
 from service.results.cell.placements import TOGETHER, PlacementRequest

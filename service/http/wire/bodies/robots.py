@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from service.http.wire.bodies.told import ResponseBody, told
+from service.http.wire.bodies.fields import ResponseBody, told
 
 _HASH = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
 Moment = Annotated[str, told("When the first reading was taken, RFC 3339 UTC.", "2026-03-02T09:15:00Z")]

@@ -9,7 +9,7 @@ from pydantic import Field
 from acquisition import State
 from drivers.interfaces import Answer
 from service.http.wire.bodies.diagnoses import LoopResponse
-from service.http.wire.bodies.told import (
+from service.http.wire.bodies.fields import (
     Created,
     Id,
     Name,

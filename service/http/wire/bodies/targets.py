@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal, NotRequired
 from pydantic import Field
 from typing_extensions import TypedDict
 
+from service.http.wire.bodies.fields import DescribedAs, ResponseBody, told
 from service.http.wire.bodies.results import ERRORS, ErrorStatisticsResponse
-from service.http.wire.bodies.told import DescribedAs, ResponseBody, told
 
 Millimetres = Annotated[float | None, told("A length, mm; null where it is not known.", 0.412)]
 Degrees = Annotated[float | None, told("An angle, deg; null where it is not known.", 0.031)]

@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from service.http.wire.bodies.asked import JudgeRequest
+from service.http.wire.bodies.fields import ResponseBody, told
+from service.http.wire.bodies.requests import JudgeRequest
 from service.http.wire.bodies.results import AcceptanceShown, DataShown, Number, Unit
-from service.http.wire.bodies.told import ResponseBody, told
 
 _MODEL_ID = "20261121-170459-3f9a1c07b2e"
 

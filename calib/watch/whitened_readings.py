@@ -3,13 +3,13 @@
     r = measured - predicted = A x + J e + T w + F f + noise
 
 x: what has changed. Nothing of the rest is a change: e ~ P is what the calibration left uncertain, of its own model and
-of effects that this does not hold (`calib.saved.left_open`); w what the model was shown to lack by its own validation,
-as if the joints scattered more (the same in every watch at the same poses); f the frame, set up anew each time; and
-noise with the robot's repeatability. All rows are whitened by the noise as in a fit.
+of effects that this does not hold (`calib.saved.unresolved_effects`); w what the model was shown to lack by its own
+validation, as if the joints scattered more (the same in every watch at the same poses); f the frame, set up
+anew each time; and noise with the robot's repeatability. All rows are whitened by the noise as in a fit.
 
 Readings in a frame of their own, laid over what the baseline predicts: the rigid motion that fits them best.
 
-The rest of the frame is small then, and free by its derivative (`calib.watch.seen`). Source: Kabsch 1976.
+The rest of the frame is small then, and free by its derivative (`calib.watch.whitened_readings`). Source: Kabsch 1976.
 
 The uncertainty of a world frame that is set up anew on its nests before every campaign.
 

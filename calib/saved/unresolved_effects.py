@@ -13,7 +13,7 @@ corrects without d, which is not claimed; a watch compares with it. What follows
 watch has an air of its own. So are waves of one cycle a turn and of two, which are no scatter: ten poses see stretches
 of them, and a target goes round with its joint, so that A cos q moves it alike at every pose, seen from the joint
 before, as a lost zero of that would. The rest of what the model lacks is kept as a scatter of the joints
-(`calib.saved.left_open`).
+(`calib.saved.unresolved_effects`).
 
 Source: Kennedy and O'Hagan 2001 (what a model lacks is one more unknown).
 

@@ -35,7 +35,7 @@ from acquisition.errors import RecordError, StorageError
 from acquisition.record import DeviceAcceptance
 from acquisition.run import ON_REQUEST, Forecast, forecast_of
 from drivers.errors import AcquisitionError, LinkError, LinkLost
-from service.http.runs import dry_runs, refused
+from service.http.runs import dry_runs, errors
 from service.http.runs.damage import Damaged, look_through
 from service.http.runs.dry_runs import DryRuns
 from service.http.runs.execution import RobotThread
@@ -43,7 +43,7 @@ from service.http.runs.run_document import run_document
 from service.http.wire.problems import Problem, not_found
 from service.http.work.deletions import DeletionLog, take_away
 from service.http.work.workers import Workers, ending
-from service.names import new_id, safe_id
+from service.ids import new_id, safe_id
 
 # Seconds for the reading in hand when the service ends; then nothing but the move in hand is waited for
 PAUSE_S = 2.0
@@ -157,7 +157,7 @@ class RunManager:
     def _opened(self, name: str) -> Run:
         self._known(name)
         if self._dry_runs.document(name) is not None:
-            raise refused.dry()
+            raise errors.dry()
         with self._opening:
             run = self._runs.get(name)
             if run is None:
@@ -210,14 +210,14 @@ class RunManager:
         """
         run = self.get(name)
         if run.cell.source != cell.source:
-            raise refused.other_cell()
+            raise errors.other_cell()
         self.need_robot()
         devices = self._open_devices(run.cell)
         with self._mutex:
             self.refuse_busy()
             status = run.status()
             if status.simulated != self._simulated:
-                raise refused.other_devices(simulated=status.simulated)
+                raise errors.other_devices(simulated=status.simulated)
             if status.state != State.READY.value:
                 run.resume(by=lease.owner, accepted=accepted)
             self._begin(name, run, devices, lease)
@@ -237,7 +237,7 @@ class RunManager:
             raise ending()
         execution = self._execution
         if execution is not None:
-            raise refused.busy(execution)
+            raise errors.busy(execution)
 
     @property
     def busy_with(self) -> str | None:
@@ -371,7 +371,7 @@ class RunManager:
         """
         with self._mutex:
             if name in (self.busy_with, *in_hand):
-                raise refused.in_use()
+                raise errors.in_use()
             document = self.document(name, at_once=True)
             told_only = document.get("damaged") or document["dry_run"]
             run = None if told_only else self.get(name)  # with it nobody else has the record

@@ -15,8 +15,8 @@ from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from calib.compensate import Bounds
 from service.http.wire.bodies.campaign import Campaign
+from service.http.wire.bodies.fields import AsRead, DescribedAs, Name, RequestBody, told, told_limit
 from service.http.wire.bodies.targets import TargetRow
-from service.http.wire.bodies.told import AsRead, DescribedAs, Name, RequestBody, told, told_limit
 from service.results.judgement.acceptance import FARTHEST, AcceptanceLimits, Zone
 
 _LOW, _HIGH = [200.0, -400.0, 0.0], [500.0, -100.0, 300.0]

@@ -28,7 +28,7 @@ from calib.array import Array
 from calib.compensate import Bounds
 from calib.errors import DataError
 from calib.fit.least_squares import DroppedParameter
-from calib.fit.of_type import TypeEffect, TypeParameter, TypePrior
+from calib.fit.type_prior import TypeEffect, TypeParameter, TypePrior
 from calib.model.effect import Effect, Parameter
 from calib.prior.reml import TypeModel, hierarchy
 from calib.saved import CalibratedModel, load_model

@@ -11,8 +11,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from service.http.runs.book import RunManager
 from service.http.runs.run_document import FINAL
+from service.http.runs.run_manager import RunManager
 from service.http.wire.bodies import RunResponse
 from service.http.work.readings import DocumentCache
 
