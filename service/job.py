@@ -6,6 +6,7 @@ cannot be used.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from service.job_folder import (
     MODEL,
     PICTURE,
     POSES,
+    PRIOR,
     PROBLEM,
     PROGRESS,
     REPORT,
@@ -34,10 +36,7 @@ def do(folder: Path) -> None:
     job = read_json(folder / JOB)
     try:
         if job["kind"] == "diagnosis":
-            anyway = job.get("save_anyway", False)
-            diagnosis(
-                Path(job["data"]), folder, cell=job.get("cell"), limits=job.get("limits"), save_anyway=anyway
-            )
+            diagnosis(folder, job)
         elif job["kind"] == "alignment":
             alignment(folder, job["order"], job["name"])
         elif job["kind"] == "validation":
@@ -53,71 +52,61 @@ def do(folder: Path) -> None:
 
             watch_job.do(folder, job)
         else:
-            anyway = job.get("save_anyway", False)
-            identification(Path(job["data"]), folder, limits=job.get("limits"), save_anyway=anyway)
+            identification(folder, job)
     except refusals.REFUSALS as error:
         problem = {"text": refusals.cause(error), "do": refusals.remedy(error), **refusals.place(error)}
         replace_file(folder / PROBLEM, as_json(problem))
 
 
-def diagnosis(
-    data: Path,
-    folder: Path,
-    *,
-    cell: str | None = None,
-    limits: dict[str, Any] | None = None,
-    save_anyway: bool = False,
-) -> None:
-    """Diagnose, save the model, draw the report. Raises DataError.
-
-    cell: text of the cell that could measure more; limits: those of `AcceptanceLimits`, that the error is held to;
-    save_anyway: whether a model is saved that is worse on held-out readings than the nominal robot.
-    """
-    from dataclasses import replace
-
+def diagnosis(folder: Path, job: Mapping[str, Any]) -> None:
+    """Diagnose, save the model, draw the report. job: as `JobQueue.add` keeps it. Raises DataError."""
     from acquisition.cell import cell_of_record
-    from acquisition.loop import fits, in_cell
     from calib.data import read_dataset
-    from calib.diagnose import diagnose
+    from calib.diagnose import MOST_EFFECTS
+    from calib.prior import load_prior
     from calib.saved import save_model
     from calib.text import replace_file
     from service.files import as_json
     from service.gc_pause import left_alone
     from service.report import diagnosis_report
     from service.results.cell.arrows import arrows_of
-    from service.results.judgement.acceptance import AcceptanceLimits, decide, judged_as
-    from service.results.models import documents
+    from service.results.judgement.acceptance import AcceptanceLimits
+    from service.results.models.diagnosed import DiagnosisOutcome, DiagnosisRequest
 
-    dataset = read_dataset(data)
-    held_to = AcceptanceLimits.kept(limits)
-    if held_to is not None:
-        held_to.refuse_unjudged(dataset)
-    found = diagnose(dataset, progress=lambda step: tell(folder, step))
-    here = None if cell is None else cell_of_record(cell, str(folder / JOB))
-    if here is not None and found.follow_up is not None and fits(here, found.final):
-        found = replace(found, follow_up=in_cell(here, found.final, found.follow_up.rivals))
-    document = documents.of_diagnosis(found)
+    dataset, cell, other = read_dataset(Path(job["data"])), job.get("cell"), job.get("carry_to")
+    asked = DiagnosisRequest(
+        most=job.get("most", MOST_EFFECTS),
+        prior=load_prior(folder / PRIOR) if (folder / PRIOR).is_file() else None,
+        carry_to=None if other is None else read_dataset(Path(other)),
+        patch=job.get("patch", False),
+        cell=None if cell is None else cell_of_record(cell, str(folder / JOB)),
+        any_cell=True,
+        limits=AcceptanceLimits.kept(job.get("limits")),
+    )
+    outcome = DiagnosisOutcome.of(dataset, asked, lambda step: tell(folder, step))
+    found, document = outcome.diagnosis, outcome.document()
     tell(folder, "drawing the report")
     replace_file(folder / ARROWS, as_json(arrows_of(dataset, found.final)))
-    acceptance = None
-    if held_to is not None:
-        final = (found.final.model, found.final.estimate)
-        acceptance = decide(held_to, dataset, dataset.validation_rows, *final, judged_as(found.effects))
-        document["acceptance"] = acceptance.document()
     sealed = None
     if found.final.converged:
-        sealed = save_model(folder / MODEL, found.final, found, save_anyway=save_anyway)
+        sealed = save_model(folder / MODEL, found.final, found, save_anyway=job.get("save_anyway", False))
     with left_alone():
-        report = diagnosis_report(found, document, acceptance=acceptance, model_sha256=sealed)
+        report = diagnosis_report(
+            found,
+            document,
+            outcome.carried,
+            outcome.patched,
+            acceptance=outcome.acceptance,
+            model_sha256=sealed,
+        )
     replace_file(folder / REPORT, report)
     replace_file(folder / RESULT, as_json(document))
 
 
-def identification(
-    data: Path, folder: Path, *, limits: dict[str, Any] | None = None, save_anyway: bool = False
-) -> None:
-    """Identify, save the model, draw the report. limits, save_anyway: as of a diagnosis. Raises DataError."""
+def identification(folder: Path, job: Mapping[str, Any]) -> None:
+    """Identify, save the model, draw the report. job: as of a diagnosis. Raises DataError."""
     from calib.data import read_dataset
+    from calib.prior import load_prior
     from calib.saved import refuse_worse, save_model
     from calib.text import replace_file
     from service.files import as_json
@@ -125,10 +114,15 @@ def identification(
     from service.results.judgement.acceptance import AcceptanceLimits
     from service.results.models.identified import IdentificationReport
 
-    held_to = AcceptanceLimits.kept(limits)
-    result = IdentificationReport.of(read_dataset(data), say=lambda step: tell(folder, step), limits=held_to)
+    result = IdentificationReport.of(
+        read_dataset(Path(job["data"])),
+        job.get("level"),
+        lambda step: tell(folder, step),
+        AcceptanceLimits.kept(job.get("limits")),
+        load_prior(folder / PRIOR) if (folder / PRIOR).is_file() else None,
+    )
     replace_file(folder / ARROWS, as_json(arrows_of(result.dataset, result.found)))
-    if not save_anyway:
+    if not job.get("save_anyway", False):
         refuse_worse(result.error_nominal, result.error_identified)
     sealed = save_model(folder / MODEL, result.found) if result.found.converged else None
     replace_file(folder / REPORT, result.report(sealed))

@@ -7,6 +7,7 @@ from pathlib import Path
 JOB, RESULT, REPORT, MODEL, PROBLEM = "job.json", "result.json", "report.html", "model.json", "problem.json"
 STEP, ARROWS, PROGRESS = "step.json", "arrows.json", "progress.json"
 ROBOT, TRACKER, PICTURE, POSES = "robot.csv", "tracker.csv", "picture.svg", "poses.csv"
+PRIOR = "prior.json"
 
 
 def tell(folder: Path, step: str) -> None:

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from calib.diagnose import DiagnosisFit as Findings
-from calib.diagnose import diagnose as search
+from acquisition.cell import read_cell
+from calib.diagnose import MOST_EFFECTS, DiagnosisFit
 from calib.fit import ErrorStatistics, silent
 from calib.prior import load_prior
 from calib.saved import as_saved
 from calib.text import replace_file
 from calib.units import to_display
 from service import wording
-from service.results.models import documents
+from service.results.models.diagnosed import DiagnosisOutcome, DiagnosisRequest
 from truepose.data import Data, data_of
 from truepose.frames import frame_of_rows
 from truepose.model import Model
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The findings of a diagnosis. `findings`: the same for the rooms below.
+    """The findings of a diagnosis. `outcome`: the same for the packages below.
 
     >>> found = truepose.diagnose("irb120.csv")
     >>> found.verdict
@@ -40,7 +40,17 @@ class Diagnosis:
     {'nominal': 1.335, 'base model': 0.272, 'with effects': 0.038}
     """
 
-    findings: Findings
+    outcome: DiagnosisOutcome
+
+    @property
+    def findings(self) -> DiagnosisFit:
+        """The diagnosis of `calib`."""
+        return self.outcome.diagnosis
+
+    @property
+    def carry_over(self) -> str:
+        """Whether the effects hold on the other data set, in words; empty where none was named."""
+        return "" if self.outcome.carried is None else self.outcome.carried.finding
 
     def __repr__(self) -> str:
         return f"<diagnosis of {self.findings.dataset.name}: {self.sentence}>"
@@ -137,13 +147,15 @@ class Diagnosis:
     @property
     def document(self) -> dict[str, Any]:
         """The document that `truepose diagnose --json` writes."""
-        return documents.of_diagnosis(self.findings)
+        return self.outcome.document()
 
     def report(self, path: str | Path) -> Path:
         """Write the report, one HTML file. Raises OSError."""
         from service.report import diagnosis_report  # drawing takes long to import
 
-        replace_file(Path(path), diagnosis_report(self.findings, self.document))
+        outcome = self.outcome
+        page = diagnosis_report(outcome.diagnosis, self.document, outcome.carried, outcome.patched)
+        replace_file(Path(path), page)
         return Path(path)
 
     def plot_residuals(self) -> Figure:
@@ -156,14 +168,28 @@ class Diagnosis:
 def diagnose(
     data: Data | str | Path,
     *,
+    most: int = MOST_EFFECTS,
     prior: str | Path | None = None,
+    carry_to: Data | str | Path | None = None,
+    patch: bool = False,
+    cell: str | Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
-    """Find what the base model of a data set lacks. prior: file of what robots of this type share (`truepose fleet
-    learn`). progress: is told each step. Raises DataError.
+    """Find what the base model of a data set lacks.
+
+    most: number of effects that may be added. prior: file of what robots of this type share (`truepose fleet learn`).
+    carry_to: another data set of the robot, on which the effects are judged as well. patch: whether what is left is
+    mapped. cell: cell file within which poses to measure next are proposed. progress: is told each step.
+    Raises DataError.
 
     >>> print(truepose.diagnose("irb120.csv").sentence)
     Found 1 effect that the base model lacks: play of joint 4. ...
     """
-    of_type = None if prior is None else load_prior(Path(prior))
-    return Diagnosis(search(data_of(data).dataset, prior=of_type, progress=progress or silent))
+    asked = DiagnosisRequest(
+        most=most,
+        prior=None if prior is None else load_prior(Path(prior)),
+        carry_to=None if carry_to is None else data_of(carry_to).dataset,
+        patch=patch,
+        cell=None if cell is None else read_cell(Path(cell)),
+    )
+    return Diagnosis(DiagnosisOutcome.of(data_of(data).dataset, asked, progress or silent))

@@ -475,7 +475,8 @@ _NAMES = {kind: name for name, kind in KINDS.items()}
 
 def to_json(regressor: Regressor) -> dict[str, Any]:
     """Plain dictionary of a regressor: its kind and its shape."""
-    return {"kind": _NAMES[type(regressor)], **asdict(regressor)}
+    kind = type(regressor)
+    return {"kind": _NAMES.get(kind, kind.__name__), **asdict(regressor)}
 
 
 def from_json(table: dict[str, Any]) -> Regressor:

@@ -23,7 +23,7 @@ import typer
 from acquisition import ScaledClock, pausing_on_interrupt, read_status
 from acquisition.loop import Equipment, LoopEnded, LoopResult, close_loop, rehearsal
 from calib.data import read_dataset
-from calib.diagnose import DiagnosisFit, diagnose
+from calib.diagnose import DiagnosisFit
 from calib.errors import DataError
 from calib.text import replace_file
 from service import exit_codes, wording, written
@@ -36,7 +36,7 @@ from service.printed.progress import RunProgress
 from service.printed.terminal import Terminal
 from service.private import owner_only
 from service.results.cell import loop_results
-from service.results.models import documents
+from service.results.models.diagnosed import DiagnosisOutcome, DiagnosisRequest
 from service.results.models.predictions import predictions_csv
 from service.simulated_cell import simulated_cell
 
@@ -206,11 +206,11 @@ def _in_memory(
     terminal.say("measuring a simulated robot with a hidden effect")
     _simulate(seed, out, effect)
     dataset = read_dataset(out / "data.csv")
-    diagnosis = diagnose(dataset, progress=terminal.say)
-    document = documents.of_diagnosis(diagnosis)
+    outcome = DiagnosisOutcome.of(dataset, DiagnosisRequest(), terminal.say)
+    document = outcome.document()
     write_json(document, str(out / "diagnosis.json"))
     write_results(
-        diagnosis,
+        outcome,
         document,
         terminal,
         predictions=out / "predictions.csv",
@@ -218,8 +218,8 @@ def _in_memory(
     )
     hidden = json_module.loads((out / "truth.json").read_text(encoding="utf-8"))["effects"]
     terminal.rest()
-    show(diagnosis, terminal)
-    _reveal(hidden, diagnosis, terminal)
+    show(outcome, terminal)
+    _reveal(hidden, outcome.diagnosis, terminal)
     terminal.out.print(f"Open {out / 'report.html'}; beside it: diagnosis.json, predictions.csv, data.csv.")
     return document, hidden
 

@@ -124,9 +124,9 @@ def test_of_two_that_wait_for_each_other_one_begins_anew(server: str) -> None:
 _KILLED = """
 import os, pickle, signal, sys
 from tests.fleet.test_gone import _at
-from fleet.store import Store
+from fleet.store import FleetStore
 url, documents = pickle.load(sys.stdin.buffer)
-with Store.open(url) as store:
+with FleetStore.open(url) as store:
     _at(store, "verdict", lambda: os.kill(os.getpid(), signal.SIGKILL))
     store.add_all(documents)
 """

@@ -61,6 +61,25 @@ def test_upload_diagnose_report(service: Served, data: Path, tmp_path: Path) -> 
     assert done["result"]["format"] == "truepose-identification/1"
 
 
+def test_a_diagnosis_takes_the_options_of_the_command(service: Served, data: Path) -> None:
+    ids = [service.client.post("/datasets", files=files(data)).json()["id"] for _ in range(2)]
+    order = {"dataset_id": ids[0], "most": 0, "carry_to": ids[1], "patch": True}
+    job = service.client.post("/diagnoses", json=order).json()["id"]
+    result = service.until(f"/diagnoses/{job}", "succeeded", "failed")["result"]
+    assert result["effects"] == []  # backlash of joint 4 is there, but none may be added
+    assert result["carry_over"]["data"] == "data.csv"
+    assert "patch" in result
+    problem(service.client.post("/diagnoses", json={"dataset_id": ids[0], "carry_to": "nothing"}), 404)
+    job = service.client.post("/diagnoses", json={"dataset_id": ids[0], "prior": {"format": "mine"}}).json()[
+        "id"
+    ]
+    refused = service.until(f"/diagnoses/{job}", "succeeded", "failed")["problem"]
+    assert "is no prior of a type" in refused["detail"]
+    job = service.client.post("/identifications", json={"dataset_id": ids[0], "level": 1}).json()["id"]
+    found = service.until(f"/identifications/{job}", "succeeded", "failed")["result"]
+    assert not any(each["name"].startswith("alpha") for each in found["parameters"])
+
+
 def test_a_data_set_that_cannot_be_used_is_refused_with_its_line(
     service: Served, data: Path, tmp_path: Path
 ) -> None:

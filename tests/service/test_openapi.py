@@ -38,8 +38,9 @@ UNITS = re.compile(
     r"\b(mm|um|mrad|deg|rad|s|ms|Hz|kg|degC|hPa|ppm|mm/s|deg/s|m/s2|[Nn]umbers?|[Pp]robability|[Ss]hare|ratio|"
     r"[Nn]o unit|with unit|without a unit|in `unit`)(?=[\s.,;:)]|$)"
 )
-FREE = {"EventShown.data"}
-"""What an event says beside its kind differs from kind to kind: docs/cell-pc/events.md."""
+FREE = {"EventShown.data", "ToDiagnose.prior", "ToIdentify.prior"}
+"""What an event says beside its kind differs from kind to kind: docs/cell-pc/events.md. A prior is the content of a
+file, which its reader checks."""
 
 
 @pytest.fixture(scope="module")
@@ -199,7 +200,8 @@ def test_results_are_as_described(data: Path, tmp_path: Path) -> None:
             }
             job.regression(data, folder, order)
         else:
-            getattr(job, kind)(data, folder, limits=limits)
+            more = {"patch": True, "carry_to": str(data)} if kind == "diagnosis" else {}
+            getattr(job, kind)(folder, {"data": str(data), "limits": limits, **more})
         result = read_json(folder / job_folder.RESULT)
         assert unnamed(model.model_validate(result)) == set()
         if kind == "diagnosis":

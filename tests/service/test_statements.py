@@ -29,6 +29,7 @@ from service.printed.robot_tables import verdict_lines
 from service.report import diagnosis_report
 from service.report.sections.findings import power_of
 from service.results.models import documents
+from service.results.models.diagnosed import DiagnosisOutcome
 from service.results.models.parameters import absolutes, rows_of
 from tests.service.campaigns import write_data
 
@@ -80,7 +81,7 @@ def test_the_sentence_of_the_verdict_is_in_every_presentation(known: DiagnosisFi
     assert document["finding"] == sentence
     assert sentence in everywhere(known)["report"]
     assert " ".join(sentence.split()) in " ".join(everywhere(known)["terminal"].split())
-    assert truepose.Diagnosis(known).sentence == sentence
+    assert truepose.Diagnosis(DiagnosisOutcome(known)).sentence == sentence
 
 
 def test_a_known_cause_has_rivals_and_advice(known: DiagnosisFit) -> None:
@@ -111,7 +112,7 @@ def test_an_unknown_cause_is_imitated_and_gets_no_advice(verdict: Any, known: Di
     assert (effect["check"], effect["imitates"]) == ("", True)
     assert "joint 3 alone" in document["next_measurements"][0]
     assert "imitated by" in document["finding"]
-    python = truepose.Diagnosis(left)
+    python = truepose.Diagnosis(DiagnosisOutcome(left))
     assert python.next_measurements == left.next_measurements
     assert bool(python.effects["imitates"].all())
     assert "Imitated by" in python._repr_html_()

@@ -11,16 +11,16 @@ from tests.service.campaigns import write_data
 
 ROOT = Path(__file__).parents[2]
 EFFECT = """
-from calib.effects.kind import Kind
+from calib.effects.kind import EffectKind
 from calib.model.effect import effect
-from calib.model.regressors import Side
+from calib.model.regressors import ApproachSide
 from calib.scan import Candidate
 
-KINDS = (Kind("leaning_axis", check="Push the arm across axis {joint}.", apart=()),)
+KINDS = (EffectKind("leaning_axis", check="Push the arm across axis {joint}.", apart=()),)
 
 
 def offer(survey):
-    acts = {"lean": ("deg", 0.1, [("alpha3", Side(3))])}
+    acts = {"lean": ("deg", 0.1, [("alpha3", ApproachSide(3))])}
     return [Candidate(effect("leaning_axis:j3", "structure", "robot", "Axis 3 leans.", acts))]
 """
 DRIVER = """

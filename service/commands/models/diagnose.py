@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from acquisition import read_cell
-from acquisition.loop import campaign_text, in_cell
+from acquisition.loop import campaign_text
 from calib.data import read_dataset
-from calib.diagnose import MOST_EFFECTS, CarryOver, DiagnosisFit, carry_over, diagnose
+from calib.diagnose import MOST_EFFECTS
 from calib.saved import save_model
 from calib.text import replace_file
 from service import wording
@@ -22,9 +21,8 @@ from service.files import STANDARD_OUTPUT
 from service.gc_pause import left_alone
 from service.printed import tables, type_tables
 from service.printed.terminal import Terminal
-from service.results.judgement.acceptance import AcceptanceResult, decide, judged_as
 from service.results.models import documents
-from service.results.models.documents import PatchResult
+from service.results.models.diagnosed import DiagnosisOutcome, DiagnosisRequest
 from service.results.models.predictions import predictions_csv
 
 
@@ -86,34 +84,20 @@ def diagnose_command(
         dataset, of_type = read_dataset(data), options.read_prior(prior)
         if certificate is not None:
             certificate.refuse_undated(dataset)
-        other = None if carry_to is None else read_dataset(carry_to)
         the_cell = None if cell is None else read_cell(cell)
-        if limits is not None:
-            limits.refuse_unjudged(dataset)
-        diagnosis = diagnose(dataset, most=most, prior=of_type, progress=terminal.say)
-        if the_cell is not None and diagnosis.follow_up is not None:
-            terminal.say("seeking poses of the cell that distinguish rivals")
-            chosen = in_cell(the_cell, diagnosis.final, diagnosis.follow_up.rivals)
-            diagnosis = replace(diagnosis, follow_up=chosen)
-        carried = None
-        if other is not None:
-            terminal.say(f"judging the effects on {carry_to}")
-            carried = carry_over(diagnosis, other)
-        patched = None
-        if patch:
-            terminal.say("mapping what is left")
-            patched = PatchResult.of(diagnosis)
-        acceptance = None
-        if limits is not None:
-            final, judged = diagnosis.final, judged_as(diagnosis.effects)
-            rows = dataset.validation_rows
-            acceptance = decide(limits, dataset, rows, final.model, final.estimate, judged)
-        document = documents.of_diagnosis(diagnosis, carried, patched)
-        if acceptance is not None:
-            document["acceptance"] = acceptance.document()
+        asked = DiagnosisRequest(
+            most=most,
+            prior=of_type,
+            carry_to=None if carry_to is None else read_dataset(carry_to),
+            patch=patch,
+            cell=the_cell,
+            limits=limits,
+        )
+        outcome = DiagnosisOutcome.of(dataset, asked, terminal.say)
+        diagnosis, document = outcome.diagnosis, outcome.document()
         options.write_result(document, json, terminal)
         sealed = write_results(
-            diagnosis,
+            outcome,
             document,
             terminal,
             predictions=predictions,
@@ -121,9 +105,6 @@ def diagnose_command(
             save_anyway=save_anyway,
             report=report,
             certified=certificate is not None,
-            carried=carried,
-            patched=patched,
-            acceptance=acceptance,
         )
         if certificate is not None:
             certificate.write(dataset, document, documents.parameters_of(diagnosis.final), sealed)
@@ -132,8 +113,8 @@ def diagnose_command(
         terminal.rest()
         if dataset.header.simulated:
             terminal.note(wording.SIMULATED)
-        show(diagnosis, terminal, carried, patched)
-        terminal.out.print(tables.acceptance(acceptance))
+        show(outcome, terminal)
+        terminal.out.print(tables.acceptance(outcome.acceptance))
         unfit = not diagnosis.final.converged or (diagnosis.worse_than_nominal and not save_anyway)
         if model is not None and unfit:  # refused, when everything else is there
             save_model(model, diagnosis.final, diagnosis)
@@ -151,11 +132,11 @@ def diagnose_command(
         ):
             if path is not None:
                 terminal.note(f"{what}: {path}")
-    options.finish(acceptance, terminal)
+    options.finish(outcome.acceptance, terminal)
 
 
 def write_results(
-    diagnosis: DiagnosisFit,
+    outcome: DiagnosisOutcome,
     document: Mapping[str, Any],
     terminal: Terminal,
     *,
@@ -164,12 +145,10 @@ def write_results(
     model: Path | None = None,
     save_anyway: bool = False,
     certified: bool = False,
-    carried: CarryOver | None = None,
-    patched: PatchResult | None = None,
-    acceptance: AcceptanceResult | None = None,
 ) -> str | None:
     """Write predictions, model and report, where they were asked for; what can fail most easily comes last. Returns the
     hash of the model, None of one that did not converge, or where neither file nor certificate (certified) names it."""
+    diagnosis = outcome.diagnosis
     if predictions is not None:
         replace_file(predictions, predictions_csv(diagnosis))
     named = certified or model is not None or report is not None
@@ -183,20 +162,20 @@ def write_results(
         terminal.say("drawing the report")
         with left_alone():
             page = diagnosis_report(
-                diagnosis, document, carried, patched, acceptance=acceptance, model_sha256=sealed
+                diagnosis,
+                document,
+                outcome.carried,
+                outcome.patched,
+                acceptance=outcome.acceptance,
+                model_sha256=sealed,
             )
         replace_file(report, page)
     return sealed
 
 
-def show(
-    diagnosis: DiagnosisFit,
-    terminal: Terminal,
-    carried: CarryOver | None = None,
-    patched: PatchResult | None = None,
-) -> None:
+def show(outcome: DiagnosisOutcome, terminal: Terminal) -> None:
     """Print the result for people."""
-    for table in type_tables.weights(diagnosis.final):
+    for table in type_tables.weights(outcome.diagnosis.final):
         terminal.out.print(table)
-    for table in tables.diagnosis(diagnosis, carried, patched):
+    for table in tables.diagnosis(outcome.diagnosis, outcome.carried, outcome.patched):
         terminal.out.print(table)

@@ -38,6 +38,7 @@ from service.job_folder import (
     JOB,
     MODEL,
     PICTURE,
+    PRIOR,
     PROBLEM,
     PROGRESS,
     REPORT,
@@ -92,20 +93,22 @@ class Jobs:
         cell: Cell | None = None,
         limits: AcceptanceLimits | None = None,
         *,
-        save_anyway: bool = False,
+        prior: bytes | None = None,
+        **options: Any,
     ) -> dict[str, Any]:
-        """Put a job in the queue; its document. Raises Problem 503 when too many wait.
+        """Put an identification or a diagnosis in the queue; its document. Raises Problem 503 when too many wait.
 
         cell: what a diagnosis that is ambiguous proposes to measure next is kept within it; limits: of the error;
-        save_anyway: whether a model is saved that is worse on held-out readings than the nominal robot.
+        prior: the document of what robots of the type share; options: as `service.job` takes them.
         """
         asked = {
             "data": str(data),
             "cell": None if cell is None else cell.source,
             "limits": None if limits is None else asdict(limits),
-            "save_anyway": save_anyway,
+            **options,
         }
-        return self._add(kind, {"dataset_id": dataset["id"], **asked}, {})
+        files = {} if prior is None else {PRIOR: prior}
+        return self._add(kind, {"dataset_id": dataset["id"], **asked}, files)
 
     def regress(self, dataset: dict[str, Any], data: Path, order: dict[str, Any]) -> dict[str, Any]:
         """Put a regression in the queue, as `add`. order: the options of `regress_command`."""

@@ -7,9 +7,18 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 
+from service.files import as_json
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here, Service
-from service.http.wire.bodies import DiagnosisShown, IdentificationShown, JobsShown, ModelShown, ToFit
+from service.http.wire.bodies import (
+    DiagnosisShown,
+    IdentificationShown,
+    JobsShown,
+    ModelShown,
+    ToDiagnose,
+    ToFit,
+    ToIdentify,
+)
 from service.http.wire.headers import After, DatasetId, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.wire.plan_bodies import ArrowsShown, ResultShown
@@ -26,12 +35,17 @@ REPORT_HEADERS = {
 }
 
 
-def _add(here: Service, kind: str, collection: str, body: ToFit, key: str) -> JSONResponse:
+def _add(
+    here: Service, kind: str, collection: str, body: ToFit, key: str, carry_to: str = ""
+) -> JSONResponse:
     def work() -> JSONResponse:
-        dataset = here.datasets.get(body.dataset_id)
+        dataset, options = here.datasets.get(body.dataset_id), body.options
+        if carry_to:
+            here.datasets.get(carry_to)  # refused where there is none
+            options |= {"carry_to": str(here.datasets.path(carry_to) / CSV)}
         path = here.datasets.path(body.dataset_id) / CSV
-        cell, anyway = here.settings.cell, body.save_anyway
-        job = here.jobs.add(kind, dataset, path, cell, body.limits, save_anyway=anyway)
+        prior = None if body.prior is None else as_json(body.prior).encode()
+        job = here.jobs.add(kind, dataset, path, here.settings.cell, body.limits, prior=prior, **options)
         return begun(path_of(collection), job)
 
     return here.keys.once(key, (collection, body), work)
@@ -60,7 +74,7 @@ async def shown(here: Service, kind: str, name: str, wait: int, after: int) -> J
     status_code=202,
     response_model=IdentificationShown,
 )
-def create_identification(here: Here, body: ToFit, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+def create_identification(here: Here, body: ToIdentify, idempotency_key: IdempotencyKey = "") -> JSONResponse:
     """Identify the robot of a data set, and hold the error on readings held out to limits where there are some."""
     return _add(here, "identification", "identifications", body, idempotency_key)
 
@@ -72,14 +86,14 @@ async def get_identification(here: Here, job_id: JobId, wait: Wait = 0, after: A
 
 
 @router.post("/diagnoses", operation_id="createDiagnosis", status_code=202, response_model=DiagnosisShown)
-def create_diagnosis(here: Here, body: ToFit, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+def create_diagnosis(here: Here, body: ToDiagnose, idempotency_key: IdempotencyKey = "") -> JSONResponse:
     """Identify the robot of a data set and find what its model lacks.
 
     The error on readings held out is held to limits where there are some: `result.acceptance`.
     Where something is ambiguous, `result.follow_up` holds a campaign that decides it, within the cell of this
     service: POST it to /runs.
     """
-    return _add(here, "diagnosis", "diagnoses", body, idempotency_key)
+    return _add(here, "diagnosis", "diagnoses", body, idempotency_key, body.carry_to)
 
 
 @router.get("/diagnoses/{job_id}", operation_id="getDiagnosis", response_model=DiagnosisShown)

@@ -41,7 +41,9 @@ from service.http.wire.bodies.requests import (
     Resume,
     ResumeBody,
     TargetsToCorrect,
+    ToDiagnose,
     ToFit,
+    ToIdentify,
     WhyBody,
 )
 from service.http.wire.bodies.results import ModelShown
@@ -109,7 +111,9 @@ __all__ = [
     "SelectionShown",
     "StoredJob",
     "TargetsToCorrect",
+    "ToDiagnose",
     "ToFit",
+    "ToIdentify",
     "ValidationAsked",
     "ValidationShown",
     "WhyBody",

@@ -168,6 +168,24 @@ class CarriedOver(ResponseBody):
     finding: Annotated[str, told("In words.", "The effects carry over.")]
 
 
+class PatchResponse(ResponseBody):
+    """A smooth map of what the model leaves, judged apart; never part of the model."""
+
+    meaning: Annotated[str, told("What it is.", "A smooth map; a patch, not a cause.")]
+    block_rms_without_mm: Annotated[float | None, told("Error on left-out blocks without it, RMS, mm.", 0.12)]
+    block_rms_with_mm: Annotated[float | None, told("The same with it, mm.", 0.08)]
+    worth_it: Annotated[bool, told("Whether left-out blocks gain by it.", True)]
+    width: Annotated[float, told("Width of its kernel, a ratio to the spread of the joints.", 0.5)]
+    ridge: Annotated[float, told("Its ridge; no unit.", 0.1)]
+    landmarks: Annotated[int, told("Number of poses on which it stands.", 60)]
+    error_without_mm: Annotated[
+        ErrorStatisticsResponse | None, told("Without it, on readings held out, mm.", ERRORS)
+    ]
+    error_with_mm: Annotated[
+        ErrorStatisticsResponse | None, told("With it, on readings held out, mm.", ERRORS)
+    ]
+
+
 class HeldOutMisfit(ResponseBody):
     """The error of held-out readings beside what noise and the uncertainty of the parameters let expect."""
 
@@ -268,6 +286,9 @@ class DiagnosisResult(FitShown):
     power: Annotated[list[Power], told("What would have been seen.", [])]
     notes: Annotated[list[str], told("What else is to be known.", [])]
     carry_over: Annotated[CarriedOver | None, told("Where another data set was judged.", None)] = None
+    patch: Annotated[PatchResponse | None, told("The map of what is left, where it was asked for.", None)] = (
+        None
+    )
     seconds: Annotated[float, told("Time it took, s.", 3.4)]
 
 

@@ -326,6 +326,61 @@ class ToFit(JudgeRequest):
             False,
         ),
     ] = False
+    prior: Annotated[
+        dict[str, Any] | None,
+        told("The content of a file of `truepose fleet learn`: what robots of the type share.", None),
+    ] = None
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options of the job beside limits, prior and other data sets."""
+        return {"save_anyway": self.save_anyway}
+
+
+class ToIdentify(ToFit):
+    """Readings to identify a robot from."""
+
+    level: Annotated[
+        int | None,
+        told(
+            "1 joints, 2 geometry, 3 and gravity, instead of what the header frees; no unit.",
+            None,
+            ge=1,
+            le=3,
+        ),
+    ] = None
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """With the level."""
+        return {**super().options, "level": self.level}
+
+
+class ToDiagnose(ToFit):
+    """Readings to diagnose a robot from."""
+
+    most: Annotated[
+        int | None,
+        told(
+            "Number of effects that may be added, at most; left out: as many as the program adds at most.",
+            10,
+            ge=0,
+            le=1000,
+        ),
+    ] = None
+    carry_to: Annotated[
+        str,
+        told("Id of another data set of the robot, to judge the effects on as well.", "", max_length=200),
+    ] = ""
+    patch: Annotated[bool, told("Map what is left as well: a patch, judged apart, never a cause.", False)] = (
+        False
+    )
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """With the options of a diagnosis."""
+        most = {} if self.most is None else {"most": self.most}
+        return {**super().options, **most, "patch": self.patch}
 
 
 class RegressionAsked(DatasetReference):
