@@ -50,3 +50,9 @@ def test_three_fronts_have_the_same_options(fronts: tuple[object, ...]) -> None:
     assert options(first)
     for other in others:
         assert options(other) == options(first)
+
+
+def test_what_is_left_out_over_http_is_as_at_the_terminal() -> None:
+    usual = DiagnosisRequest()
+    assert ToDiagnose.model_fields["most"].default == usual.most
+    assert ToDiagnose.model_fields["patch"].default == usual.patch

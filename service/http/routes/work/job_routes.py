@@ -44,7 +44,7 @@ def _add(
             here.datasets.get(carry_to)  # refused where there is none
             options |= {"carry_to": str(here.datasets.path(carry_to) / CSV)}
         path = here.datasets.path(body.dataset_id) / CSV
-        prior = None if body.prior is None else as_json(body.prior).encode()
+        prior = as_json(body.prior).encode() if body.prior else None
         job = here.jobs.add(kind, dataset, path, here.settings.cell, body.limits, prior=prior, **options)
         return begun(path_of(collection), job)
 

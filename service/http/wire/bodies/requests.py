@@ -327,9 +327,11 @@ class ToFit(JudgeRequest):
         ),
     ] = False
     prior: Annotated[
-        dict[str, Any] | None,
-        told("The content of a file of `truepose fleet learn`: what robots of the type share.", None),
-    ] = None
+        dict[str, Any],
+        told(
+            "The content of a file of `truepose fleet learn`: what robots of the type share; empty: none.", {}
+        ),
+    ] = Field(default_factory=dict)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -341,33 +343,21 @@ class ToIdentify(ToFit):
     """Readings to identify a robot from."""
 
     level: Annotated[
-        int | None,
-        told(
-            "1 joints, 2 geometry, 3 and gravity, instead of what the header frees; no unit.",
-            None,
-            ge=1,
-            le=3,
-        ),
-    ] = None
+        int, told("1 joints, 2 geometry, 3 and gravity; 0: what the header frees; no unit.", 0, ge=0, le=3)
+    ] = 0
 
     @property
     def options(self) -> dict[str, Any]:
         """With the level."""
-        return {**super().options, "level": self.level}
+        return {**super().options, "level": self.level or None}
 
 
 class ToDiagnose(ToFit):
     """Readings to diagnose a robot from."""
 
-    most: Annotated[
-        int | None,
-        told(
-            "Number of effects that may be added, at most; left out: as many as the program adds at most.",
-            10,
-            ge=0,
-            le=1000,
-        ),
-    ] = None
+    most: Annotated[int, told("Number of effects that may be added, at most.", 10, ge=0, le=1000)] = (
+        60  # that of `calib.diagnose`, of which the service imports nothing as it starts
+    )
     carry_to: Annotated[
         str,
         told("Id of another data set of the robot, to judge the effects on as well.", "", max_length=200),
@@ -379,8 +369,7 @@ class ToDiagnose(ToFit):
     @property
     def options(self) -> dict[str, Any]:
         """With the options of a diagnosis."""
-        most = {} if self.most is None else {"most": self.most}
-        return {**super().options, **most, "patch": self.patch}
+        return {**super().options, "most": self.most, "patch": self.patch}
 
 
 class RegressionAsked(DatasetReference):
