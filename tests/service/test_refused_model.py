@@ -16,8 +16,7 @@ from calib.fit.ending import FitTermination
 from mocks.campaign import make_campaign, write_campaign
 from service import job, job_folder
 from service.cli import main
-from service.commands.models import diagnose
-from service.results.models import identified
+from service.results.models import diagnosed, identified
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +88,7 @@ def unfinished_fit(dataset: Dataset, **options: object) -> IdentificationFit:
 def test_of_a_fit_that_did_not_converge_only_the_model_is_refused(
     plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(diagnose, "diagnose", unfinished)
+    monkeypatch.setattr(diagnosed, "diagnose", unfinished)
     monkeypatch.setattr(identified, "identify", unfinished_fit)
     for command, words in (("diagnose", "Complete."), ("identify", "Parameters")):
         out = tmp_path / command
@@ -115,7 +114,7 @@ def test_of_a_fit_that_did_not_converge_only_the_model_is_refused(
 def test_a_job_of_the_service_keeps_what_it_found_without_a_model(
     plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("calib.diagnose.diagnose", unfinished)
+    monkeypatch.setattr(diagnosed, "diagnose", unfinished)
     monkeypatch.setattr(identified, "identify", unfinished_fit)
     for kind in ("diagnosis", "identification"):
         folder = tmp_path / kind
