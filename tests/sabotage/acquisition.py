@@ -23,6 +23,13 @@ _PLAN = (
 CHANGES = (
     Change(
         "acquisition/record/database.py",
+        'return "was cut" if now.st_size < before.st_size else ""',
+        'return ""',
+        "a record that is cut under a run is not noticed",
+        ("tests/acquisition/test_storage_faults.py",),
+    ),
+    Change(
+        "acquisition/record/database.py",
         '            self._connection = self._reader = self._connect("rwc" if new else "ro")\n',
         '            self._connection = self._reader = self._connect("rwc" if new else "rw")\n',
         "a record that is refused is written to",

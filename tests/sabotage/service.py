@@ -19,6 +19,20 @@ _LEASE = (
 
 CHANGES = (
     Change(
+        "service/http/wire/bodies/fields.py",
+        "        return _first_of_a_list(handler(source))",
+        "        return handler(source)",
+        "every wrong value of a list is described, and a stop waits",
+        ("tests/service/test_http_bodies.py",),
+    ),
+    Change(
+        "service/json_log.py",
+        "    if file != STANDARD_OUTPUT and not _may_grow(Path(file)):",
+        "    if False:",
+        "a log is written behind a file of the user",
+        ("tests/service/test_watched.py",),
+    ),
+    Change(
         "service/programs/kuka.py",
         "        if name not in self._met:\n            try:",
         "        if True:\n            try:",
