@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin
 
 from annotated_types import Ge, Le, MinLen
 from pydantic import (
@@ -18,6 +18,7 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     Strict,
     ValidationError,
@@ -25,30 +26,51 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
-from pydantic_core import PydanticCustomError, PydanticOmit
+from pydantic_core import CoreSchema, PydanticCustomError, PydanticOmit
 
 from calib.errors import DataError
 from calib.text import turns_writing
 
 _LEAVE_OUT = "Leave out the marks that turn the direction of writing."
+_SHOWN = 200  # characters of a value in a message
 _NO_TABLE = ("model_type", "dict_type", "model_attributes_type")
 _ADD = "Add it; the unit of a number is in the key's name."
 
 
+def first_of_a_list(schema: Any) -> Any:
+    """A schema of the validator in which every list stops at its first error: to describe a hundred thousand errors
+    holds the interpreter for a second, and the stop of a robot waits as long."""
+    if isinstance(schema, dict):
+        parts = cast("dict[str, Any]", schema)
+        first = {"fail_fast": True} if parts.get("type") in ("list", "tuple") else {}
+        return {
+            key: part if key == "metadata" else first_of_a_list(part) for key, part in parts.items()
+        } | first
+    if isinstance(schema, list):
+        return [first_of_a_list(part) for part in cast("list[Any]", schema)]
+    return schema
+
+
 class Table(BaseModel):
-    """A table of a file; immutable, strict, and nothing that nobody reads."""
+    """A table of a file: immutable and strict. The first unknown key and the first error of a list are reported."""
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return first_of_a_list(handler(source))
+
     @model_validator(mode="before")
     @classmethod
-    def _no_null(cls, values: Any) -> Any:
+    def _known_keys(cls, values: Any) -> Any:
         """A file cannot say null, and JSON should not: None stands for what was left out."""
-        for key in (
-            [key for key, value in values.items() if value is None] if isinstance(values, Mapping) else ()
-        ):
-            raise refused(key, "is null.", "Leave it out.")
-        return values
+        if not isinstance(values, Mapping):
+            return values
+        null = next((key for key, value in values.items() if value is None), None)
+        if null is not None:
+            raise refused(null, "is null.", "Leave it out.")
+        further = {*[key for key in values if key not in cls.model_fields][1:]}
+        return {key: value for key, value in values.items() if key not in further} if further else values
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: Any, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
@@ -137,7 +159,7 @@ def _refusal(model: type[Table], values: Any, fault: Any, file: Path | str) -> D
     kind, context = fault["type"], fault.get("ctx", {})
     keys, table, field = _place(model, fault["loc"])
     given = _at(values, keys)
-    what, do = f"is {given!r}.", _wanted(field, keys[-1] if keys else "")
+    what, do = f"is {_shown(given)}.", _wanted(field, keys[-1] if keys else "")
     if kind == "refused":
         keys += [context["key"]] if context["key"] else []
         what, do = context["what"], context["do"]
@@ -157,7 +179,7 @@ def _refusal(model: type[Table], values: Any, fault: Any, file: Path | str) -> D
         )
     elif field is not None and (kind in _NO_TABLE or _tables(field.annotation)):
         keys = [key for key in keys if isinstance(key, str)]
-        what, key = f"is {_at(values, keys)!r}.", ".".join(keys)
+        what, key = f"is {_shown(_at(values, keys))}.", ".".join(keys)
         listed = bool(_tables(field.annotation)) and _is_list(field.annotation)
         do = f"Write [[{key}]] tables." if listed else f"Make it a table, [{key}]."
     elif given is None:
@@ -166,6 +188,12 @@ def _refusal(model: type[Table], values: Any, fault: Any, file: Path | str) -> D
     for key in keys:
         name += f"[{key}]" if isinstance(key, int) else f".{key}" if name else str(key)
     return DataError(what, do=do, file=file, key=name)
+
+
+def _shown(value: Any) -> str:
+    """A value as a message shows it: a long one by its beginning."""
+    text = repr(value)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]} and so on"
 
 
 def _remedy(field: FieldInfo | None) -> Remedy:
@@ -215,9 +243,9 @@ def _is_list(annotation: Any) -> bool:
 
 
 def _bounds(field: FieldInfo) -> tuple[float | None, float | None]:
-    low = next((m.ge for m in field.metadata if isinstance(m, Ge)), None)
-    high = next((m.le for m in field.metadata if isinstance(m, Le)), None)
-    return low, high  # type: ignore[return-value]
+    low: Any = next((m.ge for m in field.metadata if isinstance(m, Ge)), None)
+    high: Any = next((m.le for m in field.metadata if isinstance(m, Le)), None)
+    return low, high
 
 
 def _kind_of(annotation: Any) -> Any:

@@ -6,8 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
-from acquisition.campaign.campaign import campaign_of_record, read_campaign, read_poses
+from acquisition.campaign.campaign import (
+    CampaignTable,
+    campaign_from,
+    campaign_of_record,
+    read_campaign,
+    read_poses,
+)
 from acquisition.cell.cell import cell_of_record, read_cell
 from drivers.errors import ConfigError
 from tests.acquisition.fakes import a_campaign, a_cell
@@ -135,6 +142,35 @@ def test_campaign_refused(change: dict[str, Any], key: str) -> None:
         a_campaign(**change)
     assert f"key '{key}'" in str(caught.value)
     assert caught.value.exit_code == 2
+
+
+_MANY = 5000
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"block": [{"kind": "poses", "select": "list", "joints_deg": [["x"] * 6] * _MANY}]},
+        {"block": [{"kind": "poses", "select": "list", "joints_deg": ["x"] * _MANY}]},
+        {"block": [{}] * _MANY},
+        {"block": [{"kind": "poses", "surprise": 1}] * _MANY},
+        {"block": [{"kind": "poses", "count": 3, "targets": [0] * _MANY}]},
+        {"block": [{"kind": "poses", "approach": {f"key{i}": "x" for i in range(_MANY)}}]},
+        {"block": [{"kind": "legs", "joints_deg": [[0.0] * 6], "legs": [[["x"]]] * _MANY}]},
+        {f"key{i}": 0 for i in range(_MANY)},
+        {f"key{i}": None for i in range(_MANY)},
+        {"robot": {f"key{i}": "x" for i in range(_MANY)}},
+    ],
+)
+def test_a_campaign_with_thousands_of_errors_describes_few(wrong: dict[str, Any]) -> None:
+    """Describing them all holds the interpreter for a second, and the stop of a robot waits as long."""
+    table = {"format": "truepose-campaign/1", **wrong}
+    with pytest.raises(ValidationError) as every:
+        CampaignTable.model_validate(table)
+    assert every.value.error_count() < 50
+    with pytest.raises(ConfigError) as caught:
+        campaign_from(table, "campaign.toml")
+    assert len(str(caught.value)) < 1000
 
 
 def test_missing_and_broken_files(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ _LEASE = (
 CHANGES = (
     Change(
         "service/http/wire/bodies/fields.py",
-        "        return _first_of_a_list(handler(source))",
+        "        return first_of_a_list(handler(source))",
         "        return handler(source)",
         "every wrong value of a list is described, and a stop waits",
         ("tests/service/test_http_bodies.py",),

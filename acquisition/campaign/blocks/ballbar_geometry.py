@@ -23,7 +23,7 @@ from drivers.errors import ConfigError
 class BallbarGeometryBlock(Block):
     """The sides of the triangles of the tool targets and of the balls on the base; the robot takes no part."""
 
-    lengths: ClassVar[bool] = True
+    of_lengths: ClassVar[bool] = True
 
     kind: Annotated[Literal["ballbar_geometry"], told("The kind of block.", "ballbar_geometry")]
     set: Annotated[Literal["calibration"], told("Such distances enter the fit.", "calibration")] = (

@@ -201,10 +201,10 @@ class Site:
 
 class Block(Table):
     """One block: what all kinds have. `ordered`: its poses stay together and in order when a campaign is shuffled;
-    `lengths`: it measures distances; `usual_settle_s`: of this kind unless the block says otherwise."""
+    `of_lengths`: the kind measures distances; `usual_settle_s`: of this kind unless the block says otherwise."""
 
     ordered: ClassVar[bool] = True
-    lengths: ClassVar[bool] = False
+    of_lengths: ClassVar[bool] = False
     usual_settle_s: ClassVar[float | None] = None
 
     targets: Annotated[
@@ -239,6 +239,11 @@ class Block(Table):
     new_station: Annotated[bool, told("A person sets the instrument up anew before this block.", False)] = (
         False
     )
+
+    @property
+    def lengths(self) -> bool:
+        """Whether it measures distances."""
+        return self.of_lengths
 
     @property
     def settle(self) -> Settle:

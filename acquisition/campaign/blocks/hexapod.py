@@ -46,7 +46,7 @@ def _known(branches: tuple[str, ...]) -> tuple[str, ...]:
 class HexapodBlock(Block):
     """The tool on six legs of the ballbar's length."""
 
-    lengths: ClassVar[bool] = True
+    of_lengths: ClassVar[bool] = True
 
     kind: Annotated[Literal["hexapod"], told("The kind of block.", "hexapod")]
     set: Set = "calibration"

@@ -36,7 +36,7 @@ def refuse_other_shape(sides: tuple[tuple[int, ...], ...], poses: tuple[tuple[fl
 class LegsBlock(Block):
     """Given poses at which a ballbar measures given legs: the check poses of a watch."""
 
-    lengths: ClassVar[bool] = True
+    of_lengths: ClassVar[bool] = True
 
     kind: Annotated[Literal["legs"], told("The kind of block.", "legs")]
     set: Set = "calibration"

@@ -60,7 +60,8 @@ class SphereBlock(Block):
         self._suppress = "approach" in self.model_fields_set  # else it is driven from point to point
 
     @property
-    def lengths(self) -> bool:  # type: ignore[override]
+    def lengths(self) -> bool:
+        """Whether it is measured with a ballbar."""
         return self.base is not None
 
     def visits_at(self, site: Site) -> list[BlockVisit]:

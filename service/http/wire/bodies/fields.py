@@ -6,7 +6,7 @@ The body of everything that goes wrong.
 from __future__ import annotations
 
 import unicodedata
-from typing import Annotated, Any, Self, cast
+from typing import Annotated, Any, Self
 
 from pydantic import (
     AfterValidator,
@@ -23,6 +23,7 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
+from acquisition.file_table import first_of_a_list
 from calib.text import turns_writing
 
 _MOST_ERRORS = 100
@@ -38,19 +39,6 @@ def told_limit(words: str, example: float, more: str = "") -> Any:
     return told(f"{words}, mm; 0: none.{more}", example, ge=0.0, le=1e4, allow_inf_nan=False)
 
 
-def _first_of_a_list(schema: Any) -> Any:
-    """A schema of the validator, in which every list stops at its first error."""
-    if isinstance(schema, dict):
-        parts = cast("dict[str, Any]", schema)
-        first = {"fail_fast": True} if parts.get("type") == "list" else {}
-        return {
-            key: part if key == "metadata" else _first_of_a_list(part) for key, part in parts.items()
-        } | first
-    if isinstance(schema, list):
-        return [_first_of_a_list(part) for part in cast("list[Any]", schema)]
-    return schema
-
-
 class RequestBody(BaseModel):
     """A request; strict, and nothing that nobody reads.
 
@@ -62,7 +50,7 @@ class RequestBody(BaseModel):
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return _first_of_a_list(handler(source))
+        return first_of_a_list(handler(source))
 
     @model_validator(mode="wrap")
     @classmethod
