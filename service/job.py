@@ -146,28 +146,28 @@ def validation(data: Path, folder: Path, model: str | None, order: dict[str, Any
     from calib.data import read_dataset
     from calib.saved import load_model
     from calib.text import replace_file
-    from calib.validation import hold_outs
     from service.files import as_json
     from service.gc_pause import left_alone
     from service.report import validation_report
-    from service.results.judgement import validation_document
     from service.results.judgement.acceptance import AcceptanceLimits
-    from service.results.judgement.validated import LoadedModel, Validated, ValidationRequest
+    from service.results.judgement.validation import LoadedModel, ValidationRequest, validate
+    from service.results.shape import document_of
 
-    dataset = read_dataset(data)
-    if model is None:
-        document = validation_document.of_hold_outs(dataset, hold_outs(dataset))
-    else:
-        limits = AcceptanceLimits.kept(order["limits"])
-        asked = ValidationRequest(order["placed"], order["everything"], limits=limits)
-        saved = load_model(Path(model))
-        found = Validated.of(dataset, LoadedModel(saved, Path(model)), asked)
-        document = found.document()
-        if not asked.everything:
-            with left_alone():
-                report = validation_report(found, document, saved.sha256)
-            replace_file(folder / REPORT, report)
-    replace_file(folder / RESULT, as_json(document))
+    read = None
+    if model is not None:
+        read = LoadedModel(load_model(Path(model)), Path(model))
+        if (other := order["compare"]) is not None:
+            read = read._replace(second=load_model(Path(other["file"])), other=Path(other["id"]))
+    point, limits = order["point"], AcceptanceLimits.kept(order["limits"])
+    asked = ValidationRequest(
+        order["place"], order["everything"], None if point is None else tuple(point), limits
+    )
+    found = validate(read_dataset(data), read, asked, lambda step: tell(folder, step))
+    if read is not None and not asked.everything:
+        with left_alone():
+            report = validation_report(found)
+        replace_file(folder / REPORT, report)
+    replace_file(folder / RESULT, as_json(document_of(found.result)))
 
 
 def selection(folder: Path, cell: str, order: dict[str, Any]) -> None:

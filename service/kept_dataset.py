@@ -17,7 +17,8 @@ from calib.text import decoded, parse_toml, replace_file
 from service.files import as_json
 from service.ids import new_id
 from service.json_values import utc_text
-from service.results.models import documents
+from service.results.common import DataShown
+from service.results.shape import document_of
 
 CSV, TOML, ABOUT = "data.csv", "data.toml", "about.json"
 
@@ -52,7 +53,7 @@ def keep_dataset(
     coming.mkdir()
     try:
         write(coming)
-        about = documents.data_of(read_dataset(coming / CSV))
+        about = document_of(DataShown.of(read_dataset(coming / CSV)))
         made = utc_text(time.time())
         document = {**about, "id": own, "name": name, "created_utc": made, "run_id": run_id}
         replace_file(coming / ABOUT, as_json(document))

@@ -6,12 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from calib.fit import base_model_of, place_nominal
-from calib.model import named_only
 from calib.units import DEG
-from calib.validation import Judgement, judge, place, refuse_other_robot
+from service.results.judgement.acceptance import AcceptanceLimits, read_zones
+from service.results.judgement.validation import (
+    JudgementShown,
+    LoadedModel,
+    ValidationRequest,
+    ValidationResult,
+)
+from service.results.judgement.validation import validate as judged
 from truepose.arguments import refuse_no_model
 from truepose.data import Data, data_of
 from truepose.frames import frame_of_rows
@@ -21,64 +24,103 @@ if TYPE_CHECKING:
     import pandas
 
 _FIGURES = ("n", "mean", "std", "rms", "p95", "max")
+_QUANTITIES = {  # member -> its name, the unit in a frame, and the size of that
+    "position_mm": ("position", "mm", 1.0),
+    "length_mm": ("length", "mm", 1.0),
+    "orientation_mrad": ("orientation", "deg", 1e3 * DEG),
+}
 
 
 @dataclass(frozen=True)
 class Validation:
-    """Judgements on the same readings: the nominal robot, placed, the model, and the model without carried terms if it
-    holds any.
+    """The errors of models on the same readings.
+
+    Attributes
+    ----------
+    result :
+        Everything that is reported, as `truepose validate --json` writes it.
 
     >>> judged = truepose.validate(truepose.identify("irb120.csv"), "irb120.csv")
     >>> judged.errors.loc["model", ["n", "unit", "rms"]].to_dict()
-    {'n': 40.0, 'unit': 'mm', 'rms': 0.272...}
+    {'n': 40, 'unit': 'mm', 'rms': 0.272...}
     """
 
-    judgements: tuple[Judgement, ...]
+    result: ValidationResult
+
+    @property
+    def judgements(self) -> list[JudgementShown]:
+        """The nominal robot, placed, the model, a model it is compared with, and the model without carried terms if it
+        holds any."""
+        return self.result.judgements
 
     def __repr__(self) -> str:
-        nominal, judged = (each.error for each in self.judgements[:2])
-        return f"<{judged.n} readings: {nominal.rms:.4f} mm RMS nominal, {judged.rms:.4f} mm with the model>"
+        nominal, found = (each.error for each in self.judgements[:2])
+        return f"<{found.n} readings: {nominal.rms:.4f} mm RMS nominal, {found.rms:.4f} mm with the model>"
 
     def _repr_html_(self) -> str:
         return self.errors.to_html(float_format=lambda x: f"{x:.4g}")
 
     @property
     def errors(self) -> pandas.DataFrame:
-        """One row a model and quantity: position mm, length mm, orientation deg; n, mean, std, rms, p95, max."""
+        """One row per model and quantity: position mm, length mm, orientation deg; n, mean, std, rms, p95, max."""
         rows: list[dict[str, Any]] = []
         for each in self.judgements:
-            of = {"position": (each.position, "mm", 1.0), "length": (each.length, "mm", 1.0)}
-            of["orientation"] = (each.orientation, "deg", DEG)
-            for quantity, (summary, unit, size) in of.items():
-                if summary is not None:
-                    own = {k: getattr(summary, k) / (1.0 if k == "n" else size) for k in _FIGURES}
-                    rows.append({"model": each.name, "quantity": quantity, "unit": unit, **own})
+            for member, (quantity, unit, size) in _QUANTITIES.items():
+                if (summary := getattr(each, member)) is not None:
+                    figures = {name: getattr(summary, name) for name in _FIGURES}
+                    own = {name: x if name == "n" or x is None else x / size for name, x in figures.items()}
+                    rows.append({"model": each.model, "quantity": quantity, "unit": unit, **own})
         return frame_of_rows(rows, ("quantity", "unit", *_FIGURES), "model")
 
 
 def validate(
-    model: Model, data: Data | str | Path, *, place_it: bool = False, everything: bool = False
+    model: Model,
+    data: Data | str | Path,
+    *,
+    place: bool = False,
+    everything: bool = False,
+    compare: Model | None = None,
+    point: tuple[float, float, float] | None = None,
+    accept_rms: float | None = None,
+    accept_max: float | None = None,
+    accept_zones: str | Path | None = None,
 ) -> Validation:
-    """Judge a model on the validation rows of a data set, or on `everything` that was measured.
+    """Judge a model on the validation rows of a data set.
 
-    place_it: fit base, and tool where the model frees it, to the calibration rows first, for readings in another
-    frame. Where there are no calibration rows, the rows that are judged place it and the nominal robot, which flatters.
-    Raises DataError.
+    Parameters
+    ----------
+    place :
+        Fit base, and tool if the model frees it, to the calibration rows first, for readings in another frame. Without
+        calibration rows, the rows that are judged place the model and the nominal robot, which flatters.
+    everything :
+        Judge on all measured rows.
+    compare :
+        Another calibration of the same robot; both are placed on these readings.
+    point :
+        Point of the world, mm: errors are also grouped by the distance from it.
+    accept_rms, accept_max :
+        Limits of the RMS error and of the largest error, mm; the verdict is `result.acceptance`.
+    accept_zones :
+        File of zones of the workspace with limits of their own.
+
+    Raises
+    ------
+    DataError
+        The model is not of this robot, or the readings cannot judge it.
 
     >>> truepose.validate(truepose.identify("irb120.csv"), "irb120.csv")
     <40 readings: 1.3346 mm RMS nominal, 0.2724 mm with the model>
     """
     refuse_no_model(model, Model)
-    dataset = data_of(data).dataset
-    refuse_other_robot(model.saved, dataset, Path("the model"))
-    dataset = model.saved.loaded(dataset)
-    rows = dataset.usable if everything else dataset.validation_rows
-    saved = model.saved
-    own = {"model": (saved.model, saved.estimate)}
-    if any(effect.is_carried for effect in saved.model.effects):
-        own["model, named causes only"] = named_only(saved.model, saved.estimate, saved.covariance)[:2]
-    names: dict[str, tuple[Any, np.ndarray]] = {
-        "nominal robot, placed": place_nominal(dataset.placing, base_model_of(dataset.placing))
-    }
-    names |= {name: place(dataset.placing, *each) if place_it else each for name, each in own.items()}
-    return Validation(tuple(judge(name, dataset, rows, *each) for name, each in names.items()))
+    if compare is not None:
+        refuse_no_model(compare, Model)
+    read = LoadedModel(
+        model.saved,
+        Path("model"),
+        None if compare is None else compare.saved,
+        None if compare is None else Path("compared"),
+    )
+    zones = () if accept_zones is None else read_zones(Path(accept_zones))
+    limits = AcceptanceLimits.of(accept_rms, accept_max, zones)
+    asked = ValidationRequest(place, everything, point, limits)
+    return Validation(judged(data_of(data).dataset, read, asked).result)

@@ -36,6 +36,11 @@ class SphereTest:
     errors_mm: Array
 
     @property
+    def n(self) -> int:
+        """Number of distances."""
+        return len(self.errors_mm)
+
+    @property
     def mean_mm(self) -> float:
         return float(np.mean(self.errors_mm))
 

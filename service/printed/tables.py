@@ -20,6 +20,7 @@ from service.results.judgement.acceptance import NAMES, RULE, AcceptanceResult
 from service.results.models import positions
 from service.results.models.documents import PatchResult
 from service.results.models.parameters import ParameterRow, rows_of
+from service.results.shape import ResponseBody, cells_of, columns_of
 
 _SHOWN = 24  # effects listed on a terminal; the report and the JSON hold all
 _LEFT_OUT = 20  # readings left out that are listed on a terminal
@@ -31,6 +32,16 @@ def grid(title: str, *columns: str, left: int = 1) -> Table:
     table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
     for i, name in enumerate(columns):
         table.add_column(name, justify="left" if i < left else "right", overflow="fold")
+    return table
+
+
+def table_of(
+    kind: type[ResponseBody], title: str, heads: tuple[str, ...], rows: Iterable[tuple[Any, ...]]
+) -> Table:
+    """A table of results. rows: labels as `heads` name them, then the result."""
+    table = grid(title, *heads, *(column.head for column in columns_of(kind).values()), left=len(heads))
+    for *labels, result in rows:
+        table.add_row(*labels, *cells_of(result))
     return table
 
 

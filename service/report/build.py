@@ -37,10 +37,11 @@ from service.report.sections import (
 )
 from service.report.sections.findings import DRAWN, effects_of, power_of, structure_of
 from service.results.judgement.acceptance import NAMES, RULE, AcceptanceResult
-from service.results.judgement.validated import Validated
+from service.results.judgement.validation import ValidationOutcome
 from service.results.models import positions
 from service.results.models.documents import PatchResult
 from service.results.models.parameters import ParameterRow, rows_of
+from service.results.shape import document_of
 
 _LEFT_OUT_SHOWN = 30  # readings, largest errors first
 _ABSENT: Mapping[str, Any] = {
@@ -186,15 +187,15 @@ def identification_report(
     )
 
 
-def validation_report(validated: Validated, document: Mapping[str, Any], model_sha256: str | None) -> str:
-    """The report of a saved model judged on the validation rows of a data set, as HTML; model_sha256: of its file."""
+def validation_report(validated: ValidationOutcome) -> str:
+    """The report of a saved model judged on the validation rows of a data set, as HTML."""
     dataset, rows = validated.dataset, validated.dataset.validation_rows
     measured, section = judged_in(validated)
     return _render(
         dataset,
         None,
-        document,
-        model_sha256,
+        document_of(validated.result),
+        validated.model_sha256,
         kind="Validation",
         verdict="Judged",
         verdict_key="identified",
@@ -206,14 +207,14 @@ def validation_report(validated: Validated, document: Mapping[str, Any], model_s
         repeats=repeats.section_of(*validated.models[measured[1].name]),
         figures=_error_figures(measured),
         judged=section,
-        warnings=validated.warnings,
+        warnings=validated.result.warnings,
         ballbar=ballbar.section_of(
             dataset, {each.name: (*validated.models[each.name][1:], each.colour) for each in measured}
         ),
     )
 
 
-def judged_in(validated: Validated) -> tuple[list[errors.ErrorSample], dict[str, Any]]:
+def judged_in(validated: ValidationOutcome) -> tuple[list[errors.ErrorSample], dict[str, Any]]:
     """The errors of every model on the validation rows, and their pictures and table; arrows of the first two."""
     colours = (drawing.NOMINAL, drawing.AFTER, drawing.FITTED, drawing.BEFORE)
     dataset = validated.dataset

@@ -23,7 +23,7 @@ from service.cli import main
 from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
 from service.http.wire.bodies.jobs import SelectionResult
-from service.http.wire.bodies.validations import ValidationResult
+from service.results.judgement.validation import ValidationResult
 from tests.drivers.waiting import PATIENCE_S
 from tests.end_to_end.simulated import ROOT, cell_file
 from tests.service.campaigns import write_data
@@ -138,6 +138,29 @@ def test_a_model_is_validated_and_held_to_limits(here: Here) -> None:
     assert result["acceptance"]["verdict"] == "rejected"
     ask = {"dataset_id": here.dataset, "place": True}
     assert "model" in problem(here.client.post("/validations", json=ask), 422)["detail"]
+
+
+def test_a_validation_compares_two_models_as_the_command_does(here: Here, tmp_path: Path) -> None:
+    level = here.done("/identifications", dataset_id=here.dataset, level=1)["id"]
+    point = [300.0, 0.0, 400.0]
+    result = here.done(
+        "/validations", dataset_id=here.dataset, model_id=here.model, compare_id=level, point=point
+    )["result"]
+    assert [each["model"] for each in result["judgements"]] == ["nominal robot, placed", "model", level]
+    assert any(group["by"] == "distance from the point" for group in result["judgements"][1]["groups"])
+    kept = here.record / "identifications"
+    for own, name in ((here.model, "model"), (level, level)):
+        (tmp_path / f"{name}.json").write_bytes((kept / own / job_folder.MODEL).read_bytes())
+    models = ["--model", str(tmp_path / "model.json"), "--compare", str(tmp_path / f"{level}.json")]
+    named = ["--point", *map(str, point), "--json", str(tmp_path / "v.json")]
+    assert main(["validate", str(here.data), *models, *named]) == 0
+    by_command = json.loads((tmp_path / "v.json").read_text("utf-8"))
+    assert {**by_command, "data": None} == {**result, "data": None}
+    asked = {"dataset_id": here.dataset, "model_id": here.model}
+    problem(here.client.post("/validations", json={**asked, "compare_id": "gone"}), 404)
+    problem(here.client.post("/validations", json={**asked, "point": [1.0, 2.0]}), 422)
+    alone = {"dataset_id": here.dataset, "compare_id": level}
+    assert "compare_id" in problem(here.client.post("/validations", json=alone), 422)["detail"]
 
 
 def test_rows_that_only_judge_are_taken_and_judge(here: Here) -> None:

@@ -28,9 +28,9 @@ from service.http.app import create_app
 from service.http.wire.bodies import CampaignTable, EventKind, ExportKind, ModelShown, requests
 from service.http.wire.bodies.diagnoses import DiagnosisResult
 from service.http.wire.bodies.jobs import RegressionResult
-from service.http.wire.bodies.results import IdentificationResult
 from service.http.work import jobs
 from service.http.work.campaigns import campaign_of
+from service.results.common import IdentificationResult
 from tests.end_to_end.simulated import ROOT
 from tests.service.campaigns import write_data
 

@@ -1,4 +1,4 @@
-"""A diagnosis and an identification take the same options from the command line, over HTTP and in Python.
+"""A workflow takes the same options from the command line, over HTTP and in Python.
 
 This would catch: an option that one of the three has and the others lack, as when only the command knew what robots of
 a type share.
@@ -14,27 +14,35 @@ import pytest
 import truepose
 from service.commands.models.diagnose import diagnose_command
 from service.commands.models.identify import identify_command
-from service.http.wire.bodies import ToDiagnose, ToIdentify
+from service.commands.models.validate import validate_command
+from service.http.wire.bodies import ToDiagnose, ToIdentify, ValidationAsked
+from service.results.judgement.validation import ValidationRequest
 from service.results.models.diagnosed import DiagnosisRequest
 
 # What has a meaning at one front only: files that a command writes or reads, a certificate of them, a job that is kept.
 AT_THE_TERMINAL = {"json", "predictions", "model", "report", "follow_up", "dcc", "dcc_about", "preliminary"}
-# Limits are numbers and a file there, a request here; Python asks the result (`truepose.validate`, `Diagnosis.errors`).
+# Of a fit Python asks the result (`truepose.validate`, `Diagnosis.errors`).
 LIMITS = {"accept_rms", "accept_max", "accept_zones", "accept_rms_mm", "accept_max_mm", "limits"}
+# How the file of a model is read: `truepose.load` in Python; the service judges models of its own.
+READING = {"robot", "largest_correction"}
+DRAWING = {"picture"}
 KEPT = {"save_anyway"}  # Python saves by a call of its own
 OF_THE_SERVICE = {"cell"}  # the cell of the service, named as it starts
 CALLS = {"data", "dataset_id", "progress", "any_cell"}
 
 
-def options(of: object) -> set[str]:
+def names_of(of: object) -> set[str]:
     """The names of the parameters of a function, or of the fields of a class."""
     if inspect.isfunction(of):
-        names = set(inspect.signature(of).parameters)
-    elif hasattr(of, "model_fields"):
-        names = set(of.model_fields)  # type: ignore[attr-defined]
-    else:
-        names = {field.name for field in fields(of)}  # type: ignore[arg-type]
-    return names - AT_THE_TERMINAL - LIMITS - KEPT - OF_THE_SERVICE - CALLS
+        return set(inspect.signature(of).parameters)
+    if hasattr(of, "model_fields"):
+        return set(of.model_fields)  # type: ignore[attr-defined]
+    return {field.name for field in fields(of)}  # type: ignore[arg-type]
+
+
+def options(of: object) -> set[str]:
+    """The names of the options of a fit."""
+    return names_of(of) - AT_THE_TERMINAL - LIMITS - KEPT - OF_THE_SERVICE - CALLS
 
 
 @pytest.mark.parametrize(
@@ -50,6 +58,20 @@ def test_three_fronts_have_the_same_options(fronts: tuple[object, ...]) -> None:
     assert options(first)
     for other in others:
         assert options(other) == options(first)
+
+
+def test_a_validation_has_the_same_options() -> None:
+    """Limits included; `_id` and `_mm` say over HTTP what a value is."""
+
+    def of(front: object, without: set[str]) -> set[str]:
+        return {name.removesuffix("_id").removesuffix("_mm") for name in names_of(front) - without}
+
+    wanted = of(validate_command, AT_THE_TERMINAL - {"model"} | READING | DRAWING | {"data"})
+    assert len(wanted) == 8
+    assert of(ValidationAsked, {"dataset_id"}) == wanted
+    assert of(truepose.validate, {"data"}) == wanted
+    asked = {*(f.name for f in fields(ValidationRequest)), "model", "compare"}
+    assert asked == {name for name in wanted if not name.startswith("accept")} | {"limits"}
 
 
 def test_what_is_left_out_over_http_is_as_at_the_terminal() -> None:

@@ -53,7 +53,7 @@ SURFACE = {
         "stated",
     },
     "Selection": {"choice", "curve", "joints_deg", "of_type", "poses", "u_by_count"},
-    "Validation": {"errors", "judgements"},
+    "Validation": {"errors", "judgements", "result"},
 }
 FUNCTIONS = {"compensate", "diagnose", "identify", "load", "read", "select", "simulate", "validate"}
 POSES_DEG = [[10.0, 20.0, -30.0, 40.0, 50.0, 60.0], [-20.0, 35.0, 10.0, -60.0, 40.0, -15.0]]

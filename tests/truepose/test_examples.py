@@ -64,7 +64,7 @@ def test_its_example_runs(name: str, folder: Path, monkeypatch: pytest.MonkeyPat
 def test_a_function_says_what_it_raises_and_in_which_units_it_is_asked(name: str) -> None:
     own = getattr(truepose, name)
     said = (inspect.getdoc(own) or "").split(">>>")[0]
-    assert "Raises " in said
+    assert "Raises" in said
     for argument in inspect.signature(own).parameters:
         if argument.endswith(UNITS):
             assert argument in said

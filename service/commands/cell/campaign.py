@@ -41,7 +41,9 @@ from service.json_values import finite
 from service.printed.progress import RunProgress, terminal_operator
 from service.printed.terminal import Terminal
 from service.private import note_if_others_read, owner_only
-from service.results.models import documents, positions
+from service.results.common import DataShown
+from service.results.models import positions
+from service.results.shape import document_of
 from service.simulated_cell import simulated_cell
 
 
@@ -254,7 +256,9 @@ def export_command(
             terminal.note(found)
         if assumed := assumed_in_words(dataset.header):
             terminal.note(assumed)
-    write_json({"format": "truepose-export/1", "record": str(record)} | documents.data_of(dataset), json)
+    write_json(
+        {"format": "truepose-export/1", "record": str(record)} | document_of(DataShown.of(dataset)), json
+    )
 
 
 def _export_streams(record: Path, out: Path, json: str | None) -> None:

@@ -8,18 +8,22 @@ from typing import Annotated
 
 import typer
 
-from calib.data import Dataset, read_dataset
+from calib.data import read_dataset
 from calib.errors import DataError
 from calib.text import replace_file
-from calib.validation import hold_outs
 from service.commands import options
 from service.files import STANDARD_OUTPUT
 from service.printed import validation_tables
 from service.printed.tables import acceptance as acceptance_table
 from service.printed.tables import warnings as warnings_table
 from service.printed.terminal import Terminal
-from service.results.judgement import validation_document
-from service.results.judgement.validated import LoadedModel, Validated, ValidationRequest
+from service.results.judgement.validation import (
+    LoadedModel,
+    ValidationOutcome,
+    ValidationRequest,
+    validate,
+)
+from service.results.shape import document_of
 
 
 def validate_command(
@@ -32,7 +36,7 @@ def validate_command(
         Path | None,
         typer.Option(metavar="N.json", help="Another calibration of the same robot, set beside --model."),
     ] = None,
-    place_it: Annotated[
+    place: Annotated[
         bool,
         typer.Option(
             "--place",
@@ -64,9 +68,7 @@ def validate_command(
     options.check_outputs(outputs, inputs=(*options.files_of(data), *inputs, accept_zones))
     limits = options.limits_of(accept_rms, accept_max, accept_zones)
     drawn = report is not None or picture is not None
-    if model is None and (
-        limits or compare is not None or place_it or everything or point is not None or drawn
-    ):
+    if model is None and (limits or compare is not None or place or everything or point is not None or drawn):
         raise DataError(
             "is missing: --compare, --place, --all, --point, --report, --picture, --accept-rms, --accept-max and "
             "--accept-zones go with it.",
@@ -84,62 +86,37 @@ def validate_command(
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
         dataset = read_dataset(data)
-        if model is None:
-            _hold_outs(dataset, json, terminal)
-        else:
+        read = None
+        if model is not None:
             saved = options.read_model(model, robot, largest_correction)
             second = None if compare is None else options.read_model(compare, robot, largest_correction)
             for each in filter(None, (saved, second)):
                 options.note_without_regression(each, terminal)
             read = LoadedModel(saved, model, second, compare)
-            asked = ValidationRequest(place_it, everything, point, limits)
-            _judge(dataset, read, asked, json, terminal, report, picture)
+        found = validate(dataset, read, ValidationRequest(place, everything, point, limits), terminal.say)
+        options.write_result(document_of(found.result), json, terminal)
+        if drawn:
+            _draw(found, report, picture, terminal)
+        terminal.rest()
+        for table in validation_tables.validation(found.result):
+            terminal.out.print(table)
+        if read is not None:
+            terminal.out.print(acceptance_table(found.acceptance))
+            terminal.out.print(warnings_table(found.result.warnings))
+        for what, path in (("report", report), ("picture", picture)):
+            if path is not None:
+                terminal.note(f"{what}: {path}")
+        options.finish(found.acceptance, terminal)
 
 
-def _hold_outs(dataset: Dataset, json: str | None, terminal: Terminal) -> None:
-    found = hold_outs(dataset, progress=terminal.say)
-    options.write_result(validation_document.of_hold_outs(dataset, found), json, terminal)
-    terminal.rest()
-    for table in validation_tables.held_out(found):
-        terminal.out.print(table)
+def _draw(found: ValidationOutcome, report: Path | None, picture: Path | None, terminal: Terminal) -> None:
+    """Write the report and the picture that are asked for."""
+    # drawing is not needed for the numbers, and takes long to import
+    from service.report import judged_in, validation_report
 
-
-def _judge(
-    dataset: Dataset,
-    read: LoadedModel,
-    asked: ValidationRequest,
-    json: str | None,
-    terminal: Terminal,
-    report: Path | None,
-    picture: Path | None,
-) -> None:
-    found = Validated.of(dataset, read, asked, terminal.say)
-    document = found.document()
-    options.write_result(document, json, terminal)
-    if report is not None or picture is not None:
-        # drawing is not needed for the numbers, and takes long to import
-        from service.report import judged_in, validation_report
-
-        terminal.say("drawing")
-        if report is not None:
-            replace_file(report, validation_report(found, document, read.model.sha256))
-        if picture is not None:
-            section = judged_in(found)[1]
-            replace_file(picture, section["arrows"] or section["over_time"])
-    terminal.rest()
-    shown = []
-    if len(found.names) > 2:
-        both = (found.names[1], found.names[2])
-        shown = list(validation_tables.compared(both, found.parameters, found.between))
-    for table in (
-        *validation_tables.judged(found.judgements, None if asked.everything else dataset.header.holdout),
-        *validation_tables.repeated(dataset, found.repeats, found.names[1]),
-        *shown,
-        acceptance_table(found.acceptance),
-        warnings_table(found.warnings),
-    ):
-        terminal.out.print(table)
-    for what, path in (("report", report), ("picture", picture)):
-        if path is not None:
-            terminal.note(f"{what}: {path}")
-    options.finish(found.acceptance, terminal)
+    terminal.say("drawing")
+    if report is not None:
+        replace_file(report, validation_report(found))
+    if picture is not None:
+        section = judged_in(found)[1]
+        replace_file(picture, section["arrows"] or section["over_time"])

@@ -36,8 +36,10 @@ from calib.text import written_by
 from calib.units import DEG, to_display
 from service import wording
 from service.results import typed
+from service.results.common import DataShown, reading
 from service.results.models import positions
 from service.results.models.parameters import high_leverage, rows_of, strong_correlations
+from service.results.shape import document_of
 
 IDENTIFICATION_FORMAT = "truepose-identification/1"
 DIAGNOSIS_FORMAT = "truepose-diagnosis/1"
@@ -53,7 +55,7 @@ def of_identification(
     """The document of `identify --json`."""
     return {
         "format": IDENTIFICATION_FORMAT,
-        "data": data_of(dataset),
+        "data": document_of(DataShown.of(dataset)),
         "parameters": parameters_of(found),
         **_fit_of(dataset, found),
         "correlations": [
@@ -143,7 +145,7 @@ def of_diagnosis(
         ],
         "notes": list(diagnosis.notes),
         "parameters": parameters_of(diagnosis.final, base_model_only=True),
-        "data": data_of(diagnosis.dataset),
+        "data": document_of(DataShown.of(diagnosis.dataset)),
         **other,
         "seconds": round(diagnosis.seconds, 3),
     }
@@ -214,23 +216,6 @@ def _carried(carried: CarryOver) -> dict[str, Any]:
     }
 
 
-def data_of(dataset: Dataset) -> dict[str, Any]:
-    """The readings that a result is based on."""
-    occasion = dataset.header.occasion
-    return {
-        "name": dataset.name,
-        "sha256": dataset.sha256,
-        "robot": dataset.header.robot.name,
-        "instrument": dataset.header.instrument,
-        "simulated": dataset.header.simulated,
-        "readings": len(dataset),
-        "fit": int(dataset.fit_rows.sum()),
-        "validation": int(dataset.validation_rows.sum()),
-        **({"devices": [dict(each) for each in dataset.header.devices]} if dataset.header.devices else {}),
-        **({} if occasion is None else {"measured": {"began": occasion.began, "ended": occasion.ended}}),
-    }
-
-
 def parameters_of(found: IdentificationFit, *, base_model_only: bool = False) -> list[dict[str, Any]]:
     """Every parameter of a model: value (counted from where the fit began), standard error, the absolute value with its
     own, nominal value and change from it, unit, owner; null where dropped."""
@@ -250,11 +235,6 @@ def parameters_of(found: IdentificationFit, *, base_model_only: bool = False) ->
         }
         for row in rows_of(found, base_model_only=base_model_only)
     ]
-
-
-def reading(name: str) -> int | str:
-    """A reading id as the data set means it: a whole number, or text."""
-    return int(name) if name.isascii() and name.isdigit() and str(int(name)) == name else name
 
 
 def _fit_of(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:
@@ -363,7 +343,7 @@ def document(dataset: Dataset, sweeps: Sequence[JointSweep], remarks: Sequence[s
     """The document of `sweeps --json`. Uncertainties are one standard deviation."""
     return {
         "format": FORMAT,
-        "data": data_of(dataset),
+        "data": document_of(DataShown.of(dataset)),
         "sweeps": [_sweep(sweep) for sweep in sweeps],
         "warnings": list(remarks),
     }

@@ -23,7 +23,8 @@ from calib.comparison import (
 )
 from calib.regression import evaluate, independent, products_of
 from calib.units import DEG, percent
-from service.results.models.documents import data_of
+from service.results.common import DataShown
+from service.results.shape import document_of
 
 REGRESSION_FORMAT = "truepose-regression/1"
 UM = 1e3
@@ -37,7 +38,7 @@ def of_regression(comparison: RegressionComparison, turned: tuple[TurnedPostureT
     plan, asked = comparison.plan, comparison.asked
     return {
         "format": REGRESSION_FORMAT,
-        "data": data_of(comparison.dataset),
+        "data": document_of(DataShown.of(comparison.dataset)),
         "method": "mls-svr",
         "asked": {
             "name": asked.predictor.name,

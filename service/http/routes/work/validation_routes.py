@@ -31,13 +31,19 @@ def create_validation(
         dataset = here.datasets.get(body.dataset_id)
         limits = body.limits
         model = here.jobs.model_file(body.model_id) if body.model_id else None
-        if model is None and (limits or body.place or body.everything):
+        if model is None and (limits or body.place or body.everything or body.compare_id or body.point):
             raise Problem(
-                422, "place, everything and limits go with a model.", "Give model_id, or leave them out."
+                422,
+                "place, everything, compare_id, point and limits go with a model.",
+                "Give model_id, or leave them out.",
             )
         order = {
-            "placed": body.place,
+            "place": body.place,
             "everything": body.everything,
+            "compare": {"id": body.compare_id, "file": str(here.jobs.model_file(body.compare_id))}
+            if body.compare_id
+            else None,
+            "point": body.point or None,
             "limits": None if limits is None else asdict(limits),
         }
         return begun(

@@ -44,9 +44,9 @@ from service.http.wire.bodies.requests import (
     ToDiagnose,
     ToFit,
     ToIdentify,
+    ValidationAsked,
     WhyBody,
 )
-from service.http.wire.bodies.results import ModelShown
 from service.http.wire.bodies.runs import (
     EventKind,
     EventShown,
@@ -58,7 +58,7 @@ from service.http.wire.bodies.runs import (
     Runs,
 )
 from service.http.wire.bodies.targets import CorrectedProgram, CorrectedTargets, ExportKind, ModelExport
-from service.http.wire.bodies.validations import ValidationAsked
+from service.results.common import ModelShown
 
 __all__ = [
     "AlignmentShown",

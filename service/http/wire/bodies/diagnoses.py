@@ -11,7 +11,7 @@ from pydantic import Field
 
 from service.http.wire.bodies.campaign import Campaign
 from service.http.wire.bodies.fields import ResponseBody, told
-from service.http.wire.bodies.results import (
+from service.results.common import (
     ERRORS,
     ErrorStatisticsResponse,
     Figure,

@@ -12,7 +12,6 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
-    Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
@@ -25,13 +24,9 @@ from pydantic_core import CoreSchema, PydanticCustomError
 
 from acquisition.file_table import first_of_a_list
 from calib.text import turns_writing
+from service.results.shape import ResponseBody, told
 
 _MOST_ERRORS = 100
-
-
-def told(words: str, example: Any, **limits: Any) -> Any:
-    """The description of a field: what it is, with its unit, an example, and what bounds its values."""
-    return Field(description=words, examples=[example], **limits)
 
 
 def told_limit(words: str, example: float, more: str = "") -> Any:
@@ -63,13 +58,6 @@ class RequestBody(BaseModel):
             raise PydanticCustomError(
                 "too_many_errors", "has {count} errors, too many to list", {"count": error.error_count()}
             ) from None
-
-
-class ResponseBody(BaseModel):
-    """A response; members may be added in time. What checks it is made when it is first sent: all of them together were
-    a seventh of the start of the service."""
-
-    model_config = ConfigDict(extra="allow", defer_build=True)
 
 
 class DescribedAs:

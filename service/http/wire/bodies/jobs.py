@@ -31,17 +31,17 @@ from service.http.wire.bodies.fields import (
     told,
     told_limit,
 )
-from service.http.wire.bodies.results import (
+from service.http.wire.bodies.runs import StateCode
+from service.http.wire.bodies.watches import UpkeepResult, WatchPlanResult, WatchResult
+from service.results.cell.placements import TOGETHER, PlacementRequest
+from service.results.common import (
     DataShown,
     DroppedParameterResponse,
     IdentificationResult,
     Share,
     Warnings,
 )
-from service.http.wire.bodies.runs import StateCode
-from service.http.wire.bodies.validations import ValidationResult
-from service.http.wire.bodies.watches import UpkeepResult, WatchPlanResult, WatchResult
-from service.results.cell.placements import TOGETHER, PlacementRequest
+from service.results.judgement.validation import ValidationResult
 
 Number = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, Self
 
 from fastapi import Body as BodyOf
-from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
 
 from calib.compensate import Bounds
 from service.http.wire.bodies.campaign import Campaign
@@ -313,6 +313,52 @@ class JudgeRequest(DatasetReference):
         """The limits that were asked for; None where none were."""
         zones = [each.zone for each in self.accept_zones]
         return AcceptanceLimits.of(self.accept_rms_mm or None, self.accept_max_mm or None, zones)
+
+
+class ValidationAsked(JudgeRequest):
+    """A data set, and the model to judge on it; without a model kinds of hold-out are compared."""
+
+    model_id: Annotated[
+        str,
+        told(
+            "The id of the model (that of its job); left out: hold-outs.",
+            "20261121-170459-3f9a1c07b2e",
+            max_length=200,
+        ),
+    ] = ""
+    place: Annotated[
+        bool,
+        told(
+            "Fit base, and tool where the model frees it, to the calibration rows, or without any to all.",
+            False,
+        ),
+    ] = False
+    everything: Annotated[
+        bool, told("Judge on all measured rows, not on those alone that only judge.", False)
+    ] = False
+    compare_id: Annotated[
+        str,
+        told(
+            "The id of another calibration of the same robot to compare the model with; left out: none.",
+            "20261121-181210-5b0c2d18c3f",
+            max_length=200,
+        ),
+    ] = ""
+    point: Annotated[
+        list[_COORDINATE],
+        told(
+            "A point x, y, z of the world, mm: errors are also grouped by the distance from it; empty: none.",
+            [300.0, 0.0, 400.0],
+            max_length=3,
+        ),
+    ] = Field(default_factory=list)
+
+    @field_validator("point")
+    @classmethod
+    def _three(cls, point: list[float]) -> list[float]:
+        if len(point) not in (0, 3):
+            raise ValueError("three numbers x, y, z are needed")
+        return point
 
 
 class ToFit(JudgeRequest):

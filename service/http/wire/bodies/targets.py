@@ -11,7 +11,7 @@ from pydantic import Field
 from typing_extensions import TypedDict
 
 from service.http.wire.bodies.fields import DescribedAs, ResponseBody, told
-from service.http.wire.bodies.results import ERRORS, ErrorStatisticsResponse
+from service.results.common import ERRORS, ErrorStatisticsResponse
 
 Millimetres = Annotated[float | None, told("A length, mm; null where it is not known.", 0.412)]
 Degrees = Annotated[float | None, told("An angle, deg; null where it is not known.", 0.031)]

@@ -7,11 +7,12 @@ The body of a model, as `--model` of the command line writes it (`truepose-model
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
-from service.http.wire.bodies.fields import ResponseBody, told
+from calib.data import Dataset
+from service.results.shape import ResponseBody, told
 
 _SHA = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
 ERRORS = {"n": 120, "rms": 0.04, "mean": 0.036, "p95": 0.067, "max": 0.09}
@@ -24,6 +25,11 @@ Warnings = Annotated[
 Share = Annotated[float | None, told("A share from 0 to 1, no unit.", 0.97)]
 Number = Annotated[float | None, told("A number without a unit; null: not known.", 1.02)]
 Unit = Annotated[str, told("The unit of value and std.", "deg")]
+
+
+def reading(name: str) -> int | str:
+    """A reading id as the data set means it: a whole number, or text."""
+    return int(name) if name.isascii() and name.isdigit() and str(int(name)) == name else name
 
 
 class ErrorStatisticsResponse(ResponseBody):
@@ -69,6 +75,26 @@ class DataShown(ResponseBody):
     measured: Annotated[
         MeasuredPeriod | None, told("When they were made; left out where nobody knows.", None)
     ] = None
+
+    @classmethod
+    def of(cls, dataset: Dataset) -> Self:
+        """What a result says of its data set."""
+        header, known = dataset.header, {}
+        if header.devices:
+            known["devices"] = [dict(each) for each in header.devices]
+        if header.occasion is not None:
+            known["measured"] = header.occasion
+        return cls(
+            name=dataset.name,
+            sha256=dataset.sha256,
+            robot=header.robot.name,
+            instrument=header.instrument,
+            simulated=header.simulated,
+            readings=len(dataset),
+            fit=int(dataset.fit_rows.sum()),
+            validation=int(dataset.validation_rows.sum()),
+            **known,
+        )
 
 
 class Figure(ResponseBody):
