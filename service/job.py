@@ -173,13 +173,15 @@ def validation(data: Path, folder: Path, model: str | None, order: dict[str, Any
 def selection(folder: Path, cell: str, order: dict[str, Any]) -> None:
     """Choose poses in the cell of this text. Raises DataError, ConfigError."""
     from acquisition.cell import cell_of_record
+    from calib.prior import load_prior
     from calib.text import replace_file
     from service.files import as_json
     from service.results.cell.selected import Selected, SelectionRequest
 
     for name in ("groups", "targets"):
         order[name] = None if order[name] is None else tuple(order[name])
-    found = Selected.of(cell_of_record(cell, str(folder / JOB)), SelectionRequest(**order))
+    prior = load_prior(folder / PRIOR) if (folder / PRIOR).is_file() else None
+    found = Selected.of(cell_of_record(cell, str(folder / JOB)), SelectionRequest(**order, prior=prior))
     replace_file(folder / POSES, found.csv)
     replace_file(folder / RESULT, as_json(found.document()))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,11 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.array import Array
-from calib.compensate import Correction, Usable, correct, model_sides, nominal_of, sides_that_move
+from calib.compensate import (
+    Calibrated,
+    Correction,
+    Usable,
+    correct,
+    model_sides,
+    nominal_of,
+    sides_that_move,
+)
 from calib.errors import DataError
+from calib.fit import radius_95
 from calib.model import FLANGE
 from calib.units import DEG
-from truepose.arguments import angles_of, joints_of, refuse_no_model
+from truepose.arguments import angles_of, joints_of, number_of, refuse_no_model
 from truepose.frames import frame
 from truepose.model import Model
 
@@ -23,7 +33,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Corrected:
-    """n corrected targets. joints_deg (n, N) as the controller counts, NaN where refused: never drive those.
+    """n corrected targets.
+
+    Attributes
+    ----------
+    joints_deg :
+        Joints to drive, (n, N), as the controller counts; NaN where refused: never drive those.
+    radius_95_mm :
+        Radius that contains 95 % of the positions that the model allows, (n,) mm; NaN where nothing was found.
 
     >>> model = truepose.identify("irb120.csv")
     >>> wanted = [[10, 20, -30, 40, 50, 60], [400, 20, -30, 40, 50, 60]]
@@ -38,6 +55,7 @@ class Corrected:
     wanted_deg: Array
     found: Correction
     usable: Usable
+    radius_95_mm: Array
     _columns: tuple[str, ...] = ()
 
     @property
@@ -47,12 +65,20 @@ class Corrected:
 
     @property
     def targets(self) -> pandas.DataFrame:
-        """One row per target: j1_deg and so on to drive, status, why it was refused, and notes, such as joints outside
-        the measured range."""
+        """One row per target: j1_deg and so on to drive, radius_95_mm, status, why it was refused, and notes.
+
+        A note names, for example, joints outside the measured range.
+        """
         columns: dict[str, Any] = dict(zip(self._columns, self.joints_deg.T, strict=True))
         status = [str(status) for status in self.found.status]
         return frame(
-            {**columns, "status": status, "reason": list(self.found.reasons), "notes": list(self.found.notes)}
+            {
+                **columns,
+                "radius_95_mm": self.radius_95_mm,
+                "status": status,
+                "reason": list(self.found.reasons),
+                "notes": list(self.found.notes),
+            }
         )
 
     def __repr__(self) -> str:
@@ -72,6 +98,7 @@ def compensate(
     limits_deg: Any = None,
     inverse: bool = False,
     named_only: bool = False,
+    most_uncertainty: float = math.inf,
 ) -> Corrected:
     """Correct joint targets; `truepose compensate` does the same to a program.
 
@@ -80,7 +107,8 @@ def compensate(
     approach_deg: how far before the target its last move begins. temperature_c, time_s: of the air, and since the
     start of the campaign, for effects that need them. series: of a model that holds several.
     limits_deg: (N, 2), default the robot's. inverse: from targets that were taught on the real robot to the nominal
-    one. named_only: without carried terms. Terms that follow what only the campaign knew are always left out;
+    one. most_uncertainty: mm; targets that the model knows less well (95 %) are refused. named_only: without carried
+    terms. Terms that follow what only the campaign knew are always left out;
     `Corrected.usable` says which, and what that costs. Raises DataError.
 
     >>> model = truepose.identify("irb120.csv")
@@ -119,11 +147,19 @@ def compensate(
         if isinstance(error, DataError):
             raise
         raise DataError(f"{error}.", do="Use one of those.", key="target") from error
+    radius = np.full(len(joints), np.nan)
+    if found.good.any():
+        at = (joints if inverse else found.joints)[found.good]
+        calibrated = Calibrated(saved.model, saved.estimate, stated, target)
+        radius[found.good] = radius_95(calibrated.covariance_of_points(at, saved.covariance))
+    most = number_of(most_uncertainty, math.inf, 0.0, math.inf, "most_uncertainty")
+    found = found.without_uncertain(radius > most)
     return Corrected(
         angles_of(found.joints, saved),
         angles_of(joints, saved),
         found,
         usable,
+        radius,
         saved.model.robot.joint_columns,
     )
 

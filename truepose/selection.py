@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acquisition import read_cell
-from acquisition.campaign import DECIMALS, draw_poses, setup_of
 from calib.array import Array
 from calib.data import DEFAULT_GROUPS
 from calib.prior import load_prior
-from calib.selection import BesideType, Choice, Curve, beside_type, candidates_of, choose, curve_of
+from calib.selection import SHARE, BesideType, Choice, Curve
+from service.results.cell.selected import Selected, SelectionRequest
 from truepose.frames import frame
 
 if TYPE_CHECKING:
@@ -23,7 +23,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Selection:
-    """Poses to measure. joints_deg (n, N) as the controller counts; curve: predicted U by the number of poses.
+    """Poses to measure.
+
+    Attributes
+    ----------
+    joints_deg :
+        The poses, (n, N), as the controller counts.
+    curve :
+        Predicted U by the number of poses.
+    reached_with :
+        Number of poses that reach the required U; None if they do not, or none is required.
 
     >>> chosen = truepose.select("cell.toml", count=20, candidates=60)
     >>> chosen.poses.shape  # deg
@@ -36,6 +45,7 @@ class Selection:
     choice: Choice
     curve: Curve
     of_type: BesideType | None = None
+    reached_with: int | None = None
 
     def __repr__(self) -> str:
         count = len(self.joints_deg)
@@ -61,33 +71,54 @@ def select(
     groups: Sequence[str] = DEFAULT_GROUPS,
     targets: Sequence[str] | None = None,
     offset_deg: float = -5.0,
+    share: float = SHARE,
+    wanted_u: float | None = None,
     seed: int = 1,
     prior: str | Path | None = None,
 ) -> Selection:
-    """Choose `count` poses of so many candidates that the arm of a cell file reaches. The same seed, the same poses.
+    """Choose calibration poses of an arm by observability. The same seed gives the same poses.
 
-    groups: what the model will free; targets: measured at every pose, default all of the cell; offset_deg: from where
-    every joint arrives; prior: file of what robots of this type share, by which `of_type` says how many poses do.
-    Raises DataError, ConfigError, UnsafePlan.
+    Parameters
+    ----------
+    cell :
+        The cell file; candidates are drawn at random from the poses that its arm reaches.
+    count, candidates :
+        Number of poses to choose, and of candidates.
+    groups :
+        Groups of parameters that the model will free.
+    targets :
+        Targets measured at every pose; default: all of the cell.
+    offset_deg :
+        How far before its pose every joint begins the last move, deg.
+    share :
+        Share of the poses that may fill the ranges of the joints.
+    wanted_u :
+        Predicted U (k = 2) that is required, mm: `reached_with` states the number of poses for it.
+    prior :
+        File of the statistics of this type of robot: `of_type` states how many poses are enough with it.
+
+    Raises
+    ------
+    DataError, ConfigError, UnsafePlan
+        The cell, a target or the prior cannot be used, or too few poses are reached.
 
     >>> truepose.select("cell.toml", count=20, candidates=60)
     <20 poses, predicted U (k = 2) 0.0... mm>
     """
-    the_cell = read_cell(Path(cell))
-    names = list(the_cell.tool.targets) if targets is None else list(targets)
-    setup = setup_of(the_cell, names, list(groups))
-    rng = np.random.default_rng(seed)
-    drawn = draw_poses(
-        the_cell, candidates, rng, offset_deg, both=False, decimals=DECIMALS, targets=names, fewest=count
+    found = Selected.of(
+        read_cell(Path(cell)),
+        SelectionRequest(
+            count=count,
+            candidates=candidates,
+            groups=tuple(groups),
+            targets=None if targets is None else tuple(targets),
+            offset_deg=offset_deg,
+            share=share,
+            wanted_u=wanted_u,
+            seed=seed,
+            prior=None if prior is None else load_prior(Path(prior)),
+        ),
     )
-    found = candidates_of(setup, the_cell.robot.model_angles([pose.joints_deg for pose in drawn]))
-    choice = choose(setup, found, count, seed=seed)
-    joints = np.array([drawn[i].joints_deg for i in choice.selection])
-    curve = curve_of(found, choice.selection)
-    if prior is None:
-        return Selection(joints, choice, curve)
-    of_type = load_prior(Path(prior))
-    of_type.refuse_other(
-        setup.robot, of_type.coupling, [e.label for e in setup.model().effects if e.owner == "robot"]
-    )
-    return Selection(joints, choice, curve, beside_type(found, choice.selection, curve, of_type))
+    joints = np.array([pose.joints_deg for pose in found.poses])
+    reached = None if wanted_u is None else found.curve.reaches(wanted_u)
+    return Selection(joints, found.choice, found.curve, found.of_type, reached)

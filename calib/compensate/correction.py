@@ -6,7 +6,7 @@ The remaining error of a corrected pose: the part that the arm could correct, an
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -31,6 +31,7 @@ class Status(StrEnum):
     BEYOND_LIMITS = "beyond limits"
     NOT_CONVERGED = "not converged"
     OUTSIDE_REGION = "outside the region of the regression"
+    UNCERTAIN = "uncertain"
 
 
 ALL = tuple(Status)
@@ -42,6 +43,7 @@ REASONS = {
     Status.BEYOND_LIMITS: "the target or its correction lies beyond a joint limit",
     Status.OUTSIDE_REGION: "outside the joint angles that the regression in the model was trained at, where it means "
     "nothing",
+    Status.UNCERTAIN: "the model knows its position less well than was asked for",
     Status.NOT_CONVERGED: "the iteration did not end near the target: it would change the branch, or the model is wild",
 }
 
@@ -112,6 +114,12 @@ class Correction:
                 parts.append(f"outside measured range: {', '.join(self.beyond[i])}")
             out.append("; ".join(parts) if good else "")
         return tuple(out)
+
+    def without_uncertain(self, uncertain: NDArray[np.bool_]) -> Correction:
+        """The correction with the targets of the mask (n,) refused unless they were before."""
+        rows = uncertain & self.good
+        status = [Status.UNCERTAIN if row else status for row, status in zip(rows, self.status, strict=True)]
+        return replace(self, joints=np.where(rows[:, None], np.nan, self.joints), status=tuple(status))
 
     @classmethod
     def of(

@@ -111,6 +111,24 @@ def test_a_target_out_of_reach_is_refused_unless_it_is_kept(here: Here) -> None:
     assert (kept.json()["corrected"], kept.json()["refused"]) == (1, 1)
 
 
+def test_targets_that_the_model_knows_too_little_are_refused(here: Here) -> None:
+    path, files = f"/models/{here.model}/programs", {"program": ("a.mod", MODULE)}
+    asked = {"most_uncertainty_mm": 1e-4}
+    assert "more than 0.0001 mm" in problem(here.client.post(path, files=files, data=asked), 422)["detail"]
+    assert here.client.post(path, files=files, data={"most_uncertainty_mm": 10.0}).json()["corrected"] == 2
+    targets = [{"target_id": "A"} | {f"j{k}_deg": 10.0 * k for k in range(1, 7)}]
+    table = f"/models/{here.model}/targets"
+    refused = problem(here.client.post(table, json={"targets": targets, **asked}), 422)
+    assert refused["targets"][0]["target"] == "A"
+    assert here.client.post(table, json={"targets": targets}).json()["corrected"] == 1
+
+
+def test_a_program_that_needs_no_pulses_refuses_words_for_them(here: Here) -> None:
+    files = {"program": ("a.mod", MODULE)}
+    answer = here.client.post(f"/models/{here.model}/programs", files=files, data={"pulses": "1,x"})
+    assert problem(answer, 422)["key"] == "pulses"
+
+
 @pytest.mark.parametrize("kind", ["urdf", "dh-csv", "dh-md", "mastering"])
 def test_a_model_is_exported_as_by_the_command(here: Here, tmp_path: Path, kind: str) -> None:
     told = here.client.get(f"/models/{here.model}/exports/{kind}").json()

@@ -12,10 +12,16 @@ from dataclasses import fields
 import pytest
 
 import truepose
+from service.commands.cell.select import select
+from service.commands.models.compensate import compensate_command
 from service.commands.models.diagnose import diagnose_command
 from service.commands.models.identify import identify_command
 from service.commands.models.validate import validate_command
-from service.http.wire.bodies import ToDiagnose, ToIdentify, ValidationAsked
+from service.commands.watch import judge_command, plan_command, upkeep_command
+from service.http.routes.work.program_routes import correct_program
+from service.http.wire.bodies import SelectionAsked, TargetsToCorrect, ToDiagnose, ToIdentify, ValidationAsked
+from service.http.wire.bodies.watches import UpkeepAsked, WatchPlanAsked, WatchRequestBody
+from service.results.cell.selected import SelectionRequest
 from service.results.judgement.validation import ValidationRequest
 from service.results.models.diagnosed import DiagnosisRequest
 
@@ -72,6 +78,47 @@ def test_a_validation_has_the_same_options() -> None:
     assert of(truepose.validate, {"data"}) == wanted
     asked = {*(f.name for f in fields(ValidationRequest)), "model", "compare"}
     assert asked == {name for name in wanted if not name.startswith("accept")} | {"limits"}
+
+
+def test_a_selection_has_the_same_options() -> None:
+    wanted = {field.name for field in fields(SelectionRequest)}
+    assert names_of(select) - {"cell", "out", "json"} == wanted
+    assert {name.removesuffix("_mm") for name in names_of(SelectionAsked)} == wanted
+    assert names_of(truepose.select) - {"cell"} == wanted
+
+
+def test_corrections_have_the_same_options() -> None:
+    """Programs are corrected at the terminal and over HTTP; Python corrects joints, with conditions one by one."""
+    files = {"model", "program", "out", "robot", "json", "here", "job_id"}
+    largest = {"largest_deg", "largest_mm"}
+    over_http = names_of(correct_program) - files - largest
+    assert {name.removesuffix("_mm") for name in over_http} == names_of(compensate_command) - files - {
+        "largest_correction"
+    }
+    assert largest < names_of(correct_program)
+    of_programs = {"frame", "pulses", "external_apart"}
+    assert names_of(TargetsToCorrect) - {"csv", "targets"} == over_http - of_programs | largest
+    conditions = {"side", "approach_deg", "temperature_c", "time_s", "series"}
+    joints = {"model", "joints_deg", "target", "limits_deg"}
+    options = over_http - of_programs - {"conditions", "tool", "keep_refused"}
+    assert names_of(truepose.compensate) - joints - conditions == {
+        name.removesuffix("_mm") for name in options
+    }
+
+
+def test_a_watch_has_the_same_options_at_the_terminal_and_over_http() -> None:
+    """Over HTTP the history is that of the service, and the updated model is kept with the job."""
+    at_the_terminal = {"model", "data", "cell", "out", "robot", "json", "history", "update"}
+    over_http = {"model_id", "model_document", "dataset_id", "run_id", "average"}
+    other_names = {"rate": "false_alarms", "rounds": "visits", "repeats": "readings"}
+    by_hand = {"touch", "touch_mm"}  # a person touches balls; such campaigns are planned at the terminal
+    for command, body, without in (
+        (plan_command, WatchPlanAsked, by_hand),
+        (judge_command, WatchRequestBody, set[str]()),
+        (upkeep_command, UpkeepAsked, set[str]()),
+    ):
+        own = {other_names.get(name, name) for name in names_of(command) - at_the_terminal}
+        assert own - without == names_of(body) - over_http
 
 
 def test_what_is_left_out_over_http_is_as_at_the_terminal() -> None:

@@ -20,7 +20,7 @@ from service.cli import main
 from tests.service.campaigns import write_data
 
 SURFACE = {
-    "Corrected": {"joints_deg", "wanted_deg", "found", "good", "targets", "usable"},
+    "Corrected": {"joints_deg", "wanted_deg", "found", "good", "radius_95_mm", "targets", "usable"},
     "Data": {"dataset", "readings", "simulated"},
     "Diagnosis": {
         "base",
@@ -52,7 +52,7 @@ SURFACE = {
         "saved",
         "stated",
     },
-    "Selection": {"choice", "curve", "joints_deg", "of_type", "poses", "u_by_count"},
+    "Selection": {"choice", "curve", "joints_deg", "of_type", "poses", "reached_with", "u_by_count"},
     "Validation": {"errors", "judgements", "result"},
 }
 FUNCTIONS = {"compensate", "diagnose", "identify", "load", "read", "select", "simulate", "validate"}
@@ -168,6 +168,19 @@ def test_corrected_targets_land(found: truepose.Diagnosis) -> None:
 def test_limits_are_in_degrees(found: truepose.Diagnosis) -> None:
     assert truepose.compensate(found.model, joints_deg=POSES_DEG, limits_deg=[[-180.0, 180.0]] * 6).good.all()
     assert not truepose.compensate(found.model, joints_deg=POSES_DEG, limits_deg=[[-5.0, 5.0]] * 6).good.any()
+
+
+def test_targets_that_the_model_knows_too_little_are_refused(found: truepose.Diagnosis) -> None:
+    every = truepose.compensate(found.model, joints_deg=POSES_DEG)
+    first, second = every.radius_95_mm
+    between = 0.5 * (first + second)
+    some = truepose.compensate(found.model, joints_deg=POSES_DEG, most_uncertainty=between)
+    assert some.good.tolist() == [first <= between, second <= between]
+    assert set(some.targets["status"]) == {"corrected", "uncertain"}
+    assert np.isnan(some.joints_deg[~some.good]).all()
+    assert np.array_equal(some.joints_deg[some.good], every.joints_deg[some.good])
+    with pytest.raises(truepose.DataError, match="most_uncertainty"):
+        truepose.compensate(found.model, joints_deg=POSES_DEG, most_uncertainty=-1.0)
 
 
 def test_a_data_frame_is_a_data_set(csv: Path) -> None:

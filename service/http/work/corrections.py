@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import csv
 import io
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,10 @@ from calib.text import meant_by
 from service.exports import written
 from service.http.work.campaigns import refuse_null
 from service.json_values import finite
-from service.programs import Compensation, KnownFrames, compensate, compensation, named_frames
+from service.programs import Compensation, KnownFrames, compensate, compensation, named_frames, pulses_of
 from service.programs.compensation import REFUSED
 from service.programs.conditions import ProgramConditions, stated_conditions
+from service.programs.program import RobotProgram
 from service.programs.read import parse
 from service.programs.text import bytes_of, text_of
 
@@ -42,7 +44,7 @@ def corrected(
     known = KnownFrames(named_frames("tool", [order["tool"]] if order["tool"] else []), {})
     stated = stated_conditions(order["conditions"], saved)
     table = parse(text, NAME, saved.model.robot, known)
-    done = compensate(table, NAME, saved, stated.stated, known, inverse=order["inverse"])
+    done = _compensated(table, NAME, saved, stated, known, order)
     more = {"csv": done.text, "rows": _rows(done.text)}
     return finite(_told(done, saved, usable, model_id, stated, order) | more), _refused(done)
 
@@ -55,14 +57,31 @@ def corrected_program(
     """
     saved, usable = for_use(model_file, order)
     file = Path(name)
-    known = KnownFrames(named_frames("tool", order["tool"]), named_frames("frame", order["frame"]))
+    known = KnownFrames(
+        named_frames("tool", order["tool"]),
+        named_frames("frame", order["frame"]),
+        pulses_of("pulses", order["pulses"]),
+        order["external_apart"],
+    )
     stated = stated_conditions(order["conditions"], saved)
     program = parse(text_of(content, file), file, saved.model.robot, known)
-    done = compensate(program, file, saved, stated.stated, known, inverse=order["inverse"])
+    done = _compensated(program, file, saved, stated, known, order)
     more = {"name": name, "program_base64": base64.b64encode(bytes_of(done.text)).decode("ascii")}
     return _sayable(finite(_told(done, saved, usable, model_id, stated, order) | more)), _sayable(
         _refused(done)
     )
+
+
+def _compensated(
+    program: RobotProgram,
+    file: Path,
+    saved: CalibratedModel,
+    stated: ProgramConditions,
+    known: KnownFrames,
+    order: Mapping[str, Any],
+) -> Compensation:
+    most = order["most_uncertainty_mm"] or math.inf
+    return compensate(program, file, saved, stated.stated, known, inverse=order["inverse"], most_mm=most)
 
 
 def for_use(model_file: Path, order: Mapping[str, Any]) -> tuple[CalibratedModel, Usable]:

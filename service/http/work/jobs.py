@@ -118,15 +118,16 @@ class Jobs:
     def validate(
         self, dataset: dict[str, Any], data: Path, model: Path | None, order: dict[str, Any]
     ) -> dict[str, Any]:
-        """Put a validation in the queue, as `add`. model: None for hold-outs; order: that of `Question`."""
+        """Put a validation in the queue, as `add`. model: None for hold-outs; order: that of `ValidationRequest`."""
         named = None if model is None else str(model)
         return self._add(
             "validation", {"dataset_id": dataset["id"], "data": str(data), "model": named, "order": order}, {}
         )
 
-    def select(self, cell: Cell, order: dict[str, Any]) -> dict[str, Any]:
-        """Put a selection of poses in a cell in the queue, as `add`. order: that of `Question`."""
-        return self._add("selection", {"dataset_id": "", "cell": cell.source, "order": order}, {})
+    def select(self, cell: Cell, order: dict[str, Any], prior: bytes | None) -> dict[str, Any]:
+        """Put a selection of poses in a cell in the queue, as `add`. order: that of `SelectionRequest`."""
+        files = {} if prior is None else {PRIOR: prior}
+        return self._add("selection", {"dataset_id": "", "cell": cell.source, "order": order}, files)
 
     def place(self, cell: Cell, order: placements.PlacementRequest) -> dict[str, Any]:
         """Put a search of placements of the base balls in the queue, as `add`."""

@@ -48,8 +48,8 @@ def correct_program(
     program: Annotated[
         UploadFile,
         File(
-            description="RAPID .mod, Fanuc .ls, URScript .script, KUKA .src or .dat, VAL3 .dtx or targets .csv; "
-            "its name says which."
+            description="RAPID .mod, Fanuc .ls, URScript .script, KUKA .src or .dat, Yaskawa .jbi, VAL3 .dtx or "
+            "targets .csv; its name says which."
         ),
     ],
     conditions: Conditions = "",
@@ -64,6 +64,17 @@ def correct_program(
             examples=[["W=0,0,0,0,0,0"]],
         ),
     ] = [],  # noqa: B006
+    pulses: Annotated[
+        str,
+        Form(
+            max_length=1000,
+            description="Yaskawa: pulses per degree of every axis, with its sign, P1,P2,...",
+            examples=["1432.3,1432.3,1324.5,927.1,1046.0,593.1"],
+        ),
+    ] = "",
+    external_apart: Annotated[
+        bool, Form(description="External axes carry neither robot nor work: they are kept.", examples=[False])
+    ] = False,
     inverse: Annotated[
         bool, Form(description="From actual to nominal: taught on the real robot.", examples=[False])
     ] = False,
@@ -71,6 +82,16 @@ def correct_program(
         bool, Form(description="Answer though some targets stay as they were.", examples=[False])
     ] = False,
     named_only: Annotated[bool, Form(description=_NAMED_ONLY, examples=[False])] = False,
+    most_uncertainty_mm: Annotated[
+        float,
+        Form(
+            ge=0.0,
+            le=1e4,
+            allow_inf_nan=False,
+            description="Refuse targets that the model knows less well than this (95 %), mm; 0: none.",
+            examples=[0.2],
+        ),
+    ] = 0.0,
     largest_deg: LargestDeg = _BOUNDS.turn_deg,
     largest_mm: LargestMm = _BOUNDS.shift_mm,
 ) -> dict[str, Any]:
@@ -82,7 +103,10 @@ def correct_program(
         "conditions": conditions,
         "tool": tool,
         "frame": frame,
+        "pulses": pulses,
+        "external_apart": external_apart,
         "inverse": inverse,
+        "most_uncertainty_mm": most_uncertainty_mm,
         "named_only": named_only,
         "largest_deg": largest_deg,
         "largest_mm": largest_mm,

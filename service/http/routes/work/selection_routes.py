@@ -5,6 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter
 from fastapi.responses import JSONResponse
 
+from service.files import as_json
 from service.http.routes.json_route import JsonRoute
 from service.http.routes.work.job_routes import shown
 from service.http.state import Here
@@ -32,7 +33,8 @@ def create_selection(here: Here, body: SelectionAsked, idempotency_key: Idempote
             "wanted_u": body.wanted_u_mm or None,
             "seed": body.seed,
         }
-        return begun(SELECTIONS, here.jobs.select(here.cell, order))
+        prior = as_json(body.prior).encode() if body.prior else None
+        return begun(SELECTIONS, here.jobs.select(here.cell, order, prior))
 
     return here.keys.once(idempotency_key, (SELECTIONS, body), work)
 

@@ -98,6 +98,11 @@ Version = Annotated[
 Names = Annotated[list[str], told("Names.", ["T1", "T2"])]
 Point = Annotated[list[float], told("A place x, y, z, mm.", [401.223, 88.102, 310.446])]
 
+Prior = Annotated[
+    dict[str, Any],
+    told("The content of a file of `truepose fleet learn`: what robots of the type share; empty: none.", {}),
+]
+
 Joints = Annotated[
     list[float],
     told("Joint angles as the controller counts them, deg.", [12.0, 45.0, -10.0, 80.0, -35.0, 10.0]),

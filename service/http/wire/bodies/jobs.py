@@ -25,6 +25,7 @@ from service.http.wire.bodies.fields import (
     Joints,
     Names,
     Point,
+    Prior,
     ProblemShown,
     RequestBody,
     ResponseBody,
@@ -245,6 +246,7 @@ class SelectionAsked(RequestBody):
         told_limit("The predicted U that is wanted", 0.1),
     ] = 0.0
     seed: Annotated[int, told("Draws the candidates and the starts; no unit.", 1, ge=0, le=2**53)] = 1
+    prior: Prior = Field(default_factory=dict)
 
 
 class ObservabilityResponse(ResponseBody):

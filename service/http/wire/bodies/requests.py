@@ -15,7 +15,7 @@ from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_v
 
 from calib.compensate import Bounds
 from service.http.wire.bodies.campaign import Campaign
-from service.http.wire.bodies.fields import AsRead, DescribedAs, Name, RequestBody, told, told_limit
+from service.http.wire.bodies.fields import AsRead, DescribedAs, Name, Prior, RequestBody, told, told_limit
 from service.http.wire.bodies.targets import TargetRow
 from service.results.judgement.acceptance import FARTHEST, AcceptanceLimits, Zone
 
@@ -268,6 +268,9 @@ class TargetsToCorrect(RequestBody):
     named_only: Annotated[
         bool, told("Leave out the carried terms of the model: correct named causes only.", False)
     ] = False
+    most_uncertainty_mm: Annotated[
+        float, told_limit("Refuse targets that the model knows less well than this (95 %)", 0.2)
+    ] = 0.0
     largest_deg: LargestDeg = Bounds().turn_deg
     largest_mm: LargestMm = Bounds().shift_mm
 
@@ -372,12 +375,7 @@ class ToFit(JudgeRequest):
             False,
         ),
     ] = False
-    prior: Annotated[
-        dict[str, Any],
-        told(
-            "The content of a file of `truepose fleet learn`: what robots of the type share; empty: none.", {}
-        ),
-    ] = Field(default_factory=dict)
+    prior: Prior = Field(default_factory=dict)
 
     @property
     def options(self) -> dict[str, Any]:
