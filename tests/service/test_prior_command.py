@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
+from fastapi.testclient import TestClient
 
 import truepose
+from acquisition import read_cell
 from calib import identify, read_dataset, save_model
 from mocks.campaign import make_campaign
 from service.cli import main
+from service.http.access.roles import ServiceSettings, Tokens
+from service.http.app import create_app
 from tests.benchmarks.priors import CELLS, a_type, learnt
 from tests.calib.campaigns import write_files
 
@@ -111,6 +116,36 @@ def test_poses_are_fewer_beside_a_type(
     assert "of 20 poses" in " ".join(capsys.readouterr().out.split()).replace("U of 20 poses", "of 20 poses")
     assert main([*arguments, "--groups", "base,geometry", "--prior", str(prior)]) == 2
     assert "Free the same groups" in capsys.readouterr().err
+
+
+def test_over_http_a_type_says_the_same_as_at_the_terminal(folder: Path, prior: Path, tmp_path: Path) -> None:
+    known = json.loads(prior.read_text("utf-8"))
+    tokens = Tokens("only-for-the-tests-of-priors", "only-to-look-at-the-tests-of-priors")
+    settings = ServiceSettings(record=tmp_path / "record", tokens=tokens, cell=read_cell(CELL))
+    groups = ["base", "geometry", "parallel_twist", "compliance"]
+    with TestClient(create_app(settings), base_url="http://127.0.0.1/api/v1") as client:
+        client.headers |= {"Authorization": f"Bearer {tokens.operator}"}
+
+        def result(path: str, **asked: Any) -> dict[str, Any]:
+            answer = client.post(path, json=asked)
+            assert answer.status_code == 202, answer.text
+            where = answer.headers["location"].removeprefix("/api/v1")
+            while (job := client.get(where, params={"wait": 30, "after": 2}).json())["state"] != "succeeded":
+                assert job["state"] != "failed", job
+            return job["result"]
+
+        files = {name: (folder / f"data.{name}").read_bytes() for name in ("csv", "toml")}
+        own = client.post("/datasets", files=files).json()["id"]
+        found = result("/identifications", dataset_id=own, prior=known)
+        poses = result("/selections", count=20, candidates=100, groups=groups, prior=known)
+    data, out, chosen_out = str(folder / "data.csv"), tmp_path / "r.json", tmp_path / "s.json"
+    assert main(["identify", data, "--prior", str(prior), "--json", str(out)]) == 0
+    assert found["prior"] == json.loads(out.read_text("utf-8"))["prior"]
+    chosen = ["select", str(CELL), "--out", str(tmp_path / "p.csv"), "--from", "100", "--count", "20"]
+    assert (
+        main([*chosen, "--groups", ",".join(groups), "--prior", str(prior), "--json", str(chosen_out)]) == 0
+    )
+    assert poses == json.loads(chosen_out.read_text("utf-8"))
 
 
 def test_what_cannot_be_learnt_from_or_used_is_refused(
