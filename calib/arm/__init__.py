@@ -1,4 +1,4 @@
-"""The arm: its robot file, forward and inverse kinematics, gravity torques, and the capsules that enclose it."""
+"""Robot files, kinematics, gravity torques and enclosing capsules of an arm."""
 
 from calib.arm.capsules import Capsule
 from calib.arm.hexapod import LEGS, Stances, stances, stances_among

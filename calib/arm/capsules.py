@@ -24,7 +24,11 @@ _WIDEST_MM = 2000.0  # a larger radius is a mistyped one
 
 @dataclass(frozen=True)
 class Capsule:
-    """All points within `radius_mm` of the line between two points in the frame of link `link` (1-based)."""
+    """A capsule that encloses a link, or part of it.
+
+    It contains all points within `radius_mm` of the line from `from_mm` to `to_mm`, two points in the
+    frame of link `link` (1-based).
+    """
 
     name: str
     link: int
@@ -34,7 +38,13 @@ class Capsule:
 
 
 def parse_capsules(entries: Any, joints: int, path: Path | str) -> tuple[Capsule, ...]:
-    """The `[[capsule]]` tables of a robot file. Raises DataError when they are not physical."""
+    """Parse the `[[capsule]]` tables of a robot file.
+
+    Raises
+    ------
+    DataError
+        A capsule is not physical, or its table has a missing or unknown key.
+    """
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise _refused("is not a list of tables.", "Write every capsule as [[capsule]].", path)
     return tuple(_capsule(entry, joints, path) for entry in entries)
@@ -77,7 +87,10 @@ def _refused(what: str, do: str, path: Path | str) -> DataError:
 def default_capsules(
     convention: str, alpha: Sequence[float], a: Sequence[float], d: Sequence[float]
 ) -> tuple[Capsule, ...]:
-    """Straight capsules from joint to joint, all of one radius, for an arm (angles rad) whose file has none."""
+    """Build straight capsules from joint to joint for an arm whose file has none.
+
+    All have the same radius. Angles in rad, lengths in mm.
+    """
     count = len(a)
     lengths = [math.hypot(x, z) for x, z in zip(a[1:], d[1:], strict=True)]
     radius = WITHOUT_FILE * sum(lengths)

@@ -1,17 +1,20 @@
-"""The degrees of freedom of an arm's tool point, found from the rank of its Jacobian, not from its type.
+"""Degrees of freedom of an arm's tool point, from the rank of its Jacobian.
 
-Six axes and more shift and turn the tool in every direction. A SCARA or a palletizer shifts it in three directions and
-turns it about one; a two-axis positioner turns it about two. The Jacobian J (6 x m) of the joints that the controller
-can move determines them:
+Six axes or more shift and turn the tool in every direction. A SCARA or a palletizer shifts it in three
+directions and
+turns it about one; a two-axis positioner turns it about two. The Jacobian J (6 x m) of the joints that
+the controller
+can move determines the degrees of freedom, for an arm of any type:
 
     count    the largest number of singular values above `SINGULAR` of the first, among postures all over the limits
     places   whether three of them shift the tool point: then its position comes first and orientation takes what is
              left of the joints; otherwise shift and turn are weighed with `LEVER_MM`
 
-A joint that its limits hold in place (the wrist of a palletizer, kept level by its rods) does not count, nor does a
-slide that the other joints do not need: a track keeps its position. If several changes of the joints give the same
-turn (seven axes), the one nearest to the present posture is taken. Sources: Siciliano & Slotine 1991 (position before
-orientation); Wampler 1986 (damping).
+A joint that its limits hold in place does not count, such as the wrist of a palletizer, which its rods
+keep level. Nor does a slide that the other joints do not need: a track keeps its position. If several
+changes of the joints give the same turn (seven axes), the one nearest to the present posture is taken.
+
+Sources: Siciliano & Slotine 1991 (position before orientation), Wampler 1986 (damping).
 """
 
 from __future__ import annotations
@@ -38,11 +41,17 @@ _SAMPLES = 64
 
 @dataclass(frozen=True)
 class Freedoms:
-    """The directions in which an arm of N joints can move its tool point.
+    """Directions in which an arm of N joints can move its tool point.
 
-    columns: (N, m) change of the model's joints for a unit of every joint that is moved: 1 rad, or `LEVER_MM` of a
-    slide. count, places: see above.
-    turns: number of directions about which it can turn, whatever happens to the tool point.
+    Attributes
+    ----------
+    columns : array of shape (N, m)
+        Change of the model's joints for a unit of every joint that is moved. The unit is 1 rad, or
+        `LEVER_MM` of a slide.
+    count, places
+        See the module docstring.
+    turns : int
+        Number of directions about which the tool can turn, if the tool point may move.
     """
 
     columns: Array
@@ -52,7 +61,13 @@ class Freedoms:
 
     @classmethod
     def of(cls, robot: Robot, limits: Array, coupling: str, tool: Array) -> Freedoms:
-        """Freedoms within limits (N, 2) as the controller counts. Raises KeyError for an unknown `coupling`."""
+        """Find the freedoms of an arm within limits (N, 2), in controller angles.
+
+        Raises
+        ------
+        KeyError
+            The robot has no joint matrix `coupling`.
+        """
         low, high = np.min(limits, axis=1), np.max(limits, axis=1)
         counted = np.random.default_rng(1).uniform(low, high, (_SAMPLES, robot.joints))
         jacobian = nominal_jacobian(robot, robot.model_angles(counted, coupling), tool)[1]
@@ -78,10 +93,21 @@ class Freedoms:
         return self.count == 6
 
     def step(self, jacobian: Array, miss: Array) -> tuple[Array, Array]:
-        """The change of the joints (n, N) that corrects the part of `miss` that the arm can correct, and this part
-        (n, 6).
+        """Solve for the change of the joints that corrects what the arm can correct of an error.
 
-        jacobian: (n, 6, N) scaled; miss: (n, 6) scaled alike.
+        Parameters
+        ----------
+        jacobian : array of shape (n, 6, N)
+            Scaled Jacobian, see `nominal_jacobian`.
+        miss : array of shape (n, 6)
+            Error of the poses, scaled like the rows of the Jacobian.
+
+        Returns
+        -------
+        change : array of shape (n, N)
+            Change of the joints.
+        corrected : array of shape (n, 6)
+            The part of `miss` that this change corrects.
         """
         moved = jacobian @ self.columns
         if self.all:
@@ -104,7 +130,10 @@ class Freedoms:
         return (drives + more) @ self.columns.T, np.hstack([shifted, _times(free, more)])
 
     def margin(self, jacobian: Array) -> Array:
-        """(n,) how close poses are to singular ones: least over largest singular value of the arm's freedoms."""
+        """Measure how close poses are to singular ones, shape (n,).
+
+        The measure is the ratio of the least to the largest singular value within the freedoms of the arm.
+        """
         values = np.linalg.svd(jacobian @ self.columns, compute_uv=False)
         least = values[:, self.count - 1] if self.count else np.zeros(len(jacobian))
         if self.places and not self.all:
@@ -112,10 +141,11 @@ class Freedoms:
         return least / values[:, 0]
 
     def same_branch(self, start: Array, end: Array) -> NDArray[np.bool_]:
-        """(n,) whether no singular pose lies between two postures, given their Jacobians (n, 6, N).
+        """Test whether no singular pose lies between two postures, shape (n,).
 
-        The determinant within the arm's freedoms changes its sign wherever a singular surface is crossed. True for
-        arms that have more joints than freedoms.
+        `start` and `end` are their Jacobians (n, 6, N). The determinant within the arm's freedoms
+        changes its sign wherever a singular surface is crossed. The result is always true for arms that
+        have more joints than freedoms.
         """
         if self.columns.shape[1] != self.count:
             return np.ones(len(start), dtype=bool)
@@ -125,7 +155,11 @@ class Freedoms:
 
 
 def _rank(matrices: Array, among: Array | None = None) -> int:
-    """The largest rank of some matrices (n, ., m); negligible is what is so beside the norm of `among`."""
+    """Return the largest rank of the matrices (n, ., m).
+
+    Singular values are negligible if they are small compared with the norm of `among` (default: the
+    matrices themselves).
+    """
     values = np.linalg.svd(matrices, compute_uv=False)
     largest = np.linalg.norm(matrices if among is None else among, ord=2, axis=(1, 2))
     return int(np.max(np.sum(values > SINGULAR * largest[:, None], axis=1), initial=0))

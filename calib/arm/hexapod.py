@@ -1,26 +1,28 @@
-"""The ballbar as a 6D instrument: the poses of a tool on six legs of one length between three balls and three.
+"""The ballbar as a 6D instrument: pose of a tool from six lengths and two triangles.
 
-Three balls B on the base, three T on the tool, six legs in the design 112212331: B1 to T1 and T2, B2 to T1, T2 and
-T3, B3 to T1. The tool balls follow one by one, each from three distances (trilateration):
+Three balls B are on the base and three balls T on the tool. Six legs join them in the design 112212331
+(B1 to T1 and T2, B2 to T1, T2 and T3, B3 to T1). The tool balls follow one by one, each from three
+distances (trilateration):
 
     t1 = Tri(B1, B2, B3; r, r, r, +)
     t2 = Tri(B1, B2, t1; r, r, |T1T2|, s2)
     t3 = Tri(t2, B2, t1; |T2T3|, r, |T3T1|, s3)
 
-36 designs (6 labellings of the base balls x 6 of the tool balls) with 4 signs each make 144 poses. Lengths mm.
-Source: Nubiola, thesis, sections 3.2 and 4.2 (trilateration: Manolakis 1996).
+36 designs (6 labellings of the base balls x 6 of the tool balls) with 4 signs each make 144 poses, if
+all legs have one length r. Lengths are in mm.
 
-The direct kinematics of the ballbar hexapod: the pose of the tool from six legs and the sides of two triangles.
-
-Frame of the base: B1 = 0, B2 on x, B3 in the plane of x and y (y > 0). The tool balls follow one by one
-(`calib.arm.hexapod.trilaterated`), each on either side of its triangle: 2 x 2 x 2 assembly modes. Twelve lengths L fix
-twelve coordinates x (three of the base, nine of the tool), by |p - q|^2 = L^2 for the two balls of each length, so
+Direct kinematics: in the frame of the base, B1 = 0, B2 lies on x and B3 in the plane of x and y (y > 0).
+Each tool ball lies on either side of its triangle, which gives 2 x 2 x 2 assembly modes. Twelve lengths
+L fix twelve coordinates x (three of the base, nine of the tool), by |p - q|^2 = L^2 for the two balls of
+each length. So
 
     A dx = diag(L) dL,   dx/dL = A^-1 diag(L),   U_x = (dx/dL) U_L (dx/dL)'
 
-is the law of propagation of the GUM with every length in it, those of the base and of the tool included. (The thesis's
-Table 3.1 takes t1 and t2 as independent and B2 as exact, and prints other figures for t3: 3.179 where it is 3.359.)
-Lengths mm. Source: Nubiola, thesis, section 3.2; JCGM 100 (GUM), 5.2.2.
+is the law of propagation of the GUM with every length in it, including those of the base and of the
+tool. The thesis's Table 3.1 takes t1 and t2 as independent and B2 as exact, and therefore prints other
+values for t3 (3.179 instead of 3.359).
+
+Sources: Nubiola, thesis, sections 3.2 and 4.2. Manolakis 1996 (trilateration). JCGM 100 (GUM), 5.2.2.
 """
 
 from __future__ import annotations
@@ -57,10 +59,16 @@ _FREE = np.array([3, 6, 7, *range(9, 18)])
 
 @dataclass(frozen=True)
 class Stances:
-    """The poses that a tool can take on its six legs.
+    """Poses that a tool can take on its six legs.
 
-    flange: (n, 4, 4) flange in the frame of the base balls, mm; base, tool: (n, 6) which balls each leg joins;
-    outward: (n,) whether all legs leave the plane of the tool balls on the side away from the flange.
+    Attributes
+    ----------
+    flange : array of shape (n, 4, 4)
+        Pose of the flange in the frame of the base balls, mm.
+    base, tool : array of int, shape (n, 6)
+        Base ball and tool ball that each leg joins.
+    outward : array of bool, shape (n,)
+        Whether all legs leave the plane of the tool balls on the side away from the flange.
     """
 
     flange: Array
@@ -70,9 +78,24 @@ class Stances:
 
 
 def stances(base_mm: Array, tool_mm: Array, leg_mm: float) -> Stances:
-    """Up to 144 stances for balls (3, 3) on the base, in any frame with its z up, and (3, 3) on the flange, one a row.
+    """Find the stances of a tool on six legs of one length, at most 144.
 
-    Stances that six legs of `leg_mm` do not reach are left out. Raises ValueError for balls in a line.
+    Stances that the legs do not reach are left out.
+
+    Parameters
+    ----------
+    base_mm : array of shape (3, 3)
+        Balls on the base, one per row, in any frame whose z points up.
+    tool_mm : array of shape (3, 3)
+        Balls on the tool, one per row, in the flange frame.
+    leg_mm : float
+        Length of every leg.
+
+    Raises
+    ------
+    ValueError
+        Three balls lie in a line, the base balls lie in a vertical plane, or the plane of the tool balls
+        contains the flange.
     """
     for balls in (base_mm, tool_mm):
         if np.linalg.norm(np.cross(balls[1] - balls[0], balls[2] - balls[0])) < 1.0:
@@ -112,9 +135,14 @@ def stances(base_mm: Array, tool_mm: Array, leg_mm: float) -> Stances:
 
 
 def stances_among(base_mm: Array, tool_mm: Array, leg_mm: float) -> Stances:
-    """The stances on every three of n >= 3 base balls (n, 3): with a fourth ball four times as many. As `stances`.
+    """Find the stances on every three of n >= 3 base balls (n, 3), as `stances` does.
 
-    base: which of the n each leg joins. Raises ValueError.
+    A fourth ball gives four times as many. `base` of the result states which of the n balls each leg joins.
+
+    Raises
+    ------
+    ValueError
+        There are fewer than three base balls, or as `stances`.
     """
     found = []
     for three in map(list, combinations(range(len(base_mm)), 3)):
@@ -128,9 +156,20 @@ def stances_among(base_mm: Array, tool_mm: Array, leg_mm: float) -> Stances:
 
 
 def trilaterated(v1: Array, v2: Array, v3: Array, l1: Array, l2: Array, l3: Array, sign: Array) -> Array:
-    """(n, 3) points at the distances l1, l2, l3 (n,) from v1, v2, v3 (n, 3); NaN where there is none.
+    """Find the points at given distances from three points; NaN if there is none.
 
-    sign (n,): +1 for the point on the side of (v2 - v1) x (v3 - v1), -1 for the other.
+    Parameters
+    ----------
+    v1, v2, v3 : array of shape (n, 3)
+        Known points.
+    l1, l2, l3 : array of shape (n,)
+        Distances from them.
+    sign : array of shape (n,)
+        +1 for the point on the side of (v2 - v1) x (v3 - v1), -1 for the other.
+
+    Returns
+    -------
+    array of shape (n, 3)
     """
     b = np.linalg.norm(v2 - v1, axis=1)
     e1 = (v2 - v1) / b[:, None]
@@ -146,13 +185,17 @@ def trilaterated(v1: Array, v2: Array, v3: Array, l1: Array, l2: Array, l3: Arra
 
 
 def _normal(balls_mm: Array) -> Array:
-    """(3,) unit vector across the plane of three balls (3, 3)."""
+    """Return the unit vector across the plane of three balls (3, 3), shape (3,)."""
     across = np.cross(balls_mm[1] - balls_mm[0], balls_mm[2] - balls_mm[0])
     return across / np.linalg.norm(across)
 
 
 def _frames(triangles: Array) -> Array:
-    """(n, 3, 3) rotations of the frames of triangles (n, 3, 3), corners one a row: x to the second, z normal."""
+    """Return the rotations of the frames of triangles, shape (n, 3, 3).
+
+    A triangle has one corner per row. Its x axis points to the second corner, its z axis is normal to
+    the plane.
+    """
     x = triangles[:, 1] - triangles[:, 0]
     z = np.cross(x, triangles[:, 2] - triangles[:, 0])
     x = x / np.linalg.norm(x, axis=1, keepdims=True)
@@ -162,10 +205,18 @@ def _frames(triangles: Array) -> Array:
 
 @dataclass(frozen=True)
 class HexapodPoses:
-    """n sets of lengths in m assembly modes; NaN where the legs of a set do not meet, or a triangle does not close.
+    """Poses for n sets of lengths in m assembly modes.
 
-    base: (n, 3, 3) base balls and tool: (n, m, 3, 3) tool balls, one a row, in the frame of the base, mm; lengths:
-    (n, 12) mm, in the order of `LENGTHS`.
+    Elements are NaN if the legs of a set do not meet, or if a triangle does not close.
+
+    Attributes
+    ----------
+    base : array of shape (n, 3, 3)
+        Base balls, one per row, in the frame of the base, mm.
+    tool : array of shape (n, m, 3, 3)
+        Tool balls, one per row, in the frame of the base, mm.
+    lengths : array of shape (n, 12)
+        Lengths in the order of `LENGTHS`, mm.
     """
 
     base: Array
@@ -174,7 +225,10 @@ class HexapodPoses:
 
     @property
     def frames(self) -> Array:
-        """(n, m, 4, 4) frame of the tool triangle: origin T1, x to T2, z normal to the three balls, mm."""
+        """Frames of the tool triangle, shape (n, m, 4, 4), mm.
+
+        The origin is T1, x points to T2, and z is normal to the plane of the three balls.
+        """
         second, third = (self.tool[..., k, :] - self.tool[..., 0, :] for k in (1, 2))
         x = second / np.linalg.norm(second, axis=-1)[..., None]
         rest = third - np.sum(x * third, axis=-1)[..., None] * x
@@ -185,11 +239,17 @@ class HexapodPoses:
         return frames
 
     def ball_covariance(self, u_mm: ArrayLike) -> Array:
-        """(n, m, 9, 9) mm2: covariance of T1, T2, T3; u_mm: standard uncertainty of lengths, (n, 12), (12,) or one."""
+        """Compute the covariance of T1, T2 and T3, shape (n, m, 9, 9), mm2.
+
+        `u_mm` is the standard uncertainty of the lengths, of shape (n, 12) or (12,), or one value for all.
+        """
         return self._propagated(self._derivative(), u_mm)
 
     def _derivative(self) -> Array:
-        """(n, m, 9, 12) derivative of the tool balls' coordinates by the lengths; NaN where there is no pose."""
+        """Differentiate the tool balls' coordinates by the lengths, shape (n, m, 9, 12).
+
+        Elements are NaN if there is no pose.
+        """
         n, m = self.tool.shape[:2]
         balls = np.concatenate([np.broadcast_to(self.base[:, None], (n, m, 3, 3)), self.tool], axis=2)
         span = balls[:, :, _ENDS[:, 0]] - balls[:, :, _ENDS[:, 1]]  # (n, m, 12, 3)
@@ -212,9 +272,19 @@ class HexapodPoses:
 
 
 def solve_pose(lengths_mm: ArrayLike, modes: ArrayLike = MODES) -> HexapodPoses:
-    """The poses of n sets of twelve lengths (n, 12), in the order of `LENGTHS`, in the assembly modes (m, 3).
+    """Solve the poses for n sets of twelve lengths.
 
-    Raises ValueError where they are not twelve, or not all above zero.
+    Parameters
+    ----------
+    lengths_mm : array of shape (n, 12)
+        Lengths in the order of `LENGTHS`.
+    modes : array of shape (m, 3), optional
+        Assembly modes. Default: all eight.
+
+    Raises
+    ------
+    ValueError
+        There are not twelve lengths, a length is not above zero, or a mode does not have three signs.
     """
     lengths = np.atleast_2d(np.asarray(lengths_mm, dtype=np.float64))
     signs = np.atleast_2d(np.asarray(modes, dtype=np.float64))

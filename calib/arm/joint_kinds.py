@@ -1,9 +1,10 @@
-"""The kinds of joints, with their units outside: a joint that turns counts in deg, one that slides in mm.
+"""Kinds of joints, their units in files, and the joint matrices of a robot file.
 
-An axis has a name, by which columns are called (`j1_deg`, `e1_mm`): j1, j2, ... over the joints of the arm, e1, e2, ...
-for external axes (a track, a lifting column, a positioner), which the robot file names.
+A joint that turns counts in deg, one that slides in mm. An axis has a name, by which columns are called
+(`j1_deg`, `e1_mm`). The joints of the arm are j1, j2, ...; external axes, which the robot file names,
+are e1, e2, ... (a track, a lifting column, a positioner).
 
-Joint matrices of a robot file: how the joints that a controller counts turn those of the model.
+A joint matrix states how the joints that a controller counts turn those of the model.
 """
 
 from __future__ import annotations
@@ -38,7 +39,13 @@ KEYS = ("matrix", "offset_deg", "offset_mm")
 
 
 def kind_of(link: Mapping[str, Any], number: int, path: Path) -> JointKind:
-    """The kind of the joint of a `[[link]]`, whose keys are checked. Raises DataError naming the key."""
+    """Read the kind of the joint of a `[[link]]` and check the keys of the table.
+
+    Raises
+    ------
+    DataError
+        The kind or a key is not valid; the error names the key.
+    """
     given = link.get("joint", "turns")
     prefix = f"link[{number}]."
     if given not in KINDS:
@@ -60,13 +67,25 @@ def kind_of(link: Mapping[str, Any], number: int, path: Path) -> JointKind:
 
 
 def limits_of(link: Mapping[str, Any], kind: JointKind) -> tuple[float, float]:
-    """Lower and upper limit of a joint, rad or mm. Raises KeyError, TypeError or ValueError for what is no number."""
+    """Read the lower and upper limit of a joint, rad or mm.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        A limit is missing or is not a number.
+    """
     lower, upper = (float(link[key]) * FACTORS[kind] for key in _LIMITS[kind])
     return lower, upper
 
 
 def external_of(links: Sequence[Mapping[str, Any]], path: Path) -> tuple[tuple[int, str], ...]:
-    """(link, name) of every external axis. Raises DataError for a name that is none, or is given twice."""
+    """Read the link and name of every external axis.
+
+    Raises
+    ------
+    DataError
+        A name is not e1, e2, ..., or is given twice.
+    """
     found: dict[str, int] = {}
     for number, link in enumerate(links, start=1):
         if "axis" not in link:
@@ -101,7 +120,15 @@ class JointMatrix:
 def parse_joint_matrix(
     entry: dict[str, Any], kinds: Sequence[JointKind], path: Path, key: str
 ) -> JointMatrix:
-    """A joint matrix, whose numbers are those of a file (deg, mm): model joint = matrix @ controller joint + offset."""
+    """Parse a joint matrix: model joint = matrix @ controller joint + offset.
+
+    The numbers of the file are in deg and mm.
+
+    Raises
+    ------
+    DataError
+        A key is unknown, or an offset has the unit of the other kind of joint.
+    """
     refuse_unknown(entry, KEYS, path, f"{key}.")
     offset = [0.0] * len(kinds)
     for kind, unit in UNITS.items():

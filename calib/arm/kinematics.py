@@ -1,4 +1,4 @@
-"""The exact kinematic chain, batched: from slot values to the target frame and the twist of every slot.
+"""Exact kinematic chain, batched: from slot values to the target frame and all twists.
 
 The chain is a row of elementary motions, each a turn about or a shift along one axis of the frame that the
 motions before it have made. Each has a name, its *slot*:
@@ -8,19 +8,22 @@ motions before it have made. Each has a name, its *slot*:
     alphaK aK thetaK dK betaK   link K: Rx(alpha) Ry(beta) Tx(a) Rz(theta) Tz(d)  (modified DH), or
                                         Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)  (standard DH)
     bearingK.rx, bearingK.ry    the bearing of joint K, tilting about the joint's origin just before theta_K: the
-                                origin of frame K (modified DH, where Tz(d) may as well come before Rz(theta)),
+                                origin of frame K (modified DH, where Tz(d) may as well come before
+                                Rz(theta)),
                                 of frame K-1 (standard DH)
     bearingK.x, bearingK.y      of a joint that slides: its carriage, aside of the axis; there all four come just behind
                                 d_K, so that they act where the carriage is, and theta_K is its roll
     tool.x .. tool.rz      the tool at the flange
     target.x .. target.rz  the measured target on the tool; its turns move no point, only its orientation
-    anchor.x .. anchor.z   beside the chain, in the world: the base target to which a distance was measured
+    anchor.x .. anchor.z   outside the chain, in the world: the base target to which a distance was measured
     length.zero            what a length meter shows at zero distance
 
-Arrays hold one reading a column, so every product runs over all readings at once: vectors are (3, n).
-Sources: Craig's and Denavit's conventions; Hayati 1983 for beta; Nubiola, Annex I (I.2) for the base.
+Arrays hold one reading per column, so every product runs over all readings at once: vectors are (3, n).
 
-The scaled Jacobian of the nominal tool point, and small differences of poses.
+The module also computes gravity torques, the scaled Jacobian of the nominal tool point, and small
+differences of poses.
+
+Sources: Craig's and Denavit's conventions, Hayati 1983 for beta, Nubiola, Annex I (I.2) for the base.
 """
 
 from __future__ import annotations
@@ -88,7 +91,7 @@ BESIDE = (*ANCHOR, LENGTH_ZERO)
 
 @dataclass(frozen=True)
 class Chain:
-    """The motions of one robot: `base` and `links` (one tuple a link)."""
+    """Elementary motions of one robot: `base`, and `links` with one tuple per link."""
 
     base: tuple[MotionStep, ...]
     links: tuple[tuple[MotionStep, ...], ...]
@@ -100,7 +103,10 @@ class Chain:
 
     @property
     def slots(self) -> dict[str, MotionStep]:
-        """Every slot of the chain by name, in order from world to target; those beside the chain are not here."""
+        """Every slot of the chain by name, in order from world to target.
+
+        The slots outside the chain (`BESIDE`) are not included.
+        """
         motions = (*FRAME, *self.base, *(m for link in self.links for m in link), *TOOL, *TARGET)
         return {motion.slot: motion for motion in motions}
 
@@ -118,11 +124,20 @@ def _chain(convention: Convention, placement: BasePlacement, joints: int, slides
 
 @dataclass
 class Frames:
-    """The frame at the end of a chain: columns of the rotation `x`, `y`, `z` and the origin `p`, each (3, n) or (3, 1).
+    """Frames at the end of a chain.
 
-    anchor: (3, n) base target of every reading, mm; world: axes of the frame in which it is given;
-    length_zero: (n,) or float, mm.
-    record: the slots whose axis and origin are kept; None for all.
+    Attributes
+    ----------
+    x, y, z, p : array of shape (3, n) or (3, 1)
+        Columns of the rotation, and the origin, mm.
+    anchor : array of shape (3, n) or (3, 1)
+        Base target of every reading, mm.
+    world : tuple of array
+        Axes of the frame in which `anchor` is given.
+    length_zero : array of shape (n,) or float
+        What a length meter shows at zero distance, mm.
+    record : collection of str or None
+        Slots whose axis and origin are kept; None for all.
     """
 
     x: Array
@@ -146,7 +161,10 @@ class Frames:
         return cross(axis, self.p - self.origin[slot]), axis
 
     def velocities(self, slots: Sequence[str]) -> Array:
-        """(S, 3, n) velocities of the target point for a unit rate of some slots; 0 for those beside the chain."""
+        """Return the velocities of the target point for a unit rate of slots, shape (S, 3, n).
+
+        They are 0 for slots outside the chain.
+        """
         axes, turning = self._axes(slots)
         arms = np.empty((len(turning), *axes.shape[1:]))
         for i, s in enumerate(turning):
@@ -155,7 +173,7 @@ class Frames:
         return axes
 
     def turnings(self, slots: Sequence[str]) -> Array:
-        """(S, 3, n) angular velocities of the target frame for a unit rate of some slots."""
+        """Return the angular velocities of the target frame for a unit rate of slots, (S, 3, n)."""
         axes, turning = self._axes(slots)
         sliding = np.ones(len(slots), dtype=bool)
         sliding[turning] = False
@@ -176,7 +194,7 @@ class Frames:
 
     @property
     def rotation(self) -> Array:
-        """(n, 3, 3) rotation of the target frame in the world."""
+        """Rotations of the target frame in the world, shape (n, 3, 3)."""
         (n,) = np.broadcast_shapes(*(v.shape[1:] for v in (self.x, self.y, self.z, self.p)))
         columns = [np.broadcast_to(v, (3, n)) for v in (self.x, self.y, self.z)]
         return np.stack(columns, axis=-1).transpose(1, 0, 2)
@@ -224,7 +242,10 @@ class Frames:
 
 
 def cross(u: Array, v: Array) -> Array:
-    """Cross product of (..., 3, n) arrays along the last axis but one (several times faster than numpy.cross)."""
+    """Compute the cross product of (..., 3, n) arrays along the last axis but one.
+
+    It is several times faster than `numpy.cross`.
+    """
     ux, uy, uz = u[..., 0, :], u[..., 1, :], u[..., 2, :]
     vx, vy, vz = v[..., 0, :], v[..., 1, :], v[..., 2, :]
     out = np.empty(np.broadcast_shapes(u.shape, v.shape))
@@ -236,7 +257,10 @@ def cross(u: Array, v: Array) -> Array:
 
 @dataclass(frozen=True)
 class BasePoses:
-    """Constant pose of the base in the world for every reading: rotation (3, 3, n or 1), translation (3, n or 1)."""
+    """Constant poses of the base in the world, for every reading or for all.
+
+    `rotation` is (3, 3, n or 1), `translation` (3, n or 1), mm.
+    """
 
     rotation: Array = field(default_factory=lambda: np.eye(3)[:, :, None])
     translation: Array = field(default_factory=lambda: np.zeros((3, 1)))
@@ -252,10 +276,23 @@ def propagate(
 ) -> Frames:
     """Carry frames through the chain.
 
-    values: slot -> (n,) or float, rad or mm; a slot that is absent is zero. station: (3,) mm, the point about
-    which the instrument's frame turns. turn: (3, 3, n or 1) constant orientation of the tool frame, behind the
-    target's position. Returns the frame of the target and the axis of every slot passed, or of the slots of
-    `record` alone.
+    Parameters
+    ----------
+    values : mapping of str to array of shape (n,) or float
+        Value of each slot, rad or mm. An absent slot is zero.
+    placement : BasePoses
+        Constant pose of the base in the world.
+    station : array of shape (3,), optional
+        Point about which the instrument's frame turns, mm. Default: the origin.
+    record : collection of str, optional
+        Slots whose axis is kept. Default: all.
+    turn : array of shape (3, 3, n or 1), optional
+        Constant orientation of the tool frame, behind the target's position.
+
+    Returns
+    -------
+    Frames
+        Frame of the target, and the axis of every recorded slot that was passed.
     """
     eye = np.eye(3)
     centre = np.zeros((3, 1)) if station is None else np.asarray(station, dtype=np.float64).reshape(3, 1)
@@ -295,7 +332,10 @@ def nominal_values(robot: Robot, joints: Array) -> dict[str, Array | float]:
 
 
 def forward(robot: Robot, joints: Array) -> Array:
-    """(n, 4, 4) poses of the flange in the base frame, mm, of the nominal robot at model joints (n, N), rad or mm."""
+    """Compute the flange poses of the nominal robot in the base frame.
+
+    `joints` (n, N) are model joints, rad or mm. The poses are (n, 4, 4), mm.
+    """
     frames = propagate(Chain.of(robot), nominal_values(robot, joints), BasePoses(), record=())
     poses = np.zeros((len(joints), 4, 4))
     poses[:, :3, :3] = frames.rotation
@@ -306,13 +346,18 @@ def forward(robot: Robot, joints: Array) -> Array:
 
 @dataclass(frozen=True)
 class Statics:
-    """Torques of gravity on the arm at nominal geometry, N.mm; of a joint that slides the force along it, N.
+    """Gravity torques on the arm at nominal geometry, N.mm.
 
-    moment: (n, N, 3) of all loads beyond joint K about its origin, in the axes of the frame just before theta_K; in
-    place of the third, of a joint that slides, the force of gravity along its axis;
-    overturning: (n, 3) of all loads about the origin of the base, in its axes;
-    unit_load: (n, N, 4) torque about every joint of 1 kg at the origin of the last link's frame, then of 1 kg mm
-    along its x, y and z: the torque of any load on the last link is linear in mass and mass x centre.
+    Attributes
+    ----------
+    moment : array of shape (n, N, 3)
+        Moment of all loads beyond joint K about its origin, in the axes of the frame just before
+        theta_K. For a joint that slides, the third component is the force of gravity along its axis, N.
+    overturning : array of shape (n, 3)
+        Moment of all loads about the origin of the base, in its axes.
+    unit_load : array of shape (n, N, 4)
+        Torque about every joint of 1 kg at the origin of the last link's frame, then of 1 kg mm along
+        its x, y and z. The torque of any load on the last link is linear in mass and mass x centre.
     """
 
     moment: Array
@@ -321,7 +366,10 @@ class Statics:
 
     @property
     def torque(self) -> Array:
-        """(n, N) about each joint, or along it, N, positive in the direction in which gravity pushes."""
+        """Torque about each joint, or force along it, N, shape (n, N).
+
+        It is positive in the direction in which gravity pushes.
+        """
         return self.moment[:, :, 2]
 
 
@@ -331,10 +379,11 @@ def statics(
     loads: tuple[Load, ...] | None = None,
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> Statics:
-    """Moments of gravity at the model joints (n, N), rad or mm; gravity (3,) in the base frame, m/s2.
+    """Compute the moments of gravity at model joints (n, N), rad or mm.
 
-    M_i = sum over loads beyond joint i of (c_j - o_i) x (m_j g), from the last joint inwards. o_i is the origin of
-    frame i (modified DH) or i-1 (standard DH). Source: Nubiola, Annex I.
+    M_i is the sum of (c_j - o_i) x (m_j g) over the loads beyond joint i, computed from the last joint
+    inwards. The origin o_i is that of frame i (modified DH) or i-1 (standard DH). `loads` replaces those
+    of the robot; `gravity` (3,) is in the base frame, m/s2. Source: Nubiola, Annex I.
     """
     frames = propagate(Chain.of(robot), nominal_values(robot, joints), BasePoses())
     n, count = joints.shape
@@ -369,9 +418,24 @@ def gravity_torques(
     loads: tuple[Load, ...] | None = None,
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81),
 ) -> Array:
-    """(n, N) torque of gravity about each joint, N.mm, or force along it, N, positive where gravity pushes.
+    """Compute the gravity torques of the joints.
 
-    tau_i = z_i . M_i, see `statics`. Source: Nubiola, Annex I; equals -dU/dq.
+    tau_i = z_i . M_i (see `statics`), which equals -dU/dq. Source: Nubiola, Annex I.
+
+    Parameters
+    ----------
+    joints : array of shape (n, N)
+        Model joints, rad or mm.
+    loads : tuple of Load, optional
+        Default: those of the robot.
+    gravity : tuple of float, optional
+        In the base frame, m/s2.
+
+    Returns
+    -------
+    array of shape (n, N)
+        Torque about each joint, N.mm, or force along a joint that slides, N. It is positive in the
+        direction in which gravity pushes.
     """
     return statics(robot, joints, loads, gravity).torque
 
@@ -379,7 +443,10 @@ def gravity_torques(
 def gravity_at_flange(
     robot: Robot, joints: Array, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
 ) -> Array:
-    """(n, 3) direction of gravity in the axes of the last link of the nominal robot at model angles (n, N), rad."""
+    """Return the direction of gravity in the axes of the last link, shape (n, 3).
+
+    `joints` (n, N) are model angles of the nominal robot, rad.
+    """
     frames = propagate(Chain.of(robot), nominal_values(robot, joints), BasePoses(), record=())
     pull = np.array(gravity)[:, None]
     across = [np.sum(axis * pull, axis=0) for axis in frames.link_frames[-1][:3]]
@@ -388,9 +455,11 @@ def gravity_at_flange(
 
 
 def pose_difference(wanted: Array, reached: Array) -> Array:
-    """(n, 6) from poses `reached` to `wanted` (n, 4, 4): shift in mm, turn as rotation vector in rad, world axes.
+    """Compute the small differences from poses `reached` to poses `wanted`, shape (n, 6).
 
-    The turn is exact to second order and zero only where the orientations agree: enough for small differences.
+    Both poses are (n, 4, 4). A difference is the shift in mm and the turn as a rotation vector in rad,
+    in world axes. The turn is exact to second order and is zero only if the orientations agree, which is
+    enough for small differences.
     """
     turn = wanted[:, :3, :3] @ reached[:, :3, :3].transpose(0, 2, 1)
     vector = 0.5 * np.stack(
@@ -400,9 +469,21 @@ def pose_difference(wanted: Array, reached: Array) -> Array:
 
 
 def nominal_jacobian(robot: Robot, joints: Array, tool: Array) -> tuple[Array, Array]:
-    """Poses (n, 4, 4) of the tool point and its scaled Jacobian (n, 6, N) at model joints (n, N), rad or mm.
+    """Compute the poses and the scaled Jacobian of the nominal tool point.
 
-    tool: (3,) mm in the flange frame. Rows in mm a rad or mm; those of rotation are multiplied by `LEVER_MM`.
+    Parameters
+    ----------
+    joints : array of shape (n, N)
+        Model joints, rad or mm.
+    tool : array of shape (3,)
+        Tool point in the flange frame, mm.
+
+    Returns
+    -------
+    poses : array of shape (n, 4, 4)
+        Poses of the tool point, mm.
+    jacobian : array of shape (n, 6, N)
+        Rows in mm per rad or per mm; those of rotation are multiplied by `LEVER_MM`.
     """
     n = len(joints)
     values = nominal_values(robot, joints) | {
@@ -422,5 +503,8 @@ def nominal_jacobian(robot: Robot, joints: Array, tool: Array) -> tuple[Array, A
 
 
 def joint_scale(robot: Robot) -> Array:
-    """(N,) what a joint moves that moves as far as another turns by 1 rad: 1, or `LEVER_MM` for one that slides."""
+    """Return the motion of each joint that is comparable with a turn by 1 rad, shape (N,).
+
+    It is 1 rad for a joint that turns, and `LEVER_MM` for one that slides.
+    """
     return np.where([kind == "slides" for kind in robot.kinds], LEVER_MM, 1.0)

@@ -1,4 +1,4 @@
-"""Masses that load the joints, as the `[[loads]]` of a robot file or of a data set give them."""
+"""Masses that load the joints, from the `[[loads]]` of a robot file or a data set."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HEAVIEST_KG = 1e5
 
 @dataclass(frozen=True)
 class Load:
-    """A mass that loads the joints: on link `link` (1-based), kg, centre of gravity in that link's frame, mm."""
+    """A mass on link `link` (1-based), kg, with its centre of gravity in that link's frame, mm."""
 
     link: int
     mass_kg: float
@@ -25,7 +25,13 @@ class Load:
 
 
 def parse_loads(entries: Any, joints: int, path: Path | str) -> tuple[Load, ...]:
-    """The `[[loads]]` of a robot file or a data set. Raises DataError when they are not physical."""
+    """Parse the `[[loads]]` of a robot file or a data set.
+
+    Raises
+    ------
+    DataError
+        A load is incomplete or not physical.
+    """
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise DataError(
             "is not a list of tables.", do="Write every load as [[loads]].", file=path, key="loads"

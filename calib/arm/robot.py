@@ -1,11 +1,11 @@
-"""The nominal robot, as its maker describes it: DH parameters, joint limits, loads, and joint matrices.
+"""The nominal robot of its maker: DH parameters, joint limits, loads and joint matrices.
 
-Read from `calib/arm/robots/NAME.toml` (`format = "truepose-robot/1"`) or from a file of the user's own. Two
-conventions: modified DH (Craig), `Rx(alpha) Ry(beta) Tx(a) Rz(theta) Tz(d)`, and standard DH,
-`Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)`; beta is Hayati's twist between axes that are meant to be parallel.
-A joint that turns adds to theta, one that slides to d.
+It is read from `calib/arm/robots/NAME.toml` (`format = "truepose-robot/1"`) or from the user's own file.
+There are two conventions. Modified DH (Craig) is `Rx(alpha) Ry(beta) Tx(a) Rz(theta) Tz(d)`. Standard DH
+is `Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)`. beta is Hayati's twist between axes that are meant to be
+parallel. A joint that turns adds to theta, one that slides to d.
 
-The hash of a robot: of all numbers on which its motion depends, and of no description.
+The hash of a robot covers all numbers on which its motion depends, but no description.
 """
 
 from __future__ import annotations
@@ -63,11 +63,19 @@ DESCRIPTION = ("name", "maker", "source", "capsules")
 
 @dataclass(frozen=True)
 class Robot:
-    """Nominal robot of N joints; angles in rad, lengths in mm, arrays of shape (N,).
+    """A nominal robot of N joints; angles in rad, lengths in mm, arrays of shape (N,).
 
-    parallel_axes: links whose beta is freed, the twist of the axis at the start of a link (modified DH) or at its end
-    (standard DH). slides: links whose joint slides; external: (link, name) of axes that are not the arm's.
-    loads_estimated: whether the loads are estimates (`estimated_loads`), which nobody published or weighed.
+    Attributes
+    ----------
+    parallel_axes : tuple of int
+        Links whose beta is freed. beta is the twist of the axis at the start of the link (modified DH)
+        or at its end (standard DH).
+    slides : tuple of int
+        Links whose joint slides.
+    external : tuple of (int, str)
+        Link and name of the axes that are not part of the arm.
+    loads_estimated : bool
+        Whether the loads are estimates (`estimated_loads`) instead of published or weighed values.
     """
 
     name: str
@@ -102,7 +110,7 @@ class Robot:
 
     @cached_property
     def axes(self) -> tuple[str, ...]:
-        """Name of every axis: that of an external one, else j1, j2, ... over the joints of the arm."""
+        """Name of every axis: j1, j2, ... for joints of the arm, otherwise that of the file."""
         named, count = dict(self.external), itertools.count(1)
         return tuple(named.get(k) or f"j{next(count)}" for k in range(1, self.joints + 1))
 
@@ -128,12 +136,18 @@ class Robot:
 
     @cached_property
     def joint_units(self) -> Array:
-        """(N,) the displayed unit of every joint in internal units: joints / joint_units are deg or mm."""
+        """Unit of every joint in files, in internal units, shape (N,).
+
+        joints / joint_units are in deg or mm.
+        """
         return np.array([FACTORS[kind] for kind in self.kinds])
 
     @cached_property
     def steps(self) -> Array:
-        """(N,) factors of a small angle, rad, for each joint: a slide moves as many mm as other joints turn deg."""
+        """Factors that turn a small angle, rad, into a step of each joint, shape (N,).
+
+        A joint that slides moves as many mm as the others turn deg.
+        """
         return self.joint_units / DEG
 
     @cached_property
@@ -143,12 +157,15 @@ class Robot:
 
     @cached_property
     def geometric_links(self) -> tuple[tuple[str, int], ...]:
-        """The DH numbers that identification frees, as (kind, link): what neither base nor slide absorbs.
+        """DH numbers that identification frees, as (kind, link).
 
-        Modified DH: alpha, a, theta, d of links 2..N. Standard DH: alpha and a of link 1 as well, since there
-        they come behind theta_1 (leaving them out costs 0.66 mm on a UR10). Of an axis along which something slides
-        the direction counts and not the place: the numbers that shift it across stay as they are, the offset along the
-        common normal and the one along the axis before (Schröer 1993: a slide has two numbers where a turn has four).
+        They are those that neither the base pose nor a slide absorbs. With modified DH these are alpha,
+        a, theta, d of links 2 to N. With standard DH alpha and a of link 1 are included, because there
+        they come behind theta_1 (leaving them out costs 0.66 mm on a UR10).
+
+        For an axis along which a joint slides, the direction counts, but not the place. The numbers that
+        shift the axis sideways therefore keep their values: the offset along the common normal, and the
+        one along the axis before. (Schröer 1993: a slide has two numbers, a turn four.)
         """
         kinds = ("alpha", "a", "theta", "d")
         first = [("alpha", 1), ("a", 1)] if self.convention == "dh" else []
@@ -161,12 +178,19 @@ class Robot:
 
     @cached_property
     def body(self) -> tuple[Capsule, ...]:
-        """The capsules of the robot file, or where it has none what encloses most arms of this length."""
+        """Capsules of the robot file, or default ones that enclose most arms of this length."""
         return self.capsules or default_capsules(self.convention, self.alpha, self.a, self.d)
 
     def followers(self, coupling: str) -> tuple[int, ...]:
-        """The joints (0-based) that follow others by a joint matrix: no motor drives them, and their limits leave them
-        no room. Raises KeyError for an unknown `coupling`."""
+        """Find the joints (0-based) that follow others by a joint matrix.
+
+        No motor drives them, and their limits leave them less than `_NO_ROOM` of motion.
+
+        Raises
+        ------
+        KeyError
+            The robot has no joint matrix `coupling`.
+        """
         if coupling == "none":
             return ()
         turned_by = np.count_nonzero(self.joint_matrices[coupling].matrix, axis=1)
@@ -179,9 +203,12 @@ class Robot:
         return next((name for name in self.joint_matrices if self.followers(name)), "none")
 
     def model_angles(self, controller: Array, coupling: str) -> Array:
-        """(n, N) joints as the controller counts -> (n, N) of the model, rad or mm.
+        """Convert joints (n, N) from controller to model values, rad or mm.
 
-        Raises KeyError for an unknown `coupling`.
+        Raises
+        ------
+        KeyError
+            The robot has no joint matrix `coupling`.
         """
         if coupling == "none":
             return controller
@@ -189,9 +216,12 @@ class Robot:
         return controller @ np.array(joint_matrix.matrix).T + np.array(joint_matrix.offset)
 
     def controller_angles(self, model: Array, coupling: str) -> Array:
-        """(..., N) model joints -> (..., N) as the controller counts: the inverse of `model_angles`.
+        """Convert joints (..., N) from model to controller values: the inverse of `model_angles`.
 
-        Raises KeyError for an unknown `coupling`.
+        Raises
+        ------
+        KeyError
+            The robot has no joint matrix `coupling`.
         """
         if coupling == "none":
             return model
@@ -200,7 +230,10 @@ class Robot:
 
 
 def refuse_slides(robot: Robot, what: str) -> None:
-    """Raise DataError for a robot with joints that slide. what: "aligning streams knows"."""
+    """Raise DataError for a robot with joints that slide.
+
+    `what` is the subject of the message with its verb, for example "aligning streams knows".
+    """
     if robot.slides:
         slides = ", ".join(robot.axes[k - 1] for k in robot.slides)
         raise DataError(
@@ -220,16 +253,32 @@ def built_in_robots() -> list[str]:
 
 
 def load_robot(name: str, beside: Path | None = None) -> Robot:
-    """Read a built-in robot by name, or a robot file by path (relative to `beside`, a folder).
+    """Read a built-in robot by name, or a robot file by path.
 
-    Raises DataError when there is no such robot or its file is not a robot file.
+    Parameters
+    ----------
+    name : str
+        Name of a built-in robot, or path of a robot file.
+    beside : Path, optional
+        Folder to which the path is relative.
+
+    Raises
+    ------
+    DataError
+        There is no such robot, or its file is not a robot file.
     """
     path = _path_of(name, beside)
     return robot_from(read_toml(path)[1], path)
 
 
 def own_robot_table(name: str, beside: Path | None = None) -> dict[str, Any] | None:
-    """The parsed robot file that `name` says, for `robot_from`; None for a built-in robot. Raises DataError."""
+    """Parse the robot file `name` for `robot_from`; return None for a built-in robot.
+
+    Raises
+    ------
+    DataError
+        There is no such robot, or the file is not TOML.
+    """
     return None if name in built_in_robots() else read_toml(_path_of(name, beside))[1]
 
 
@@ -254,7 +303,20 @@ def _is_file(path: Path) -> bool:
 
 
 def robot_from(table: Mapping[str, Any], path: Path) -> Robot:
-    """The robot of a parsed robot file; `path`: of the file that holds it, for refusals. Raises DataError."""
+    """Build a robot from a parsed robot file.
+
+    Parameters
+    ----------
+    table : mapping
+        The parsed file.
+    path : Path
+        File that error messages name.
+
+    Raises
+    ------
+    DataError
+        A key is missing or unknown, or a value is not possible.
+    """
     if table.get("format") != FORMAT:
         raise DataError(
             f"format is {table.get('format')!r}.",
@@ -319,7 +381,10 @@ def robot_from(table: Mapping[str, Any], path: Path) -> Robot:
 def _twisted(
     table: Mapping[str, Any], convention: Convention, alpha: Sequence[float], path: Path
 ) -> tuple[int, ...]:
-    """The links whose beta is the twist of `parallel_axes`, the axes that are parallel to the previous one."""
+    """Return the links whose beta is the twist of `parallel_axes`.
+
+    These axes are parallel to the previous one.
+    """
     axes = tuple(int(k) for k in table.get("parallel_axes", ()))
     behind, other = (1, "mdh") if convention == "dh" else (0, "dh")
     for k in axes:
@@ -408,9 +473,10 @@ def _refuse_impossible_kinds(robot: Robot, path: Path) -> None:
 
 
 def robot_hash(robot: Robot) -> str:
-    """SHA-256 of all numbers on which a robot's motion depends; without slides the same as in older versions.
+    """Compute the SHA-256 of all numbers on which a robot's motion depends.
 
-    Estimated loads count as none: a better estimate makes no other robot, and models from before it stay valid.
+    Without slides it is the same as in older versions. Estimated loads count as none: a better estimate
+    makes no other robot, and models from before it stay valid.
     """
     table = {key: value for key, value in asdict(robot).items() if key not in DESCRIPTION}
     if table.pop("loads_estimated"):

@@ -1,8 +1,9 @@
-"""Start values for unknown positions: base pose, tool frame and base targets, from the nominal robot and the readings.
+"""Start values for base pose, tool frame and base targets, from nominal robot and readings.
 
-Weighted Kabsch alignment of nominal points with measured ones; where the tool targets are unknown too, it alternates
-with the linear solution for them, and Gauss-Newton ends it. Weights (Huber) keep gross errors out. Distances give
-their base target by multilateration. Sources: Kabsch 1976; Norrdine 2012 (linear multilateration).
+Nominal points are aligned with measured ones (weighted Kabsch). If the tool targets are unknown too, the
+alignment alternates with the linear solution for them, and Gauss-Newton ends it. Weights (Huber) reduce
+the effect of gross errors. Distances give their base target by multilateration. Sources: Kabsch 1976,
+Norrdine 2012 (linear multilateration).
 """
 
 from __future__ import annotations
@@ -26,7 +27,10 @@ _USUAL_MM = 500.0
 
 
 def align(nominal: Array, measured: Array, weights: Array) -> tuple[Array, Array]:
-    """Rotation (3, 3) and translation (3,) with measured = rotation @ nominal + translation, least squares."""
+    """Fit measured = rotation @ nominal + translation by weighted least squares.
+
+    Returns the rotation (3, 3) and the translation (3,).
+    """
     w = weights / np.sum(weights)
     centre, goal = w @ nominal, w @ measured
     u, _, vt = np.linalg.svd((measured - goal).T @ ((nominal - centre) * w[:, None]))
@@ -43,14 +47,34 @@ def align(nominal: Array, measured: Array, weights: Array) -> tuple[Array, Array
 def base_and_tool(
     flange: Array, targets: Array, which: NDArray[np.int64], measured: Array, *, tool_unknown: bool
 ) -> tuple[Array, Array]:
-    """Base pose (4, 4) and tool targets (T, 3), mm, of one series, by least squares with Huber weights.
+    """Fit the base pose and the tool targets of one series, with Huber weights.
 
-    flange: (n, 4, 4) nominal poses; targets: (T, 3) nominal; which: (n,) index of the target of every reading;
-    measured: (n, 3). With p_i the flange, F_i its axes and t the target,
+    With p_i the flange, F_i its axes and t the target,
 
-        minimise  sum_i w_i | m_i - (R (p_i + F_i t) + T) |^2   over R, T and, where the tool is unknown, t.
+        minimise  sum_i w_i | m_i - (R (p_i + F_i t) + T) |^2   over R, T and, if the tool is unknown, t.
 
-    Alignment and averaging in turn come near, Gauss-Newton then converges; a target without readings stays.
+    Alternate alignment and averaging come near, then Gauss-Newton converges. A target without readings
+    keeps its value.
+
+    Parameters
+    ----------
+    flange : array of shape (n, 4, 4)
+        Nominal poses, mm.
+    targets : array of shape (T, 3)
+        Nominal tool targets, mm.
+    which : array of int, shape (n,)
+        Index of the target of every reading.
+    measured : array of shape (n, 3)
+        Measured points, mm.
+    tool_unknown : bool
+        Whether to fit the targets too.
+
+    Returns
+    -------
+    base : array of shape (4, 4)
+        Base pose, mm.
+    targets : array of shape (T, 3)
+        Tool targets, mm.
     """
     turn, place = flange[:, :3, :3], flange[:, :3, 3]
     nominal_targets, targets, weights = targets, targets.copy(), np.ones(len(measured))
@@ -98,10 +122,11 @@ def settled(
     enough: float = _SETTLED,
     nominal: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Base pose (4, 4) and tool targets (T, 3), mm, by Gauss-Newton from a start; the problem of `base_and_tool`.
+    """Solve the problem of `base_and_tool` by Gauss-Newton from a start.
 
-    A step that raises the robust cost is halved; one below `enough` (mm, rad) is the last. What the readings do not
-    determine stays as it was; where the tool hardly turns, its targets are held to their nominal places, `nominal`.
+    Returns the base pose (4, 4) and the tool targets (T, 3), mm. A step that raises the robust cost is
+    halved; one below `enough` (mm, rad) is the last. Values that the readings do not determine stay as
+    they were. If the tool hardly turns, its targets are drawn towards their nominal places, `nominal`.
     """
     rotation, shift, targets = base[:3, :3].copy(), base[:3, 3].copy(), targets.copy()
     turn, place = flange[:, :3, :3], flange[:, :3, 3]
@@ -154,12 +179,12 @@ def settled(
 
 
 def _lengths(vectors: Array) -> Array:
-    """(n,) lengths of vectors (n, 3)."""
+    """Return the lengths of vectors (n, 3), shape (n,)."""
     return np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
 
 
 def _huber(miss: Array) -> Array:
-    """(n,) weights of distances (n,): those above twice the median count in proportion to their inverse."""
+    """Weigh distances (n,); those above twice the median count in inverse proportion."""
     middle = len(miss) // 2
     return np.minimum(
         1.0, np.maximum(2.0 * np.partition(miss, middle)[middle], 1e-9) / np.maximum(miss, 1e-9)
@@ -174,9 +199,10 @@ def _step(columns: Array, right: Array) -> Array:
 
 
 def tools_of(flange: Array, base: Array, targets: Array, which: NDArray[np.int64], measured: Array) -> Array:
-    """Tool targets (T, 3), mm, of one series whose base is at `base` (4, 4): the median of what its readings say.
+    """Compute the tool targets of one series from a known base pose, as medians.
 
-    As `base_and_tool` has them; a target without readings stays as it is in `targets`.
+    The arrays are those of `base_and_tool`; `base` is (4, 4) and the result (T, 3), mm. A target without
+    readings stays as it is in `targets`.
     """
     back = (measured - base[:3, 3]) @ base[:3, :3]
     at_flange = np.einsum("nji,nj->ni", flange[:, :3, :3], back - flange[:, :3, 3])
@@ -187,9 +213,10 @@ def tools_of(flange: Array, base: Array, targets: Array, which: NDArray[np.int64
 
 
 def tool_turn(flange: Array, base: Array, orientation: Array) -> Array:
-    """(3, 3) constant orientation of the tool frame on the flange: the mean of what the readings say.
+    """Compute the constant orientation of the tool frame on the flange, shape (3, 3).
 
-    flange: (n, 4, 4) nominal poses; base: (4, 4); orientation: (n, 4) measured in the world, scalar first.
+    It is the mean over the readings. `flange` (n, 4, 4) are nominal poses, `base` is (4, 4).
+    `orientation` (n, 4) was measured in the world, scalar first.
     """
     measured = Rotation.from_quat(orientation, scalar_first=True)
     at_flange = Rotation.from_matrix(base[:3, :3] @ flange[:, :3, :3]).inv() * measured
@@ -197,9 +224,10 @@ def tool_turn(flange: Array, base: Array, orientation: Array) -> Array:
 
 
 def base_target(points: Array, lengths: Array, *, zero_unknown: bool) -> Array | None:
-    """(3,) place from which `points` (n, 3) are `lengths` (n,) away, mm; None where they do not determine it.
+    """Find the place that is `lengths` (n,) away from `points` (n, 3), mm, shape (3,).
 
-    |p|^2 - l^2 = 2 p.b + 2 l z + (z^2 - |b|^2): linear in b, the zero z of the lengths, and a constant.
+    |p|^2 - l^2 = 2 p.b + 2 l z + (z^2 - |b|^2) is linear in b, the zero z of the lengths, and a
+    constant. Returns None if the points do not determine the place.
     """
     columns = [2.0 * points, 2.0 * lengths[:, None]] if zero_unknown else [2.0 * points]
     system = np.column_stack([*columns, np.ones(len(points))])

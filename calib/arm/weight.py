@@ -1,4 +1,4 @@
-"""Where gravity acts on an arm, and what its links weigh if only the whole arm's mass is known."""
+"""Joints on which gravity acts, and estimated link masses if only the total mass is known."""
 
 from __future__ import annotations
 
@@ -17,11 +17,18 @@ _LEAST = 1e-3  # share of the largest torque of the probe that counts as none
 def estimated_loads(robot: Robot, mass_kg: float) -> tuple[Load, ...]:
     """Estimate the loads of an arm from the mass of the whole arm, kg.
 
-    Every millimetre of the way from the base to the flange, along the DH parameters, weighs the same; the centre of
-    what moves with a joint follows. On the ten built-in arms with published masses the torques about joints 2 and 3,
-    scaled joint by joint as a compliance does, differ from the published ones by 5 % RMS (1 to 13 %). A density that
-    falls towards the flange is worse (10 % if linear), since the motors of the wrist are heavy. External axes and the
-    stroke of slides weigh nothing. Raises DataError for a mass that no arm has, or an arm without length.
+    Every millimetre of the way from the base to the flange, along the DH parameters, weighs the same;
+    the centre of the parts that move with a joint follows. External axes and the stroke of slides weigh
+    nothing.
+
+    On the ten built-in arms with published masses the torques about joints 2 and 3, scaled joint by
+    joint as a compliance does, differ from the published ones by 5 % RMS (1 to 13 %). A density that
+    falls towards the flange is worse (10 % if linear), since the motors of the wrist are heavy.
+
+    Raises
+    ------
+    DataError
+        No arm has this mass, or the arm has no length.
     """
     if not 0.0 < mass_kg <= HEAVIEST_KG:
         raise DataError(
@@ -44,7 +51,10 @@ def estimated_loads(robot: Robot, mass_kg: float) -> tuple[Load, ...]:
 
 
 def _ways(robot: Robot) -> list[Array]:
-    """The corners of each link in its own frame, (3, 3) mm: what d and a span and what moves with its joint."""
+    """Return the three corners of each link in its own frame, one array (3, 3) per link.
+
+    They are the corners of the spans d and a that move with its joint.
+    """
     if robot.convention == "mdh":  # along d of this link, then along a of the next
         ends = (*robot.a[1:], 0.0)
         return [np.array([(0, 0, -d), (0, 0, 0), (a, 0, 0)]) for d, a in zip(robot.d, ends, strict=True)]
@@ -57,9 +67,10 @@ def _ways(robot: Robot) -> list[Array]:
 def joints_under_gravity(
     robot: Robot, joints: Array, gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
 ) -> tuple[int, ...]:
-    """The joints on which gravity acts with varying torque at model joints (n, N), whatever the links weigh.
+    """Find the joints on which gravity acts with a varying torque.
 
-    Not joint 1 of an arm that stands upright, nor any joint that turns in a SCARA.
+    `joints` (n, N) are model joints. The result holds for any masses of the links. Joint 1 of an upright
+    arm is not among them, nor is any joint that turns in a SCARA.
     """
     probe = statics(robot, joints, (Load(robot.joints, 1.0, _PROBE),), gravity).torque
     varies = np.ptp(probe, axis=0)

@@ -1,10 +1,12 @@
-"""The world frame: from nests on a table, or from base cups that the robot has touched and a ballbar has spanned.
+"""World frame from nests on a table, or from base cups that robot and ballbar have measured.
 
-3-2-1: origin in the first point, x towards the second, z normal to the plane of all three, y = z x x (ISO 5459: a
-datum system of point, line and plane). From three nests or more it may be fitted instead, which spreads their errors
-and shows them. Points that a robot has touched carry its errors; the correction keeps where they lie on the whole and
-gives the triangle the sides that the ballbar read. Lengths mm. Sources: Kabsch 1976; Nubiola, section 4.2,
-(4.10)-(4.12).
+A 3-2-1 frame has its origin in the first point, x towards the second, z normal to the plane of all
+three, and y = z x x. ISO 5459 calls it a datum system of point, line and plane. The frame may instead be
+fitted to three nests or more, which spreads their errors and shows them.
+
+Points that a robot has touched carry its errors. The correction keeps their mean position and
+orientation, and gives the triangle the sides that the ballbar read. Lengths are in mm. Sources: Kabsch
+1976, Nubiola, section 4.2, (4.10)-(4.12).
 """
 
 from __future__ import annotations
@@ -37,8 +39,10 @@ class WorldFrame:
         return (np.asarray(points, dtype=np.float64) - self.origin) @ self.rotation
 
     def turned_to_world(self, rot_wxyz: ArrayLike) -> Array:
-        """Unit quaternions that turn into the instrument's frame, (n, 4) or (4,), scalar first, as turns into the
-        world; the scalar is not negative."""
+        """Convert unit quaternions of rotations from the instrument's frame to the world.
+
+        They are (n, 4) or (4,), scalar first; the scalar of the result is not negative.
+        """
         turn = Rotation.from_matrix(self.rotation) * Rotation.from_quat(rot_wxyz, scalar_first=True)
         return turn.as_quat(canonical=True, scalar_first=True)
 
@@ -54,9 +58,14 @@ class WorldFrame:
 
 
 def frame_of(points: Array) -> tuple[Array, Array]:
-    """Rotation (3, 3), columns x, y, z, and origin (3,) of three points (3, 3), one a row.
+    """Build the frame of three points (3, 3), one per row.
 
-    Raises ValueError when they lie in a line.
+    Returns the rotation (3, 3), whose columns are x, y, z, and the origin (3,).
+
+    Raises
+    ------
+    ValueError
+        The points lie in a line.
     """
     origin, second, third = points
     x = second - origin
@@ -69,10 +78,15 @@ def frame_of(points: Array) -> tuple[Array, Array]:
 
 
 def by_three_two_one(measured: Array, nominal: Array) -> WorldFrame:
-    """The transform that lays the frame of three measured points over that of three nominal ones, (3, 3) mm each.
+    """Find the transform of the frame of three measured points to that of three nominal ones.
 
-    Errors of the second point along x, and of the third within the plane, do not turn it. Raises ValueError when
-    either three lie in a line.
+    Both are (3, 3), mm. Errors of the second point along x, and of the third within the plane, do not
+    turn it.
+
+    Raises
+    ------
+    ValueError
+        Three points lie in a line.
     """
     turn_measured, origin_measured = frame_of(measured)
     turn_nominal, origin_nominal = frame_of(nominal)
@@ -81,9 +95,14 @@ def by_three_two_one(measured: Array, nominal: Array) -> WorldFrame:
 
 
 def fitted(measured: Array, nominal: Array) -> tuple[WorldFrame, Array]:
-    """The transform that brings n >= 3 measured points (n, 3) closest to nominal ones, and what is left (n, 3), mm.
+    """Fit the transform that brings n >= 3 measured points closest to nominal ones.
 
-    Raises DataError when there are fewer, or when all lie in a line: the turn about it would be anybody's guess.
+    `measured` and `nominal` are (n, 3), mm. Returns the transform and the residuals (n, 3), mm.
+
+    Raises
+    ------
+    DataError
+        There are fewer than three points, or all lie in a line, so that the turn about it is undetermined.
     """
     spread = (
         np.linalg.svd(nominal - nominal.mean(axis=0), compute_uv=False) if len(nominal) >= 3 else np.zeros(3)
@@ -100,9 +119,10 @@ def fitted(measured: Array, nominal: Array) -> tuple[WorldFrame, Array]:
 
 @dataclass(frozen=True)
 class Triangle:
-    """Three points (3, 2) with the sides that were measured, laid over the points that were touched.
+    """Three points (3, 2) with the measured sides, laid over the points that were touched.
 
-    Counted from its own corner and first side, it has been turned by `angle`, rad, and shifted by `shift` (2,), mm.
+    Relative to its own corner and first side, the triangle has been turned by `angle`, rad, and shifted
+    by `shift` (2,), mm.
     """
 
     points: Array
@@ -111,9 +131,14 @@ class Triangle:
 
 
 def corrected_triangle(touched: Array, sides: ArrayLike) -> Triangle:
-    """The triangle of sides d12, d23, d31 that lies closest to three touched points (3, 2), mm: a fit in the plane.
+    """Fit the triangle of given sides to three touched points in the plane.
 
-    Raises DataError when the sides make no triangle.
+    `touched` is (3, 2), mm; `sides` are d12, d23, d31.
+
+    Raises
+    ------
+    DataError
+        The sides make no triangle.
     """
     d12, d23, d31 = np.asarray(sides, dtype=np.float64)
     u = (d12**2 + d31**2 - d23**2) / (2.0 * d12) if d12 > 0.0 else np.inf
@@ -132,19 +157,39 @@ def corrected_triangle(touched: Array, sides: ArrayLike) -> Triangle:
 
 
 def of_base_points(touched: Array, sides: ArrayLike) -> WorldFrame:
-    """The frame the robot works in, in the world of three base points: origin in the first, x to the second, z normal.
+    """Build the robot's working frame in the world of three base points.
 
-    touched: (3, 3) points as the robot has them, mm, counter-clockwise from above; sides: d12, d23, d31 as the ballbar
-    has them. Raises ValueError when the points lie in a line, and DataError when the sides make no triangle.
+    The origin is the first point, x points to the second, z is normal to the plane.
+
+    Parameters
+    ----------
+    touched : array of shape (3, 3)
+        Points as the robot has them, mm, counter-clockwise from above.
+    sides : array of shape (3,)
+        d12, d23, d31 as the ballbar has them, mm.
+
+    Raises
+    ------
+    ValueError
+        The points lie in a line.
+    DataError
+        The sides make no triangle.
     """
     rotation, corner = frame_of(with_sides(touched, sides))
     return WorldFrame(rotation.T, -corner @ rotation)
 
 
 def with_sides(touched: Array, sides: ArrayLike) -> Array:
-    """(3, 3) three touched points, moved within their plane so that their sides d12, d23, d31 are those measured, mm.
+    """Move three touched points within their plane so that they have the measured sides.
 
-    Raises ValueError when the points lie in a line, and DataError when the sides make no triangle.
+    `sides` are d12, d23, d31, mm; the result has the shape (3, 3).
+
+    Raises
+    ------
+    ValueError
+        The points lie in a line.
+    DataError
+        The sides make no triangle.
     """
     turn, origin = frame_of(touched)
     flat = (touched - origin) @ turn

@@ -27,7 +27,17 @@ LEVEL = 1e-10
 
 @dataclass(frozen=True)
 class FiveAxes:
-    """The zero pose: centre w (3,), mm; hand: from axis 4 to w, and last: z_5, in the axes E; senses of axes 3, 4."""
+    """Zero pose of an arm of five axes.
+
+    Attributes
+    ----------
+    centre : array of shape (3,)
+        The centre w, mm, in the base frame.
+    hand, last : array of shape (3,)
+        The vector from axis 4 to w, mm, and z_5, both in the axes E.
+    senses : tuple of float
+        +1 or -1 if axes 3 and 4 point along axis 2 or against it.
+    """
 
     zero: ZeroPose
     links: TwoLinks
@@ -41,7 +51,13 @@ class FiveAxes:
 
     @classmethod
     def of(cls, zero: ZeroPose) -> FiveAxes:
-        """Raises DataError, saying what prevents it, for other arms."""
+        """Find the structure of an arm from its zero pose.
+
+        Raises
+        ------
+        DataError
+            The arm has another structure; the message states which condition fails.
+        """
         axes, points = zero.axes, zero.points
         if zero.joints != 5 or not all(zero.turns):
             raise zero.refused(f"it has {zero.joints} joints, of which {sum(zero.turns)} turn, not 5")
@@ -65,7 +81,10 @@ class FiveAxes:
         )
 
     def solve(self, poses: Array, seed: Array) -> Solutions:
-        """All four branches of flange poses (n, 4, 4), base frame, mm; seed (n, 5) rad for a theta_1 left free."""
+        """Solve all four branches of flange poses (n, 4, 4), base frame, mm.
+
+        `seed` (n, 5), rad, gives theta_1 if the pose does not determine it.
+        """
         links, flange = self.links, self.zero.flange
         turned = links.base @ poses[:, :3, :3] @ flange[:3, :3].T
         in_flange = flange[:3, :3].T @ (self.centre - flange[:3, 3])

@@ -1,14 +1,15 @@
-"""Six axes whose wrist is not in a point (Fanuc CRX, xArm): all branches by a search over theta_6.
+"""Six axes whose wrist axes do not meet (Fanuc CRX, xArm): all branches by a search.
 
-Axes 2 and 3 are parallel and axes 4 and 5 meet in c; axis 6 may pass c wherever its maker put it. For a given theta_6
-the place of c and of axis 5 are known; c gives theta_1 to theta_3 in up to four branches, and then axis 4 either stands
-to axis 5 as it is built or not:
+Axes 2 and 3 are parallel and axes 4 and 5 meet in c; axis 6 may pass c anywhere. For a given theta_6 the
+place of c and of axis 5 are known. The point c gives theta_1 to theta_3 in up to four branches, and then axis 4
+either has the angle to axis 5 that it has by construction, or it has not:
 
     f(theta_6) = z_4 . z_5 - (z_4 . z_5 at the zero pose)
 
-Every zero of f over a whole turn is a solution, up to sixteen. Zeros are begun where f changes its sign, where |f| is
-least without, and beside the edges of reach, and ended by Newton's method on the six equations. Source: the equation in
-one unknown of Abbes & Poisson 2024 (CRX), here over theta_6.
+Every zero of f over a whole turn is a solution; there are up to sixteen. The search starts where f
+changes its sign, where |f| has a minimum without a change of sign, and next to the edges of reach.
+Newton's method on the six equations ends it. Source: the equation in one unknown of Abbes & Poisson 2024
+(CRX), here over theta_6.
 """
 
 from __future__ import annotations
@@ -55,7 +56,11 @@ Begun = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Array]
 
 @dataclass(frozen=True)
 class OffsetWrist:
-    """The zero pose: centre c (3,), mm; the first three axes; senses of axis 3; z_5 x z_4, z_5, z_4 as `wrist`."""
+    """Zero pose of an arm with an offset wrist.
+
+    The centre c (3,) is in the base frame, mm. `links` are the first three axes. `sense` is +1 or -1 if
+    axis 3 points along axis 2 or against it.
+    """
 
     zero: ZeroPose
     centre: Array
@@ -67,7 +72,10 @@ class OffsetWrist:
 
     @classmethod
     def of(cls, zero: ZeroPose) -> OffsetWrist | None:
-        """The arm of a zero pose; None where axes 4 and 5 do not meet squarely, or the arm is of another kind."""
+        """Find the structure of an arm from its zero pose.
+
+        Returns None if axes 4 and 5 do not meet squarely, or if the arm is of another kind.
+        """
         axes, points = zero.axes, zero.points
         if not (square(axes[0], axes[1]) and parallel(axes[1], axes[2]) and square(axes[3], axes[4])):
             return None
@@ -77,7 +85,10 @@ class OffsetWrist:
         return cls(zero, centre, TwoLinks.of(zero, centre, centre), float(np.sign(axes[1] @ axes[2])))
 
     def solve(self, poses: Array, seed: Array) -> Solutions:
-        """All branches of flange poses (n, 4, 4), base frame, mm; more of the same name are called `.../2`."""
+        """Solve all branches of flange poses (n, 4, 4), base frame, mm.
+
+        Further solutions of the same name are called `.../2`, and so on.
+        """
         blocks = [
             self._block(poses[i : i + BLOCK], seed[i : i + BLOCK])
             for i in range(0, max(len(poses), 1), BLOCK)
@@ -116,7 +127,10 @@ class OffsetWrist:
     def _first_three(
         self, poses: Array, theta_6: Array, seed: Array
     ) -> tuple[tuple[Array, Array, Array], Mask, Array]:
-        """theta_1 to theta_3 (2, 2, k, n) for theta_6 (k, n); whether they reach; what is left of f."""
+        """Compute theta_1 to theta_3 for values of theta_6 (k, n).
+
+        Returns the angles, each (2, 2, k, n), whether they reach the pose, and the value of f.
+        """
         zero, links = self.zero, self.links
         flange = zero.flange
         back = turns_about(zero.axes[5], -theta_6)
@@ -207,7 +221,7 @@ class OffsetWrist:
     def _at(
         self, poses: Array, seed: Array, chosen: tuple[NDArray[np.int64], ...], theta_6: Array
     ) -> tuple[Mask, Array]:
-        """Whether branches of some rows reach at theta_6 (m,), and f there."""
+        """Test whether the branches of some rows reach at theta_6 (m,), and compute f there."""
         front, up, _, rows = chosen
         _, valid, f = self._first_three(poses[rows], theta_6[None], seed[rows, 0])
         each = np.arange(len(rows))

@@ -1,8 +1,9 @@
-"""Seven axes with shoulder and wrist in a point each (iiwa): closed form for the elbow where the seed has it.
+"""Seven axes with shoulder and wrist in a point each (iiwa), in closed form.
 
-Axes 1, 2, 3 meet in s, axes 5, 6, 7 in w; axis 4 is the elbow. The arm can turn about the line from s to w without
-moving its flange: of that turn the one is taken that leaves the elbow in the half-plane, seen from that line, in which
-it is at the seed, the posture that was taught. In turn:
+Axes 1, 2, 3 meet in s, axes 5, 6, 7 in w; axis 4 is the elbow. The arm can turn about the line from s to
+w without moving its flange. Of these postures the one is taken whose elbow lies in the same half-plane,
+seen from that line, as at the seed, which is the posture that was taught. The angles follow in this
+order:
 
     elbow      |w - s| gives theta_4, up and down
     shoulder   the rotation of axes 1 to 3 takes w - s and the half-plane of the elbow to where they belong: front, back
@@ -28,10 +29,16 @@ _IN_LINE = 1e-12  # of the arm's length
 
 @dataclass(frozen=True)
 class SevenAxes:
-    """The zero pose: shoulder s and wrist w (3,), mm, in the base frame.
+    """Zero pose of an arm of seven axes; vectors (3,), mm, in the base frame.
 
-    to_elbow: from s to axis 4, square to it; from_elbow: from axis 4 to w alike. bend: angle between them about axis 4,
-    rad.
+    Attributes
+    ----------
+    shoulder, wrist : array of shape (3,)
+        The points s and w.
+    to_elbow, from_elbow : array of shape (3,)
+        Vectors from s to axis 4 and from axis 4 to w, both square to axis 4.
+    bend : float
+        Angle between the two about axis 4, rad.
     """
 
     zero: ZeroPose
@@ -46,7 +53,13 @@ class SevenAxes:
 
     @classmethod
     def of(cls, zero: ZeroPose) -> SevenAxes:
-        """Raises DataError, saying what prevents it, for other arms."""
+        """Find the structure of an arm from its zero pose.
+
+        Raises
+        ------
+        DataError
+            The arm has another structure; the message states which condition fails.
+        """
         if zero.joints != 7 or not all(zero.turns):
             raise zero.refused(f"it has {zero.joints} joints, of which {sum(zero.turns)} turn, not 7")
         shoulder, wrist = (_centre(zero, first) for first in (0, 4))
@@ -59,7 +72,10 @@ class SevenAxes:
         return cls(zero, shoulder, wrist, to_elbow, from_elbow, float(bend))
 
     def solve(self, poses: Array, seed: Array) -> Solutions:
-        """All eight branches of flange poses (n, 4, 4), base frame, mm; seed (n, 7) rad says where the elbow is."""
+        """Solve all eight branches of flange poses (n, 4, 4), base frame, mm.
+
+        `seed` (n, 7), rad, determines the half-plane of the elbow.
+        """
         zero = self.zero
         turned = poses[:, :3, :3] @ zero.flange[:3, :3].T
         reach = poses[:, :3, 3] + turned @ (self.wrist - zero.flange[:3, 3]) - self.shoulder
@@ -87,7 +103,10 @@ class SevenAxes:
         return self.zero.points[3] - self.shoulder
 
     def _elbow(self, distance: Array) -> tuple[Array, Mask, Mask]:
-        """theta_4 (up, n); where s and w cannot be so far apart, (up, n); where the arm is in line."""
+        """Compute theta_4, shape (up, n), from the distance between s and w.
+
+        Also returns whether s and w cannot be that far apart, and whether the arm is in line, both (up, n).
+        """
         axis = self.zero.axes[3]
         along = (self.wrist - self.shoulder) @ axis
         planar = np.sqrt(np.maximum(distance**2 - along**2, 0.0))
@@ -98,7 +117,10 @@ class SevenAxes:
         return angle, np.broadcast_to(far, shape)[0, :, 0], np.broadcast_to(stretched, shape)[0, :, 0]
 
     def _three(self, first: int, rotation: Array, sign: Array, free: Array) -> tuple[tuple[Array, ...], Mask]:
-        """Angles of three axes that make a rotation (up, n, 3, 3); where it is singular."""
+        """Compute the angles of three axes that make a rotation (up, n, 3, 3).
+
+        Also returns whether it is singular.
+        """
         begin, middle, last = self.zero.axes[first : first + 3]
         rows = axes_of_turns(begin, middle)
         one, two, three, singular = three_turns(
@@ -108,7 +130,13 @@ class SevenAxes:
 
 
 def _centre(zero: ZeroPose, first: int) -> Array:
-    """The point in which three axes meet, (3,) mm. Raises DataError where they do not, or are not square."""
+    """Find the point in which three axes meet, (3,) mm.
+
+    Raises
+    ------
+    DataError
+        The axes do not meet, or are not square to each other.
+    """
     for k in (first, first + 1):
         if not square(zero.axes[k], zero.axes[k + 1]):
             raise zero.refused(f"axes {k + 1} and {k + 2} are not square")
@@ -124,15 +152,16 @@ def _centre(zero: ZeroPose, first: int) -> Array:
 
 
 def _turned_by(zero: ZeroPose, joints: Array) -> Array:
-    """(n, 3, 3) what the first three axes turn at joints (n, N), rad."""
+    """Return the rotation by the first three axes at joints (n, N), rad, shape (n, 3, 3)."""
     first, second, third = (turns_about(zero.axes[k], joints[:, k]) for k in range(3))
     return first @ second @ third
 
 
 def _frame(along: Array, towards: Array, otherwise: Array) -> Array:
-    """(..., 3, 3) columns: along a vector (..., 3), square to it towards another, and square to both.
+    """Build frames from two vectors (..., 3), axes in columns, shape (..., 3, 3).
 
-    otherwise: (3,) in place of `towards` where that lies in line with the vector.
+    The first axis points along `along`, the second is square to it towards `towards`, and the third is
+    square to both. `otherwise` (3,) replaces `towards` if that is in line with `along`.
     """
     x = _unit(along)
     towards = np.broadcast_to(towards, x.shape)

@@ -1,25 +1,28 @@
 """Six axes in closed form: every pose in all its branches at once.
 
-With E = (z_1 x z_2, z_1, z_2) at the zero pose every rotation of the arm is a rotation in a plane. In turn:
+With E = (z_1 x z_2, z_1, z_2) at the zero pose every rotation of the arm is a rotation in a plane. The
+angles follow in this order:
 
     shoulder   w = T M^-1 w_0;   z_2 . R_1^-1 (w - o_1) = const   gives theta_1, front and back
     elbow      |p|^2 = |l|^2 + |f|^2 + 2 |l| |f| cos(theta_3 + phi)   gives theta_3, up and down, then theta_2
     wrist      v = R z_6 = cos(psi) z_4 + sin(psi) (cos(theta_4) z_5 x z_4 + sin(theta_4) z_5)
                gives theta_4 and psi = theta_5 + tilt, noflip and flip, then theta_6
 
-A spherical wrist takes the elbow first, with p the wrist centre. With three parallel axes the wrist comes first,
-theta_4 being the sum of the three, and p is where axis 4 then lies. Sources: Pieper 1968; Paden 1986 (the
-sub-problems); Hawkins 2013 (the order for the UR arms).
+A spherical wrist takes the elbow first, with p the wrist centre. With three parallel axes the wrist
+comes first, theta_4 being the sum of the three, and p is where axis 4 then lies.
 
-The structures of arms that can be inverted in closed form, found from where their axes lie, whatever the convention.
-
-From the zero pose of the nominal chain: directions z_i and points o_i of the joint axes. Two kinds are known:
+The structure of an arm is found from where its axes lie at the zero pose of the nominal chain, for any
+convention of its parameters. The directions and points of the joint axes are z_i and o_i. Two kinds are
+known:
 
     spherical wrist   axes 2 and 3 parallel; axes 4, 5, 6 meet in one point, the wrist centre w
     parallel elbow    axes 2, 3 and 4 parallel; axes 5 and 6 meet in w (the UR family)
 
-In both axis 1 is square to axis 2, axis 4 to axis 5 and axis 5 to axis 6. Source: Pieper 1968 (both are his
-solvable kinds); Murray, Li, Sastry 1994, section 3.2 (axes at the zero pose instead of DH numbers).
+In both, axis 1 is square to axis 2, axis 4 to axis 5 and axis 5 to axis 6.
+
+Sources: Pieper 1968 (both kinds are his solvable ones) and Paden 1986 (the sub-problems). Hawkins 2013
+(the order for the UR arms). Murray, Li, Sastry 1994, section 3.2 (axes at the zero pose instead of DH
+numbers).
 """
 
 from __future__ import annotations
@@ -39,10 +42,20 @@ Kind = Literal["spherical wrist", "parallel elbow"]
 
 @dataclass(frozen=True)
 class ArmStructure:
-    """The zero pose of six axes that can be inverted; vectors (3,) in the base frame, mm.
+    """Zero pose of six axes that can be inverted; vectors (3,) in the base frame, mm.
 
-    centre: the wrist centre w. links: the first three axes. wrist: rows z_5 x z_4, z_5, z_4. tilt: angle of z_6 from
-    z_4 about z_5, rad. senses: +1 or -1 as axes 3 and 4 point along axis 2 or against it.
+    Attributes
+    ----------
+    centre : array of shape (3,)
+        The wrist centre w.
+    links : TwoLinks
+        The first three axes.
+    wrist : array of shape (3, 3)
+        Rows z_5 x z_4, z_5, z_4.
+    tilt : float
+        Angle of z_6 from z_4 about z_5, rad.
+    senses : tuple of float
+        +1 or -1 if axes 3 and 4 point along axis 2 or against it.
     """
 
     kind: Kind
@@ -55,7 +68,13 @@ class ArmStructure:
 
 
 def structure_of(zero: ZeroPose) -> ArmStructure:
-    """The structure of six axes. Raises DataError, saying what prevents it, when it is of neither kind."""
+    """Find the structure of an arm of six axes.
+
+    Raises
+    ------
+    DataError
+        The arm is of neither kind; the message states which condition fails.
+    """
     if zero.joints != 6 or not all(zero.turns):
         raise zero.refused(f"it has {zero.joints} joints, of which {sum(zero.turns)} turn, not 6")
     axes, points = zero.axes, zero.points
@@ -110,11 +129,20 @@ class SixAxes:
 
     @classmethod
     def of(cls, zero: ZeroPose) -> SixAxes:
-        """Raises DataError, saying what prevents it, for other arms."""
+        """Find the structure of an arm from its zero pose.
+
+        Raises
+        ------
+        DataError
+            The arm has another structure; the message states which condition fails.
+        """
         return cls(structure_of(zero))
 
     def solve(self, poses: Array, seed: Array) -> Solutions:
-        """All eight branches of flange poses (n, 4, 4), base frame, mm; seed (n, 6) rad for joints left free."""
+        """Solve all eight branches of flange poses (n, 4, 4), base frame, mm.
+
+        `seed` (n, 6), rad, gives the joints that a singular pose does not determine.
+        """
         arm = self.structure
         n, links, flange, seed = len(poses), arm.links, arm.zero.flange, seed.T
         # What the arm as a whole turns: zero pose -> wanted pose, in the axes E.

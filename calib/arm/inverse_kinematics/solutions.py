@@ -1,25 +1,28 @@
-"""The branches of an arm's configuration by name, and the solutions of a batch of poses in them.
+"""Names of the branches of an arm, solutions of poses in them, and a numerical inverse.
 
-front / back, up / down and noflip / flip are the signs of what vanishes where the shoulder, the elbow and the wrist
-are singular, as `calib.validation.judge` finds them for given joints of six axes:
+front / back, up / down and noflip / flip are the signs of quantities that vanish if the shoulder, the
+elbow or the wrist is singular. `calib.validation.judge` finds them in the same way for given joints of
+six axes:
 
     front   the wrist centre lies on the side of axis 1 on which it lies at the zero pose
     up      the forearm turns from the upper arm in the positive sense of axis 2
     noflip  axis 6 turns from axis 4 in the positive sense of axis 5
 
-An arm without a wrist that bends (palletizers, five axes) has no third word. Of seven axes, front is an axis 3 that
-turns from axis 1 in the positive sense of axis 2, up the same of axes 3, 5 and 4, noflip of axes 5, 7 and 6. A SCARA is
-`right` where its forearm turns from its upper arm anticlockwise, seen from above, as a person's right arm, else `left`.
+An arm without a wrist that bends (palletizers, five axes) has no third word. For seven axes, front means
+that axis 3 turns from axis 1 in the positive sense of axis 2. In the same way, up refers to axes 3, 5
+and 4, and noflip to axes 5, 7 and 6. A SCARA is `right` if its forearm turns from its upper arm
+anticlockwise, seen from above, as a person's right arm does, otherwise `left`.
 
-Vectors as three arrays of components, so that every product runs over all branches and poses at once.
+Vectors are three arrays of components, so that every product runs over all branches and poses at once.
 
-Inverse kinematics of the nominal robot near a pose that it is in: Newton's method on the exact chain, batched.
+`nominal_inverse` inverts the nominal robot near its present pose by Newton's method on the exact chain,
+batched:
 
     J(q) dq = twist from FK(q) to the wanted pose,   q <- q + dq
 
-seeded at the joints in hand, so that the branch (flip, front/back, up/down) is kept, and within the freedoms that the
-arm has (`calib.arm.freedoms`): what it cannot move or turn is left. Rotations weigh with `LEVER_MM`, which makes
-the columns of J comparable.
+It starts at the current joints, so that the branch is kept. It works within the freedoms of the arm
+(`calib.arm.freedoms`) and leaves the errors that the arm cannot correct. Rotations are weighed with
+`LEVER_MM`, which makes the columns of J comparable.
 """
 
 from __future__ import annotations
@@ -73,10 +76,18 @@ UNREACHABLE = (
 
 @dataclass(frozen=True)
 class Solutions:
-    """The solutions of n poses in B branches.
+    """Solutions of n poses in B branches.
 
-    joints: (n, B, N) of the model, angles in rad from -pi to pi, NaN where a branch does not reach; state: (n, B) index
-    into `REACHED`; branches: B names. In a singular pose the joints are one of the infinitely many that reach it.
+    In a singular pose the joints are one of the infinitely many solutions that reach it.
+
+    Attributes
+    ----------
+    joints : array of shape (n, B, N)
+        Joints of the model, angles in rad from -pi to pi; NaN if a branch does not reach the pose.
+    state : array of int, shape (n, B)
+        Index into `REACHED`.
+    branches : tuple of str
+        Names of the B branches.
     """
 
     joints: Array
@@ -92,7 +103,11 @@ class Solutions:
         turns: tuple[bool, ...],
         n: int,
     ) -> Solutions:
-        """Solutions of N joints and masks of states, which broadcast to (branch, ..., n); the weightiest state last."""
+        """Build solutions from the angles of N joints and masks of states.
+
+        All of them broadcast to (branch, ..., n). A later state replaces an earlier one, so the most
+        important comes last.
+        """
         shape = np.broadcast_shapes(
             *(np.shape(joint) for joint in joints), *(mask.shape for _, mask in states)
         )
@@ -108,7 +123,7 @@ class Solutions:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """(n, B) whether the joints reach the pose."""
+        """Whether the joints reach the pose, shape (n, B)."""
         return ~np.isin(self.state, UNREACHABLE)
 
     def all_of(self, row: int) -> tuple[BranchResult, ...]:
@@ -123,7 +138,7 @@ def columns(vectors: Array) -> Vector:
 
 
 def turn_back(v: Vector, angle: Array, plane: tuple[int, int]) -> Vector:
-    """Components of v after a rotation by -angle that leads the first axis of the plane to the second."""
+    """Rotate v by -angle; a positive angle leads the first axis of the plane to the second."""
     i, j = plane
     c, s = np.cos(angle), np.sin(angle)
     out = list(np.broadcast_arrays(*v, angle)[:3])
@@ -138,17 +153,32 @@ def in_axes(rotation: Array, v: Vector) -> Vector:
 
 
 def wrapped(joints: Array, turns: tuple[bool, ...]) -> Array:
-    """(..., N) joints with the angles between -pi and pi."""
+    """Wrap the angles of joints (..., N) to the range from -pi to pi."""
     return joints - 2.0 * np.pi * np.round(np.where(turns, joints, 0.0) / (2.0 * np.pi))
 
 
 def nominal_inverse(
     robot: Robot, poses: Array, seed: Array, tool: Array, freedoms: Freedoms | None = None
 ) -> Array:
-    """(n, N) model joints, rad or mm, that bring the nominal tool point to `poses` (n, 4, 4), mm, near `seed` (n, N).
+    """Solve the joints that bring the nominal tool point to poses, near a seed.
 
-    freedoms: of the arm, default all six with every joint free. Where a pose is out of reach the result is the nearest
-    that Newton's method came to: the caller checks.
+    If a pose is out of reach, the result is the nearest that Newton's method found; the caller checks.
+
+    Parameters
+    ----------
+    poses : array of shape (n, 4, 4)
+        Target poses of the tool point, mm.
+    seed : array of shape (n, N)
+        Model joints to start from, rad or mm.
+    tool : array of shape (3,)
+        Tool point in the flange frame, mm.
+    freedoms : Freedoms, optional
+        Freedoms of the arm. Default: all six, with every joint free.
+
+    Returns
+    -------
+    array of shape (n, N)
+        Model joints, rad or mm.
     """
     arm = Freedoms(np.diag(joint_scale(robot)), 6, places=True, turns=3) if freedoms is None else freedoms
     joints, scale = seed.copy(), joint_scale(robot)

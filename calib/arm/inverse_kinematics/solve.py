@@ -1,15 +1,14 @@
-"""Inverse kinematics of a robot: its structure is found, and all branches of poses are solved.
+"""Inverse kinematics of a robot: find its structure and solve all branches of poses.
 
-An arm on a track, a column or a turntable: the external axis stays where the seed has it, and the arm is solved.
+`InvertibleArm` is the interface of arms with a known structure; they solve all branches of a batch of
+poses at once.
 
-The pose is transformed back by the motion of the external axis; what is left is an arm with a known solution.
+If an arm is on a track, a column or a turntable, the external axis stays where the seed has it. The pose
+is transformed back by the motion of that axis, and the arm is solved.
 
-The interface of arms of a known structure: they solve all branches of a batch of poses at once.
-
-SCARA: three axes that turn and one that slides, all parallel, in any order (RRPR, RRRP, PRRR).
-
-Motions along and about parallel axes can be exchanged, so only the order of the three that turn counts: u the common
-direction, a, b, c the points of the axes across it.
+A SCARA has three axes that turn and one that slides, all parallel, in any order (RRPR, RRRP, PRRR).
+Motions along and about parallel axes can be exchanged, so only the order of the three that turn counts.
+Let u be the common direction, and a, b, c the points of the axes across it.
 
     turn    theta_a + theta_b + theta_c = angle of R about u (each by its sense)
     elbow   |c' - a|^2 = |ab|^2 + |bc|^2 + 2 |ab| |bc| cos(theta_b + phi)   gives theta_b, right and left, then theta_a
@@ -44,9 +43,20 @@ _RIGHT = np.array([1.0, -1.0]).reshape(2, 1)
 
 @dataclass(frozen=True)
 class Scara:
-    """The zero pose of a SCARA. plane: rows x, y, u. turning: joints a, b, c (from 0); sliding: the one that slides.
+    """Zero pose of a SCARA.
 
-    senses: +1 or -1 for each joint along u. upper, fore: from a to b and b to c, angle and length, rad and mm.
+    Attributes
+    ----------
+    plane : array of shape (3, 3)
+        Rows x, y, u.
+    turning : tuple of int
+        Joints a, b, c, counted from 0.
+    sliding : int
+        The joint that slides, counted from 0.
+    senses : array of shape (4,)
+        +1 or -1 for each joint that points along u or against it.
+    upper, fore : tuple of float
+        Angle, rad, and length, mm, of the links from a to b and from b to c.
     """
 
     zero: ZeroPose
@@ -62,7 +72,13 @@ class Scara:
 
     @classmethod
     def of(cls, zero: ZeroPose) -> Scara:
-        """Raises DataError, saying what prevents it, for other arms."""
+        """Find the structure of an arm from its zero pose.
+
+        Raises
+        ------
+        DataError
+            The arm has another structure; the message states which condition fails.
+        """
         if zero.joints != 4 or sum(zero.turns) != 3:
             raise zero.refused(f"it has {zero.joints} joints, of which {sum(zero.turns)} turn, not 4 and 3")
         for k in range(1, 4):
@@ -114,7 +130,7 @@ class InvertibleArm(Protocol):
 
     @property
     def kind(self) -> str:
-        """The method of solution and the structure, in words: "in closed form, SCARA"."""
+        """The method of solution and the structure as text: "in closed form, SCARA"."""
         ...
 
     @property
@@ -123,7 +139,10 @@ class InvertibleArm(Protocol):
         ...
 
     def solve(self, poses: Array, seed: Array) -> Solutions:
-        """All branches of flange poses (n, 4, 4), base frame, mm; seed (n, N) for joints that are left free."""
+        """Solve all branches of flange poses (n, 4, 4), base frame, mm.
+
+        `seed` (n, N) gives the joints that a pose does not determine.
+        """
         ...
 
 
@@ -131,12 +150,22 @@ _KINDS = {4: Scara, 5: FiveAxes, 6: SixAxes, 7: SevenAxes}
 
 
 def inverse_kinematics(robot: Robot, poses: Array, *, seed: Array | None = None) -> Solutions:
-    """All branches of the flange poses (n, 4, 4), base frame, mm.
+    """Solve all branches of flange poses.
 
-    seed: (n, N) model joints, rad or mm: a singular pose takes from it the joint that it leaves free, seven axes the
-    place of the elbow, an arm on a track the position of the track; default 0.
-    Raises DataError for a robot that has no inverse kinematics here, ValueError for arrays of the wrong shape or with
-    numbers that are not finite.
+    Parameters
+    ----------
+    poses : array of shape (n, 4, 4)
+        Flange poses in the base frame, mm.
+    seed : array of shape (n, N), optional
+        Model joints, rad or mm. Default: 0. They give the joint that a singular pose does not determine,
+        the half-plane of the elbow of seven axes, and the position of a track that carries the arm.
+
+    Raises
+    ------
+    DataError
+        There is no inverse kinematics for this robot.
+    ValueError
+        An array has the wrong shape, or `poses` has numbers that are not finite.
     """
     poses = np.asarray(poses, dtype=np.float64)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
@@ -151,7 +180,13 @@ def inverse_kinematics(robot: Robot, poses: Array, *, seed: Array | None = None)
 
 
 def arm_of(robot: Robot) -> InvertibleArm:
-    """The arm of a nominal robot. Raises DataError, saying what prevents it, for one that has no known structure."""
+    """Find the structure of a nominal robot.
+
+    Raises
+    ------
+    DataError
+        The robot has no known structure; the message states which condition fails.
+    """
     return _arm_of(ZeroPose.of(robot))
 
 
@@ -192,8 +227,10 @@ class ArmOnAxis:
         return self.arm.branches
 
     def solve(self, poses: Array, seed: Array) -> Solutions:
-        """All branches of the arm for flange poses (n, 4, 4), mm; seed (n, N): its first column is the position of
-        the external axis."""
+        """Solve all branches of the arm for flange poses (n, 4, 4), mm.
+
+        The first column of `seed` (n, N) is the position of the external axis.
+        """
         moved = self.zero.moved(0, seed[:, 0])
         back = np.zeros_like(moved)
         back[:, :3, :3] = moved[:, :3, :3].transpose(0, 2, 1)

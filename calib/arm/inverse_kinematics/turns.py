@@ -1,12 +1,14 @@
-"""The choice among the configurations of a pose: whole turns within the limits, and the branch near a seed.
+"""Whole turns of joints within limits, the branch near a seed, and parts of jointed arms.
 
-The angles may be a model's or a controller's: joint matrices of whole numbers carry whole turns into whole turns.
+The angles may be a model's or a controller's: joint matrices of whole numbers carry whole turns into
+whole turns.
 
-Three axes that turn a tool about a point, each square to the next: a wrist, or the shoulder of seven axes.
+`three_turns` solves three axes that turn a tool about a point, each square to the next: a wrist, or the
+shoulder of seven axes. `TwoLinks` describes axis 1 square to axis 2 and axis 3 parallel to it, which all
+jointed arms have before their wrists.
 
-Axis 1 square to axis 2, axis 3 parallel to it: what all jointed arms have before their wrists.
-
-With E = (z_1 x z_2, z_1, z_2) at the zero pose every rotation of the first three joints is a rotation in a plane.
+With E = (z_1 x z_2, z_1, z_2) at the zero pose every rotation of the first three joints is a rotation in
+a plane.
 """
 
 from __future__ import annotations
@@ -34,9 +36,23 @@ UP = np.array([1.0, -1.0]).reshape(1, 2, 1, 1)
 def nearest_turns(
     angles: Array, seed: Array, lower: Array, upper: Array, *, slides: Sequence[int] = ()
 ) -> Array:
-    """(..., N) the turn of every angle that lies within its limits (N,) and nearest to `seed`; NaN where none does.
+    """Choose the whole turn of every angle within its limits that is nearest to a seed.
 
-    seed: (..., N), broadcast against `angles`. slides: numbers of joints, from 1, that have no turns. rad or mm.
+    Parameters
+    ----------
+    angles : array of shape (..., N)
+        Joints, rad or mm.
+    seed : array of shape (..., N)
+        Broadcast against `angles`.
+    lower, upper : array of shape (N,)
+        Limits.
+    slides : sequence of int, optional
+        Numbers of joints, from 1, that slide and so have no turns.
+
+    Returns
+    -------
+    array of shape (..., N)
+        NaN if no turn lies within the limits.
     """
     first = np.ceil((lower - EDGE - angles) / TURN)
     last = np.floor((upper + EDGE - angles) / TURN)
@@ -51,15 +67,19 @@ def nearest_turns(
 def within_limits(
     angles: Array, seed: Array, lower: Array, upper: Array, *, slides: Sequence[int] = ()
 ) -> Array:
-    """(..., N) as `nearest_turns`, but NaN whole where one joint of a configuration has no turn within its limits."""
+    """Choose turns as `nearest_turns` does, but set a configuration to NaN as a whole.
+
+    This happens if one of its joints has no turn within its limits.
+    """
     turned = nearest_turns(angles, seed, lower, upper, slides=slides)
     return np.where(np.all(np.isfinite(turned), axis=-1, keepdims=True), turned, np.nan)
 
 
 def nearest_branch(configurations: Array, seed: Array) -> NDArray[np.int64]:
-    """(n,) which of the configurations (n, branches, N), NaN where there is none, lies nearest to `seed` (n, N).
+    """Choose the configuration nearest to a seed (n, N) for each pose, shape (n,).
 
-    Nearest by the sum of squared joint differences; -1 where all are NaN. `seed` may be (N,), for all.
+    `configurations` (n, branches, N) are NaN if there is none. Nearest means the smallest sum of squared
+    joint differences; the index is -1 if all are NaN. `seed` may have the shape (N,), for all poses.
     """
     away = np.sum((configurations - np.expand_dims(seed, -2)) ** 2, axis=-1)
     away = np.where(np.isfinite(away), away, np.inf)
@@ -68,7 +88,7 @@ def nearest_branch(configurations: Array, seed: Array) -> NDArray[np.int64]:
 
 
 def axes_of_turns(first: Array, middle: Array) -> Array:
-    """(3, 3) rows middle x first, middle, first: the axes in which `three_turns` reckons."""
+    """Build the axes in which `three_turns` calculates: rows middle x first, middle, first."""
     return np.stack([np.cross(middle, first), middle, first])
 
 
@@ -80,10 +100,27 @@ def tilt_of(rows: Array, last: Array) -> float:
 def three_turns(
     rows: Array, tilt: float, last: Vector, middle: Vector, sign: Array, free: Array
 ) -> tuple[Array, Array, Array, Mask]:
-    """The three angles, from where they have turned the last and the middle axis of the zero pose; where singular.
+    """Compute the angles of three axes from where they have turned two axes of the zero pose.
 
-    sign: +1 or -1, the side to which the last axis turns from the first. free: the first angle where first and last
-    axis are in line.
+    Parameters
+    ----------
+    rows : array of shape (3, 3)
+        Axes from `axes_of_turns`.
+    tilt : float
+        Angle from `tilt_of`, rad.
+    last, middle : tuple of array
+        Components of the last and the middle axis after the turns.
+    sign : array
+        +1 or -1, the side to which the last axis turns from the first.
+    free : array
+        The first angle to use if the first and the last axis are in line.
+
+    Returns
+    -------
+    first, second, third : array
+        The angles, rad.
+    singular : array of bool
+        Whether the first and the last axis are in line.
     """
     x, y, z = in_axes(rows, last)
     across = np.hypot(x, y)
@@ -100,10 +137,22 @@ def three_turns(
 class TwoLinks:
     """Shoulder, upper arm and forearm at the zero pose; vectors (3,), mm.
 
-    base: rows z_1 x z_2, z_1, z_2. origin: a point of axis 1. offset: from it to axis 2, in the axes E. upper_arm,
-    forearm: from axis 2 to 3 and from axis 3 to the end of the forearm, in the plane across axis 2, as angle and
-    length, rad and mm. front: sign of the reach at the zero pose. across: mm by which the centre, which only the first
-    three joints carry across, lies off the plane through axis 1 that axis 2 is square to.
+    Attributes
+    ----------
+    base : array of shape (3, 3)
+        Rows z_1 x z_2, z_1, z_2: the axes E.
+    origin : array of shape (3,)
+        A point of axis 1.
+    offset : array of shape (3,)
+        From `origin` to axis 2, in the axes E.
+    upper_arm, forearm : tuple of float
+        Angle, rad, and length, mm, in the plane across axis 2: from axis 2 to axis 3, and from axis 3 to
+        the end of the forearm.
+    front : float
+        Sign of the reach at the zero pose.
+    across : float
+        Distance of the centre from the plane through axis 1 that is square to axis 2, mm. Only the first
+        three joints move the centre across this plane.
     """
 
     base: Array
@@ -116,7 +165,13 @@ class TwoLinks:
 
     @classmethod
     def of(cls, zero: ZeroPose, centre: Array, end: Array) -> TwoLinks:
-        """Raises DataError where two of the axes coincide."""
+        """Build the links of a zero pose.
+
+        Raises
+        ------
+        DataError
+            Two of the axes 2, 3 and 4 coincide.
+        """
         axes, points = zero.axes, zero.points
         base = np.stack([np.cross(axes[0], axes[1]), axes[0], axes[1]])
         upper_arm, forearm = (_polar(base @ span) for span in (points[2] - points[1], end - points[2]))
@@ -134,9 +189,23 @@ class TwoLinks:
         )
 
     def shoulder(self, centre: Vector, free: Array) -> tuple[Array, Mask, Mask]:
-        """theta_1 (2, 1, 1, n); where the pose is too near to axis 1; where the centre lies above it.
+        """Compute theta_1, shape (2, 1, 1, n), from the centre.
 
-        centre: from `origin` in the axes E. free: theta_1 where it is not determined.
+        Parameters
+        ----------
+        centre : tuple of array
+            Components from `origin` in the axes E.
+        free : array
+            theta_1 to use if the pose does not determine it.
+
+        Returns
+        -------
+        theta_1 : array
+            Angle, rad.
+        near : array of bool
+            Whether the pose is too near to axis 1.
+        above : array of bool
+            Whether the centre lies above axis 1.
         """
         size = np.hypot(centre[0], centre[2])
         short = (size - abs(self.across)) * (size + abs(self.across))
@@ -153,7 +222,10 @@ class TwoLinks:
         return point[0] - self.offset[0], point[1] - self.offset[1]
 
     def elbow(self, end: tuple[Array, Array]) -> tuple[Array, Array, Mask, Mask]:
-        """theta_2 and the turn of forearm against upper arm; where that is out of reach; where stretched."""
+        """Compute theta_2 and the turn of the forearm against the upper arm.
+
+        Also returns whether the end is out of reach, and whether the arm is stretched or folded.
+        """
         (angle_upper, upper), (angle_fore, fore) = self.upper_arm, self.forearm
         between, lead, far, stretched = bent(end, upper, fore, UP)
         theta_2 = np.arctan2(end[1], end[0]) - lead - angle_upper
@@ -161,10 +233,10 @@ class TwoLinks:
 
 
 def bent(end: tuple[Array, Array], upper: float, fore: float, sign: Array) -> tuple[Array, Array, Mask, Mask]:
-    """Two links of lengths `upper` and `fore`, mm, that end at a point of their plane.
+    """Solve two links of lengths `upper` and `fore`, mm, that end at a point of their plane.
 
-    Angles from upper to fore, with the sign asked for, and from upper to the end; where it is out of reach; where
-    the links are in line.
+    Returns the angle from upper to fore, which has the given sign, and the angle from upper to the end.
+    Two masks follow: whether the end is out of reach, and whether the links are in line.
     """
     x, y = end
     cosine = (x * x + y * y - upper * upper - fore * fore) / (2.0 * upper * fore)
@@ -176,5 +248,8 @@ def bent(end: tuple[Array, Array], upper: float, fore: float, sign: Array) -> tu
 
 
 def _polar(in_base: Array) -> tuple[float, float]:
-    """Angle and length of a vector in the plane across axis 2, from its components in the axes E."""
+    """Return angle and length of a vector in the plane across axis 2.
+
+    `in_base` are its components in the axes E.
+    """
     return float(np.arctan2(in_base[1], in_base[0])), float(np.hypot(in_base[0], in_base[1]))

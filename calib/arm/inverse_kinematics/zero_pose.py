@@ -1,4 +1,7 @@
-"""The axes of a nominal arm at its zero pose, whatever the convention: from them its structure is found."""
+"""Axes of a nominal arm at its zero pose, from which its structure is found.
+
+They do not depend on the convention of its parameters.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,17 @@ MEETING_MM = 1e-7
 
 @dataclass(frozen=True)
 class ZeroPose:
-    """N joint axes in the base frame: directions and points (N, 3), mm; flange (4, 4); which joints turn (N,)."""
+    """The N joint axes of an arm in the base frame, at model joints zero.
+
+    Attributes
+    ----------
+    turns : tuple of bool
+        Whether each joint turns.
+    axes, points : array of shape (N, 3)
+        Directions of the axes, and points on them, mm.
+    flange : array of shape (4, 4)
+        Flange pose, mm.
+    """
 
     name: str
     turns: tuple[bool, ...]
@@ -51,7 +64,10 @@ class ZeroPose:
         return ZeroPose(self.name, self.turns[1:], self.axes[1:], self.points[1:], self.flange)
 
     def moved(self, joint: int, amount: Array) -> Array:
-        """(n, 4, 4) the motion of the base frame by joint `joint` (from 0) alone, by (n,) rad or mm."""
+        """Return the motion of the base frame by one joint alone, shape (n, 4, 4).
+
+        `joint` counts from 0; `amount` (n,) is in rad or mm.
+        """
         out = np.zeros((len(amount), 4, 4))
         out[:, 3, 3] = 1.0
         axis = self.axes[joint]
@@ -64,8 +80,9 @@ class ZeroPose:
         return out
 
     def reached(self, joints: Array) -> tuple[Array, Array]:
-        """Flange poses (n, 4, 4), mm, and Jacobian (n, 6, N), mm and rad a unit, at model joints (n, N).
+        """Compute flange poses and the Jacobian at model joints (n, N).
 
+        The poses are (n, 4, 4), mm. The Jacobian is (n, 6, N), in mm and rad per unit of a joint.
         Source: Murray, Li, Sastry 1994, 3.2 and 3.4 (products of exponentials).
         """
         n = len(joints)
@@ -91,7 +108,10 @@ class ZeroPose:
 
 
 def turns_about(axis: Array, angle: Array) -> Array:
-    """(..., 3, 3) rotations by angles (...) about one axis (3,). Source: Rodrigues' formula."""
+    """Return the rotations (..., 3, 3) by angles (...) about one axis (3,).
+
+    Source: Rodrigues' formula.
+    """
     x, y, z = axis
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     s, c = np.sin(angle)[..., None, None], np.cos(angle)[..., None, None]
@@ -99,17 +119,21 @@ def turns_about(axis: Array, angle: Array) -> Array:
 
 
 def parallel(one: Array, other: Array) -> bool:
-    """Whether two directions are the same or opposite."""
+    """Test whether two directions are the same or opposite."""
     return float(np.linalg.norm(np.cross(one, other))) <= SQUARE
 
 
 def square(one: Array, other: Array) -> bool:
-    """Whether two directions are square to each other."""
+    """Test whether two directions are square to each other."""
     return abs(float(one @ other)) <= SQUARE
 
 
 def meeting(p: Array, u: Array, q: Array, v: Array) -> tuple[Array, float]:
-    """The point of a line that is closest to another line, square to it, and their gap, mm."""
+    """Find the point of a line that is closest to a second line square to it, and the gap.
+
+    `p` and `u` are a point and the unit direction of the first line, `q` and `v` those of the second.
+    The gap is in mm.
+    """
     at = p + ((q - p) @ u) * u
     off = q - at
     return at, float(np.linalg.norm(off - (off @ v) * v))
