@@ -1,4 +1,4 @@
-"""The fit: base placed, parameters of the base model by robust least squares, and their uncertainty."""
+"""Identification of the base model by robust least squares, with its uncertainty."""
 
 from calib.fit.circle_points import FEWEST, LEAST_RANGE
 from calib.fit.held_out import (

@@ -1,10 +1,12 @@
-"""Axes of single joints from sweeps: a start for base and tool that needs no nominal chain between them.
+"""Joint axes from sweeps of single joints: a start for base and tool.
 
-While one joint turns, a target runs on a circle about its axis: p = c + A cos(theta) + B sin(theta), linear in c, A
-and B, with A and B of one length and at right angles. The axes of joints 1 and 2 place the base (its origin lies where
-the nominal robot has it below them, d_1), those of the last two joints the flange, and so the target. Which points of
-which axes meet is asked of the nominal robot alone, so both conventions are served alike. Source: Nubiola, 2.3 (circle
-point analysis; Mooring, Roth and Driels 1991).
+This start needs no nominal chain between base and tool. While one joint turns, a target runs on a circle
+about its axis: p = c + A cos(theta) + B sin(theta). This is linear in c, A and B, with A and B of one
+length and at right angles. The axes of joints 1 and 2 place the base, whose origin lies d_1 below them
+as in the nominal robot. Those of the last two joints place the flange, and so the target. Only the
+nominal robot states which points of which axes meet, so both DH conventions are treated alike.
+
+Source: Nubiola, 2.3 (circle point analysis, Mooring, Roth and Driels 1991).
 """
 
 from __future__ import annotations
@@ -36,7 +38,12 @@ _SURE = 0.02  # rad to which the direction of an axis must be known
 class CircleSweep:
     """Readings of one series and one target in which joint `joint` (1-based) alone moved.
 
-    rows: (n,) index into the data set; posture: (N,) model angles, rad, that of the joint itself any of its own.
+    Attributes
+    ----------
+    rows : array of int, shape (n,)
+        Index into the data set.
+    posture : array of shape (N,)
+        Model angles, rad; the angle of the joint itself is that of the first reading.
     """
 
     joint: int
@@ -48,10 +55,20 @@ class CircleSweep:
 
 @dataclass(frozen=True)
 class Axes:
-    """Axes of S sweeps, in the world: direction (S, 3), by the right hand, and centre (S, 3) of the circle, mm.
+    """Axes of S sweeps, in the world.
 
-    cosine, sine: (S, 3) mm, the target is at centre + cosine cos(theta) + sine sin(theta); tilt: (S,) rad,
-    standard uncertainty of the direction, from what the circles leave.
+    The target is at centre + cosine cos(theta) + sine sin(theta).
+
+    Attributes
+    ----------
+    direction : array of shape (S, 3)
+        Directions of the axes, by the right hand.
+    centre : array of shape (S, 3)
+        Centres of the circles, mm.
+    cosine, sine : array of shape (S, 3)
+        Radii at theta = 0 and 90 deg, mm.
+    tilt : array of shape (S,)
+        Standard uncertainty of the direction, rad, from the residuals of the circle.
     """
 
     direction: Array
@@ -63,20 +80,27 @@ class Axes:
 
 @dataclass(frozen=True)
 class Start:
-    """A start by the sweeps of a series: base pose (4, 4) or None, and nominal-flange positions (3,) mm by target."""
+    """Start values from the sweeps of a series.
+
+    `base` is the base pose (4, 4), mm, or None. `targets` are positions (3,) in the nominal flange
+    frame, mm, by target.
+    """
 
     base: Array | None
     targets: dict[int, Array]
 
 
 def find_sweeps(dataset: Dataset) -> tuple[CircleSweep, ...]:
-    """The sweeps among the calibration readings, in any order of time: back and forth, and with others between."""
+    """Find the sweeps among the calibration readings.
+
+    Their readings may be in any order of time, go back and forth, and have others between them.
+    """
     conditions = dataset.conditions
     candidates = np.flatnonzero(dataset.fit_rows & dataset.pointed)
     joints = conditions.joints[candidates]
     series, target = conditions.series[candidates], conditions.target[candidates]
     numbers = np.column_stack([np.round(joints / _STILL).astype(np.int64), series, target])
-    # One number a row that distinguishes rows, less the part of one joint; sorting it is all the search there is.
+    # One number per row that distinguishes rows, less the part of one joint; sorting it is all the search there is.
     parts = numbers * _factors(numbers.shape[1])
     out = []
     others = parts.sum(axis=1)[:, None] - parts[:, : joints.shape[1]]
@@ -96,14 +120,21 @@ def find_sweeps(dataset: Dataset) -> tuple[CircleSweep, ...]:
 
 @cache
 def _factors(count: int) -> NDArray[np.int64]:
-    """(count,) large numbers drawn once: sums of their products distinguish rows."""
+    """Return large random numbers, shape (count,), whose sums of products distinguish rows."""
     return np.random.default_rng(0).integers(1, 2**62, count)
 
 
 def fit_axes(points: Array, angles: Array, measured: NDArray[np.bool_]) -> Axes:
-    """Circles through the points of S sweeps, all at once, robust against gross errors (Huber weights).
+    """Fit circles through the points of S sweeps at once, robustly (Huber weights).
 
-    points: (S, n, 3) mm; angles: (S, n) rad; measured: (S, n) False where a sweep has no further reading.
+    Parameters
+    ----------
+    points : array of shape (S, n, 3)
+        Points, mm.
+    angles : array of shape (S, n)
+        Joint angles, rad.
+    measured : array of bool, shape (S, n)
+        False if a sweep has no further reading.
     """
     system = np.stack([np.ones_like(angles), np.cos(angles), np.sin(angles)], axis=-1)
     count = measured.sum(axis=1)
@@ -126,7 +157,10 @@ def fit_axes(points: Array, angles: Array, measured: NDArray[np.bool_]) -> Axes:
 
 
 def starts(dataset: Dataset) -> dict[int, Start]:
-    """Series -> what its sweeps yield for base and tool; a series without usable sweeps is not there."""
+    """Compute start values for base and tool from sweeps, by series.
+
+    A series without usable sweeps is not included.
+    """
     sweeps = find_sweeps(dataset)
     if not sweeps:
         return {}
@@ -162,7 +196,10 @@ def _base(robot: Robot, sweeps: tuple[CircleSweep, ...], axes: Axes, here: list[
 
 
 def _tool(robot: Robot, sweeps: tuple[CircleSweep, ...], axes: Axes, here: list[int]) -> dict[int, Array]:
-    """Targets in the flange frame, from sweeps of the last joint and of that before, joints 1..N-2 alike."""
+    """Compute the targets in the flange frame from sweeps of the last two joints.
+
+    Joints 1 to N-2 must be at the same angles in both sweeps.
+    """
     last = robot.joints
     out: dict[int, Array] = {}
     for i in (i for i in here if sweeps[i].joint == last and sweeps[i].target not in out):
@@ -186,16 +223,20 @@ def _line(axes: Axes, i: int) -> tuple[Array, Array]:
 
 
 def _axis(robot: Robot, posture: Array, joint: int) -> tuple[Array, Array]:
-    """A point of the axis of a joint of the nominal robot and its direction, in the base frame, at a posture (N,)."""
+    """Return a point and the direction of a joint's axis at a posture (N,).
+
+    Both are those of the nominal robot in the base frame.
+    """
     frames = propagate(Chain.of(robot), nominal_values(robot, posture[None]), BasePoses())
     slot = f"theta{joint}"
     return np.ravel(frames.origin[slot][:, -1]), np.ravel(frames.axis[slot][:, -1])
 
 
 def _frame(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array | None:
-    """(4, 4) frame of two lines: z along the first, x towards the second, origin on the first where it is nearest.
+    """Build the frame (4, 4) of two lines; None if they are parallel.
 
-    None where they are parallel.
+    z points along the first line and x towards the second. The origin is on the first line at its
+    nearest point.
     """
     (p, z), (q, w) = one, other
     across = w - (w @ z) * z

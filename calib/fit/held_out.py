@@ -1,13 +1,16 @@
-"""The errors of a model on readings, mm: predicted against measured points or distances.
+"""Errors of a model on readings, and held-out readings that are faulty.
 
-Held-out readings that are no readings of what they say: another tool target, or a gross error.
+Errors are the distances between predicted and measured points, or differences of distances, mm.
 
-They say nothing about the model, so its error is stated with and without them. They are examined after the fit and
-change nothing in it: each is compared with its own prediction, whose uncertainty counts, and with those of all other
-tool targets of its series. The limit is that by which readings are rejected in a fit (`calib.fit.robust`), with the
-scale of the held-out readings themselves, so that a model which does not hold there makes no reading faulty.
+A held-out reading may belong to another tool target, or be a gross error. Such a reading says nothing
+about the model, so the model's error is stated with and without it. The held-out readings are examined
+after the fit and change nothing in it. Each is compared with its own prediction, whose uncertainty
+counts, and with those of all other tool targets of its series.
 
-The readings that a fit left out, and their errors.
+The limit is the one for rejecting readings in a fit (`calib.fit.robust`), with the scale of the held-out
+readings themselves. So a model that does not hold there makes no reading faulty.
+
+The module also lists the readings that a fit left out, and their errors.
 """
 
 from __future__ import annotations
@@ -29,27 +32,39 @@ from calib.model.model import BoundModel, ModelStructure
 
 
 def errors_on(dataset: Dataset, rows: NDArray[np.bool_], model: ModelStructure, estimate: Array) -> Array:
-    """(k,) errors in mm of the measured rows of a mask (n,): 3D distance where a point was measured, else what a
-    distance to a base target differs by."""
+    """Compute the errors of a model on the rows of a mask (n,), mm, shape (k,).
+
+    The error is the 3D distance if a point was measured, otherwise the difference of the distance to a
+    base target.
+    """
     return errors_by(BoundModel(model, dataset.conditions.take(rows)), dataset, rows, estimate)
 
 
 def errors_by(design: BoundModel, dataset: Dataset, rows: NDArray[np.bool_], estimate: Array) -> Array:
-    """The errors of `errors_on`, by a model that is bound to the rows already: for many estimates of one model."""
+    """Compute the errors of `errors_on` with a model that is already bound to the rows.
+
+    This saves time for many estimates of one model.
+    """
     frames = design.frames(estimate, ())
     points = np.linalg.norm(dataset.points[rows].T - frames.p, axis=0)
     return np.where(dataset.pointed[rows], points, np.abs(_differences(frames, dataset, rows)))
 
 
 def length_errors(dataset: Dataset, rows: NDArray[np.bool_], model: ModelStructure, estimate: Array) -> Array:
-    """(k,) by how many mm the distances of the rows of a mask (n,) differ from measured; NaN where none was."""
+    """Compute the absolute errors of distances on the rows of a mask (n,), mm, shape (k,).
+
+    They are NaN if no distance was measured.
+    """
     return np.abs(length_differences(dataset, rows, model, estimate))
 
 
 def length_differences(
     dataset: Dataset, rows: NDArray[np.bool_], model: ModelStructure, estimate: Array
 ) -> Array:
-    """(k,) the distances of the rows of a mask (n,), measured less predicted, mm; NaN where none was measured."""
+    """Compute measured minus predicted distances on the rows of a mask (n,), mm, shape (k,).
+
+    They are NaN if no distance was measured.
+    """
     return _differences(BoundModel(model, dataset.conditions.take(rows)).frames(estimate, ()), dataset, rows)
 
 
@@ -60,7 +75,17 @@ def _differences(frames: Frames, dataset: Dataset, rows: NDArray[np.bool_]) -> A
 
 @dataclass(frozen=True)
 class HeldOutFault:
-    """A held-out reading that is faulty: its target as the file has it, the one that it fits if any, its error, mm."""
+    """A faulty held-out reading.
+
+    Attributes
+    ----------
+    target : str
+        Tool target that the file states.
+    fits : str or None
+        Tool target that the reading fits, if any.
+    error_mm : float
+        Error of the reading.
+    """
 
     reading_id: str
     target: str
@@ -70,7 +95,7 @@ class HeldOutFault:
 
 @dataclass(frozen=True)
 class HeldOutFaults:
-    """The faulty held-out readings, a mask (n,) of them over the data set, and the error of all others, mm."""
+    """Faulty held-out readings, their mask (n,) in the data set, and the error of the rest, mm."""
 
     faults: tuple[HeldOutFault, ...]
     rows: NDArray[np.bool_]
@@ -115,7 +140,10 @@ def held_out_faults(dataset: Dataset, found: IdentificationFit) -> HeldOutFaults
 
 
 def _distances(found: IdentificationFit, readings: FitReadings) -> Array:
-    """(n,) standardised distances of readings from their predictions, whose own uncertainty counts."""
+    """Compute standardised distances of readings from their predictions, shape (n,).
+
+    The uncertainty of the predictions is included.
+    """
     alone = replace(readings, observed=readings.observed.alone)
     noise = max(found.noise_scale, 1.0) ** 2
     out = np.zeros(len(readings.rows))
@@ -130,8 +158,17 @@ def _distances(found: IdentificationFit, readings: FitReadings) -> Array:
 
 @dataclass(frozen=True)
 class ExcludedReading:
-    """A reading that took no part: joints as the controller counts them, deg or mm; target; error in mm, and how many
-    times the declared noise that is (length of the whitened residual)."""
+    """A reading that took no part in a fit.
+
+    Attributes
+    ----------
+    joints_deg : tuple of float
+        Controller joints, deg, or mm for joints that slide.
+    error_mm : float
+        Error of the reading.
+    times_noise : float
+        Error as a multiple of the declared noise: the length of the whitened residual.
+    """
 
     reading_id: str
     joints_deg: tuple[float, ...]
@@ -141,7 +178,10 @@ class ExcludedReading:
 
 
 def all_readings(dataset: Dataset, fitted: IdentificationFit) -> tuple[FitReadings, NDArray[np.bool_]]:
-    """All readings that may enter a fit, under the targets that the fit believes, and a mask (n,) of those left out."""
+    """Return all readings that may enter a fit, and the mask (n,) of those left out.
+
+    Each has the target to which the fit assigned it.
+    """
     readings = readings_of(dataset, dataset.fit_rows, fitted.model, fitted.estimate)
     left_out = ~np.isin(readings.rows, fitted.readings.rows)
     target = readings.conditions.target.copy()

@@ -1,13 +1,15 @@
-"""The result of an identification. It is immutable; report, prediction and export are functions of it.
+"""Result of an identification, and the uncertainty of its predictions.
 
-The uncertainty of a prediction: the covariance of the parameters propagated to the tool point, C_p = J C J'.
+The result is immutable; report, prediction and export are functions of it.
 
-It is small near the readings and large where the model extrapolates: a joint that was never loaded, a corner that was
-never measured. It contains what the readings did not determine, not what the model lacks. Source: GUM, first-order
-propagation.
+The covariance of the parameters is propagated to the tool point, C_p = J C J'. It is small near the
+readings and large where the model extrapolates: a joint that was never loaded, a corner that was never
+measured. It contains the effect of parameters that the readings did not determine, but no error of the
+model itself. Source: GUM, first-order propagation.
 
-A carried term keeps its value beyond the measured range, where nothing confirms it. There its whole prior size is
-added, in proportion up to a quarter of the width of the range beyond it, along the motion of its slot.
+A carried term keeps its value beyond the measured range, where nothing confirms it. There its whole
+prior size is added along the motion of its slot, in proportion up to a quarter of the width of the range
+beyond it.
 """
 
 from __future__ import annotations
@@ -40,10 +42,16 @@ _NODES = 32
 
 @dataclass(frozen=True)
 class IdentificationFit:
-    """The result of an identification.
+    """Result of an identification.
 
-    estimate (m,) and covariance (m, m) in internal units, the covariance for the noise that was found (declared
-    noise x noise_scale, where that is above 1); `readings` are those that took part.
+    Attributes
+    ----------
+    estimate : array of shape (m,)
+        Parameter values, internal units.
+    covariance : array of shape (m, m)
+        Covariance of the estimate, internal units, scaled by `noise_scale**2` if that exceeds 1.
+    readings : FitReadings
+        Readings that took part in the fit.
     """
 
     model: ModelStructure
@@ -66,17 +74,20 @@ class IdentificationFit:
 
     @property
     def converged(self) -> bool:
-        """Whether the iteration converged; else the parameters must not be used."""
+        """Whether the iteration converged; if not, the parameters must not be used."""
         return self.ending is FitTermination.CONVERGED
 
     @property
     def standard_errors(self) -> Array:
-        """(m,) internal units; 0 for a dropped parameter."""
+        """Standard errors of the parameters, shape (m,), internal units; 0 if dropped."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def held_std(self) -> Array:
-        """(m,) standard deviation that the prior of every parameter had in this fit, internal units; inf without."""
+        """Standard deviations of the parameters' priors in this fit, shape (m,), internal units.
+
+        They are infinite without a prior.
+        """
         with np.errstate(divide="ignore"):
             return max(self.noise_scale, 1.0) / self.prior
 
@@ -87,23 +98,23 @@ class IdentificationFit:
 
     @property
     def correlations(self) -> Array:
-        """(m, m); NaN in the rows and columns of dropped parameters."""
+        """Correlations of the parameters, shape (m, m); NaN for dropped parameters."""
         errors = np.where(self.standard_errors > 0.0, self.standard_errors, np.nan)
         return self.covariance / np.outer(errors, errors)
 
     @property
     def reduced_chi_square(self) -> float:
-        """Sum of squares of the whitened residual over the degrees of freedom: 1 where the noise is as declared."""
+        """Sum of squares of the whitened residual per degree of freedom; 1 for noise as declared."""
         return self.noise_scale**2
 
     @property
     def _declared(self) -> Array:
-        """(m, m) covariance for noise as declared."""
+        """Covariance for noise as declared, shape (m, m)."""
         return self.covariance / max(self.noise_scale, 1.0) ** 2
 
     @cached_property
     def _columns(self) -> tuple[Array, Array]:
-        """The whitened Jacobian at the estimate: (m,) squared lengths of columns, (n,) leverage of readings."""
+        """Squared column lengths (m,) of the whitened Jacobian, and leverage (n,) of readings."""
         square, leverage = np.zeros(len(self.estimate)), np.zeros(len(self.readings.rows))
         for part, residual, columns in linearised(self.model, self.readings, self.estimate):
             square += np.sum(columns**2, axis=0)
@@ -125,12 +136,15 @@ class IdentificationFit:
 
     @property
     def leverage(self) -> Array:
-        """(n,) sum of the hat values of a reading's rows; those of all readings add up to the parameters fitted."""
+        """Leverage of the readings, shape (n,): the sum of the hat values of a reading's rows.
+
+        Those of all readings add up to the number of fitted parameters.
+        """
         return self._columns[1]
 
     @cached_property
     def config_sha256(self) -> str:
-        """Hash of the data and of what was asked of it: the model's parameters with their priors."""
+        """Hash of the data and of the requested model: its parameters with their priors."""
         asked = [
             [e.label, p.name, p.unit, p.size, *([] if p.centre is None else [p.centre])]
             for e in self.model.effects
@@ -139,18 +153,38 @@ class IdentificationFit:
         return hashlib.sha256((self.data_sha256 + json.dumps(asked)).encode()).hexdigest()
 
     def predict(self, conditions: Conditions) -> Array:
-        """(n, 3) points as the instrument would read them, mm."""
+        """Predict the points that the instrument would read, shape (n, 3), mm."""
         return BoundModel(self.model, conditions).predict(self.estimate)
 
     def predict_with_covariance(self, conditions: Conditions) -> tuple[Array, Array]:
-        """Points (n, 3), mm, and the covariance (n, 3, 3), mm2, that the parameters' uncertainty gives them."""
+        """Predict points (n, 3), mm, and their covariances (n, 3, 3), mm2.
+
+        The covariances are those from the uncertainty of the parameters.
+        """
         return predict_with_covariance(self.model, self.estimate, self.covariance, conditions)
 
 
 def predict_with_covariance(
     model: ModelStructure, estimate: Array, covariance: Array, conditions: Conditions
 ) -> tuple[Array, Array]:
-    """Points (n, 3), mm, and their covariances (n, 3, 3), mm2, from the covariance (m, m) of the estimate."""
+    """Predict points and their covariances from the covariance of the estimate.
+
+    Parameters
+    ----------
+    model : ModelStructure
+        Structure of the model.
+    estimate, covariance : array of shape (m,), (m, m)
+        Estimate and its covariance, internal units.
+    conditions : Conditions
+        Conditions of n readings.
+
+    Returns
+    -------
+    points : array of shape (n, 3)
+        Predicted points, mm.
+    spread : array of shape (n, 3, 3)
+        Their covariances, mm2.
+    """
     n = len(conditions)
     points, spread = np.empty((n, 3)), np.empty((n, 3, 3))
     for part in np.array_split(np.arange(n), max(-(-n // _AT_ONCE), 1)):
@@ -167,9 +201,10 @@ def predict_with_covariance(
 
 
 def _beyond(design: BoundModel) -> dict[str, Array]:
-    """Slot -> (n,) variance of what carried terms may do to it beyond the measured range, internal units.
+    """Estimate the variance that carried terms add to each slot beyond the measured range.
 
-    A term with the value 0 at the border may be anything beyond it: each effect counts with its full amplitude.
+    It has the shape (n,) per slot, in internal units. A term with the value 0 at the border may have any
+    value beyond it, so each effect counts with its full amplitude.
     """
     model, found = design.model, dict[str, Array]()
     for effect in model.effects:
@@ -188,19 +223,20 @@ def _beyond(design: BoundModel) -> dict[str, Array]:
 
 
 def expanded(covariance: Array) -> Array:
-    """(n,) expanded uncertainty U of points with covariances (n, 3, 3): k = 2 along their worst direction, mm.
+    """Compute the expanded uncertainty U (k = 2) along the worst direction, mm, shape (n,).
 
-    This sphere contains 74 to 95 % of the points; `radius_95` contains 95 %.
+    `covariance` is (n, 3, 3). This sphere contains 74 to 95 % of the points; `radius_95` contains 95 %.
     """
     largest = np.linalg.eigvalsh(covariance)[:, -1]
     return 2.0 * np.sqrt(np.maximum(largest, 0.0))
 
 
 def radius_95(covariance: Array) -> Array:
-    """(n,) radius of the sphere that contains 95 % of points with covariances (n, 3, 3), mm; exact to 1e-3 of it.
+    """Compute the radius of the sphere that contains 95 % of the points, mm, shape (n,).
 
-    The distance along the worst axis is integrated over Gauss-Legendre nodes, the other two over all directions of
-    their plane, where what remains is exponential; the radius follows by bisection.
+    `covariance` is (n, 3, 3); the radius is exact to one part in 1000. The distance along the worst axis
+    is integrated over Gauss-Legendre nodes. The other two are integrated over all directions of their
+    plane, because the remaining distribution is exponential in each. The radius follows by bisection.
     """
     values = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
     largest = values[:, 2]
@@ -218,7 +254,7 @@ _TURNS = (np.arange(16) + 0.5) * np.pi / 32.0  # a quarter turn; the plane is sy
 
 
 def _contained(radius: Array, shares: Array) -> Array:
-    """(n,) share of points within a radius (n,), of variances shares (n, 2) and 1."""
+    """Compute the share of points within a radius (n,), for variances `shares` (n, 2) and 1."""
     along = radius[:, None] * np.sin(
         0.5 * np.pi * _X
     )  # dense at the ends, where the plane shrinks to nothing

@@ -1,14 +1,14 @@
 """Identification: the parameters of the base model from a data set, with their uncertainty.
 
-start -> rank analysis -> plain least squares. Where its residual shows readings that may have steered it: from the
-start again with Huber's weights, then the bisquare; rows that do not belong are relabelled or rejected; plain least
-squares on the rest. Only `fit_rows` of the data set take part.
+The steps are a start, the rank analysis and plain least squares. If the residual shows readings that may
+have steered the fit, it starts again with Huber's weights and continues with the bisquare. Rows that do
+not belong are then relabelled or rejected, and plain least squares follow on the rest. Only `fit_rows`
+of the data set take part.
 
-Gears softer than usual: the usual size of compliances is that of industrial arms; small arms are softer.
-
-Distances between balls of one body that contradict the rest of a fit: another bar, or a ball that moved.
-
-The refusal of fits that miss the readings, or that come out as another robot.
+The usual size of compliances is that of industrial arms. Small arms have softer gears, so
+`softer_than_usual` widens it. `astray` finds distances between balls of one body that contradict the
+rest of a fit, because of another bar or a ball that moved. `refuse_misfit` refuses fits that miss the
+readings, or that come out as another robot.
 """
 
 from __future__ import annotations
@@ -85,9 +85,28 @@ def identify(
 ) -> IdentificationFit:
     """Identify the base model of a data set.
 
-    groups: which groups to free, default those of the header; prior: what robots of the type share. Raises DataError
-    when the readings cannot carry the model (too few, or tool targets that cannot show the last joint), where this
-    cannot be the robot measured, and for the prior of another type.
+    Parameters
+    ----------
+    dataset : Dataset
+        Readings and header of one robot.
+    groups : sequence of str, optional
+        Parameter groups to free. Default: those of the header.
+    prior : TypePrior, optional
+        Prior learned from robots of the same type.
+    progress : callable, optional
+        Called with the name of each step.
+
+    Returns
+    -------
+    IdentificationFit
+        Estimate, covariance, dropped parameters and warnings.
+
+    Raises
+    ------
+    DataError
+        The readings do not determine the model: they are too few, or no tool target shows the last
+        joint. The error is also raised if this cannot be the measured robot, and if the prior belongs to
+        another type.
     """
     model = base_model_of(dataset, groups)
     if prior is None:
@@ -107,7 +126,7 @@ def identify(
 def _beside_type(
     dataset: Dataset, plain: ModelStructure, prior: TypePrior, progress: Progress
 ) -> IdentificationFit:
-    """A fit with the prior of the robot's type, without those rows of it that this robot contradicts."""
+    """Fit with the prior of the robot's type, without its rows that this robot contradicts."""
     header = dataset.header
     of_robot = [e.label for e in plain.effects if e.owner == "robot"]
     prior.refuse_other(header.robot, header.coupling, of_robot)
@@ -130,10 +149,20 @@ def within_type(
     usual: Mapping[str, Parameter],
     fitted: Callable[[ModelStructure], IdentificationFit],
 ) -> IdentificationFit:
-    """A fit without the prior of every parameter in which this robot lies outside its type, the farthest first; without
-    any of it where the robot is no member of the type.
+    """Remove the type's prior of every parameter in which this robot lies outside its type.
 
-    usual: the parameters by name, as they are without a prior; fitted: fits a model to the same readings.
+    The farthest parameter comes first. If the robot is no member of the type, the whole prior is removed.
+
+    Parameters
+    ----------
+    found : IdentificationFit
+        Fit with the whole prior.
+    beside : TypeFit
+        State of the prior in this fit.
+    usual : mapping of str to Parameter
+        Parameters by name, as they are without the type's prior.
+    fitted : callable
+        Fits a model to the same readings.
     """
     while (stray := stranger(found.weighed, beside.prior.robots)) is not None and not beside.no_member:
         beside = replace(beside, outside=(*beside.outside, stray))
@@ -147,7 +176,10 @@ def within_type(
 
 
 def carry(source: ModelStructure, estimate: Array, goal: ModelStructure) -> Array:
-    """Estimate (m,) for `goal`: values of the parameters both models have, zero elsewhere."""
+    """Carry an estimate over to the model `goal`, shape (m,).
+
+    Parameters of both models keep their values, the others are zero.
+    """
     out = np.zeros(len(goal.parameters))
     for name, position in goal.index.items():
         if name in source.index:
@@ -165,10 +197,26 @@ def fit(
     at: Linearisation | None = None,
     progress: Progress = silent,
 ) -> IdentificationFit:
-    """Fit any model to readings from a start: plain where all readings belong, robust first where some may not.
+    """Fit any model to readings from a start.
 
-    settled: what an earlier fit dropped of the base model, which is then kept; at: the readings as the model sees them
-    at the start, where they were looked at already.
+    The fit is plain if all readings belong, and robust first if some may not.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Data set of the readings, for their identifiers and its header.
+    model : ModelStructure
+        Model to fit.
+    readings : FitReadings
+        Readings to fit it to.
+    start : array of shape (m,)
+        Start estimate, internal units.
+    settled : tuple of DroppedParameter, optional
+        Parameters of the base model that an earlier fit dropped; they stay dropped.
+    at : Linearisation, optional
+        Readings as the model sees them at the start, if already computed.
+    progress : callable, optional
+        Called with the name of each step.
     """
     progress("fitting")
     observed = readings.observed
@@ -214,11 +262,13 @@ def fit(
 
 
 def _without_crowd(plain: Solution, dropped: tuple[DroppedParameter, ...]) -> Linearisation | None:
-    """The fit that most readings agree on where up to a quarter of them are gross errors; None where they are not.
+    """Find the fit on which most readings agree if up to a quarter of them are gross errors.
 
-    From the plain fit by weights 1 / distance (least absolute errors, which a quarter does not move far), then by the
-    bisquare. A crowd is believed where what the others leave is far smaller than what the plain fit leaves, and where
-    they are scattered: what lies together in time or along a joint is a structure, which has a cause to be found.
+    Returns None if they are not. From the plain fit, weights 1 / distance come first (least absolute
+    errors, which a quarter of the readings does not move far), then the bisquare. Two conditions make a
+    crowd credible. The residuals of the other readings must be far smaller than those of the plain fit,
+    and the crowd must be scattered. Readings that lie together in time or along a joint are a structure,
+    which has a cause to be found.
     """
     observed = plain.at.observed
     freedom, before = observed.freedom, robust.noise_scale(plain.residual, observed.freedom)
@@ -262,7 +312,7 @@ def _solve(
     dropped: tuple[DroppedParameter, ...],
     max_iterations: int,
 ) -> Solution:
-    """Plain least squares, the priors weighed with the noise that is left near the end, not at the start."""
+    """Solve plain least squares with priors weighed by the noise near the end, not at the start."""
     near = solve(start, active, dropped, max_iterations=2)
     scale = robust.noise_scale(near.residual, start.observed.freedom)
     return solve(near.at, active, dropped, scale=scale, max_iterations=max(max_iterations - 2, 1))
@@ -346,7 +396,7 @@ def _warnings(
 
 
 def _only_together(model: ModelStructure, active: NDArray[np.bool_], spread: Array) -> list[str]:
-    """A remark on parameters that trade against each other along a direction in which the sum is nearly flat."""
+    """Warn about parameters that compensate each other along a nearly flat direction."""
     units = [parameter.unit for parameter in model.parameters]
     loose = [
         k
@@ -386,7 +436,7 @@ def leaving_out(
 
 
 def _unused(dataset: Dataset) -> list[str]:
-    """Remarks on what is in the files and takes no part in the fit."""
+    """List remarks on parts of the files that take no part in the fit."""
     header = dataset.header
     out = [f"The header's key '{key}' is not known and was passed over." for key in header.unknown_keys]
     idle_series = sorted(set(header.series_targets) - set(dataset.conditions.series_names))
@@ -458,7 +508,10 @@ def refuse_too_few(dataset: Dataset, model: ModelStructure) -> None:
 
 
 def last_joint_unseen(dataset: Dataset) -> bool:
-    """Whether all that was measured for a fit lies on the axis of the last joint, whose turning then moves nothing."""
+    """Test whether all points measured for a fit lie on the axis of the last joint.
+
+    The turning of that joint then moves nothing.
+    """
     rows = dataset.fit_rows
     if (rows & dataset.turned).any():
         return False
@@ -477,9 +530,19 @@ def last_joint_unseen(dataset: Dataset) -> bool:
 
 
 def softer_than_usual(found: IdentificationFit, told: Collection[str]) -> dict[str, float]:
-    """The gears whose compliance contradicts its usual size, as in small arms.
+    """Find the gears whose compliance contradicts its usual size, as in small arms.
 
-    Returns name -> a size that no longer constrains it, in its unit. told: parameters whose size the header gives.
+    Parameters
+    ----------
+    found : IdentificationFit
+        Fit with the usual sizes.
+    told : collection of str
+        Parameters whose size the header gives.
+
+    Returns
+    -------
+    dict of str to float
+        By parameter name, a size that no longer constrains it, in its unit.
     """
     soft = {}
     for p, value in zip(found.model.parameters, found.estimate, strict=True):
@@ -490,10 +553,11 @@ def softer_than_usual(found: IdentificationFit, told: Collection[str]) -> dict[s
 
 
 def astray(solution: Solution) -> list[str]:
-    """The distances between balls of one body that contradict readings and stated positions, the worst first.
+    """Find ball-to-ball distances that contradict readings and stated positions, worst first.
 
-    Left out of the fit, one would miss it by r / (1 - h), with the variance 1 / (1 - h), h its leverage; it no longer
-    speaks about the others then, so that it does not accuse them.
+    If one distance is left out, the fit misses it by r / (1 - h), with the variance 1 / (1 - h), where h
+    is its leverage. A distance that fails no longer counts in the test of the others, so that it does
+    not accuse them. Returns one sentence for each.
     """
     spans, missed = solution.at.design.model.spans, solution.at.tied[0].copy()
     hat = solution.tied @ solution.covariance @ solution.tied.T
@@ -517,12 +581,14 @@ def astray(solution: Solution) -> list[str]:
 
 
 def refuse_misfit(dataset: Dataset, found: IdentificationFit) -> None:
-    """Raise DataError where the fitted robot still misses most points by a twentieth of their extent, and where a
-    length of it comes out as that of another robot.
+    """Raise DataError if the fitted robot misses the points, or is another robot.
 
-    What one change of the files explains was refused before (`calib.data.plausible`); a zero that is 30 deg off, which
-    nothing there explains, is fitted and passes. Where zeros are not freed, such as by `fit = ["base"]`, a far miss may
-    be the very finding: nothing is refused.
+    The robot misses the points if the median error exceeds a twentieth of their extent. It is another
+    robot if a length comes out different.
+
+    Errors that one change of the files explains were refused before (`calib.data.plausible`). A zero
+    that is 30 deg off, which nothing there explains, is fitted and passes. If zeros are not freed, such
+    as by `fit = ["base"]`, a far miss may be the very finding, and nothing is refused.
     """
     _refuse_other_lengths(dataset, found)
     zeros = set(found.model.robot.joint_slots)

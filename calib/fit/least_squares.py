@@ -1,16 +1,19 @@
-"""Gauss-Newton on the exact chain, with priors, weights a reading and named rank deficiency.
+"""Gauss-Newton on the exact chain, with priors, weights and named rank deficiency.
 
 minimise  sum_i w_i |W_i (measured_i - predicted_i(x))|^2  +  s^2 sum_j ((x_j - mean_j) / size_j)^2
           +  s^2 sum_k t_k(x)^2
 
-mean_j is zero, nominal, unless robots of the type share another (`calib.fit.type_prior`); t_k are the distances between
-balls of one body (`calib.model.model`), measurements like a declared position.
+w_i is a weight per reading. mean_j is zero, nominal, unless robots of the type share another
+(`calib.fit.type_prior`); t_k are the distances between balls of one body (`calib.model.model`),
+measurements like a declared position.
 
-s is the noise scale: where the readings are noisier than declared the prior counts for more against them, where
-they are better than declared for less, so that readings without noise come back as they are (a prior that is a
-measurement, of a base target, keeps its worth beside the declared noise). A parameter that takes the place of others,
-which the readings cannot distinguish from it, has their sizes beside its own (`usual_sizes`). Steps are solved on
-scaled columns; a step that does not lower the cost is damped.
+s is the noise scale. If the readings are noisier than declared, the prior counts for more against them.
+If they are better than declared, it counts for less, so that readings without noise come back as they
+are. A prior that is a measurement, of a base target, keeps its weight relative to the declared noise. A
+parameter that takes the place of others, which the readings cannot distinguish from it, has their sizes
+added to its own (`usual_sizes`).
+
+Steps are solved on scaled columns; a step that does not lower the cost is damped.
 """
 
 from __future__ import annotations
@@ -48,7 +51,8 @@ _DEPENDENT = 1e-7  # share of a column left when those before it are projected o
 class DroppedParameter:
     """A parameter that the readings cannot determine, and those with which it is confounded.
 
-    stand_ins: parameters that take its place, and how far each moves for one unit of it, internal units.
+    `stand_ins` are the parameters that take its place, and how far each moves for one unit of it, in
+    internal units.
     """
 
     name: str
@@ -57,12 +61,18 @@ class DroppedParameter:
 
 
 class Linearisation:
-    """Readings as a model sees them at an estimate (m,): chain, residual and derivative, each worked out once."""
+    """Readings as a model sees them at an estimate (m,).
+
+    Chain, residual and derivative are each computed once.
+    """
 
     def __init__(
         self, design: BoundModel, observed: Observations, estimate: Array, passed: Frames | None = None
     ) -> None:
-        """passed: the chain at the estimate, with the axes of the design's slots, where it is known already."""
+        """Bind a model to observations at an estimate.
+
+        `passed` is the chain at the estimate, with the axes of the design's slots, if it is already known.
+        """
         self.design, self.observed, self.estimate, self._passed = design, observed, estimate, passed
 
     @cached_property
@@ -74,17 +84,17 @@ class Linearisation:
 
     @cached_property
     def residual(self) -> Array:
-        """(k, n) whitened."""
+        """Whitened residual, shape (k, n)."""
         return self.observed.residual(self.frames)
 
     @cached_property
     def columns(self) -> Array:
-        """(k n, m) whitened derivative of the prediction."""
+        """Whitened derivative of the prediction, shape (k n, m)."""
         return jacobian(self.design, self.observed, self.frames)
 
     @cached_property
     def tied(self) -> tuple[Array, Array]:
-        """(q,) whitened residual of the distances between balls of one body, and (q, m) its derivative."""
+        """Distances between balls of one body: whitened residual (q,) and its derivative (q, m)."""
         return ties(self.design.model, self.estimate)
 
 
@@ -104,37 +114,41 @@ class Solution:
 
     @property
     def estimate(self) -> Array:
-        """(m,) internal units."""
+        """Parameter values, shape (m,), internal units."""
         return self.at.estimate
 
     @property
     def residual(self) -> Array:
-        """(k, n) whitened, unweighted."""
+        """Whitened, unweighted residual, shape (k, n)."""
         return self.at.residual
 
     @cached_property
     def root(self) -> Array:
-        """(active, active) matrix whose product with its transpose is the covariance."""
+        """Root of the covariance: a matrix whose product with its transpose is the covariance.
+
+        Its shape is (active, active).
+        """
         return _back(self.triangle, np.eye(len(self.size))) / self.size[:, None]
 
     @cached_property
     def covariance(self) -> Array:
-        """(m, m); 0 in the rows and columns of parameters that were not fitted."""
+        """Covariance of the estimate, shape (m, m); 0 for parameters that were not fitted."""
         out = np.zeros((len(self.active), len(self.active)))
         out[np.ix_(self.active, self.active)] = self.root @ self.root.T
         return out
 
     @property
     def given(self) -> float:
-        """Number of parameters that the priors and the distances between balls determine, and not the readings."""
+        """Number of parameters that priors and ball distances determine instead of the readings."""
         share = np.diag(self.covariance) * self.prior**2
         return float(share.sum() + np.sum((self.tied @ self.covariance) * self.tied))
 
     def standardised(self) -> Array:
-        """(n,) length of every residual for noise as declared, in the metric of its own spread, I - H.
+        """Compute the standardised lengths of the residuals, shape (n,).
 
-        H is the reading's block of the hat matrix: a fit pulls itself to its readings, most to those that lie
-        alone. Each is chi distributed with as many degrees of freedom as the reading has rows.
+        They hold for noise as declared, in the metric of each residual's spread, I - H, where H is the
+        reading's block of the hat matrix. A fit pulls itself to its readings, most to those that lie
+        alone. Each length is chi distributed with as many degrees of freedom as the reading has rows.
         """
         k, n = self.residual.shape
         hat = (self.columns @ self.root).reshape(k, n, -1).transpose(1, 0, 2)
@@ -144,7 +158,7 @@ class Solution:
 
 
 def jacobian(design: BoundModel, observed: Observations, frames: Frames) -> Array:
-    """(k n, m) whitened derivative of the prediction."""
+    """Compute the whitened derivative of the prediction, shape (k n, m)."""
     columns = design.columns(observed.columns(frames, design.slots))
     if observed.shared is None:
         return columns
@@ -153,7 +167,10 @@ def jacobian(design: BoundModel, observed: Observations, frames: Frames) -> Arra
 
 
 def triangular_factor(matrix: Array) -> Array:
-    """(min(rows, m), m) R of matrix (rows, m) = QR, by Householder reflections: safe for dependent columns."""
+    """Compute the factor R of a matrix (rows, m) = QR, shape (min(rows, m), m).
+
+    Householder reflections make it safe for dependent columns.
+    """
     rows, m = matrix.shape
     return np.triu(_GEQRF(matrix)[0][: min(rows, m)])
 
@@ -175,10 +192,10 @@ def orthonormal(matrix: Array) -> tuple[Array, Array]:
 
 
 def _normal_factor(gram: Array, columns: Array, tied: Array, prior: Array, size: Array) -> Array:
-    """(m, m) R with R'R = gram, scaled. An error in R only slows Gauss-Newton, which looks at the true residual.
+    """Compute R (m, m) with R'R = gram, scaled by `size`.
 
-    Where rounding makes gram indefinite: by reflections on what it is made of, columns, ties and priors, scaled by
-    `size`.
+    An error in R only slows Gauss-Newton, which uses the true residual. If rounding makes gram
+    indefinite, R comes from reflections of the columns, ties and priors from which gram was computed.
     """
     try:
         return np.asarray(np.linalg.cholesky(gram).T, dtype=np.float64)
@@ -189,16 +206,21 @@ def _normal_factor(gram: Array, columns: Array, tied: Array, prior: Array, size:
 def find_dependent(
     start: Linearisation, settled: tuple[DroppedParameter, ...] | None = None
 ) -> tuple[NDArray[np.bool_], tuple[DroppedParameter, ...]]:
-    """The parameters that the readings determine: mask (m,) and the dropped ones by name.
+    """Find the parameters that the readings determine: mask (m,), and the dropped ones by name.
 
-    A column that those before it explain to one part in 10^7 is dropped. Base and tool are
-    looked at first: of a confounded group they stay, then whatever comes first in the model, unless it would have to
-    go by ten times its usual size to make up for the usual size of another, which is then the better one to keep
-    (the exchange of a strong rank-revealing QR: Gu and Eisenstat 1996). Where a prior is a
-    measurement (base targets known to 0.05 mm) it counts as one: the readings and it together determine them. So it
-    does for every usual size where different readings have fewer numbers than the model has parameters: what would be
-    dropped is then no redundancy of the arm, and an arm that is held to nominal there fits nothing.
-    With `settled`, what was decided for the base model is kept, and only the parameters of effects are looked at.
+    A column that those before it explain to one part in 10^7 is dropped. Base and tool are examined
+    first. Of a confounded group they stay, and then the parameters that come first in the model. There
+    is one exception. If a parameter would have to move by ten times its usual size to make up for the
+    usual size of another, that other one is kept. This is the exchange of a strong rank-revealing QR (Gu
+    and Eisenstat 1996).
+
+    A prior that is a measurement (base targets known to 0.05 mm) counts as one: the readings and it
+    together determine the parameters. The same holds for every usual size if different readings have
+    fewer numbers than the model has parameters. A parameter dropped then would be no redundancy of the
+    arm, and an arm that is fixed to nominal there fits nothing.
+
+    With `settled`, the decisions for the base model are kept, and only the parameters of effects are
+    examined.
     """
     model = start.design.model
     parameters = model.parameters
@@ -255,7 +277,10 @@ def find_dependent(
 
 
 def _without(triangle: Array, out: int) -> Array:
-    """R of the columns of R (m, m) without one of them: the rows above it stay, those behind are factored anew."""
+    """Compute the factor R of the columns of R (m, m) without one of them.
+
+    The rows above that column stay, those behind are factored again.
+    """
     left = np.concatenate((triangle[:, :out], triangle[:, out + 1 :]), axis=1)
     if out == left.shape[1]:
         return left[:out]
@@ -265,7 +290,10 @@ def _without(triangle: Array, out: int) -> Array:
 
 
 def _enough_numbers(at: Linearisation, count: int) -> bool:
-    """Whether readings of different poses, targets, base targets and series have so many numbers."""
+    """Test whether different readings have at least `count` numbers.
+
+    Readings differ in their poses, targets, base targets or series.
+    """
     c, freedom = at.design.conditions, at.observed.freedom
     if (int(c.pose.max()) + 1) * int(freedom.min()) >= count:  # different poses alone have
         return True
@@ -277,9 +305,9 @@ def _enough_numbers(at: Linearisation, count: int) -> bool:
 
 
 def _shares(before: Array, column: Array) -> Array:
-    """(a,) how much of each column before explains a column, or (a, b) of b columns.
+    """Compute how much of each earlier column explains a column, shape (a,).
 
-    Columns before may be dependent among themselves.
+    For b columns the shape is (a, b). The earlier columns may be dependent among themselves.
     """
     if np.all(np.abs(np.diag(before)) >= _DEPENDENT):
         return _back(before, column)
@@ -287,10 +315,11 @@ def _shares(before: Array, column: Array) -> Array:
 
 
 def _first_dependent(triangle: Array, kept: list[bool]) -> int | None:
-    """The first column of R (m, m), columns of length 1, that those before it explain; None where there is none.
+    """Find the first column of R (m, m) that earlier columns explain; None if there is none.
 
-    What is left of a column is on the diagonal. Columns that `kept` are never given up; behind one of them
-    that is explained the diagonal no longer shows that, so the others are then measured against it as it is.
+    The columns have length 1. The remainder of a column is on the diagonal. Columns that are `kept` are
+    never dropped. Behind such a column that is explained the diagonal no longer shows the remainder, and
+    the others are then compared with it as it is.
     """
     left = np.zeros(triangle.shape[1])
     left[: min(triangle.shape)] = np.abs(np.diag(triangle))
@@ -301,10 +330,10 @@ def _first_dependent(triangle: Array, kept: list[bool]) -> int | None:
 
 
 def usual_sizes(model: ModelStructure, dropped: Sequence[DroppedParameter]) -> Array:
-    """(m,) standard deviation of every parameter's prior, internal units; infinite where there is none.
+    """Compute the standard deviations of the parameters' priors, shape (m,), internal units.
 
-    What a parameter is fitted to is its own error and that of all dropped ones that it makes up for: their
-    variances add up. A prior that is a measurement stays one.
+    They are infinite without a prior. A parameter is fitted to its own error and to that of all dropped
+    ones for which it makes up, so their variances add up. A prior that is a measurement does not change.
     """
     variance = model.prior_std**2
     for drop in dropped:
@@ -326,9 +355,24 @@ def solve(
 ) -> Solution:
     """Minimise from a start over the `active` parameters (m,).
 
-    dropped: those of the model that the readings cannot determine, for which others make up; weights: (n,) per
-    reading; scale: noise scale s for the prior; tolerance: length of the last step, in standard errors of the
-    estimate. A solution that did not converge says so.
+    A solution that did not converge says so.
+
+    Parameters
+    ----------
+    start : Linearisation
+        Readings as the model sees them at the start.
+    active : array of bool, shape (m,)
+        Parameters to solve for.
+    dropped : sequence of DroppedParameter, optional
+        Parameters that the readings cannot determine, for which others make up.
+    weights : array of shape (n,), optional
+        Weight of each reading. Default: 1.
+    scale : float, optional
+        Noise scale s for the prior.
+    max_iterations : int, optional
+        Most iterations.
+    tolerance : float, optional
+        Length of the last step, in standard errors of the estimate.
     """
     root = None if weights is None else np.sqrt(weights)
     model = start.design.model
@@ -386,12 +430,14 @@ def solve(
 def _steps(
     scaled: Array, triangle: Array, right: Array, damped: int | None
 ) -> Iterator[tuple[int | None, Array]]:
-    """The Gauss-Newton step on scaled columns; then, and once damping was needed at once, damped steps, each shorter,
-    with the power of ten of their damping.
+    """Yield the Gauss-Newton step on scaled columns, then damped steps, each shorter.
 
-    A nearly flat direction makes the Gauss-Newton step so long that the chain is no longer linear along it, and a
-    fraction of it is too short everywhere else. Damping (R'R + m I, columns of length 1) leaves flat directions alone.
-    Source: Marquardt 1963.
+    Each comes with the power of ten of its damping, or None. If damping was needed before, only damped
+    steps are yielded.
+
+    A nearly flat direction makes the Gauss-Newton step so long that the chain is no longer linear along
+    it, and a fraction of it is too short everywhere else. Damping (R'R + m I, columns of length 1)
+    leaves flat directions alone. Source: Marquardt 1963.
     """
     if damped is None:
         yield None, scaled
@@ -408,8 +454,14 @@ _TRTRS, _GEQRF = get_lapack_funcs(("trtrs", "geqrf"), dtype=np.float64)
 
 
 def _back(triangle: Array, right: Array, trans: int = 0) -> Array:
-    """R x = right, or R' x = right. Raises LinAlgError where R is singular."""
-    if not triangle.size:  # nothing is free, as where base and tool are known and nothing else is asked for
+    """Solve R x = right, or R' x = right.
+
+    Raises
+    ------
+    LinAlgError
+        R is singular.
+    """
+    if not triangle.size:  # nothing is free, as if base and tool are known and nothing more is requested
         return right
     found, singular = _TRTRS(triangle, right, trans=trans)
     if singular:

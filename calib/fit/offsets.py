@@ -1,14 +1,14 @@
-"""The offsets that a fit found for positions known to an uncertainty: base targets (cups, nests) and tool targets.
+"""Offsets that a fit found for base targets and tool targets of uncertain position.
 
-Of a target the fit gives offset m and covariance P beside its prior N(0, U). Readings and all other targets together
-then put it at
+Base targets are cups and nests. For a target, the fit gives the offset m and covariance P for its prior
+N(0, U). Readings and all other targets together then put it at
 
     d = U S+ m   with   S = U - P,   and   d' (U S+ U)+ d = m' S+ m  ~  chi-squared
 
-if the uncertainty is as stated: S is the covariance of m over such set-ups, S+ its inverse in the directions that
-they see. A target beyond that is doubted by name, its prior is taken away, and the others are judged again without
-it, so that one cup out of place does not accuse its neighbours. Source: the test of innovations (Bar-Shalom, Li and
-Kirubarajan 2001, section 5.4).
+if the uncertainty is as stated. S is the covariance of m over such set-ups, S+ its inverse in the
+directions that they see. A target beyond that is reported as doubted. Its prior is then taken away and
+the others are judged again without it, so that one cup out of place does not accuse its neighbours.
+Source: the test of innovations (Bar-Shalom, Li and Kirubarajan 2001, section 5.4).
 """
 
 from __future__ import annotations
@@ -32,10 +32,18 @@ _SET_FREE = 1e3  # by so much the prior of a doubted target is widened
 
 @dataclass(frozen=True)
 class TargetOffsetTest:
-    """The judgement of a target: how far readings and all other targets put it from its stated place.
+    """Judgement of a target: its distance from the stated place according to all the rest.
 
-    distance_mm, and sigma: that many standard deviations of such a distance; doubted: it cannot be by chance, unless
-    one of `rivals`, which would explain the same readings about as well, is out of place instead.
+    Attributes
+    ----------
+    distance_mm : float
+        Distance from the stated place.
+    sigma : float
+        The distance in standard deviations of such a distance.
+    doubted : bool
+        Whether the distance is too large for chance.
+    rivals : tuple of str
+        Targets that would explain the same readings about as well if they were out of place instead.
     """
 
     distance_mm: float
@@ -57,9 +65,16 @@ class TargetOffsetTest:
 
 @dataclass(frozen=True)
 class TargetOffset:
-    """A target beside its stated position: (x, y, z) mm as far as they were free, with standard errors.
+    """Offset of a target from its stated position, with standard errors.
 
-    kind: `base target` or `tool target`; u_mm: stated standard uncertainty per axis.
+    Attributes
+    ----------
+    kind : str
+        `base target` or `tool target`.
+    offset_mm, std_mm : tuple of float
+        x, y, z, if they were free, and their standard errors.
+    u_mm : float
+        Stated standard uncertainty per axis.
     """
 
     name: str
@@ -110,11 +125,22 @@ def offsets_of(found: IdentificationFit) -> tuple[TargetOffset, ...]:
 def judge_points(
     points: Array, stated: Array, u_mm: Array, noise: Array, names: list[str]
 ) -> list[TargetOffsetTest]:
-    """Points measured in a frame of their own, beside where they are stated to be, which is known to an uncertainty.
+    """Judge points measured in a separate frame against their stated positions.
 
-    With o what is off by the statement, y the points laid over the stated ones, and a frame that is free to move by
-    G theta, y = o + G theta + e has the weights P = V - V G (G'VG)^-1 G'V, V = (U + N)^-1, so that m = U P y.
-    points, stated: (n, 3) mm, n >= 3, not in a line; u_mm: (n,) above zero; noise: (n, 3, 3) mm2 of a point.
+    With o the offset from the statement, y the points laid over the stated ones, and a frame that is
+    free to move by G theta, the model is y = o + G theta + e. It has the weights P = V - V G (G'VG)^-1
+    G'V with V = (U + N)^-1, so that m = U P y.
+
+    Parameters
+    ----------
+    points, stated : array of shape (n, 3)
+        Measured and stated points, mm; n >= 3, not in a line.
+    u_mm : array of shape (n,)
+        Uncertainty of the stated positions, above zero.
+    noise : array of shape (n, 3, 3)
+        Covariance of each measured point, mm2.
+    names : list of str
+        Names of the points.
     """
     turn, shift = align(points, stated, np.ones(len(points)))
     y = (points @ turn.T + shift - stated).ravel()
@@ -134,9 +160,10 @@ def judge_points(
 def _judged(
     m: Array, p: Array, u: Array, rows: list[NDArray[np.int64]], names: list[str]
 ) -> list[TargetOffsetTest]:
-    """Every target judged; what is doubted no longer speaks about the others.
+    """Judge every target; a doubted one no longer counts in the test of the others.
 
-    m (k,), p (k, k) offsets and covariance, u (k,) standard deviations of the priors; rows: those of each target.
+    `m` (k,) and `p` (k, k) are offsets and their covariance, `u` (k,) the standard deviations of the
+    priors. `rows` gives the indices of each target.
     """
     out: dict[int, TargetOffsetTest] = {}
     while len(out) < len(rows):
@@ -160,7 +187,10 @@ def _judged(
 
 
 def _apart(m: Array, p: Array, u: Array) -> tuple[TargetOffsetTest, float]:
-    """The distance at which the others put a target, and the chance of more where all is as stated."""
+    """Compute the distance at which the others put a target, and its p-value.
+
+    The p-value is the chance of a larger distance if all targets are as stated.
+    """
     share, axes = np.linalg.eigh(np.eye(len(u)) - p / np.outer(u, u))
     seen = share > _SEEN
     along = (axes.T @ (m / u))[seen]

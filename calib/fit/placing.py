@@ -1,11 +1,16 @@
-"""The base model of a data set with start values for the unknown positions of base, tool and base targets.
+"""Base model of a data set, with start values for base, tool and base targets.
 
-The start of every series is found from its own readings: the base pose by aligning the nominal robot with measured
-points or with base targets located by distances, the tool frame by averaging. Where the series has sweeps of single
-joints, their circles are a second opinion (`fit.circle_points`): joints 1 and 2 say where the base is, the last
-two where the tool sits, and the start at which the nominal robot misses less is taken. It matters where the tool is
-unknown and reaches as far as the arm, and the poses are few: alignment and averaging in turn then end in a wrong place.
-`place_nominal` fits base and tool alone: the nominal robot at its best, the yardstick of every report.
+The start of every series is found from its own readings. The base pose follows by aligning the nominal
+robot with measured points, or with base targets located by distances; the tool frame follows by
+averaging.
+
+If the series has sweeps of single joints, their circles give a second start (`fit.circle_points`):
+joints 1 and 2 place the base, the last two the tool. The start at which the nominal robot misses less is
+taken. This matters if the tool is unknown and as long as the arm, and the poses are few: alternate
+alignment and averaging then end in a wrong place.
+
+`place_nominal` fits base and tool alone. The result is the nominal robot at its best, with which every
+report compares.
 """
 
 from __future__ import annotations
@@ -38,10 +43,21 @@ _OF_PLACE = {"base", "target", "anchor", "length"}  # what the maker's drawing o
 
 
 def base_model_of(dataset: Dataset, groups: Sequence[str] | None = None) -> ModelStructure:
-    """The model that the header frees (or `groups`), with a start for every series.
+    """Build the model that the header frees, with a start for every series.
 
-    Raises DataError when the header holds or weighs a parameter that the model does not have or of which nothing is
-    known, and where the readings are mirrored or in another unit.
+    Parameters
+    ----------
+    dataset : Dataset
+        Readings and header of one robot.
+    groups : sequence of str, optional
+        Parameter groups to free. Default: those of the header.
+
+    Raises
+    ------
+    DataError
+        There are no measured calibration rows, or the readings are mirrored or in another unit. The
+        error is also raised if the header holds or weighs a parameter that the model does not have, or
+        one without a nominal value.
     """
     if not dataset.fit_rows.any():
         raise DataError(
@@ -134,7 +150,10 @@ def _share_tool(
     placements: dict[str, Array],
     turns: dict[str, Array],
 ) -> None:
-    """Start all series with the tool of those that measured each target most often, and their bases with that tool."""
+    """Start all series with one tool, and their bases with that tool.
+
+    Each target is taken from the series that measured it most often.
+    """
     conditions, rows = dataset.conditions, dataset.fit_rows & dataset.pointed
     names = conditions.target_names
     counts = {
@@ -165,7 +184,10 @@ def _nearer(
     *,
     tool_unknown: bool,
 ) -> tuple[Array, Array]:
-    """Base pose and tool targets from alignment or from circles: those with which the nominal robot misses less."""
+    """Choose base pose and tool targets from alignment or from circles.
+
+    The choice is the start with which the nominal robot misses less.
+    """
     pose, tool = aligned
     if circles.base is not None:
         pose = circles.base
@@ -190,7 +212,10 @@ def _locate(
     *,
     zero_unknown: bool,
 ) -> dict[str, Array]:
-    """Base targets in the base frame of the nominal robot, mm, where the distances determine them."""
+    """Locate base targets in the base frame of the nominal robot, mm.
+
+    A base target is left out if the distances do not determine it.
+    """
     conditions = dataset.conditions
     found = {}
     for a in np.unique(conditions.anchor[rows]):
@@ -204,9 +229,10 @@ def _locate(
 
 
 def _aligned(here: dict[str, Array], header: Header) -> Array:
-    """(4, 4) base pose that brings base targets located in the robot's frame to where they are known to be.
+    """Compute the base pose (4, 4) from base targets that were located in the robot's frame.
 
-    Of one or two of them it is one pose of many; the fit then drops what they leave open.
+    The pose brings them to their known positions. For one or two targets it is one pose of many; the fit
+    then drops the parameters that stay undetermined.
     """
     known = [name for name in here if name in header.base_targets]
     pose = np.eye(4)
@@ -241,7 +267,10 @@ def _between(
 
 
 def _declared(header: Header, *names: str) -> bool:
-    """Whether hold or priors speak of these: then the nominal value is kept, and no start takes its place."""
+    """Test whether `hold` or `priors` of the header name one of these parameters.
+
+    The nominal value is then kept, and no start takes its place.
+    """
     said = [re.sub(r"\[.*\]", "", name) for name in (*header.hold, *header.priors)]
     return any(
         one == name or one.startswith(f"{name}.") or one[:-1] == name for one in said for name in names
@@ -249,7 +278,10 @@ def _declared(header: Header, *names: str) -> bool:
 
 
 def _refuse_unknown(dataset: Dataset) -> None:
-    """Nobody knows where a base is in a free world: it has no nominal value to be held or weighed at."""
+    """Refuse headers that hold or weigh a position that has no nominal value.
+
+    In a free world this includes the pose of the base.
+    """
     header = dataset.header
     free = [name for name in dataset.conditions.anchor_names if name not in header.base_targets]
     unknown = ("base", *free, "base_targets") if free else ("base",)

@@ -27,11 +27,11 @@ class FitReadings:
     rows: NDArray[np.int64]
 
     def take(self, keep: NDArray[np.bool_]) -> FitReadings:
-        """Some of the readings, by mask (n,)."""
+        """Select readings by a mask (n,)."""
         return self if keep.all() else self.taken(np.flatnonzero(keep))
 
     def taken(self, index: NDArray[np.int64]) -> FitReadings:
-        """Some of the readings, by index."""
+        """Select readings by index."""
         return FitReadings(self.conditions.take(index), self.observed.take(index), self.rows[index])
 
 
@@ -41,8 +41,11 @@ _AT_ONCE = 1200  # readings whose columns are in memory at a time
 def linearised(
     model: ModelStructure, readings: FitReadings, estimate: Array
 ) -> Iterator[tuple[NDArray[np.int64], Array, Array]]:
-    """Residual and derivative of the prediction at an estimate (m,), some visits at a time: which readings (c,),
-    whitened residual (k, c), whitened columns (k c, m)."""
+    """Yield residual and derivative of the prediction at an estimate (m,), in parts.
+
+    Each part consists of some whole visits. It has the indices of its readings (c,), the whitened
+    residual (k, c) and the whitened columns (k c, m).
+    """
     for part in _whole_visits(readings.conditions.visit):
         few = readings.taken(part)
         design = BoundModel(model, few.conditions)
@@ -61,19 +64,21 @@ def _whole_visits(visit: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
 def readings_of(
     dataset: Dataset, rows: NDArray[np.bool_], model: ModelStructure, estimate: Array
 ) -> FitReadings:
-    """Whitened readings of some rows: see `begun`."""
+    """Whiten some rows of a data set, as `begun` does."""
     return begun(dataset, rows, model, estimate)[0]
 
 
 def begun(
     dataset: Dataset, rows: NDArray[np.bool_], model: ModelStructure, estimate: Array
 ) -> tuple[FitReadings, Linearisation | None]:
-    """Whitened readings of some rows (mask over the data set), and these as the model sees them at the estimate (m,)
-    where whitening had to look: the chain of a first step, which need not be passed again.
+    """Whiten some rows of a data set (a mask); return their linearisation too, if computed.
 
-    The instrument's covariance is taken where the point was measured; the repeatability of the joints enters through
-    the joint Jacobian of `model` at `estimate`, and ties point, orientation and distance of a reading together, and
-    the readings of a visit.
+    The linearisation at the estimate (m,) is available if whitening needed it. It then serves as the
+    chain of a first step and is not computed again.
+
+    The instrument's covariance is taken at the measured point. The repeatability of the joints enters
+    through the joint Jacobian of `model` at `estimate`. It correlates point, orientation and distance of
+    a reading, and the readings of a visit.
     """
     conditions = dataset.conditions.take(rows)
     measured, blocks = [], []
@@ -121,7 +126,7 @@ def begun(
 
 
 def _several(visit: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(n,) readings that have others of their visit beside them."""
+    """Mark the readings that share their visit with others, shape (n,)."""
     return np.bincount(visit)[visit] > 1
 
 

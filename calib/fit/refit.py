@@ -11,8 +11,10 @@ from calib.model.model import ModelStructure
 
 
 def fit_again(dataset: Dataset, fitted: IdentificationFit, model: ModelStructure) -> IdentificationFit:
-    """Another model with the parameters of a fit, fitted to its readings from its estimate; what took no part still
-    takes none."""
+    """Fit another model to the readings of a fit, from its estimate.
+
+    The model has the same parameters. Readings that took no part still take none.
+    """
     return fit_plain(
         dataset,
         model,

@@ -1,10 +1,12 @@
-"""Outliers: weights that keep them from influencing the fit, and the test that rejects them.
+"""Robust weights that limit the influence of outliers, and the test that rejects them.
 
-Distances are norms of whitened readings, each judged by the chi distribution of as many degrees of freedom as it
-has rows (a point 3, a pose 6, a length 1). The scale is the larger of what the median and what the 90 % quantile
-say, so that a tenth of the readings may be wrong, while a structure that moves many readings (a step, a drift)
-is not mistaken for a crowd of outliers. Where a crowd is suspected, `wrong` says which share of the readings may be.
-Source: Huber 1981; Beaton and Tukey 1974 (bisquare).
+Distances are norms of whitened readings, each judged by the chi distribution of as many degrees of
+freedom as it has rows (a point 3, a pose 6, a length 1). The scale is the larger of those from the
+median and from the 90 % quantile. So a tenth of the readings may be wrong, while a structure that moves
+many readings (a step, a drift) is not mistaken for a crowd of outliers. If a crowd is suspected, `wrong`
+is the share of the readings that may be wrong.
+
+Sources: Huber 1981, Beaton and Tukey 1974 (bisquare).
 """
 
 from __future__ import annotations
@@ -28,12 +30,15 @@ Freedom = NDArray[np.int64]
 
 
 def distances(residual: Array) -> Array:
-    """(n,) norm of every whitened reading, from (k, n) residuals."""
+    """Compute the norm of every whitened reading from residuals (k, n), shape (n,)."""
     return np.sqrt(np.sum(residual**2, axis=0))
 
 
 def noise_scale(residual: Array, freedom: Freedom, wrong: float = FEW) -> float:
-    """Robust ratio of the residuals (k, n) to the declared noise; freedom (n,) rows of every reading."""
+    """Estimate the ratio of the residuals (k, n) to the declared noise, robustly.
+
+    `freedom` (n,) is the number of rows of every reading.
+    """
     return scale_of(distances(residual), freedom, wrong)
 
 
@@ -48,7 +53,7 @@ def scale_of(distance: Array, freedom: Freedom, wrong: float = FEW) -> float:
 
 
 def _chi(freedom: Freedom, quantile: float) -> Array:
-    """(n,) quantile of the chi distribution of every reading."""
+    """Compute a quantile of the chi distribution for every reading, shape (n,)."""
     values = np.array([_quantile(rows, quantile) for rows in range(int(freedom.max()) + 1)])
     return values[freedom]
 
@@ -59,24 +64,36 @@ def _quantile(rows: int, quantile: float) -> float:
 
 
 def huber(residual: Array, freedom: Freedom, wrong: float = FEW) -> Array:
-    """(n,) Huber's weights: 1 within the limit k, k / d beyond it, for distances d."""
+    """Compute Huber's weights, shape (n,): 1 within the limit k, k / d beyond it.
+
+    d is the distance of a reading.
+    """
     distance = distances(residual) / max(noise_scale(residual, freedom, wrong), 1e-300)
     return np.minimum(1.0, _chi(freedom, _HUBER) / np.maximum(distance, 1e-300))
 
 
 def bisquare(residual: Array, freedom: Freedom, wrong: float = FEW) -> Array:
-    """(n,) weights that fall to zero at 2.5 times the distance within which 95 % of the noise lies."""
+    """Compute bisquare weights, shape (n,).
+
+    They fall to zero at 2.5 times the distance within which 95 % of the noise lies.
+    """
     distance = distances(residual) / max(noise_scale(residual, freedom, wrong), 1e-300)
     return np.maximum(1.0 - (distance / (_BISQUARE * _chi(freedom, _HUBER))) ** 2, 0.0) ** 2
 
 
 def threshold(residual: Array, freedom: Freedom, wrong: float = FEW) -> Array:
-    """(n,) distance beyond which, with 99 % confidence over all n readings, a reading does not belong."""
+    """Compute the distance beyond which a reading does not belong, shape (n,).
+
+    It holds with 99 % confidence over all n readings.
+    """
     return limits(freedom) * max(noise_scale(residual, freedom, wrong), 1.0)
 
 
 def limits(freedom: Freedom) -> Array:
-    """(n,) distance that noise as declared exceeds at one of n readings in a hundredth of all clean sets."""
+    """Compute the distance that declared noise exceeds in 1 % of all clean sets, shape (n,).
+
+    A clean set exceeds it if one of its n readings does.
+    """
     values = np.array([_limit(rows, _REJECT / len(freedom)) for rows in range(int(freedom.max()) + 1)])
     return values[freedom]
 
@@ -87,24 +104,24 @@ def _limit(rows: int, chance: float) -> float:
 
 
 def outliers(residual: Array, freedom: Freedom, wrong: float = FEW) -> NDArray[np.bool_]:
-    """(n,) whether a reading lies beyond the threshold."""
+    """Mark the readings beyond the threshold, shape (n,)."""
     return distances(residual) > threshold(residual, freedom, wrong)
 
 
 def suspicious(distance: Array, freedom: Freedom) -> bool:
-    """Whether a plain fit may have been steered by readings that do not belong.
+    """Test whether readings that do not belong may have steered a plain fit.
 
-    distance: (n,) standardised lengths of its residuals. A clean set that is suspected, one in a hundred, loses only
-    the time of a robust fit.
+    `distance` (n,) are the standardised lengths of its residuals. A clean set that is suspected, one in
+    a hundred, loses only the time of a robust fit.
     """
     return bool(np.any(distance > limits(freedom) * scale_of(distance, freedom)))
 
 
 def lie_together(out: NDArray[np.bool_], along: Array) -> bool:
-    """Whether the readings of a mask (n,) lie together along any of the quantities (n, q), as time or a joint angle.
+    """Test whether the readings of a mask (n,) lie together along a quantity of `along` (n, q).
 
-    Along each quantity runs of readings inside and outside the mask alternate; few runs are no chance. Source: Wald and
-    Wolfowitz 1940.
+    Such quantities are the time or a joint angle. Along each quantity runs of readings inside and
+    outside the mask alternate; few runs are no chance. Source: Wald and Wolfowitz 1940.
     """
     n, inside = len(out), int(out.sum())
     if not 0 < inside < n:

@@ -23,12 +23,12 @@ class ErrorStatistics:
 
 
 def distances(predicted: Array, measured: Array) -> Array:
-    """(n,) distances between points (n, 3), mm."""
+    """Compute the distances between points (n, 3), mm, shape (n,)."""
     return np.linalg.norm(predicted - measured, axis=1)
 
 
 def statistics_of(errors: Array) -> ErrorStatistics | None:
-    """Statistics of errors (n,), mm; None where there are none."""
+    """Compute the statistics of errors (n,), mm; return None if there are no errors."""
     if not len(errors):
         return None
     return ErrorStatistics(
@@ -41,8 +41,11 @@ def statistics_of(errors: Array) -> ErrorStatistics | None:
 
 
 def worse(found: ErrorStatistics | None, nominal: ErrorStatistics | None) -> bool:
-    """Whether the error of a model exceeds that of the nominal robot in its place by more than 2 % and a micrometre;
-    False if nothing was held out."""
+    """Test whether a model has larger errors than the nominal robot in its place.
+
+    The RMS error must exceed it by more than 2 % and a micrometre. The result is False if nothing was
+    held out.
+    """
     if found is None or nominal is None:
         return False
     return found.rms > (1.0 + _WORSE) * nominal.rms + _LEAST_MM

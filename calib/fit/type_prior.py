@@ -1,20 +1,23 @@
-"""The prior from a robot's type: Gaussian rows on parameters, and the tests whether this robot agrees with them.
+"""Prior from the type of a robot, and the tests whether this robot agrees with it.
 
-A parameter that robots of the type share has the prior N(centre, spread^2) in the place of its usual size. With V its
-posterior variance and h = V / spread^2 the share of it that the prior decides, the fit without this one prior row
-would lie
+A parameter that robots of the type share has the prior N(centre, spread^2) instead of its usual size.
+With V its posterior variance and h = V / spread^2 the share of it that the prior decides, the fit
+without this one prior row would lie
 
     z = (estimate - centre) / (spread sqrt(1 - h))
 
-standard deviations from the type: its variance is what the readings leave, V / (1 - h), and the spread. One |z| that
-chance does not make among so many parameters says that this robot is no member of the type there: the row is taken
-out, the usual size holds the parameter again, and everything is fitted anew. What is left is judged together by
+standard deviations from the type. Its variance is the sum of V / (1 - h), from the readings, and the
+squared spread. If |z| is too large for chance among this number of parameters, this robot is no member
+of the type in that parameter. The row is then taken out, the parameter has its usual size again, and the
+fit is repeated. The remaining rows are judged together by
 
     X^2 = d'M^+ d,    d = (estimate - centre) / spread,    M = I - V / (spread spread'),
 
-over the directions that the readings see. Where that is too large, or too many rows were taken out, the robot is no
-member of the type, and the whole prior is left out: a fit that is not sure of it is better off without.
-Source: Box 1980 (prior and readings in conflict); Cook and Weisberg 1982 (deletion of rows).
+over the directions that the readings see. If X^2 is too large, or too many rows were taken out, the
+robot is no member of the type, and the whole prior is left out: an uncertain fit is better off without
+it.
+
+Sources: Box 1980 (prior and readings in conflict), Cook and Weisberg 1982 (deletion of rows).
 """
 
 from __future__ import annotations
@@ -42,8 +45,10 @@ _SAME = 1e-5  # of a column: what may be left of it where others make up for it
 
 @dataclass(frozen=True)
 class TypeParameter:
-    """A parameter of a type: mean over its robots, and standard deviation of a further robot about it (display
-    unit)."""
+    """A parameter of a type: mean over its robots, and spread of a further robot about it.
+
+    The spread is a standard deviation. Both are in the display unit.
+    """
 
     name: str
     unit: str
@@ -53,7 +58,7 @@ class TypeParameter:
 
 @dataclass(frozen=True)
 class TypeEffect:
-    """An effect beside the base model, by label and shape, and in how many robots of a type it was found."""
+    """An effect added to the base model, and the number of robots that have it."""
 
     label: str
     shape: Mapping[str, float]
@@ -62,11 +67,24 @@ class TypeEffect:
 
 @dataclass(frozen=True)
 class TypePrior:
-    """A prior that the robots of one type share, as a fit takes it.
+    """A prior that the robots of one type share.
 
-    robot, robot_sha256, coupling: the type; groups: what of the robot its base model frees; redundant: parameters that
-    no readings of the type determined, and what makes up for them; found: effects beside the base model; robots: how
-    many it was learnt from; sha256: of the file.
+    Attributes
+    ----------
+    robot, robot_sha256, coupling : str
+        The type.
+    groups : tuple of str
+        Groups of the robot's parameters that its base model frees.
+    shares : mapping of str to TypeParameter
+        The shared parameters by name.
+    redundant : tuple of DroppedParameter
+        Parameters that no readings of the type determined, and those that make up for them.
+    found : tuple of TypeEffect
+        Effects added to the base model.
+    robots : int
+        Number of robots from which the prior was learned.
+    sha256 : str
+        Hash of the file.
     """
 
     robot: str
@@ -81,13 +99,16 @@ class TypePrior:
 
     @property
     def expected(self) -> tuple[TypeEffectPrior, ...]:
-        """The effects that are frequent in the type, with shares of one half of all tries in proportion."""
+        """Effects that are frequent in the type, with their prior shares.
+
+        The shares add up to one half of all tries, in proportion to the numbers of robots.
+        """
         often = [f for f in self.found if f.robots >= max(_TWICE, _FREQUENT * self.robots)]
         total = sum(f.robots for f in often)
         return tuple(TypeEffectPrior(f.label, f.shape, 0.5 * f.robots / total) for f in often)
 
     def refuse_other(self, robot: Robot, coupling: str, groups: Sequence[str]) -> None:
-        """Raise DataError for a robot of another type, or a base model that frees something else of it."""
+        """Raise DataError for a robot of another type, or a base model that frees other groups."""
         if self.robot_sha256 != robot_hash(robot):
             other = "another table of it" if robot.name == self.robot else f"'{robot.name}'"
             raise DataError(
@@ -111,8 +132,17 @@ class TypePrior:
 
 @dataclass(frozen=True)
 class ParameterWeight:
-    """A parameter with what decided it. decided: share of the prior, 0 to 1; z: as the module has it, nan where the
-    readings say nothing; centre and spread as they were learnt."""
+    """Weight of prior and readings in a parameter.
+
+    Attributes
+    ----------
+    centre, spread : float
+        The prior as it was learned.
+    decided : float
+        Share of the prior, 0 to 1.
+    z : float
+        Distance from the type (see the module); NaN if the readings do not determine it.
+    """
 
     name: str
     centre: float
@@ -123,9 +153,19 @@ class ParameterWeight:
 
 @dataclass(frozen=True)
 class TypeFit:
-    """A fit beside its type. outside: parameters whose prior was taken out, as they were then; open: those to which the
-    prior cannot be put, and why; chi_square over `freedom` directions of what was left of the prior; left_out: whether
-    all of it was left out in the end."""
+    """A fit compared with its type.
+
+    Attributes
+    ----------
+    outside : tuple of ParameterWeight
+        Parameters whose prior was taken out, as they were then.
+    open : mapping of str to str
+        Parameters to which the prior cannot apply, with the reason.
+    chi_square, freedom : float, int
+        Chi-square of the remaining prior, and its number of directions.
+    left_out : bool
+        Whether the whole prior was left out in the end.
+    """
 
     prior: TypePrior
     outside: tuple[ParameterWeight, ...] = ()
@@ -162,10 +202,19 @@ class TypeFit:
 def held_to(
     at: Linearisation, prior: TypePrior, spoken_for: frozenset[str] = frozenset()
 ) -> tuple[ModelStructure, TypeFit]:
-    """The base model of some readings, linearised at its start, with what its type shares in the place of usual sizes.
+    """Put the type's prior in the place of the usual sizes of a base model.
 
-    What was redundant in the type and is redundant here too leaves the model: the prior is of what makes up for it.
-    spoken_for: parameters for which the user gave another prior.
+    Parameters that were redundant in the type and are redundant here leave the model: the prior refers
+    to the parameters that make up for them.
+
+    Parameters
+    ----------
+    at : Linearisation
+        The base model of some readings, linearised at its start.
+    prior : TypePrior
+        Prior of the type.
+    spoken_for : frozenset of str, optional
+        Parameters for which the user gave another prior.
     """
     gone, unlike = _redundant(at, prior)
     effects = tuple(_less(e, gone) for e in at.design.model.effects)
@@ -191,17 +240,17 @@ def centred(model: ModelStructure, prior: TypePrior, names: frozenset[str]) -> M
 def loosened(
     model: ModelStructure, usual: Mapping[str, Parameter], name: str | None = None
 ) -> ModelStructure:
-    """A model in which one parameter has its usual size again; None: all of them."""
+    """Give one parameter of a model its usual size again, or all if `name` is None."""
     return _with(model, lambda p: usual[p.name] if p.name in usual and name in (None, p.name) else p)
 
 
 def weighed(
     model: ModelStructure, estimate: Array, covariance: Array, weight: Array
 ) -> tuple[ParameterWeight, ...]:
-    """Every parameter that has a prior of its type, with what decided it.
+    """Compute the weight of prior and readings for every parameter with a prior of its type.
 
-    estimate (m,), covariance (m, m), internal units; weight: (m,) one over the standard deviation that the prior had
-    in the fit.
+    `estimate` (m,) and `covariance` (m, m) are in internal units. `weight` (m,) is one over the standard
+    deviation that the prior had in the fit.
     """
     out = []
     for i in np.flatnonzero(model.of_type & (weight > 0.0)):
@@ -214,8 +263,11 @@ def weighed(
 
 
 def stranger(shown: tuple[ParameterWeight, ...], robots: int) -> ParameterWeight | None:
-    """The parameter that lies farthest outside the type, where chance does not bring one of so many there; robots: by
-    how many the spreads are known, which gives them Student's t."""
+    """Find the parameter farthest outside the type; None if chance explains its distance.
+
+    Chance is judged for the number of parameters tested. `robots` is the number of robots from which the
+    spreads are known, which gives Student's t.
+    """
     seen = [each for each in shown if np.isfinite(each.z)]
     if not seen:
         return None
@@ -237,8 +289,11 @@ def together(model: ModelStructure, estimate: Array, covariance: Array, weight: 
 
 
 def _redundant(at: Linearisation, prior: TypePrior) -> tuple[frozenset[str], dict[str, str]]:
-    """Parameters that are redundant here as they were in the type, and go; and the shared ones that made up for a
-    parameter which these readings distinguish from them, with the reason why their prior does not hold."""
+    """Find parameters that are redundant in the type and here, and priors that do not hold here.
+
+    The former are removed. The latter belong to shared parameters that made up for a parameter which
+    these readings distinguish from them; the reason is given by name.
+    """
     index, columns = at.design.model.index, at.columns
     gone, unlike = set[str](), dict[str, str]()
     for drop in prior.redundant:

@@ -1,8 +1,9 @@
-"""The map of where a model can be trusted: the expanded uncertainty of its predictions over the whole workspace.
+"""Map of the expanded uncertainty of a model's predictions over the whole workspace.
 
-Poses drawn evenly, half within the joint ranges that were measured, half within the robot's limits. A joint that was
-hardly loaded, or a parameter that only its prior determines, shows as a large U outside. Source: GUM. (A UR10 whose
-fifth compliance was never loaded was 27 mm off in one pose, without any other sign.)
+It shows where the model can be trusted. Poses are drawn evenly, half within the joint ranges that were
+measured, half within the robot's limits. A joint that was hardly loaded, or a parameter that only its
+prior determines, shows as a large U outside. (A UR10 whose fifth compliance was never loaded was 27 mm
+off in one pose, without any other sign.) Source: GUM.
 """
 
 from __future__ import annotations
@@ -20,8 +21,19 @@ from calib.model.model import StatedConditions, conditions_at
 
 @dataclass(frozen=True)
 class UncertaintyMap:
-    """N poses: joints (N, n) rad; radius (N,) from axis 1 and height (N,), mm; u (N,) mm, k = 2, worst direction;
-    radius_95 (N,) mm: of the sphere that contains 95 % of the positions that the readings allow."""
+    """Expanded uncertainty at N poses.
+
+    Attributes
+    ----------
+    joints : array of shape (N, n)
+        Model joints, rad.
+    radius, height : array of shape (N,)
+        Distance from axis 1, and height, mm.
+    u : array of shape (N,)
+        Expanded uncertainty, k = 2, in the worst direction, mm.
+    radius_95 : array of shape (N,)
+        Radius of the sphere that contains 95 % of the positions that the readings allow, mm.
+    """
 
     joints: Array
     radius: Array
@@ -32,8 +44,11 @@ class UncertaintyMap:
 
 
 def uncertainty_map(found: IdentificationFit) -> UncertaintyMap:
-    """The map of an identified model, for its first series and the target that was measured most, side by side with
-    the conditions of its readings (their mean temperature and time)."""
+    """Compute the map of an identified model.
+
+    It holds for the first series, the target that was measured most, and the mean temperature and time
+    of the readings.
+    """
     readings = found.readings.conditions
     robot = found.model.robot
     rng = np.random.default_rng(0)
