@@ -1,7 +1,8 @@
-"""Files of other programs, read by a map of their columns, which is proposed, saved and applied.
+"""Files of other programs, read with a map of their columns.
 
-`files` reads cells and finds the table, `meanings` finds what its columns mean, `proposal` proposes the map and asks
-open questions, `map` reads and writes it, `readings` applies it; `convert` makes a data set from files and a map.
+The map is proposed, saved and applied. `files` reads cells and finds the table. `meanings` finds the
+meaning of its columns. `proposal` proposes the map and asks open questions, `map` reads and writes it,
+and `readings` applies it. `convert` makes a data set from files and a map.
 """
 
 from calib.foreign.convert import Converted, converted, data_set_of

@@ -29,7 +29,10 @@ _ANOTHER = 0.1  # share of the extent of the points by which no nominal arm miss
 
 @dataclass(frozen=True)
 class Converted:
-    """A data set, how the nominal robot fits it (None where that cannot be said), and what was made of the files."""
+    """A data set from foreign files, the fit of the nominal robot to it, and remarks.
+
+    `fit` is None if it is unknown. `said` are remarks on how the files were read.
+    """
 
     table: ConvertedTable
     fit: Fit | None
@@ -37,9 +40,23 @@ class Converted:
 
 
 def converted(made: Map, paths: Sequence[Path], map_path: Path | str, beside: Path) -> Converted:
-    """The data set of foreign files by a map. beside: the folder from which its header names a robot file.
+    """Convert foreign files to a data set with a map.
 
-    Raises DataError (file, line) for files that the map is not for, and for cells that it cannot read.
+    Parameters
+    ----------
+    made : Map
+        Map of the files.
+    paths : sequence of Path
+        The files, in the order of the map.
+    map_path : Path or str
+        File of the map, for error messages.
+    beside : Path
+        Folder to which the header's name of a robot file is relative.
+
+    Raises
+    ------
+    DataError
+        The map is not for these files, or a cell cannot be read; the error names file and line.
     """
     if len(paths) == 1 and len(made.files) == 2 and all(each.sheet for each in made.files):
         paths = [paths[0], paths[0]]  # two sheets of one workbook
@@ -108,10 +125,24 @@ def _layout(made: FileMap, path: Path, map_path: Path | str) -> Layout:
 
 
 def data_set_of(table: ConvertedTable, fit: Fit | None, csv: Path, files: Sequence[Path]) -> Dataset:
-    """The data set that a table would be as the file `csv`, checked against its nominal robot, not written.
+    """Build the data set of a table as if it were the file `csv`, without writing it.
 
-    fit: of the readings; files: those it was made of. Raises DataError for a table that is no data set, saying that the
-    map can be changed, and for readings that their robot misses by far and no other explanation fits.
+    Parameters
+    ----------
+    table : ConvertedTable
+        Converted readings.
+    fit : Fit or None
+        Fit of the nominal robot to these readings.
+    csv : Path
+        Name that the file would have.
+    files : sequence of Path
+        Files from which the table was made.
+
+    Raises
+    ------
+    DataError
+        The table is no data set; the message states that the map can be changed. Or the nominal robot
+        misses the readings by far, and no other explanation fits.
     """
     header = csv.with_suffix(".toml")
     try:

@@ -1,1 +1,4 @@
-"""The cells of a foreign file: its sheets, the table in them, and how its numbers, dates and units are written."""
+"""Cells of a foreign file: its sheets, the table in them, and its notation.
+
+The notation is the way in which numbers, dates and units are written.
+"""

@@ -30,8 +30,17 @@ _FEWEST = 3  # lines, or cells of one, that show a form
 
 @dataclass(frozen=True)
 class LabelledCell:
-    """A cell of a line. label: its own or that of its brackets; number: its place in the brackets, 0 of a cell with a
-    label of its own; part: which cell or brackets of the line it is in."""
+    """A cell of a line with labels or brackets.
+
+    Attributes
+    ----------
+    label : str
+        Label of the cell or of its brackets.
+    number : int
+        Place in the brackets; 0 for a cell with a separate label.
+    part : int
+        Index of the cell or brackets in the line.
+    """
 
     text: str
     label: str
@@ -47,14 +56,21 @@ class LabelledCell:
 
 @dataclass(frozen=True)
 class Labelled:
-    """A table of labelled lines. names: of its columns, '' without; rows: index of the line (from 0) and its cells."""
+    """A table of labelled lines.
+
+    `names` are those of the columns, '' without one. `rows` holds the index of each line (from 0) and
+    its cells.
+    """
 
     names: tuple[str, ...]
     rows: tuple[tuple[int, tuple[str, ...]], ...]
 
 
 def labelled(lines: Sequence[str]) -> Labelled | None:
-    """The table that lines hold, where most of those with numbers have brackets or labels in one form; else None."""
+    """Read lines as a table if most of those with numbers have one form of labels or brackets.
+
+    Returns None for other lines.
+    """
     if len(lines) > _LOOKED_AT and _table(lines[:_LOOKED_AT]) is None:
         return None
     return _table(lines)

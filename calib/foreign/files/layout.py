@@ -1,18 +1,18 @@
-"""The layout of a sheet: which line names the columns, which gives units, where the readings are, and what is neither.
+"""Layout of a sheet: the lines of names, units and readings, and the lines to leave out.
 
-A table is a sequence of rows with numbers in the same columns, below a row of words. Lines above it are a preamble; a
-row of units may follow the names; names may take two lines (a group over x, y, z). A row of means or a remark below is
-left out and reported. Two tables on one sheet are never joined.
+A table is a sequence of rows with numbers in the same columns, below a row of words. Lines above it are
+a preamble. A row of units may follow the names, and names may take two lines (a group over x, y, z). A
+row of means or a remark below is left out and reported. Two tables on one sheet are never joined.
 
-Tables with one coordinate a line, as reports of inspection programs have them: joined to one point a line. So are
-matrices of four lines, the last of which is 0 0 0 1.
+Reports of inspection programs have tables with one coordinate per line. These are joined to one point
+per line. So are matrices of four lines, the last of which is 0 0 0 1.
 
     Name   Control   Nom       Meas        Dev                 Name  Nom X  Meas X  Dev X  Nom Y ..
     P1     X         100.000   100.0213    0.021       ->      P1    100.0  100.02  0.021  ..
            Y         200.000   199.9871   -0.013
 
-A point begins at its X; its name may be given on that line only. What is neither X, Y nor Z (a distance, a
-diameter) is left.
+A point begins at its X; its name may be given on that line only. Lines for other quantities than X, Y
+and Z (a distance, a diameter) are left out.
 """
 
 from __future__ import annotations
@@ -48,9 +48,21 @@ _OTHERS = {"d", "dist", "distance", "3d", "diameter", "dxyz", "dl", "dn", "t", "
 
 @dataclass(frozen=True)
 class Layout:
-    """A table of a sheet. names: of the columns, each once (`X`, `X#2`); units: of the row of units, '' where it
-    has none;
-    rows: of the readings; said: what was made of the rest; above: the text of the preamble."""
+    """A table of a sheet.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the columns, each once (`X`, `X#2`).
+    units : tuple of str
+        From the row of units, '' without one.
+    rows : tuple of SheetRow
+        Rows of readings.
+    said : tuple of str
+        Remarks on how the other rows were read.
+    above : tuple of str
+        Text of the preamble.
+    """
 
     sheet: Sheet
     names: tuple[str, ...]
@@ -88,13 +100,19 @@ class Layout:
 
 @dataclass(frozen=True)
 class TwoTables(Exception):
-    """A sheet has several tables. lines: first and last of each."""
+    """A sheet has several tables; `lines` are the first and last line of each."""
 
     lines: tuple[tuple[int, int], ...]
 
 
 def layout_of(sheet: Sheet, lines: tuple[int, int] | None = None) -> Layout | None:
-    """The only table of a sheet, or that between two lines; None where there is none. Raises TwoTables."""
+    """Find the only table of a sheet, or of its lines `lines`; None if there is none.
+
+    Raises
+    ------
+    TwoTables
+        There are several tables.
+    """
     rows = [row for row in sheet.rows if lines is None or lines[0] <= row.line <= lines[1]]
     blocks = _blocks(rows)
     if not blocks:
@@ -159,7 +177,11 @@ def _words(row: SheetRow) -> int:
 
 
 def _joined(rows: Sequence[SheetRow], blocks: list[list[int]]) -> list[list[int]]:
-    """Blocks, one where the names are repeated between two (a page break), without few rows above the first names."""
+    """Join blocks of rows that belong to one table.
+
+    Two blocks are joined if the names are repeated between them (a page break). A few rows above the
+    first names are left out.
+    """
     if len(blocks[0]) <= _FEW < len(blocks[1]) and _top(rows, blocks[0]) == blocks[0][0]:
         blocks = blocks[1:]
     out = [blocks[0]]
@@ -185,7 +207,7 @@ def _top(rows: Sequence[SheetRow], block: list[int]) -> int:
 def _header(
     sheet: Sheet, rows: Sequence[SheetRow], first: int, width: int
 ) -> tuple[list[str], list[str], int | None, list[str]]:
-    """Names, units, index of the row of names (None without) and what is to be said."""
+    """Find names, units, the index of the row of names (None without) and remarks."""
     top = _top(rows, [first])
     units = [""] * width
     said: list[str] = []
@@ -267,7 +289,13 @@ def _each_once(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def layouts_of(sheets: Sequence[Sheet], lines: tuple[int, int] | None = None) -> list[Layout]:
-    """The table of every sheet that has one. Raises DataError where none has, or one has several."""
+    """Find the table of every sheet that has one.
+
+    Raises
+    ------
+    DataError
+        No sheet has a table, or one has several.
+    """
     out = []
     for sheet in sheets:
         try:
@@ -292,8 +320,13 @@ def layouts_of(sheets: Sequence[Sheet], lines: tuple[int, int] | None = None) ->
 
 
 def joined(layout: Layout) -> Layout:
-    """The layout with one point a line; itself where it has no column of axes. Raises DataError for points with
-    gaps."""
+    """Join a layout to one point per line; return it unchanged if it has no column of axes.
+
+    Raises
+    ------
+    DataError
+        A point lacks a coordinate, or its coordinates are not in order.
+    """
     if (whole := _matrices(layout)) is not None:
         return whole
     axis = next((name for name in layout.names if _axes(layout.cells[name])), None)
@@ -345,7 +378,10 @@ def joined(layout: Layout) -> Layout:
 
 
 def _matrices(layout: Layout) -> Layout | None:
-    """The layout with one matrix a line, where four lines of four numbers are one each; else None."""
+    """Join a layout to one matrix per line, or return None if its lines are not matrices.
+
+    Every four lines of four numbers must be a matrix whose last line is 0 0 0 1.
+    """
     rows = layout.rows
     if layout.header_line is not None or len(layout.names) != 4 or len(rows) % 4 or not rows:
         return None

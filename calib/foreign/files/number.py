@@ -1,10 +1,11 @@
-"""Numbers as other programs write them: decimal points or commas, separated thousands, a unit behind.
+"""Numbers and times as other programs write them.
 
-All numbers of a table together show which mark is which. If they do not (`1,234` may be 1.234 or 1234), the caller has
-to give it.
+Numbers have decimal points or commas, separated thousands, and perhaps a unit behind. All numbers of a
+table together show which mark is which. If they do not (`1,234` may be 1.234 or 1234), the caller must
+give it.
 
-Times of day as instruments and robots write them: ISO 8601, MM/DD/YYYY HH:MM:SS with a fraction, AM or PM, or
-DD.MM.YYYY HH:MM:SS.
+Instruments and robots write times of day as ISO 8601, as MM/DD/YYYY HH:MM:SS with a fraction, AM or PM,
+or as DD.MM.YYYY HH:MM:SS.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ class Notation:
     thousands: str = ""
 
     def number(self, cell: str) -> float | None:
-        """The finite number that a cell holds, None where it holds none."""
+        """Parse the finite number in a cell; return None if there is none."""
         text = cell.strip()
         if len(text) > _LONGEST or not _NUMBER.fullmatch(text := _SUFFIX.sub("", text)):
             return None
@@ -86,7 +87,7 @@ _OTHER = {".": ",", ",": "."}
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell is a number in some notation."""
+    """Test whether a cell is a number in some notation."""
     text = cell.strip()
     return bool(text) and len(text) <= _LONGEST and bool(_NUMBER.fullmatch(_SUFFIX.sub("", text)))
 
@@ -98,7 +99,10 @@ def suffix_of(cell: str) -> str:
 
 
 def notation_of(columns: Iterable[Iterable[str]]) -> Notation | None:
-    """The notation of the numbers of a table, column by column; None where the numbers do not show it, or disagree."""
+    """Find the notation of the numbers of a table from its columns.
+
+    Returns None if the numbers do not show it, or disagree.
+    """
     decimals: set[str] = set()
     thousands: set[str] = set()
     open_marks: set[str] = set()
@@ -147,18 +151,21 @@ def notation_of(columns: Iterable[Iterable[str]]) -> Notation | None:
 
 
 def _may_be_thousands(cell: str, mark: str) -> bool:
-    """Whether a cell with one mark, and no other, may be a number beyond a thousand: `12,345`."""
+    """Test whether a cell with only one mark may be a number above a thousand: `12,345`."""
     whole, _, rest = cell.partition(mark)
     return bool(_GROUPED.fullmatch(whole)) and len(rest) == 3 and rest.isdigit()
 
 
 def looks_like_date(text: str) -> bool:
-    """Whether a cell is a date in some form, as spreadsheets make of 1.5 or 3-4."""
+    """Test whether a cell is a date in some form, as spreadsheets make of 1.5 or 3-4."""
     return bool(_DATE_LIKE.fullmatch(text.strip()[:40]))
 
 
 def seconds_of(text: str) -> float | None:
-    """Seconds from 1970 by the clock that was read, whatever its zone; None for what is no date with a time of day."""
+    """Parse a date with a time of day to seconds from 1970; return None for other text.
+
+    The time is that of the clock that was read, in any zone.
+    """
     half = ""
     if match := _ISO.fullmatch(text):
         year, month, day, hour, minute, second, fraction = match.groups()

@@ -1,10 +1,12 @@
 """The size to which a workbook unpacks, counted part by part before anything is built of it.
 
-A few kilobytes may hold gigabytes: text that packs a thousandfold, one cell at the far end of a sheet, a merged range
-over all of it, a formula that every cell shares. A reader that builds cells notices too late. So the sizes that the
-archive states are looked at, then Expat reads every part of it that is XML, keeps nothing of it, and refuses document
-types: no entity is ever declared. Expat begins a tag or a comment anew with every piece of it that comes, which takes
-time with the square of its length: none may be longer than `LONGEST_TEXT`.
+A few kilobytes may hold gigabytes: text that packs a thousandfold, one cell at the far end of a sheet, a
+merged range over all of it, a formula that every cell shares. A reader that builds cells notices too
+late. So the sizes that the archive states are checked first. Then Expat reads every XML part, keeps
+nothing of it, and refuses document types, so that no entity is ever declared.
+
+Expat parses an unfinished tag or comment again with every further piece, which takes time with the
+square of its length. None may therefore be longer than `LONGEST_TEXT`.
 """
 
 from __future__ import annotations
@@ -73,7 +75,13 @@ def _too_large(path: Path, what: str) -> DataError:
 
 
 class _Count:
-    """The counter of a part while it is read. Raises DataError as soon as the part holds too much."""
+    """Counter of a part while it is read.
+
+    Raises
+    ------
+    DataError
+        The part holds too much; raised as soon as this is known.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -88,7 +96,7 @@ class _Count:
         self._unread = self._length = 0  # bytes since anything was read to its end; characters of a text
 
     def goes_on(self, piece: bytes) -> bool:
-        """Take more of the part; False where it is no XML (any more), which nobody reads beyond that place."""
+        """Take more of the part; return False once it is no XML, because no reader continues there."""
         self._unread += len(piece)
         try:
             self._parser.Parse(piece)
@@ -145,7 +153,10 @@ class _Count:
 
 
 def _area(ref: str) -> int:
-    """Cells of a range such as A1:C9; 0 for what is none, which the reader of the workbook refuses."""
+    """Count the cells of a range such as A1:C9.
+
+    The count is 0 if the text is no range; the reader of the workbook refuses it.
+    """
     from openpyxl.utils.cell import range_boundaries  # slow to import
 
     with suppress(ValueError, TypeError):

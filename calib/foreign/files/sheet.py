@@ -32,7 +32,7 @@ FEWEST_NUMBERS = 3
 
 @dataclass(frozen=True)
 class SheetRow:
-    """A row of a sheet: its line (from 1) in the file, its cells, and whether the file marks it as a comment."""
+    """A row of a sheet: its line in the file (from 1), its cells, and whether it is a comment."""
 
     line: int
     cells: tuple[str, ...]
@@ -41,11 +41,18 @@ class SheetRow:
 
 @dataclass(frozen=True)
 class Sheet:
-    """The rows of a file, or of one sheet of a workbook, that are not empty.
+    """Rows of a file, or of one sheet of a workbook, without empty ones.
 
-    separator: a name of `SEPARATORS`, '' in a workbook; said: what the reader had to make of the file; groups: (line,
-    column) of a merged cell's empty rest -> what its first cell holds, where it lies in one row; spoilt: (line, column)
-    -> why a cell that looks empty or odd holds no value.
+    Attributes
+    ----------
+    separator : str
+        A name of `SEPARATORS`, '' in a workbook.
+    said : tuple of str
+        Remarks on how the file was read.
+    groups : mapping of (int, int) to str
+        By line and column of the empty rest of a cell merged in one row: the content of its first cell.
+    spoilt : mapping of (int, int) to str
+        By line and column of a cell that looks empty or odd: the reason why it holds no value.
     """
 
     path: Path
@@ -63,7 +70,13 @@ class Sheet:
 
 
 def text_sheet(path: Path, separator: str | None = None) -> Sheet:
-    """The sheet that a file of text holds. Raises DataError (file, line) for what is no text."""
+    """Read the sheet of a text file.
+
+    Raises
+    ------
+    DataError
+        The file is no text; the error names file and line.
+    """
     text, said = _text(path)
     lines = list(taken(text.split("\n"), path, "Check whether it is a table."))
     if lines and (match := re.fullmatch(r"sep=(.)", lines[0].strip())):  # a line for Excel
@@ -82,7 +95,10 @@ def text_sheet(path: Path, separator: str | None = None) -> Sheet:
 
 
 def taken_apart(sheet: Sheet) -> Sheet:
-    """A sheet of a workbook whose cells carry labels or stand in brackets as one of plain cells; others as they are."""
+    """Convert a workbook sheet with labelled or bracketed cells to one with plain cells.
+
+    Other sheets are returned unchanged.
+    """
     if sheet.spoilt or sheet.groups or not sheet.rows:
         return sheet
     lines = [""] * sheet.rows[-1].line
@@ -110,7 +126,7 @@ def _of_labels(lines: list[str], found: Labelled, path: Path) -> tuple[SheetRow,
 
 
 def _rows(text: str, path: Path, separator: str) -> list[SheetRow]:
-    """Rows that are not empty; marks of comments are taken off, and remarks behind `//` left out."""
+    """Split text into rows without empty ones, comment marks and remarks behind `//`."""
     lines = text.split("\n")
     marks = [_COMMENT.match(line) for line in lines]
     bare = [
@@ -134,14 +150,20 @@ def _rows(text: str, path: Path, separator: str) -> list[SheetRow]:
 
 
 def wide_blanks(path: Path, line: int) -> list[str]:
-    """The cells of a line separated by two blanks or a tab, so that names may contain single blanks."""
+    """Split a line at a tab or two blanks, so that names may contain single blanks."""
     text = _text(path)[0].split("\n")[line - 1]
     mark = _COMMENT.match(text)
     return [cell for cell in _WIDE.split(text[mark.end() if mark else 0 :].strip()) if cell]
 
 
 def _separator(text: str, path: Path) -> str:
-    """The separator of a table. Raises DataError where none makes one, and one makes too many columns."""
+    """Find the separator of a table.
+
+    Raises
+    ------
+    DataError
+        No separator makes a table, and one makes too many columns.
+    """
     found: dict[str, tuple[int, int]] = {}
     refusal: DataError | None = None
     for name in SEPARATORS:
@@ -155,7 +177,11 @@ def _separator(text: str, path: Path) -> str:
 
 
 def _tableness(rows: list[SheetRow]) -> tuple[int, int]:
-    """A score of rows as a table: how many have the commonest width and hold numbers, and how many numbers."""
+    """Score rows as a table.
+
+    The score is the number of rows with numbers that have the most common width, and the number of their
+    numbers.
+    """
     numbers = [
         (len(row.cells), sum(map(is_number, row.cells)))
         for row in rows
@@ -169,7 +195,7 @@ def _tableness(rows: list[SheetRow]) -> tuple[int, int]:
 
 
 def _text(path: Path) -> tuple[str, tuple[str, ...]]:
-    """The text of a file in the encoding that it is in, and what was made of it."""
+    """Decode a file with its encoding; return the text and remarks on the encoding."""
     data = read_bytes(path, MOST_BYTES)
     for mark, name in ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
         if data.startswith(mark):

@@ -53,6 +53,6 @@ def split(name: str) -> tuple[str, str]:
 
 
 def unit_row(cells: Sequence[str]) -> bool:
-    """Whether a row holds units and nothing else."""
+    """Test whether a row holds only units."""
     found = [cell for cell in cells if cell.strip().lower() not in _NO_UNIT]
     return len(found) >= 2 and all(unit_of(cell) for cell in found)

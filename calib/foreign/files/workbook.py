@@ -1,8 +1,9 @@
-"""Workbooks (.xlsx): the values of cells as Excel last saved them, what is merged, and cells that hold no value.
+"""Workbooks (.xlsx): values of cells as Excel last saved them, and merged cells.
 
-Read with openpyxl. A merged cell over several rows is the value of each; over several columns, a group of names. A
-formula counts by its saved value; one that was never computed, and an error such as #DIV/0!, is no value. Dates are
-dates, also where a spreadsheet has made one of a number.
+They are read with openpyxl. A merged cell over several rows is the value of each; over several columns,
+it is a group of names. A formula counts by its saved value. One that was never computed, and an error
+such as #DIV/0!, is no value, with the reason. Dates stay dates, even if a spreadsheet has made one of a
+number.
 """
 
 from __future__ import annotations
@@ -26,7 +27,13 @@ _ERRORS = (KeyError, IndexError, ValueError, TypeError, AttributeError, Arithmet
 
 
 def workbook_sheets(path: Path) -> list[Sheet]:
-    """Every visible sheet that holds anything. Raises DataError for what is no workbook, or is too large."""
+    """Read every visible sheet that holds anything.
+
+    Raises
+    ------
+    DataError
+        The file is no workbook, is too large, or holds no filled sheet.
+    """
     data = _bytes(path)
     with warnings.catch_warnings():
         warnings.simplefilter(
@@ -65,7 +72,13 @@ def _load(path: Path, data: bytes, *, values: bool) -> Any:
 
 
 def _bytes(path: Path) -> bytes:
-    """The file, where it can become a workbook within bounds. Raises DataError."""
+    """Read the file.
+
+    Raises
+    ------
+    DataError
+        The file cannot become a workbook within bounds.
+    """
     if path.suffix.lower() == ".xls":
         raise DataError("is a workbook of before 2007.", do="Save it as .xlsx.", file=path)
     data = read_bytes(path, _MOST_BYTES)
@@ -115,7 +128,11 @@ def _sheet(path: Path, values: Any, formulas: Any) -> Sheet:
 
 
 def _merged(sheet: Any, grid: list[list[str]]) -> tuple[dict[tuple[int, int], str], int]:
-    """Groups of names by (line, column) of the rests of cells merged in one row; fills those merged downwards."""
+    """Find groups of names in merged cells, and fill cells that are merged downwards.
+
+    Groups are by line and column of the rests of cells merged in one row. Also returns the number of
+    cells filled.
+    """
     groups: dict[tuple[int, int], str] = {}
     filled = 0
     for area in sheet.merged_cells.ranges:

@@ -1,1 +1,1 @@
-"""The map of columns: which column is what, in which unit and by which convention; written and read as a file."""
+"""Map of columns: the quantity, unit and convention of each, written and read as a file."""

@@ -1,9 +1,11 @@
-"""Entries of a map of columns: a quantity is a column of a foreign file and the unit of its numbers, `Timestamp[ms]`.
+"""Entries of a map of columns, and the sizes that numbers of a measurement can have.
 
-A map of a recording is written in one line, with commas between: `time=Timestamp[ms], j1=actual_q_0[rad], ...`; that of
-a measured file is a file (`calib.foreign.map.map_file`). The unit `date` of a time is a date and a time of day.
+An entry assigns a quantity to a column of a foreign file and the unit of its numbers, `Timestamp[ms]`.
+The map of a recording is one line with commas: `time=Timestamp[ms], j1=actual_q_0[rad], ...`. The map of
+a measured file is a separate file (`calib.foreign.map.map_file`). A time with the unit `date`
+is a date and a time of day.
 
-Sizes that numbers of a robot's measurement can have: radians that are called degrees, metres called millimetres.
+The sizes reveal wrong units: radians that are called degrees, metres called millimetres.
 """
 
 from __future__ import annotations
@@ -48,7 +50,7 @@ class Column:
 
 
 def units_of(quantity: str) -> Mapping[str, float]:
-    """Units that numbers of a quantity may have, and by what they are multiplied: to rad, mm, s or degC."""
+    """Return the units that a quantity may have, with their factors to rad, mm, s or degC."""
     if quantity == "time":
         return TIMES
     if quantity == "t_air":
@@ -61,7 +63,13 @@ def units_of(quantity: str) -> Mapping[str, float]:
 
 
 def column_of(text: str, quantity: str, key: str, file: str | None = None) -> Column:
-    """The column that `name[unit]` names. Raises DataError (file, key)."""
+    """Parse the column `name[unit]` of a quantity.
+
+    Raises
+    ------
+    DataError
+        The text cannot be read, or the quantity cannot have this unit; the error names file and key.
+    """
     match = _COLUMN.fullmatch(text.strip())
     if match is None:
         raise DataError(
@@ -80,7 +88,13 @@ def column_of(text: str, quantity: str, key: str, file: str | None = None) -> Co
 
 
 def parse_map(text: str, quantities: Sequence[str], key: str) -> dict[str, Column]:
-    """Quantity -> column. Raises DataError (key) for a map that cannot be read or does not name every quantity once."""
+    """Parse a map in one line to columns by quantity.
+
+    Raises
+    ------
+    DataError
+        The map cannot be read, or does not name every quantity once; the error names the key.
+    """
     found: dict[str, Column] = {}
     names = f"Name {', '.join(quantities)}, each once."
     for part in re.split(r"(?<=\])\s*+,", text):
@@ -104,7 +118,7 @@ def parse_map(text: str, quantities: Sequence[str], key: str) -> dict[str, Colum
 
 
 def refuse_angles(joints: Array, columns: Sequence[Column], file: str) -> None:
-    """Raise DataError for joints (n, N), rad, whose columns give them another unit than they can be in."""
+    """Raise DataError for joints (n, N), rad, whose size contradicts the unit of their columns."""
     turning = [k for k, column in enumerate(columns) if column.unit in ANGLES]
     if not turning or len(joints) < FEW:
         return

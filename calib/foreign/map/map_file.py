@@ -1,15 +1,15 @@
-"""The map of foreign files, `map.toml` (`truepose-map/1`): which column is what, in which unit, and how files
-belong together.
+"""Map of foreign files, `map.toml` (`truepose-map/1`), and conventions of orientation.
 
-It is proposed once (`calib.foreign.proposal`), kept, and used for every further file that is made alike: the names
-of the columns that it was made for are in it, and a file with other names is refused with the difference. `?` marks
-what is undecided.
+The map states the quantity and unit of each column, and how files belong together. It is proposed once
+(`calib.foreign.proposal`), kept, and used for every further file of the same form. It lists the names of
+the columns for which it was made. A file with other names is refused with the difference. `?` marks an
+undecided value.
 
-Conventions by which three numbers are an orientation, by the names that people know them by.
-
-`intrinsic-XYZ` turns about the axes as they have turned, `fixed-XYZ` about those that stay; the three columns are in
-the order in which the convention is written. Sources: KUKA (A, B, C about Z, Y', X''), Fanuc (W, P, R about fixed X,
-Y, Z), Staubli (Rx, Ry, Rz about X, Y', Z''), UR (a rotation vector, about its direction by its length).
+A convention states how three numbers are an orientation. `intrinsic-XYZ` turns about the axes as they
+have turned, `fixed-XYZ` about those that stay; the three columns are in the order in which the
+convention is written. The names are those that people know. Sources: KUKA (A, B, C about Z, Y', X''),
+Fanuc (W, P, R about fixed X, Y, Z), Staubli (Rx, Ry, Rz about X, Y', Z''), UR (a rotation vector, about
+its direction by its length).
 """
 
 from __future__ import annotations
@@ -99,9 +99,21 @@ FOR_PEOPLE = (*USUAL, "roll-pitch-yaw", "intrinsic-ZYX (any three axes)", "fixed
 
 @dataclass(frozen=True)
 class FileMap:
-    """The map of one file. names: of the columns it was made for; columns: quantity -> `name[unit]`; targets: the
-    same of x, y, z by tool target, where one row measures several; rotation: a convention; status_ok: words of
-    readings that hold."""
+    """Map of one file.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the columns for which the map was made.
+    columns : mapping of str to str
+        Quantity to `name[unit]`.
+    targets : mapping
+        The same of x, y, z by tool target, if one row measures several.
+    rotation : str
+        Convention of the orientations.
+    status_ok : tuple of str
+        Status words of valid readings.
+    """
 
     names: tuple[str, ...]
     columns: Mapping[str, str]
@@ -126,8 +138,15 @@ class FileMap:
 
 @dataclass(frozen=True)
 class Map:
-    """The map of one file, or of one with joints and one with points. header: keys of the data set's header as
-    they will be written; by, within_s: how the points are matched to the joints."""
+    """Map of one file, or of one with joints and one with points.
+
+    Attributes
+    ----------
+    header : mapping
+        Keys of the data set's header as they will be written.
+    by, within_s : str, float
+        How the points are matched to the joints.
+    """
 
     files: tuple[FileMap, ...]
     header: Mapping[str, Any]
@@ -156,12 +175,18 @@ class Map:
 
 
 def is_quantity(name: str) -> bool:
-    """Whether a map may have this key among its columns."""
+    """Test whether a map may have this key among its columns."""
     return name in _TEXT or name in _NUMBER or bool(_NUMBERED.fullmatch(name))
 
 
 def read_map(path: Path) -> Map:
-    """The map in a file. Raises DataError (file, key)."""
+    """Read a map file.
+
+    Raises
+    ------
+    DataError
+        A key is missing, unknown or has a wrong value; the error names file and key.
+    """
     _, values = read_toml(path)
     table = TomlTable(values, path)
     table.text("format", allowed=(FORMAT,))
@@ -250,7 +275,7 @@ def text_of(made: Map, remarks: Sequence[str] = ()) -> str:
 
 
 def refuse_other(each: FileMap, layout: Layout, map_path: Path | str) -> None:
-    """Raise DataError where a file is not made as the one that its map was made for, with what differs."""
+    """Raise DataError for a file of another form than that of its map, with the differences."""
     missing = [name for name in each.names if name not in layout.names]
     new = [name for name in layout.names if name not in each.names]
     if not missing and not new:
@@ -270,7 +295,10 @@ def _some(names: Sequence[str]) -> str:
 
 
 def sequence_of(convention: str) -> str | None:
-    """The sequence as scipy has it, `VECTOR` for a rotation vector; None for what is no convention."""
+    """Return the axis sequence of a convention as scipy writes it.
+
+    The result is `VECTOR` for a rotation vector, and None if the text is no convention.
+    """
     if convention == VECTOR:
         return VECTOR
     if convention in NAMED:
@@ -283,8 +311,15 @@ def sequence_of(convention: str) -> str | None:
 
 
 def quaternions(numbers: Array, convention: str) -> Array:
-    """(n, 4) scalar first, of numbers (n, 3), rad, by a convention; NaN where one is. Raises KeyError for no
-    convention."""
+    """Convert orientations (n, 3), rad, of a convention to quaternions (n, 4), scalar first.
+
+    Rows with a NaN become NaN.
+
+    Raises
+    ------
+    KeyError
+        `convention` is no convention.
+    """
     sequence = sequence_of(convention)
     if sequence is None:
         raise KeyError(convention)

@@ -1,1 +1,1 @@
-"""The meaning of columns, from their names, the row of units and the numbers; what these leave open is a question."""
+"""Meaning of columns, from names, units and numbers; unclear cases become questions."""

@@ -1,6 +1,7 @@
-"""The state of one table while its columns are assigned: the map so far, the findings and the open questions.
+"""One table while its columns are assigned: map, findings and open questions.
 
-Columns of words and conditions: names of poses and targets, time, temperature, status, set.
+The module also assigns columns of words and conditions: names of poses and targets, time, temperature,
+status, set.
 """
 
 from __future__ import annotations
@@ -51,8 +52,19 @@ _SETS = {"calibration", "reference", "repeat", "validation"}
 
 @dataclass(frozen=True)
 class ColumnQuestion:
-    """A question that the files leave open. key: what `--answer KEY=CHOICE` names; choices: the answers; proposed: the
-    likeliest; evidence: whether the robot can decide it."""
+    """A question that the files do not answer.
+
+    Attributes
+    ----------
+    key : str
+        Name in `--answer KEY=CHOICE`.
+    choices : tuple of str
+        Possible answers.
+    proposed : str
+        The likeliest answer.
+    evidence : bool
+        Whether the nominal robot can decide the question.
+    """
 
     key: str
     text: str
@@ -63,7 +75,10 @@ class ColumnQuestion:
 
 @dataclass(frozen=True)
 class ColumnFinding:
-    """The finding about a column: what it is read as, its unit and why; `read_as` is '' for one that is left aside."""
+    """Meaning and unit of a column, with the reason.
+
+    `read_as` is the meaning, '' if the column is left out.
+    """
 
     column: str
     read_as: str
@@ -93,7 +108,13 @@ class Assigned:
     keys: set[str] = field(default_factory=set)  # what may be answered
 
     def ask(self, question: ColumnQuestion) -> str:
-        """The answer to a question, or `?`, and the question is open. Raises DataError for an answer that is none."""
+        """Return the answer to a question; if there is none, add it to the open ones and return `?`.
+
+        Raises
+        ------
+        DataError
+            The answer is none of the choices.
+        """
         self.keys.add(question.key)
         answer = self.answers.get(question.key)
         if answer is None:
@@ -115,7 +136,7 @@ class Assigned:
         return "only so the robot reaches the points" if key in self.told else "as answered"
 
     def take(self, column: str, read_as: str, unit: str = "", why: str = "its name") -> None:
-        """Note as what a column is read."""
+        """Record the meaning of a column."""
         self.found[column] = ColumnFinding(column, read_as, unit, why)
 
     def aside(self, column: str, why: str) -> None:
@@ -137,7 +158,7 @@ class Assigned:
         return tuple(self.found[name] for name in self.layout.names if name in self.found)
 
     def values(self, columns: Sequence[str]) -> Array:
-        """(rows, columns) of the numbers that are there."""
+        """Parse the numbers of columns, shape (rows, columns); NaN if a cell has no number."""
         cells = self.layout.cells
         rows = [[self.notation.number(cell) for cell in cells[name]] for name in columns]
         return np.array([[np.nan if v is None else v for v in row] for row in rows], dtype=np.float64).T

@@ -1,13 +1,10 @@
-"""Columns of one table are assigned to quantities by their names, the row of units and the numbers, or by asking.
+"""Assignment of a table's columns to quantities, by names, units, numbers or questions.
 
-A unit is what the name, the row of units, the cells or the preamble say. Where none does it is asked, unless the
-numbers leave one possibility (angles above two turns are degrees); where numbers cannot be what the name says it is
-asked as well.
+The unit of a column comes from its name, the row of units, the cells or the preamble. If none of them
+states it, it is asked, unless the numbers permit only one unit (angles above two turns are degrees). It
+is also asked if the numbers cannot have the stated unit.
 
-Columns of orientations: quaternions and angles by the conventions that their names give, or that are asked for.
-
-The units of columns: what the name, the row of units, the cells or the preamble say; where none does, or where the
-numbers cannot be what is said, it is asked.
+Columns of orientations are quaternions or angles. The convention follows from their names or is asked.
 """
 
 from __future__ import annotations
@@ -47,8 +44,19 @@ _YASKAWA = ("s", "l", "u", "r", "b", "t")
 def assign(
     layout: Layout, answers: Answers, prefix: str = "", told: frozenset[str] = frozenset()
 ) -> Assigned:
-    """The assignment of every column of a table, as far as it is known. prefix: of the keys of questions, for a
-    second file; told: answers that the robot gave."""
+    """Assign the columns of a table, if they are known.
+
+    Parameters
+    ----------
+    layout : Layout
+        The table.
+    answers : mapping of str to str
+        Answers to earlier questions, by key.
+    prefix : str, optional
+        Prefix of the keys of questions, for a second file.
+    told : frozenset of str, optional
+        Keys of answers that the nominal robot gave.
+    """
     to = Assigned(layout, answers, prefix, told)
     meanings = {name: meaning_of(name) for name in layout.names}
     plain = {
@@ -169,8 +177,10 @@ def _joints(to: Assigned, meanings: dict[str, ColumnMeaning], followers: Sequenc
 def _read_back(
     to: Assigned, chosen: Set, read: Set | None, meanings: dict[str, ColumnMeaning], *, is_read: bool
 ) -> str:
-    """Ask which joints count where only those read back are there, or where they are not those commanded; a remark on
-    the chosen columns."""
+    """Ask whether commanded or read-back joints count, and return a remark on the choice.
+
+    The question arises if only read-back joints are there, or if they differ from those commanded.
+    """
     key = f"{to.prefix}joints.read"
     to.keys.add(key)
     if is_read:
@@ -208,7 +218,7 @@ def _apart_deg(to: Assigned, commanded: Set, read: Set, meanings: dict[str, Colu
 
 
 def _further(to: Assigned, meanings: dict[str, ColumnMeaning], joints: int) -> None:
-    """External axes that move, and what says how joints arrived."""
+    """Assign external axes that move, and columns that state how joints arrived."""
     for name, meaning in meanings.items():
         bare = name.lower()
         if meaning.kind == "external" and f"e{meaning.index}" not in to.columns and meaning.role != "read":
@@ -234,7 +244,10 @@ def _normed(to: Assigned, names: Sequence[str]) -> bool:
 
 
 def _one_of(to: Assigned, what: str, text: str, sets: Sequence[Set]) -> Set | None:
-    """The only set, or the one that was answered; None where there is none, or it is open."""
+    """Return the only set of columns, or the one in the answer.
+
+    Returns None if there is no set, or the question is open.
+    """
     if not sets:
         return None
     if len(sets) == 1:
@@ -438,8 +451,10 @@ def units_of_columns(
 
 
 def _doubt(values: Array, units: Sequence[str], why: Sequence[str], what: str) -> tuple[str, bool] | None:
-    """The reason why the units of numbers (n, c) are open, and whether something states them; None where they are
-    not."""
+    """Return the reason why the units of numbers (n, c) are open, and whether they are stated.
+
+    Returns None if the units are not in doubt.
+    """
     size = float(np.nanmax(np.abs(values), initial=0.0))
     if any(unit == "?" for unit in units):
         return (
@@ -482,7 +497,7 @@ def _doubt(values: Array, units: Sequence[str], why: Sequence[str], what: str) -
 
 
 def _likely(values: Array, what: str) -> str:
-    """The unit that numbers look like; for angles `deg` where nothing else can be so large."""
+    """Guess the unit of numbers from their size; angles are `deg` if only degrees are so large."""
     size = float(np.nanmax(np.abs(values), initial=0.0))
     if what == "points":
         return (

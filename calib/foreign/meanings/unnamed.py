@@ -1,7 +1,8 @@
-"""Columns without names that tell, numbered ones and matrices: what they may be by their number and their values.
+"""Columns without meaningful names: what their numbers and values may be.
 
-`arm1 .. arm6` may be six joints, sixteen columns of which the last four are 0, 0, 0, 1 a pose, and nine columns without
-any names joints and a point. None is taken for granted: the choice is a question, which the robot may decide.
+`arm1 .. arm6` may be six joints, sixteen columns of which the last four are 0, 0, 0, 1 a pose, and nine
+columns without any names joints and a point. None is taken for granted: the choice is a question, which
+the robot may decide.
 """
 
 from __future__ import annotations
@@ -88,7 +89,10 @@ def _proper(values: Array) -> bool:
 
 
 def _families(to: Assigned, leave: Sequence[str] = ()) -> list[Set]:
-    """Columns of numbers whose names differ in a number alone, which counts from 0 or 1; those of `leave` left out."""
+    """Find columns of numbers whose names differ only in a number that counts from 0 or 1.
+
+    Columns in `leave` are left out.
+    """
     found: dict[tuple[str, str], dict[int, str]] = {}
     for name in to.layout.names:
         match = _NUMBERED.fullmatch(_without_unit(name))
@@ -105,7 +109,10 @@ def _families(to: Assigned, leave: Sequence[str] = ()) -> list[Set]:
 
 
 def unnamed(to: Assigned, meanings: dict[str, ColumnMeaning], robot: Robot | None) -> None:
-    """Ask what numbered or nameless columns are where no others are named as joints or as a point."""
+    """Ask for the meaning of numbered or nameless columns.
+
+    This is needed if no others are named as joints or as a point.
+    """
     _matrices(to, meanings)
     if _ask_nameless(to, meanings, robot):
         return
@@ -120,7 +127,7 @@ def unnamed(to: Assigned, meanings: dict[str, ColumnMeaning], robot: Robot | Non
 
 
 def _ask_joints(to: Assigned, meanings: dict[str, ColumnMeaning], robot: Robot | None) -> None:
-    """Ask which numbered columns are the joints, where no name says so."""
+    """Ask which numbered columns are the joints, if no name states it."""
     counts = _counts(robot)
     fitting = {of[0]: of for of in _families(to) if len(of) in counts}
     if not fitting:
@@ -139,7 +146,7 @@ def _ask_joints(to: Assigned, meanings: dict[str, ColumnMeaning], robot: Robot |
 
 
 def _ask_point(to: Assigned, meanings: dict[str, ColumnMeaning]) -> None:
-    """Ask which numbered columns are the measured point or pose, where no name says so."""
+    """Ask which numbered columns are the measured point or pose, if no name states it."""
     joints = [name for name, meaning in meanings.items() if meaning.kind == "joint"]
     sizes = {len(of): of for of in _POSES.values()}
     fitting = {
@@ -165,7 +172,10 @@ def _ask_point(to: Assigned, meanings: dict[str, ColumnMeaning]) -> None:
 
 
 def _ask_nameless(to: Assigned, meanings: dict[str, ColumnMeaning], robot: Robot | None) -> bool:
-    """Ask how the columns of a table without a line of names follow each other; whether the table has none."""
+    """Ask how the columns of a table follow each other if no line names them.
+
+    Returns whether no line names them.
+    """
     if not all(_NAMELESS.fullmatch(name) for name in to.layout.names):
         return False
     names = [name for name in to.layout.names if np.isfinite(to.values([name])).all()]

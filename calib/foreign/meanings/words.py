@@ -1,8 +1,8 @@
-"""The meaning of column names, English and German, as far as it can be recognised.
+"""Meaning of column names, English and German, if it can be recognised.
 
-`Achse 1`, `J1`, `theta_1`, `A1` are joint 1; `X`, `Pos. X`, `x_ist`, `T2 X meas` coordinates with a role and a
-target; `A`, `B`, `C` angles of KUKA, `W`, `P`, `R` of Fanuc, `rx` .. nobody's. What is not known here is left aside
-by the map.
+`Achse 1`, `J1`, `theta_1`, `A1` are joint 1. `X`, `Pos. X`, `x_ist`, `T2 X meas` are coordinates with a
+role and a target. `A`, `B`, `C` are angles of KUKA, `W`, `P`, `R` of Fanuc; `rx` and the like belong to
+no maker. Other names are unknown, and the map leaves their columns out.
 """
 
 from __future__ import annotations
@@ -74,8 +74,19 @@ _SPLIT = re.compile(r"[^\W\d_]+|\d+|#")
 
 @dataclass(frozen=True)
 class ColumnMeaning:
-    """The meaning of a column's name. index: of a joint (0 where counted from 0), or which of x, y, z; family: of
-    angles, how they are named; group: the target that it belongs to; unit: as the name has it."""
+    """Meaning of a column's name.
+
+    Attributes
+    ----------
+    index : int
+        Number of a joint (0 if counted from 0), or which of x, y, z.
+    family : str
+        For angles, how they are named.
+    group : str
+        Target to which the column belongs.
+    unit : str
+        Unit in the name.
+    """
 
     kind: Kind
     index: int = 0
@@ -109,7 +120,10 @@ def meaning_of(name: str) -> ColumnMeaning:
 
 
 def _unglued(token: str) -> list[str]:
-    """The words of a name that are written as one: `posx` -> pos x; `xist` -> x ist; `xmeas` -> x meas."""
+    """Split a name of two words that are written as one.
+
+    Examples are `posx` to pos x, `xist` to x ist and `xmeas` to x meas.
+    """
     for word in sorted(_FILL | _NOMINAL | _MEASURED | _OWN | {"dev"}, key=len, reverse=True):
         if len(word) >= 3 and len(token) == len(word) + 1:
             if token.startswith(word) and token[-1] in "xyz":

@@ -1,1 +1,1 @@
-"""The proposal of a map for files that nobody has seen before, with what the nominal robot says of it."""
+"""Proposal of a map for unknown files, checked against the nominal robot."""

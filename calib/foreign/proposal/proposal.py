@@ -1,14 +1,14 @@
-"""The proposal of a map: what was found in files that nobody has seen before, and what must be decided.
+"""Proposal of a map for unknown files: the findings, and what must be decided.
 
-`propose` is called again with every answer. Questions that the nominal robot can decide (units, conventions, which of
-two sets of columns) are tried on it: if exactly one answer lets it reach the readings, that answer is taken and the
-reason is reported. Which robot it is, and whether rows belong together by their order, is never taken from the numbers.
+`propose` is called again with every answer. Some questions can be decided by the nominal robot: units,
+conventions, which of two sets of columns. If exactly one answer lets the robot reach the readings, that
+answer is taken and the reason is reported. The numbers never decide which robot it is, or whether rows
+belong together by their order.
 
-The evidence of the nominal robot: its distance from the readings under each answer to an open question.
-
-An answer is accepted where the nominal robot in its best place, its tool unknown, then misses by less than 3 % of the
-extent of the readings and every other answer misses five times as much; for conventions of orientation the same with
-angles. A robot that is met to a hundredth of a millimetre was not measured: these are its controller's own numbers.
+For this, the nominal robot is put in its best place with an unknown tool. An answer is accepted if the
+robot then misses by less than 3 % of the extent of the readings and every other answer misses five times
+as much. Conventions of orientation are decided in the same way with angles. A robot that meets the
+readings to a hundredth of a millimetre was not measured: these are its controller's own numbers.
 """
 
 from __future__ import annotations
@@ -56,7 +56,13 @@ _TOO_GOOD_MM = 0.005
 
 
 def sheets_of(path: Path, separator: str = "") -> list[Sheet]:
-    """The sheets of a file. Raises DataError."""
+    """Read the sheets of a file.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read as text or as a workbook.
+    """
     if path.suffix.lower() in WORKBOOKS:
         return [taken_apart(sheet) for sheet in workbook_sheets(path)]
     return [text_sheet(path, separator or None)]
@@ -65,7 +71,13 @@ def sheets_of(path: Path, separator: str = "") -> list[Sheet]:
 def tables_of(
     path: Path, separator: str = "", sheet: str = "", lines: tuple[int, int] | None = None
 ) -> list[Layout]:
-    """The tables of a file, of one of its sheets, or of some lines. Raises DataError where there is none."""
+    """Find the tables of a file, of one of its sheets, or of some lines.
+
+    Raises
+    ------
+    DataError
+        There is no such sheet, or no table.
+    """
     sheets = sheets_of(path, separator)
     if sheet and sheet not in (each.name for each in sheets):
         raise DataError(
@@ -79,10 +91,21 @@ def tables_of(
 
 
 def propose(paths: Sequence[Path], answers: Answers, lines: tuple[int, int] | None = None) -> MapProposal:
-    """The proposal for one file or two. answers: by the keys of questions; `robot` as a header names it, `sigma_mm`.
+    """Propose a map for one file or two.
 
-    Raises DataError for files that hold no table, several tables, or tables that nothing can be made of,
-    and for a robot that is none.
+    Parameters
+    ----------
+    paths : sequence of Path
+        The files.
+    answers : mapping of str to str
+        Answers by the keys of questions; `robot` as a header names it, `sigma_mm`.
+    lines : tuple of int, optional
+        First and last line of the table.
+
+    Raises
+    ------
+    DataError
+        A file has no table, several tables, or a table that cannot be used; or there is no such robot.
     """
     if not 1 <= len(paths) <= MOST_FILES:
         raise DataError(
@@ -154,8 +177,10 @@ def _chosen(
     questions: list[ColumnQuestion],
     said: list[str],
 ) -> list[Layout]:
-    """The tables that count: the only one of each file, or by name of the sheet, or joints on one sheet and points on
-    another."""
+    """Choose the table of each file, or the tables of joints and points on two sheets.
+
+    If a file has several tables, an answer names the sheet.
+    """
     out: list[Layout] = []
     for number, of_file in enumerate(tables, start=1):
         if len(of_file) == 1:
@@ -198,7 +223,10 @@ def _of_file(part: Assigned) -> list[str]:
 def _match(
     parts: Sequence[Assigned], answers: Mapping[str, str], questions: list[ColumnQuestion]
 ) -> tuple[str, float, list[str]]:
-    """The rule by which two tables are matched, the seconds for one by time, and sentences about it."""
+    """Choose the rule by which two tables are matched.
+
+    Also returns the seconds for a match by time, and remarks on the rule.
+    """
     if len(parts) == 1:
         return "", 0.0, []
     joints = [part for part in parts if part.made.with_joints]
@@ -272,7 +300,10 @@ def _key(part: Assigned) -> str:
 
 
 def _header(parts: Sequence[Assigned], answers: Mapping[str, str], by: str) -> dict[str, Any]:
-    """The header that will be written: the tool is fitted, since no file says where targets sit on the flange."""
+    """Build the header of the data set.
+
+    The tool is fitted, since no file states the positions of the targets on the flange.
+    """
     names: list[str] = []
     at_origin = [part.at_origin for part in parts if part.at_origin is not None]
     for part in parts:
@@ -301,9 +332,16 @@ def _header(parts: Sequence[Assigned], answers: Mapping[str, str], by: str) -> d
 
 @dataclass(frozen=True)
 class Fit:
-    """The distance of readings from the nominal robot in its best place. miss: within which three quarters of them lie,
-    mm; extent: of the points, or of the flange where it turns about points, mm; turn: median angle of the orientations
-    from the nominal tool's, rad, NaN where none were measured.
+    """Fit of the nominal robot in its best place to readings.
+
+    Attributes
+    ----------
+    miss : float
+        Distance within which three quarters of the readings lie, mm.
+    extent : float
+        Extent of the points, or of the flange if it turns about points, mm.
+    turn : float
+        Median angle of the orientations from the nominal tool's, rad; NaN if none were measured.
     """
 
     robot: str
@@ -319,7 +357,7 @@ class Fit:
 
     @property
     def sentence(self) -> str:
-        """The fit in words."""
+        """The fit as text."""
         turned = f" and {self.turn / DEG:.2f} deg" if np.isfinite(self.turn) else ""
         how = "three quarters of them, the nominal robot in its best place, tool fitted"
         return f"these fit {self.robot} to {self.miss:.3g} mm{turned} ({how})"
@@ -341,7 +379,10 @@ class Fit:
 
 
 def fit_of(readings: ForeignReadings, robot: Robot) -> Fit | None:
-    """The fit of the nominal robot to readings whose joints are in its order; None for fewer than 8 of them."""
+    """Fit the nominal robot to readings whose joints are in its order.
+
+    Returns None for fewer than `FEWEST` readings.
+    """
     rows = np.flatnonzero(
         np.isfinite(readings.points).all(axis=1) & np.array([not why for why in readings.rejected])
     )
@@ -373,8 +414,10 @@ def fit_of(readings: ForeignReadings, robot: Robot) -> Fit | None:
 def decided(
     questions: Sequence[ColumnQuestion], proposed: Callable[[dict[str, str]], MapProposal]
 ) -> dict[str, tuple[str, str]]:
-    """Key of a question -> the answer that the robot decides, and the reason; questions it does not decide are
-    absent."""
+    """Find the answers that the nominal robot decides, with the reasons, by question key.
+
+    Questions that it does not decide are absent.
+    """
     choices = [[choice for choice in question.choices if choice != LEAVE] for question in questions]
     if any(not each for each in choices) or np.prod([len(each) for each in choices]) > _MOST:
         return {}
@@ -426,7 +469,10 @@ def _reason(question: ColumnQuestion, choice: str, fit: Fit, others: Sequence[Fi
 
 
 def _best(answers: dict[str, str], proposed: Callable[[dict[str, str]], MapProposal]) -> Fit | None:
-    """The best fit under some answers; what these bring up in turn is tried, but orientations, which fit none."""
+    """Find the best fit under some answers.
+
+    Further questions that these raise are tried too. Orientations are left out there (`LEAVE`).
+    """
     try:
         proposal = proposed(answers)
     except DataError:  # answers that exclude each other

@@ -1,4 +1,4 @@
-"""A proposal: a map as far as it can be made, with what was found in which column and what is open."""
+"""Proposal of a map, with the findings about its columns and the open questions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from calib.foreign.meanings.assigned import ColumnFinding, ColumnQuestion
 
 @dataclass(frozen=True)
 class TableProposal:
-    """A table of the proposal. findings: of its columns."""
+    """A table of the proposal, with the findings about its columns."""
 
     layout: Layout
     findings: tuple[ColumnFinding, ...]
@@ -19,8 +19,19 @@ class TableProposal:
 
 @dataclass(frozen=True)
 class MapProposal:
-    """A map as far as it can be made. questions: open ones; missing: what no file holds; said: what was made of the
-    files; keys: of everything that may be answered."""
+    """A proposed map, complete or with open questions.
+
+    Attributes
+    ----------
+    questions : tuple of ColumnQuestion
+        Open questions.
+    missing : tuple of str
+        Information that no file holds.
+    said : tuple of str
+        Remarks on how the files were read.
+    keys : frozenset of str
+        Keys of everything that may be answered.
+    """
 
     made: Map
     parts: tuple[TableProposal, ...]

@@ -1,1 +1,1 @@
-"""The map applied: readings of one file or of two that belong together, and the table of a data set."""
+"""Readings of one file, or of two that belong together, from a map, as a data set's table."""

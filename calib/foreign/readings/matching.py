@@ -1,8 +1,8 @@
-"""Points of one file matched to the joints of another: by the name of the pose, by the order of the rows, or by time.
+"""Points of one file matched to the joints of another, by pose name, row order or time.
 
-By name, a point may carry its target behind the pose's name (`P12_T2`), and several points of one pose are several
-readings. By order only where the map says so. By time, a point belongs to the nearest row of joints within
-`within_s`.
+By name, a point may carry its target behind the pose's name (`P12_T2`), and several points of one pose
+are several readings. Matching by order is used only if the map requires it. By time, a point belongs to
+the nearest row of joints within `within_s`.
 """
 
 from __future__ import annotations
@@ -28,8 +28,10 @@ _SHOWN = 6
 
 @dataclass(frozen=True)
 class Matched:
-    """Rows of joints and of points (n,) that belong together; targets: by the points' names, None where these say
-    none."""
+    """Rows of joints and of points (n,) that belong together.
+
+    `targets` come from the names of the points; None if these contain none.
+    """
 
     joints: NDArray[np.int64]
     points: NDArray[np.int64]
@@ -38,7 +40,10 @@ class Matched:
 
 
 def pose_name(name: str) -> str:
-    """A name as it is compared: the last part of `Collection::Group::Point`, without case and a star behind."""
+    """Normalise a pose name for comparison.
+
+    The result is the last part of `Collection::Group::Point`, without case and without a star behind.
+    """
     return name.rsplit("::", 1)[-1].strip().rstrip("*").casefold()
 
 
@@ -61,7 +66,13 @@ def matched(
     layouts: Sequence[Layout],
     map_path: Path | str,
 ) -> Matched:
-    """The rows of two files that belong together. Raises DataError where the files do not show it."""
+    """Match the rows of two files.
+
+    Raises
+    ------
+    DataError
+        The files do not show which rows belong together.
+    """
     if made.by == "name":
         return _by_name(joints, points, layouts, map_path)
     if made.by == "order":

@@ -1,5 +1,8 @@
-"""The readings of one foreign file by its map. Every cell that the map needs is a number, or the file is refused
-by line and column with what is there; nothing is filled in but what the map says."""
+"""Readings of one foreign file, from its map.
+
+Every cell that the map needs is a number; otherwise the file is refused with line, column and content of
+the cell. Nothing is filled in except as the map states.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +28,14 @@ _TEXTS = ("id", "pose", "series", "set", "target", "waypoint", "visit")
 def readings_of(
     made: Map, layouts: Sequence[Layout], map_path: Path | str
 ) -> tuple[ForeignReadings, tuple[str, ...]]:
-    """The readings of files whose layouts are in the order of the map, and what is said of those left aside.
+    """Read files whose layouts are in the order of the map.
 
-    Raises DataError (file, line).
+    Also returns remarks on rows that are left out.
+
+    Raises
+    ------
+    DataError
+        The map is undecided, or a cell cannot be read; the error names file and line.
     """
     made.refuse_undecided(map_path)
     parts = [
@@ -42,14 +50,20 @@ def readings_of(
 
 
 class File:
-    """A file and its map. map_path: name of the map in messages."""
+    """A file and its map; `map_path` names the map in messages."""
 
     def __init__(self, made: FileMap, layout: Layout, map_path: Path | str) -> None:
         self.made, self.layout, self.map_path = made, layout, map_path
         self.notation = Notation(made.decimal, made.thousands)
 
     def readings(self) -> ForeignReadings:
-        """The rows of the file, one a target. Raises DataError (file, line)."""
+        """Read the rows of the file, one per target.
+
+        Raises
+        ------
+        DataError
+            A cell cannot be read; the error names file and line.
+        """
         columns, count = self.made.columns, len(self.layout.rows)
         axes = sorted(
             (q for q in columns if q[0] in "je" and q[1:].isdigit()), key=lambda q: (q[0] == "e", int(q[1:]))
@@ -119,7 +133,7 @@ class File:
         return tuple(out)
 
     def _matrix(self, columns: Sequence[Column], *, required: bool = False) -> Array:
-        """(rows, columns) of numbers in the program's units; NaN where a cell says that nothing was measured."""
+        """Read numbers in internal units, shape (rows, columns); NaN if a cell was not measured."""
         out = np.full((len(self.layout.rows), len(columns)), np.nan)
         for k, column in enumerate(columns):
             cells = self.layout.cells[column.name]
@@ -165,7 +179,7 @@ class File:
         return points
 
     def _turns(self) -> Array:
-        """(rows, 4) orientations by the map's convention, NaN without."""
+        """Read the orientations in the map's convention, shape (rows, 4); NaN without."""
         columns = self.made.columns
         if "rot_w" in columns:
             turns = self._matrix([self._plain(q) for q in UNITLESS])

@@ -1,8 +1,7 @@
-"""Readings of foreign files by their map: joints, points, orientations and names of every row, in the program's units.
+"""Readings of foreign files in the program's units, and the data set made from them.
 
-Points of a second file are matched to the joints by name, by order or by time, as the map says.
-
-A data set of foreign readings: columns with units in their names, and the header that the map holds.
+Points of a second file are matched to the joints by name, by order or by time, as the map states. The
+data set has columns with units in their names, and the header that the map holds.
 """
 
 from __future__ import annotations
@@ -30,10 +29,27 @@ _PLAIN = ("series", "set", "waypoint", "visit")
 
 @dataclass(frozen=True)
 class ForeignReadings:
-    """n readings. joints (n, N) by `axes` (`j1`, `e1`), in rad, or mm where `units` says `mm`; points (n, 3) mm,
-    NaN where not measured; turns (n, 4) quaternions, scalar first, or NaN; texts: quantity -> (n,) names; numbers:
-    further quantities (n,); rejected: (n,) why a reading does not count, or ''; coupling: how
-    joints are counted."""
+    """n readings of foreign files.
+
+    Attributes
+    ----------
+    joints : array of shape (n, N)
+        Joints by `axes`, rad, or mm if `units` states `mm`.
+    axes : tuple of str
+        Names such as `j1`, `e1`.
+    points : array of shape (n, 3)
+        Points, mm; NaN if not measured.
+    turns : array of shape (n, 4)
+        Quaternions, scalar first; NaN if not measured.
+    texts : mapping of str to tuple of str
+        Names by quantity, n each.
+    numbers : mapping of str to array of shape (n,)
+        Further quantities.
+    rejected : tuple of str
+        Why each reading does not count, or ''.
+    coupling : str
+        Joint matrix by which the joints are counted.
+    """
 
     joints: Array
     axes: tuple[str, ...]
@@ -55,11 +71,11 @@ class ForeignReadings:
 
     @property
     def shown_joints(self) -> Array:
-        """(n, N) joints in deg or mm."""
+        """Joints in deg or mm, shape (n, N)."""
         return self.joints / np.array([1.0 if unit == "mm" else DEG for unit in self.units])
 
     def take(self, rows: NDArray[np.int64]) -> ForeignReadings:
-        """Some of the readings, by index; one may be taken several times."""
+        """Select readings by index; one may be taken several times."""
         return replace(
             self,
             joints=self.joints[rows],
@@ -71,8 +87,13 @@ class ForeignReadings:
         )
 
     def of_robot(self, robot: Robot, file: Path | str) -> ForeignReadings:
-        """The readings with their joints in the order of the robot's. Raises DataError where they are not its
-        joints."""
+        """Put the joints in the order of the robot's.
+
+        Raises
+        ------
+        DataError
+            They are not the joints of this robot.
+        """
         if robot.rods != "none" and (whole := self._with_followers(robot)) is not None:
             return whole
         if sorted(self.joint_columns) != sorted(robot.joint_columns):
@@ -86,8 +107,11 @@ class ForeignReadings:
         return replace(self, joints=self.joints[:, order], axes=robot.axes, units=robot.units)
 
     def _with_followers(self, robot: Robot) -> ForeignReadings | None:
-        """The readings with the joints that follow others, some of which the files do not hold; None where other
-        joints are missing. Joints numbered without them are numbered anew."""
+        """Add the joints that follow others; the files may lack some of them.
+
+        Returns None if other joints are missing. Joints that were numbered without the followers are
+        renumbered.
+        """
         followers = robot.followers(robot.rods)
         own = [k for k in range(robot.joints) if k not in followers]
         read, of = self, self.axes
@@ -129,7 +153,10 @@ def joined(
     rows: tuple[NDArray[np.int64], NDArray[np.int64]],
     targets: tuple[str, ...] | None,
 ) -> ForeignReadings:
-    """Readings of two files, of which `rows` belong together. targets: (n,) from the names of the points."""
+    """Join the readings of two files, of which `rows` belong together.
+
+    `targets` (n,) come from the names of the points.
+    """
     joints, points = joints.take(rows[0]), points.take(rows[1])
     texts = {**joints.texts, **points.texts}
     if "pose" in joints.texts:
@@ -147,7 +174,10 @@ def joined(
 
 
 def table_of(readings: ForeignReadings, made: Map, map_path: Path | str, source: str) -> ConvertedTable:
-    """The readings as the columns and the header of a data set. source: the files, for the first line of the header."""
+    """Convert readings to the columns and the header of a data set.
+
+    `source` names the files in the first line of the header.
+    """
     n = len(readings)
     ids = readings.texts.get("id", ())
     unique = len(set(ids)) == n and all(ids)
