@@ -1,4 +1,4 @@
-"""The model of a robot: effects on the slots of its kinematic chain, their regressors, and the predicted readings."""
+"""Model of a robot: effects on its kinematic chain, regressors and predicted readings."""
 
 from calib.model.axis import Axis, PlotAxis
 from calib.model.effect import Effect, EffectTerm, effect

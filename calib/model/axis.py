@@ -12,10 +12,16 @@ from calib.units import DEG
 
 @dataclass(frozen=True)
 class Axis:
-    """A label with its unit, and (n,) values in that unit.
+    """Axis of a picture: a label with its unit, and values (n,) in that unit.
 
-    joint: the joint whose position it is; None for another quantity. cycles: periods per turn of a periodic law.
-    sided: the law differs between the two sides of approach.
+    Attributes
+    ----------
+    joint : int or None
+        Joint whose position it is; None for another quantity.
+    cycles : float
+        Periods per turn of a periodic law.
+    sided : bool
+        Whether the law differs between the two sides of approach.
     """
 
     label: str
@@ -26,7 +32,7 @@ class Axis:
 
     @classmethod
     def angle(cls, joint: int, conditions: Conditions, *, cycles: float = 0.0, sided: bool = False) -> Axis:
-        """The place of a joint: its angle, deg, or its place along its axis, mm."""
+        """Build the axis for the position of a joint: an angle, deg, or a place along it, mm."""
         at = conditions.joints[:, joint - 1]
         name = (conditions.axis_names or {joint - 1: f"j{joint}"})[joint - 1]
         if unit_of(joint, conditions) == "mm":

@@ -1,7 +1,8 @@
-"""The base model of level 1, 2 or 3: base pose, link geometry, Hayati's twist, gear compliance, tool targets.
+"""Base model of level 1, 2 or 3: base pose, links, Hayati's twist, compliance, targets.
 
-Groups as the data set's `[model] fit` names them. Expected sizes are wide: they only constrain what the data do
-not determine. Source: Nubiola, Annex I (31 parameters); Hayati 1983 (beta).
+The groups are those that the data set's `[model] fit` names. Usual sizes are wide: they constrain only
+the parameters that the data do not determine. Sources: Nubiola, Annex I (31 parameters), Hayati 1983
+(beta).
 """
 
 from __future__ import annotations
@@ -39,10 +40,18 @@ def base(series: str, several: bool) -> Effect:
 def tool(
     series: Sequence[str], targets: Mapping[str, bool], several: bool, u_mm: Mapping[str, float] | None = None
 ) -> Effect:
-    """Position of every tool target in the flange frame; with its orientation where `targets` says so.
+    """Build the effect of the positions of tool targets in the flange frame.
 
-    series: of the readings that measured this tool; several: whether other series have a tool of their own; u_mm:
-    standard uncertainty of the positions that are known to one, mm per axis.
+    Parameters
+    ----------
+    series : sequence of str
+        Series of the readings that measured this tool.
+    targets : mapping of str to bool
+        Targets, and whether with their orientation.
+    several : bool
+        Whether other series have a separate tool.
+    u_mm : mapping of str to float, optional
+        Standard uncertainty per axis of the positions that are known with one.
     """
     suffix, sizes = f"[{series[0]}]" if several else "", u_mm or {}
     acts = {
@@ -77,7 +86,10 @@ def parallel_twist(robot: Robot) -> Effect:
 
 
 def compliance(robot: Robot) -> Effect:
-    """Gear compliance of every joint that turns and that gravity loads: joints 2..N turn by c x torque."""
+    """Build the effect of gear compliance: joints 2..N turn by c x torque.
+
+    Only joints that turn have it. Joint 1 is left out, as gravity does not load it.
+    """
     return _compliance(tuple(k for k in range(2, robot.joints + 1) if k not in robot.slides))
 
 
@@ -88,7 +100,10 @@ def _compliance(turning: tuple[int, ...]) -> Effect:
 
 
 def joint_offsets(robot: Robot) -> Effect:
-    """Constant offset of joints 2..N (part of `geometry` already: use it alone for a level-1 model)."""
+    """Build the effect of constant offsets of joints 2..N.
+
+    They are already part of `geometry`; use this effect alone for a level-1 model.
+    """
     acts = {
         f"offset{k}": (unit, 3.0, [(slot, Constant())])
         for k, (unit, slot) in enumerate(zip(robot.units, robot.joint_slots, strict=True), start=1)
@@ -107,7 +122,10 @@ def encoder_scale(robot: Robot) -> Effect:
 
 
 def base_targets(names: Mapping[str, float | None]) -> Effect:
-    """Positions of base targets in the world; names: base target -> standard uncertainty in mm, None where unknown."""
+    """Build the effect of the positions of base targets in the world.
+
+    `names` gives the standard uncertainty of each base target in mm, None if its position is unknown.
+    """
     acts = {
         f"{name}.{axis}": ("mm", size, [(f"anchor.{axis}", ToAnchor(name))])
         for name, size in names.items()
@@ -117,7 +135,10 @@ def base_targets(names: Mapping[str, float | None]) -> Effect:
 
 
 def length_zero(series: str, several: bool) -> Effect:
-    """The reading of a series' length meter at zero distance: the zero of a draw-wire, the length of a bar."""
+    """Build the effect of a length meter's reading at zero distance.
+
+    It is the zero of a draw-wire or the length of a bar, for one series.
+    """
     name = f"length_zero[{series}]" if several else "length_zero"
     acts = {name: ("mm", None, [("length.zero", InSeries(series) if several else Constant())])}
     return effect(name, "base model", "instrument", "Lengths count from an unknown zero.", acts)
@@ -133,13 +154,29 @@ def build(
     *,
     one_tool: bool = False,
 ) -> tuple[Effect, ...]:
-    """The effects of a base model.
+    """Build the effects of a base model.
 
-    series: names; targets: name of every target measured in each series, and whether with its orientation;
-    anchors: base targets that are not known exactly, with their standard uncertainty in mm (None: unknown);
-    tool_u_mm: the same of tool targets, which are parameters then without the group "tool"; one_tool: whether all
-    series measured the same tool.
-    Raises KeyError for an unknown group.
+    Parameters
+    ----------
+    groups : sequence of str
+        Parameter groups.
+    robot : Robot
+        Nominal robot.
+    series : sequence of str
+        Names of the series.
+    targets : sequence of mapping
+        For each series, its measured targets, and whether with their orientation.
+    anchors : mapping of str to float or None, optional
+        Base targets that are not known exactly, with their standard uncertainty in mm (None: unknown).
+    tool_u_mm : mapping of str to float, optional
+        Standard uncertainty of tool targets, mm. These are parameters even without the group "tool".
+    one_tool : bool, optional
+        Whether all series measured the same tool.
+
+    Raises
+    ------
+    KeyError
+        A group is unknown.
     """
     of_robot = {
         "geometry": geometry,
@@ -173,17 +210,32 @@ def build(
 
 
 def kinds_of(effects: Sequence[Effect]) -> set[str]:
-    """The names that `priors` may have beside single parameters: kinds ('alpha') and groups ('compliance')."""
+    """Return the names that `priors` may have in addition to single parameters.
+
+    They are kinds ('alpha') and groups ('compliance').
+    """
     return {_kind(p.name) for e in effects for p in e.parameters} | {e.label for e in effects}
 
 
 def adapted(
     effects: Sequence[Effect], hold: Sequence[str], priors: Mapping[str, float]
 ) -> tuple[Effect, ...]:
-    """The effects without the parameters of `hold`, and with other sizes for those that `priors` names.
+    """Remove the parameters of `hold` from effects, and change the sizes that `priors` names.
 
-    priors: standard deviation, in the parameter's unit, by parameter name ('c5'), kind ('alpha') or group
-    ('compliance'). Raises KeyError for a name that no parameter answers to.
+    Parameters
+    ----------
+    effects : sequence of Effect
+        Effects to adapt.
+    hold : sequence of str
+        Names of parameters.
+    priors : mapping of str to float
+        Standard deviation, in the parameter's unit, by parameter name ('c5'), kind ('alpha') or group
+        ('compliance').
+
+    Raises
+    ------
+    KeyError
+        No parameter has such a name.
     """
     names = {p.name for e in effects for p in e.parameters}
     kinds = kinds_of(effects)
@@ -205,7 +257,7 @@ def adapted(
 
 
 def named_in(effects: Sequence[Effect], names: Iterable[str]) -> frozenset[str]:
-    """The parameters that some names of parameters, kinds ('alpha') or groups ('compliance') speak of."""
+    """Find the parameters to which names of parameters, kinds or groups refer."""
     said = set(names)
     return frozenset(p.name for e in effects for p in e.parameters if said & {p.name, _kind(p.name), e.label})
 

@@ -1,7 +1,8 @@
-"""Regressors of carried terms: functions of recorded conditions that keep the value at the border of what was measured.
+"""Regressors of carried terms, which keep their value beyond the measured range.
 
-A carried term improves predictions without naming a cause, so nothing says how it continues where it was not measured.
-Beyond the measured range it keeps its value: neighbouring targets on both sides of the border get the same correction.
+A carried term improves predictions without a known cause, so its continuation beyond the measured range
+is unknown. There it keeps its value, and neighbouring targets on both sides of the border get the same
+correction.
 """
 
 from __future__ import annotations
@@ -46,10 +47,18 @@ WHEN_USED = ("angle", "torque", "air")
 
 @dataclass(frozen=True)
 class Held:
-    """A law of one quantity, which is held at `low` and `high`, the border of what was measured.
+    """A law of one quantity that keeps its value beyond `low` and `high`.
 
-    joint: from 1; 0 for a quantity that belongs to none. rate: cycles per turn of a wave, otherwise the inverse of the
-    quantity's scale; centre, low, high in the unit of the quantity.
+    These are the borders of the measured range.
+
+    Attributes
+    ----------
+    joint : int
+        Joint, from 1; 0 for a quantity without a joint.
+    rate : float
+        Cycles per turn of a wave, otherwise the inverse of the quantity's scale.
+    centre, low, high : float
+        In the unit of the quantity.
     """
 
     quantity: str
@@ -61,12 +70,15 @@ class Held:
     high: float
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) values of the law."""
+        """Evaluate the law, shape (n,)."""
         values = np.clip(QUANTITIES[self.quantity](conditions, self.joint - 1), self.low, self.high)
         return LAWS[self.law](self.rate * (values - self.centre))
 
     def beyond(self, conditions: Conditions) -> dict[str, Array]:
-        """Name of the quantity -> (n,) distance beyond its measured range, as a share of its width; 0 within it."""
+        """Return the distance (n,) beyond the measured range, by name of the quantity.
+
+        It is a share of the width of the range, 0 within it.
+        """
         values = QUANTITIES[self.quantity](conditions, self.joint - 1)
         name = _NAMES[self.quantity].format(conditions.axis_names[self.joint - 1].removeprefix("j"))
         return {name: _beyond(values, self.low, self.high)}
@@ -86,7 +98,10 @@ class Held:
 
 @dataclass(frozen=True)
 class HeldPair:
-    """A wave of two joint angles together, cos or sin of (rate x angle + other_rate x other angle), both held."""
+    """A wave of two joint angles together, both held at the borders of the measured range.
+
+    It is cos or sin of (rate x angle + other_rate x other angle).
+    """
 
     joint: int
     other: int
@@ -99,13 +114,16 @@ class HeldPair:
     other_high: float
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) from -1 to 1."""
+        """Evaluate the wave, shape (n,), from -1 to 1."""
         one = np.clip(conditions.joints[:, self.joint - 1], self.low, self.high)
         other = np.clip(conditions.joints[:, self.other - 1], self.other_low, self.other_high)
         return LAWS[self.law](self.rate * one + self.other_rate * other)
 
     def beyond(self, conditions: Conditions) -> dict[str, Array]:
-        """Name of each joint -> (n,) distance beyond its measured range, as a share of its width; 0 within it."""
+        """Return the distances (n,) beyond the measured ranges, by name of each joint.
+
+        They are shares of the width of the range, 0 within it.
+        """
         one = Held("angle", self.joint, self.law, self.rate, 0.0, self.low, self.high)
         other = Held("angle", self.other, self.law, self.other_rate, 0.0, self.other_low, self.other_high)
         return one.beyond(conditions) | other.beyond(conditions)
@@ -113,10 +131,11 @@ class HeldPair:
 
 @dataclass(frozen=True)
 class OfTime:
-    """A function of the time since the start of the campaign, s: linear between `times`, constant before and after.
+    """A function of the time since the start of the campaign, s.
 
-    Steps, drifts, slow waves and air that acts late are all of this kind: they are known during the campaign only.
-    clock: "time"; "order" if the readings carry no times and `times` are their ranks, which change just as slowly.
+    It is linear between `times`, constant before and after. Steps, drifts, slow waves and air that acts
+    late are all of this kind: they are known during the campaign only. `clock` is "time", or "order" if
+    the readings carry no times and `times` are their ranks, which change just as slowly.
     """
 
     times: tuple[float, ...]
@@ -124,11 +143,14 @@ class OfTime:
     clock: str = "time"
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) values of the function; NaN where a reading has no time."""
+        """Evaluate the function, shape (n,); NaN if a reading has no time."""
         return np.interp(getattr(conditions, self.clock), self.times, self.values)
 
     def beyond(self, conditions: Conditions) -> dict[str, Array]:
-        """The time -> (n,) distance beyond the measured time, as a share of the campaign; 0 within it."""
+        """Return the distance (n,) beyond the measured time.
+
+        It is a share of the campaign, 0 within it.
+        """
         return {"the time": _beyond(getattr(conditions, self.clock), self.times[0], self.times[-1])}
 
     def drawn_over(self, conditions: Conditions) -> Axis:

@@ -1,8 +1,9 @@
-"""An effect: a label, an owner, and linear parameters, each acting on slots in proportion to regressors.
+"""Effects: linear parameters that act on slots of the chain in proportion to regressors.
 
-value of a slot = nominal + sum of weight x parameter x regressor, through the exact chain;
-a column of the Jacobian = sum of twist of the slot x weight x regressor, its derivative.
-Level-2 geometry, level-3 compliance and everything that the diagnosis finds are effects of different length.
+Through the exact chain, the value of a slot is the nominal one plus the sum of weight x parameter x
+regressor. A column of the Jacobian is the derivative, the sum of twist of the slot x weight x regressor.
+
+Level-2 geometry, level-3 compliance and all findings of the diagnosis are effects of different length.
 """
 
 from __future__ import annotations
@@ -51,12 +52,22 @@ _CURVE = 6  # parameters of one unit above which they are the waves of one curve
 
 @dataclass(frozen=True)
 class Parameter:
-    """A linear parameter: unique name, unit in which it is shown, and its usual size in that unit.
+    """A linear parameter of an effect.
 
-    A parameter with a `size` is held to it weakly where the data say nothing (a Gaussian prior of that standard
-    deviation); without one it is free. centre: where robots of the type have it, in that unit, and `size` is then their
-    spread about it (`calib.prior`); None: nobody knows. low, high: between which physics allows it; None: no bound.
-    Bounds never hold a fit back: an estimate beyond them says that the effect is not what is there.
+    Attributes
+    ----------
+    name : str
+        Unique name.
+    unit : str
+        Unit in which it is shown.
+    size : float or None
+        Usual size, the standard deviation of a Gaussian prior that holds the parameter weakly if the
+        data do not determine it. None: the parameter is free.
+    centre : float or None
+        Mean over the robots of the type; `size` is then their spread about it (`calib.prior`). None: unknown.
+    low, high : float or None
+        Bounds that physics sets; None for no bound. They never limit a fit: an estimate beyond them
+        shows that this effect is not the real one.
     """
 
     name: str
@@ -81,7 +92,10 @@ class Parameter:
 
 @dataclass(frozen=True)
 class EffectTerm:
-    """A term of an effect: `parameter` moves `slot` by weight x regressor (weight in internal units)."""
+    """A term of an effect: `parameter` moves `slot` by weight x regressor.
+
+    The weight is in internal units.
+    """
 
     parameter: str
     slot: str
@@ -106,12 +120,15 @@ class Effect:
 
     @cached_property
     def places(self) -> frozenset[str]:
-        """The parts of the chain on which the effect acts: `theta3`, `base`, `tool`, `target`, `anchor`, `length`."""
+        """Parts of the chain on which the effect acts.
+
+        They are names such as `theta3`, `base`, `tool`, `target`, `anchor` or `length`.
+        """
         return frozenset(term.slot.partition(".")[0] for term in self.terms)
 
     @property
     def wave(self) -> tuple[int, frozenset[str]] | None:
-        """The joint whose angle drives a harmonic, and the slots on which it acts; None for other effects."""
+        """The joint whose angle drives a harmonic, with its slots; None for other effects."""
         joints = {t.regressor.joint for t in self.terms if isinstance(t.regressor, Cosine | Sine)}
         if "order" not in self.shape or len(joints) != 1:
             return None
@@ -119,12 +136,18 @@ class Effect:
 
     @property
     def is_carried(self) -> bool:
-        """Whether this is a carried term: confirmed by left-out readings, but without a cause that has a name."""
+        """Whether this is a carried term.
+
+        Such a term is confirmed by left-out readings, but has no named cause.
+        """
         return self.group == "carried"
 
     @property
     def is_usable(self) -> bool:
-        """Whether all that drives the effect is known when the model is used, as for compensation and export."""
+        """Whether all quantities that drive the effect are known when the model is used.
+
+        This is the case in compensation and export.
+        """
         return not self.is_carried or not any(
             isinstance(term.regressor, _OF_THE_CAMPAIGN)
             or getattr(term.regressor, "quantity", "angle") not in WHEN_USED
@@ -132,8 +155,11 @@ class Effect:
         )
 
     def beyond(self, conditions: Conditions) -> dict[str, Array]:
-        """Name of a quantity that drives a carried term -> (n,) distance beyond its measured range, as a share of its
-        width; empty for named effects, which hold wherever their law holds."""
+        """Return the distance (n,) beyond the measured range by quantity that drives a carried term.
+
+        It is a share of the width of the range. The result is empty for named effects, which hold
+        wherever their law holds.
+        """
         regressors = {t.regressor for t in self.terms if isinstance(t.regressor, Held | HeldPair | OfTime)}
         found: dict[str, Array] = {}
         for regressor in regressors:
@@ -147,11 +173,12 @@ class Effect:
         return len({t.regressor.order for t in self.terms if isinstance(t.regressor, Cosine | Sine)}) > 1
 
     def amplitude(self, values: Array, covariance: Array) -> tuple[float, float, str]:
-        """Size of the effect, its standard error and unit: root sum of squares of the parameters of one unit.
+        """Return the size of the effect, its standard error and its unit.
 
-        values (p,) and covariance (p, p) in internal units. For one parameter it is the parameter itself; for a curve
-        of many waves, its root mean square over a turn. Where units differ, of those of which the readings are surest:
-        the angle of a tool that turned, not its small shift.
+        The size is the root sum of squares over the parameters of one unit. For one parameter it is the
+        parameter itself; for a curve of many waves, its root mean square over a turn. If units differ,
+        the unit with the surest parameters is used: the angle of a tool that turned, not its small
+        shift. `values` (p,) and `covariance` (p, p) are in internal units.
         """
         units = dict.fromkeys(p.unit for p in self.parameters)
         of_unit = {unit: [i for i, p in enumerate(self.parameters) if p.unit == unit] for unit in units}
@@ -201,7 +228,13 @@ class Effect:
 
     @classmethod
     def from_json(cls, table: Mapping[str, Any]) -> Effect:
-        """The effect that `to_json` wrote. Raises KeyError when a key or a kind of regressor is unknown."""
+        """Read the effect that `to_json` wrote.
+
+        Raises
+        ------
+        KeyError
+            A key is missing, or the kind of a regressor is unknown.
+        """
         return cls(
             label=table["label"],
             group=table["group"],
@@ -232,12 +265,23 @@ def effect(
     acts: Mapping[str, Written],
     shape: Mapping[str, float] | None = None,
 ) -> Effect:
-    """An effect from a brief notation.
+    """Build an effect from a brief notation.
 
-    acts: short parameter name -> (unit, expected size in that unit, [(slot, regressor[, weight]), ...][, (lowest,
-    highest) that physics allows, in that unit]).
-    Parameters are kept in internal units whatever the unit they are shown in. Outside the base model their
-    names start with the label. Raises KeyError for a unit that `units.FACTORS` does not hold.
+    Parameters are kept in internal units, independent of the unit in which they are shown. Outside the
+    base model their names start with the label.
+
+    Parameters
+    ----------
+    label, group, owner, meaning, shape
+        As in `Effect`.
+    acts : mapping
+        Short parameter name -> (unit, expected size in that unit, [(slot, regressor[, weight]), ...][,
+        (lowest, highest) that physics allows, in that unit]).
+
+    Raises
+    ------
+    KeyError
+        A unit is not in `units.FACTORS`.
     """
     prefix = "" if group == "base model" else f"{label}."
     parameters, terms = [], []

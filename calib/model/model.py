@@ -1,34 +1,35 @@
-"""The model: a nominal robot, where it is mounted, and a tuple of effects. Diagnosing appends to that tuple.
+"""Models of robots: a nominal robot, its mounting and a tuple of effects.
 
-`ModelStructure` is constant. `BoundModel` binds it to the conditions of n readings, with every regressor evaluated
-once; it turns an estimate (m,) in internal units into slot values, frames, and Jacobian columns.
+The diagnosis appends to that tuple. `ModelStructure` is constant. `BoundModel` binds it to the
+conditions of n readings, with every regressor evaluated once; it turns an estimate (m,) in internal
+units into slot values, frames, and Jacobian columns.
 
-Effects that were found in other robots of the type: they share half of the chance of a false effect.
+`TypeEffectPrior`: effects that were found in other robots of the type get half of the total chance of a
+false effect. A search that may err once in a number of tries (`calib.scan.scores`) can distribute them
+freely. The shares must be fixed before the readings and add up to one; a place with share w counts for 1
+/ w tries. So effects that are frequent in a type need less evidence and all others twice as much, and
+false effects on faultless robots stay as rare. Source: Genovese, Roeder and Wasserman 2006 (weighted
+p-values).
 
-A search that may err once in so many tries (`calib.scan.scores`) can spend them as it likes, as long as the shares
-were fixed before the readings and add up to one: a place with share w counts for 1 / w tries. So what is frequent in a
-type needs less evidence, everything else twice as much, and claims on robots that lack nothing stay as rare.
-Source: Genovese, Roeder and Wasserman 2006 (weighted p-values).
-
-Ties between the positions of balls of one body by the measured distances between them.
+`ties`: measured distances between balls of one body tie their positions.
 
     residual  (L - |p - q|) / u,      derivative  e.(dp - dq) / u,   e the unit vector from q to p
 
-p and q are the positions of the two balls as the model has them: nominal and, where they are parameters, their
-estimate. The arm takes no part. Lengths mm.
+p and q are the positions of the two balls in the model: nominal, or their estimate if they are
+parameters. The arm takes no part. Lengths are in mm.
 
-A model without some of its effects, with all other parameters adapted as a new fit would, to first order.
-
-With x the estimate, C its covariance and e the parameters of the effects, x - C_e C_ee^-1 x_e is the estimate under the
-condition that these effects are zero, and C - C_e C_ee^-1 C_e' its covariance.
+`without`: a model without some of its effects, with all other parameters adapted as a new fit would, to
+first order. Let x be the estimate, C its covariance and e the parameters of the effects. Under the
+condition that these effects are zero, the estimate is x - C_e C_ee^-1 x_e and its covariance C - C_e
+C_ee^-1 C_e'.
 
 `check_effect`: the conformance check that every effect must pass, of the library or of another package.
 
-The conditions for which a correction holds, and the robot's conditions at any joint angles under them.
-
-A corrected target is valid only for the approach, temperature and time for which it was computed. Conditions that
-follow from the joints (gravity torque, the joints before the last move) are computed for every pose of the iteration;
-stated ones (side of approach, temperature, time, "after the last step") stay.
+`conditions_at`: the conditions for which a correction holds, and the robot's conditions at any joint
+angles under them. A corrected target is valid only for the approach, temperature and time for which it
+was computed. Conditions that follow from the joints are computed for every pose of the iteration
+(gravity torque, the joints before the last move). Stated ones stay (side of approach, temperature, time,
+"after the last step").
 """
 
 from __future__ import annotations
@@ -82,12 +83,24 @@ ALL_OWNERS: tuple[Owner, ...] = ("robot", "mounting", "instrument")
 class ModelStructure:
     """A model of a robot in the world: nominal robot, mounting and effects.
 
-    placements: series -> (4, 4) constant pose from which the base parameters count, mm;
-    targets: series -> target -> (x, y, z) nominal in the flange frame, mm; station: (x, y, z) mm in the world;
-    turns: series -> (3, 3) constant orientation of the tool frame on the flange from which its turns count;
-    anchors: base target -> (x, y, z) mm in the world, nominal or where its own parameters start;
-    curves: errors of gears that were found and are held; spans: measured distances between balls of one body;
-    expected: effects that robots of the type were found to have.
+    Attributes
+    ----------
+    targets : mapping
+        By series and target: nominal position in the flange frame, mm.
+    placements : mapping of str to array of shape (4, 4)
+        By series: constant pose from which the base parameters count, mm.
+    station : tuple of float
+        Position of the instrument in the world, mm.
+    turns : mapping of str to array of shape (3, 3)
+        By series: constant orientation of the tool frame on the flange from which its turns count.
+    anchors : mapping of str to tuple of float
+        Base targets in the world, mm, nominal or where their parameters start.
+    curves : tuple of GearCurve
+        Errors of gears that were found and are held.
+    spans : tuple of Span
+        Measured distances between balls of one body.
+    expected : tuple of TypeEffectPrior
+        Effects that were found in robots of the type.
     """
 
     robot: Robot
@@ -113,52 +126,63 @@ class ModelStructure:
 
     @cached_property
     def index(self) -> dict[str, int]:
-        """Name of a parameter -> its position. Raises ValueError when two share a name."""
+        """Position of each parameter by name.
+
+        Raises
+        ------
+        ValueError
+            Two parameters share a name.
+        """
         index = {p.name: i for i, p in enumerate(self.parameters)}
         if len(index) != len(self.parameters):
             raise ValueError("two effects of the model share a parameter name")
         return index
 
     def positions(self, effect: Effect) -> list[int]:
-        """Positions of the parameters of one of the model's effects."""
+        """Return the positions of an effect's parameters; the effect belongs to the model."""
         return [self.index[p.name] for p in effect.parameters]
 
     @cached_property
     def of_base(self) -> list[int]:
-        """Positions of the parameters that say where the base of each series is."""
+        """Positions of the parameters of the base poses, of all series."""
         own = [e for e in self.effects if e.group == "base model" and e.places == {"base"}]
         return [position for effect in own for position in self.positions(effect)]
 
     def owned(self, owners: Iterable[Owner]) -> Array:
-        """(m,) 1 where a parameter belongs to one of `owners`, else 0."""
+        """Return 1 for parameters that belong to one of `owners`, otherwise 0, shape (m,)."""
         wanted = set(owners)
         return np.array([float(e.owner in wanted) for e in self.effects for _ in e.parameters])
 
     @cached_property
     def prior_std(self) -> Array:
-        """(m,) standard deviation of the prior of every parameter, internal units; infinite where free."""
+        """Standard deviations of the priors, shape (m,), internal units; infinite if free."""
         return np.array([np.inf if p.size is None else to_internal(p.size, p.unit) for p in self.parameters])
 
     @cached_property
     def prior_mean(self) -> Array:
-        """(m,) mean of the prior of every parameter, internal units; zero, nominal, where robots of the type share
-        nothing."""
+        """Means of the priors, shape (m,), internal units.
+
+        They are zero, which is nominal, unless robots of the type share another value.
+        """
         return np.array([0.0 if p.centre is None else to_internal(p.centre, p.unit) for p in self.parameters])
 
     @cached_property
     def of_type(self) -> NDArray[np.bool_]:
-        """(m,) parameters whose prior is what robots of the type share."""
+        """Mask of the parameters whose prior robots of the type share, shape (m,)."""
         return np.array([p.centre is not None for p in self.parameters], dtype=bool)
 
     @cached_property
     def unit(self) -> Array:
-        """(m,) one unit of every parameter as it is shown, internal units."""
+        """Display unit of every parameter in internal units, shape (m,)."""
         return np.array([to_internal(1.0, p.unit) for p in self.parameters])
 
     @cached_property
     def measured(self) -> NDArray[np.bool_]:
-        """(m,) parameters whose prior is a measurement, not a usual size: a mounting known to what was declared, and
-        what measured robots of the type share."""
+        """Mask of the parameters whose prior is a measurement, not a usual size, shape (m,).
+
+        These are positions of a mounting with a declared uncertainty, and parameters that measured
+        robots of the type share.
+        """
         return np.array(
             [
                 p.centre is not None
@@ -170,8 +194,10 @@ class ModelStructure:
         )
 
     def beyond(self, conditions: Conditions) -> dict[str, Array]:
-        """Name of a quantity -> (n,) distance beyond the range in which carried terms were measured, as a share of its
-        width; 0 within it."""
+        """Return the distance (n,) beyond the range in which carried terms were measured.
+
+        It is given by name of the quantity, as a share of the width of the range, 0 within it.
+        """
         found: dict[str, Array] = {}
         for effect in self.effects:
             for name, distance in effect.beyond(conditions).items():
@@ -244,14 +270,14 @@ class BoundModel:
         return propagate(self.model.chain, values, self._placement, self._station, record, self._turn)
 
     def predict(self, estimate: Array, owners: Iterable[Owner] = ALL_OWNERS) -> Array:
-        """(n, 3) points, mm, with the effects of `owners` only."""
+        """Predict the points with the effects of `owners` only, shape (n, 3), mm."""
         frames = self.frames(estimate * self.model.owned(owners), record=())
         return np.broadcast_to(frames.p, (3, len(self.conditions))).T.copy()
 
     def columns(self, slot_columns: Array) -> Array:
-        """Jacobian (k n, m): sum over terms of slot column x drive, flattened.
+        """Compute the Jacobian (k n, m): the sum over terms of slot column x drive, flattened.
 
-        slot_columns: (S, k, n) the observation's derivative for a unit of every slot of `slots`.
+        `slot_columns` (S, k, n) is the observation's derivative for a unit of every slot of `slots`.
         """
         place = {slot: i for i, slot in enumerate(self.slots)}
         jacobian = np.zeros((len(self.model.parameters), *slot_columns.shape[1:]))
@@ -268,12 +294,18 @@ class BoundModel:
         return jacobian.reshape(len(jacobian), math.prod(slot_columns.shape[1:])).T
 
     def point_columns(self, frames: Frames) -> Array:
-        """(3 n, m) derivative of the predicted points, mm for internal units; row j n + i: axis j of reading i."""
+        """Differentiate the predicted points, shape (3 n, m), mm per internal unit.
+
+        Row j n + i is axis j of reading i.
+        """
         return self.columns(frames.velocities(self.slots))
 
 
 def _of_series(constants: Mapping[str, Array], size: int, conditions: Conditions) -> Array:
-    """(size, size, n or 1) constant matrices by series, the identity where a series has none."""
+    """Select constant matrices by series, shape (size, size, n or 1).
+
+    A series without one has the identity.
+    """
     matrices = np.stack([constants.get(name, np.eye(size)) for name in conditions.series_names])
     if len(matrices) > 1:
         matrices = matrices[conditions.series]
@@ -281,7 +313,10 @@ def _of_series(constants: Mapping[str, Array], size: int, conditions: Conditions
 
 
 def ties(model: ModelStructure, estimate: Array) -> tuple[Array, Array]:
-    """Whitened residual (q,) of the distances between balls of a model, and its derivative of the prediction (q, m)."""
+    """Compute the residuals of the ball distances of a model, and their derivative.
+
+    Returns the whitened residual (q,), and the derivative of the prediction (q, m).
+    """
     residual = np.zeros(len(model.spans))
     columns = np.zeros((len(model.spans), len(model.parameters)))
     several = len(model.targets) > 1
@@ -309,7 +344,10 @@ Reduced = tuple[ModelStructure, Array, Array]
 def conditional(
     model: ModelStructure, estimate: Array, covariance: Array, effects: Collection[Effect]
 ) -> tuple[Array, Array]:
-    """Estimate (m,) and covariance (m, m) of a whole model under the condition that some effects are zero."""
+    """Compute estimate (m,) and covariance (m, m) if some effects are zero.
+
+    Both remain those of the whole model.
+    """
     gone = [i for effect in effects for i in model.positions(effect)]
     live = [i for i in gone if covariance[i, i] > 0.0]
     scale = np.sqrt(np.diag(covariance)[live])
@@ -323,7 +361,10 @@ def conditional(
 def without(
     model: ModelStructure, estimate: Array, covariance: Array, effects: Collection[Effect]
 ) -> Reduced:
-    """The model without some effects; estimate and covariance (m,), (m, m) in internal units become smaller."""
+    """Remove some effects from a model, its estimate (m,) and covariance (m, m).
+
+    All are in internal units and become smaller.
+    """
     if not effects:
         return model, estimate, covariance
     estimate, covariance = conditional(model, estimate, covariance, effects)
@@ -340,8 +381,13 @@ def named_only(model: ModelStructure, estimate: Array, covariance: Array) -> Red
 def check_effect(effect: Effect, model: ModelStructure, conditions: Conditions) -> None:
     """Check one effect on a model (without it) and some conditions.
 
-    Checked: label, meaning and units are there; it does nothing at zero; its columns are the derivative of the
-    exact chain (central differences, relative 1e-5); it survives JSON. Raises AssertionError naming what fails.
+    The effect must have a label, a meaning and units, and do nothing at zero. Its columns must be the
+    derivative of the exact chain (central differences, relative 1e-5), and it must survive JSON.
+
+    Raises
+    ------
+    AssertionError
+        A check failed; the message names it.
     """
     assert effect.label, "the effect has no label"
     assert not any(c.isspace() for c in effect.label), f"{effect.label!r}: a label has no spaces"
@@ -390,7 +436,10 @@ def check_effect(effect: Effect, model: ModelStructure, conditions: Conditions) 
 
 
 def _everything(frames: Frames, n: int) -> Observations:
-    """Point, orientation and distance of every reading, as the frames have them, with unit weights."""
+    """Build unit-weight observations of everything that frames predict.
+
+    They are point, orientation and distance of every reading.
+    """
     points = np.broadcast_to(frames.p, (3, n))
     lengths = np.linalg.norm(points - frames.anchor, axis=0)
     weights = np.broadcast_to(np.eye(7)[:, :, None], (7, 7, n))
@@ -401,10 +450,22 @@ def _everything(frames: Frames, n: int) -> Observations:
 class StatedConditions:
     """Conditions that hold for every target of a correction.
 
-    side: per joint +1 from below (angle growing), -1 from above, one for each joint or one for all; approach: how
-    far before the target the last move begins, rad, one for all joints or one for each; temperature_c: air; time_s:
-    since the start of the campaign (NaN: not stated; effects that need it then refuse); loads: None for the robot's
-    own; gravity in the base frame, m/s2; series: which set-up of base and tool, None for the only one.
+    Attributes
+    ----------
+    side : tuple of float or float
+        +1 from below (angle growing), -1 from above; one for each joint or one for all.
+    approach : tuple of float or float
+        Distance before the target at which the last move begins, rad; one for each joint or one for all.
+    temperature_c : float
+        Air temperature.
+    time_s : float
+        Time since the start of the campaign. NaN if not stated; effects that need it then refuse.
+    loads : tuple of Load or None
+        None for those of the robot.
+    gravity : tuple of float
+        In the base frame, m/s2.
+    series : str or None
+        Set-up of base and tool; None for the only one.
     """
 
     side: tuple[float, ...] | float = 1.0
@@ -418,7 +479,13 @@ class StatedConditions:
 
 
 def series_of(model: ModelStructure, stated: StatedConditions) -> str:
-    """The series that is meant. Raises ValueError when it is unknown, or not named and there are several."""
+    """Return the series of the stated conditions.
+
+    Raises
+    ------
+    ValueError
+        It is unknown, or there are several and none is named.
+    """
     names = tuple(model.targets)
     if stated.series is None and len(names) == 1:
         return names[0]
@@ -428,7 +495,13 @@ def series_of(model: ModelStructure, stated: StatedConditions) -> str:
 
 
 def tool_point(model: ModelStructure, series: str, target: str) -> Array:
-    """(3,) nominal tool point in the flange frame, mm. Raises ValueError for an unknown target."""
+    """Return the nominal tool point in the flange frame, shape (3,), mm.
+
+    Raises
+    ------
+    ValueError
+        The target is unknown.
+    """
     if target == FLANGE:
         return np.zeros(3)
     known = model.targets[series]
@@ -438,7 +511,10 @@ def tool_point(model: ModelStructure, series: str, target: str) -> Array:
 
 
 def nominal_poses(model: ModelStructure, joints: Array, tool: Array) -> Array:
-    """(n, 4, 4) poses of the nominal robot's tool point, base frame, mm; joints (n, N) rad, tool (3,) mm."""
+    """Compute the poses of the nominal robot's tool point, shape (n, 4, 4), base frame, mm.
+
+    `joints` (n, N) are in rad, `tool` (3,) in mm.
+    """
     poses = forward(model.robot, joints)
     poses[:, :3, 3] += poses[:, :3, :3] @ tool
     return poses
@@ -447,9 +523,12 @@ def nominal_poses(model: ModelStructure, joints: Array, tool: Array) -> Array:
 def conditions_at(
     model: ModelStructure, joints: Array, stated: StatedConditions, target: str = FLANGE
 ) -> Conditions:
-    """The conditions of n poses of the robot at model angles `joints` (n, N), rad, as stated.
+    """Build the stated conditions of n poses at model angles `joints` (n, N), rad.
 
-    Raises ValueError for an unknown series or target, or sides that are not one a joint.
+    Raises
+    ------
+    ValueError
+        The series or target is unknown, or the sides are neither one nor one per joint.
     """
     n, count = joints.shape
     series = series_of(model, stated)

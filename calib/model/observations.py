@@ -1,25 +1,25 @@
-"""The observations as whitened rows: residuals, and their derivative for a unit of a slot.
+"""Observations as whitened rows: residuals, and their derivative for a unit of a slot.
 
-A reading has up to seven rows: the tool point (3), the orientation of the tool frame as a rotation vector (3),
-and the distance from the tool target to a base target (1). One whitener a reading, lower triangular over all its
-rows, divides by the noise; readings of one visit, which share where the robot came to rest, are then whitened together
-(`calib.model.observations`). Whitening happens here and nowhere else. A row that a reading did not measure is zero in
-residual and column, and does not count in `freedom`.
+A reading has up to seven rows. They are the tool point (3), the orientation of the tool frame as a
+rotation vector (3), and the distance from the tool target to a base target (1). Each reading has a
+whitener, lower triangular over all its rows, which divides by the noise. Readings of one visit share the
+position where the robot came to rest, and are then whitened together. Whitening happens only here. A row
+that a reading did not measure is zero in residual and column, and does not count in `freedom`.
 
     point        measured - p
     orientation  log(R_measured R') in the world, R the predicted orientation; its derivative for an angular
                  velocity w is J_r(e)^-1 w, the inverse right Jacobian of SO(3) at the residual e
     distance     measured - (|p - anchor| + zero); its derivative is u.v, u the unit vector from anchor to p
 
-The error that the readings of a visit share: the deviation of the robot's rest position.
-
-With A the derivative of the readings of a visit by the joints, times the repeatability and whitened by the
-instrument's noise, their covariance is I + A A'. Its inverse root
+The readings of a visit share the deviation of the robot's rest position. With A the derivative of the
+readings of a visit by the joints, times the repeatability and whitened by the instrument's noise, their
+covariance is I + A A'. Its inverse root
 
     (I + A A')^-1/2 = I - (A V) diag h (A V)',    A'A = V diag l V',    h = (1 - (1 + l)^-1/2) / l,
 
-makes rows of variance 1 of them, and of all such matrices changes each row least (Kessy et al. 2018, ZCA). Only
-matrices of joints by joints are factored, whatever the number of readings; those of all visits at once.
+makes rows of variance 1 of them, and of all such matrices changes each row least (Kessy et al. 2018,
+ZCA). Only matrices of joints by joints are factored, for any number of readings, and those of all visits
+at once.
 """
 
 from __future__ import annotations
@@ -38,25 +38,40 @@ from calib.array import Array
 
 @dataclass(frozen=True)
 class VisitCovariance:
-    """Visits of n readings of k rows: visit (n,); A as scatter (N, k, n), one matrix a joint, 0: none shared."""
+    """Errors that the readings of a visit share, for n readings of k rows.
+
+    Attributes
+    ----------
+    visit : array of int, shape (n,)
+        Visit of each reading.
+    scatter : array of shape (N, k, n)
+        The matrix A, one slice per joint; 0 if the reading shares nothing.
+    """
 
     visit: NDArray[np.int64]
     scatter: Array
 
     def take(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> VisitCovariance:
-        """Some of the readings, by mask or index."""
+        """Select readings by mask or index."""
         return VisitCovariance(self.visit[keep], np.ascontiguousarray(self.scatter[:, :, keep]))
 
     @cached_property
     def alone(self) -> Array:
-        """(k, k, n) lower-triangular whitener of a reading by itself, without the others of its visit."""
+        """Whiteners of each reading without the others of its visit, shape (k, k, n).
+
+        They are lower triangular.
+        """
         own = np.einsum("aki,ali->ikl", self.scatter, self.scatter) + np.eye(self.scatter.shape[1])
         return np.ascontiguousarray(np.linalg.inv(np.linalg.cholesky(own)).transpose(1, 2, 0))
 
     @cached_property
     def _of_visits(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Array]:
-        """The readings that share (s,), visit after visit; where each visit begins (v,); the place of each reading's
-        visit among them (s,); A V sqrt(h), (N, k, s)."""
+        """The readings that share errors, and the factor A V sqrt(h) of their visits.
+
+        It is a tuple of four arrays. The first are the readings that share (s,), visit after visit, and
+        the index (v,) at which each visit begins. Then follow the index of each reading's visit (s,) and
+        A V sqrt(h) (N, k, s).
+        """
         some = np.flatnonzero(np.any(self.scatter != 0.0, axis=(0, 1)))
         some = some[np.argsort(self.visit[some], kind="stable")]
         _, first, place = np.unique(self.visit[some], return_index=True, return_inverse=True)
@@ -87,10 +102,24 @@ _OF_FRAME = {motion.slot for motion in FRAME}
 
 @dataclass(frozen=True)
 class Observations:
-    """n readings. Quantities that no reading has are None; where only some have one, the others hold anything finite.
+    """n whitened readings.
 
-    points (3, n) mm; rotations (3, 3, n); lengths (n,) mm; whiten (k, k, n); freedom (n,) measured rows. What is in
-    `shared` is not in `whiten`; None where no reading shares anything with another.
+    Quantities that no reading has are None. If only some have one, the others hold anything finite.
+
+    Attributes
+    ----------
+    points : array of shape (3, n) or None
+        Measured points, mm.
+    rotations : array of shape (3, 3, n) or None
+        Measured orientations.
+    lengths : array of shape (n,) or None
+        Measured distances, mm.
+    whiten : array of shape (k, k, n)
+        Whitener of each reading, without the errors in `shared`.
+    freedom : array of int, shape (n,)
+        Number of measured rows.
+    shared : VisitCovariance or None
+        Errors that the readings of a visit share; None if there are none.
     """
 
     points: Array | None
@@ -111,7 +140,7 @@ class Observations:
         return int(self.freedom.sum())
 
     def take(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> Observations:
-        """Some of the readings, by mask or index."""
+        """Select readings by mask or index."""
         return replace(
             self,
             points=None if self.points is None else self.points[:, keep],
@@ -124,19 +153,25 @@ class Observations:
 
     @cached_property
     def alone(self) -> Observations:
-        """The same readings, each whitened by itself: by this one is judged that does not belong, since an error of
-        one reading does not then show in the others of its visit."""
+        """The same readings, each whitened by itself.
+
+        They serve to find readings that do not belong, since an error of one reading does not then show
+        in the others of its visit.
+        """
         if self.shared is None:
             return self
         whiten = np.einsum("ijn,jkn->ikn", self.shared.alone, self.whiten)
         return replace(self, whiten=whiten, shared=None)
 
     def by_visit(self, rows: Array) -> Array:
-        """Rows (..., k, n) whitened reading by reading, such as `columns` times what drives them, whitened by visit."""
+        """Whiten rows (..., k, n) by visit that were whitened by reading.
+
+        Such rows are, for example, `columns` times their regressors.
+        """
         return rows if self.shared is None else self.shared.whitened(rows)
 
     def residual(self, frames: Frames) -> Array:
-        """(k, n) whitened: measured less predicted."""
+        """Compute the whitened residual, measured minus predicted, shape (k, n)."""
         parts = []
         if self.points is not None:
             parts.append(self.points - frames.p)
@@ -148,8 +183,10 @@ class Observations:
         return self.by_visit(self.by_reading(np.concatenate(parts)))
 
     def columns(self, frames: Frames, slots: Sequence[str]) -> Array:
-        """(S, k, n) derivative of the prediction for a unit of every slot, whitened reading by reading: what drives a
-        slot may differ within a visit."""
+        """Differentiate the prediction for a unit of every slot, shape (S, k, n).
+
+        The rows are whitened reading by reading, because the regressors of a slot may differ within a visit.
+        """
         velocity = frames.velocities(slots)
         angular = velocity if self.rotations is None else frames.turnings(slots)
         of_length = None
@@ -165,11 +202,14 @@ class Observations:
         return self._pushed(frames, velocity, angular, of_length)
 
     def column(self, frames: Frames, slot: str) -> Array:
-        """(k, n): `columns` of one slot."""
+        """Compute `columns` for one slot, shape (k, n)."""
         return self.columns(frames, (slot,))[0]
 
     def displaced(self, frames: Frames, velocity: Array) -> Array:
-        """(S, k, n) change of the readings when the tool point moves by `velocity` (S, 3, n), mm; else as `columns`."""
+        """Compute the change of the readings when the tool point moves, shape (S, k, n).
+
+        `velocity` (S, 3, n) is in mm. The result is whitened as that of `columns`.
+        """
         of_length = None if self.lengths is None else np.einsum("an,san->sn", _direction(frames), velocity)
         return self._pushed(frames, velocity, np.zeros_like(velocity), of_length)
 
@@ -184,8 +224,10 @@ class Observations:
         return self.by_reading(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1))
 
     def by_reading(self, v: Array) -> Array:
-        """Rows (..., k, n) whitened reading by reading: lower-triangular products, written out, since einsum spends
-        most of its time on the small axes."""
+        """Whiten rows (..., k, n) reading by reading.
+
+        The lower-triangular products are written out, since einsum spends most of its time on the small axes.
+        """
         out = self.whiten.diagonal().T * v
         for i, j in self._mixed:
             out[..., i, :] += self.whiten[i, j] * v[..., j, :]
@@ -199,19 +241,25 @@ class Observations:
 
 
 def _direction(frames: Frames) -> Array:
-    """(3, n) unit vectors from the anchors to the tool points."""
+    """Return the unit vectors from the anchors to the tool points, shape (3, n)."""
     towards = frames.p - frames.anchor
     return towards / np.maximum(np.linalg.norm(towards, axis=0), 1e-12)
 
 
 def _turned(rotations: Array, frames: Frames) -> Array:
-    """(3, n) rotation vectors of measured (3, 3, n) over predicted orientations, world, rad."""
+    """Return the rotation vectors from predicted to measured orientations, (3, n), world, rad.
+
+    `rotations` is (3, 3, n).
+    """
     difference = np.einsum("acn,nbc->nab", rotations, frames.rotation)
     return Rotation.from_matrix(difference).as_rotvec().T
 
 
 def _inverse_right_jacobian(e: Array, w: Array) -> Array:
-    """(S, 3, n): J_r(e)^-1 w for rotation vectors e (3, n). Source: Sola et al. 2018, eq. 144."""
+    """Compute J_r(e)^-1 w, shape (S, 3, n), for rotation vectors e (3, n).
+
+    Source: Sola et al. 2018, eq. 144.
+    """
     angle = np.linalg.norm(e, axis=0)
     safe = np.maximum(angle, 1e-4)
     factor = np.where(

@@ -1,12 +1,12 @@
-"""Regressors, which drive an effect: functions of the conditions with one value for each reading.
+"""Regressors of effects: functions of the conditions with one value for each reading.
 
-A regressor is a small frozen object with `evaluate(conditions) -> (n,)` (or a plain 1.0 for a constant). Its
-fields are its shape: joint, harmonic order, change point, time constant. Joints count from 1. Where a picture of it
-has an axis of its own it says which (`drawn_over`).
+A regressor is a small frozen object with `evaluate(conditions) -> (n,)` (or a plain 1.0 for a constant).
+Its fields are its shape: joint, harmonic order, change point, time constant. Joints count from 1. If a
+picture of it has a separate axis, `drawn_over` returns that axis.
 
-Regressors of joints that slide: smooth curves over the travel, and the travel times the warmth of the air.
-
-Regressors of gravity: torques about the joints and moments that bend the arm, with the loads of the readings.
+Joints that slide have smooth curves over the travel, and the travel times the warmth of the air.
+Regressors of gravity are torques about the joints and moments that bend the arm, with the loads of the
+readings.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Torque:
     joint: int
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) N.mm."""
+        """Evaluate the torque, shape (n,), N.mm."""
         return conditions.torque[:, self.joint - 1]
 
     def drawn_over(self, conditions: Conditions) -> Axis:
@@ -45,7 +45,7 @@ class TorqueCubed:
     joint: int
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) (N.mm)^3."""
+        """Evaluate the cubed torque, shape (n,), (N.mm)^3."""
         return conditions.torque[:, self.joint - 1] ** 3
 
     def drawn_over(self, conditions: Conditions) -> Axis:
@@ -61,7 +61,7 @@ class TorqueSign:
     width: float
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) from -1 to 1."""
+        """Evaluate the smoothed sign, shape (n,), from -1 to 1."""
         return np.tanh(conditions.torque[:, self.joint - 1] / self.width)
 
     def drawn_over(self, conditions: Conditions) -> Axis:
@@ -71,7 +71,10 @@ class TorqueSign:
 
 @dataclass(frozen=True)
 class LoadTorque:
-    """Torque about a joint of a load on the last link: mass_kg, and x, y, z its mass x centre in that link, kg mm."""
+    """Torque about a joint of a load on the last link.
+
+    `mass_kg` is its mass; x, y, z are its mass x centre in that link, kg mm.
+    """
 
     joint: int
     mass_kg: float
@@ -80,7 +83,7 @@ class LoadTorque:
     z: float
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) N.mm."""
+        """Evaluate the torque, shape (n,), N.mm."""
         return conditions.unit_load[:, self.joint - 1] @ np.array([self.mass_kg, self.x, self.y, self.z])
 
 
@@ -92,7 +95,7 @@ class GravityMoment:
     axis: int
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) N.mm."""
+        """Evaluate the moment, shape (n,), N.mm."""
         return conditions.moment[:, self.joint - 1, self.axis]
 
     def drawn_over(self, conditions: Conditions) -> Axis:
@@ -102,13 +105,16 @@ class GravityMoment:
 
 @dataclass(frozen=True)
 class MomentBehind:
-    """Gravity moment at a joint about the x axis behind it, which has turned by theta + `zero` (rad) about z."""
+    """Gravity moment at a joint about the x axis behind it.
+
+    That axis has turned by theta + `zero` (rad) about z.
+    """
 
     joint: int
     zero: float
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) N.mm."""
+        """Evaluate the moment, shape (n,), N.mm."""
         theta, moment = conditions.joints[:, self.joint - 1] + self.zero, conditions.moment[:, self.joint - 1]
         return np.cos(theta) * moment[:, 0] + np.sin(theta) * moment[:, 1]
 
@@ -124,7 +130,7 @@ class Overturning:
     axis: int
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) N.mm."""
+        """Evaluate the moment, shape (n,), N.mm."""
         return conditions.overturning[:, self.axis]
 
 
@@ -138,7 +144,7 @@ class HalfSines:
     high: float
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) from -1 to 1."""
+        """Evaluate the wave, shape (n,), from -1 to 1."""
         return np.sin(_phase(self, conditions))
 
     def drawn_over(self, conditions: Conditions) -> Axis:
@@ -156,7 +162,7 @@ class HalfCosines:
     high: float
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) from -1 to 1."""
+        """Evaluate the wave, shape (n,), from -1 to 1."""
         return np.cos(_phase(self, conditions))
 
     def drawn_over(self, conditions: Conditions) -> Axis:
@@ -172,29 +178,32 @@ class WarmTravel:
     reference_c: float
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) mm K."""
+        """Evaluate the product, shape (n,), mm K."""
         return conditions.joints[:, self.joint - 1] * (conditions.temperature - self.reference_c)
 
 
 def _phase(wave: HalfSines | HalfCosines, conditions: Conditions) -> Array:
-    """(n,) rad, from 0 at the low end of the travel to pi times the number of half waves at the high one."""
+    """Compute the phase of a wave over the travel, shape (n,), rad.
+
+    It grows from 0 at the low end of the travel to pi times the number of half waves at the high one.
+    """
     along = (conditions.joints[:, wave.joint - 1] - wave.low) / (wave.high - wave.low)
     return np.pi * wave.count * along
 
 
 class Regressor(Protocol):
-    """The interface of regressors: a frozen dataclass with one value for each reading."""
+    """Interface of regressors: a frozen dataclass with one value for each reading."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     def evaluate(self, conditions: Conditions) -> Array | float:
-        """(n,) values, or a float that holds for every reading."""
+        """Evaluate the regressor: values (n,), or a float that holds for every reading."""
         ...
 
 
 @dataclass(frozen=True)
 class Constant:
-    """1 for every reading."""
+    """Constant regressor: 1 for every reading."""
 
     def evaluate(self, conditions: Conditions) -> float:
         """The constant 1.0."""
@@ -203,24 +212,27 @@ class Constant:
 
 @dataclass(frozen=True)
 class InSeries:
-    """1 for the readings of one series (one set-up of base and instrument), 0 elsewhere."""
+    """Indicator of one series: 1 for its readings, 0 elsewhere.
+
+    A series has one set-up of base and instrument.
+    """
 
     series: str
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) 0 or 1."""
+        """Evaluate the indicator, shape (n,), 0 or 1."""
         return (conditions.series == conditions.series_names.index(self.series)).astype(np.float64)
 
 
 @dataclass(frozen=True)
 class OnTarget:
-    """1 for the readings of one tool target in one series, 0 elsewhere."""
+    """Indicator of one tool target in one series: 1 for its readings, 0 elsewhere."""
 
     series: str
     target: str
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) 0 or 1."""
+        """Evaluate the indicator, shape (n,), 0 or 1."""
         if self.target not in conditions.target_names:
             return np.zeros(len(conditions))
         of_target = conditions.target == conditions.target_names.index(self.target)
@@ -229,12 +241,12 @@ class OnTarget:
 
 @dataclass(frozen=True)
 class ToAnchor:
-    """1 for the distances to one base target, 0 elsewhere."""
+    """Indicator of one base target: 1 for the distances to it, 0 elsewhere."""
 
     anchor: str
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) 0 or 1."""
+        """Evaluate the indicator, shape (n,), 0 or 1."""
         if self.anchor not in conditions.anchor_names:
             return np.zeros(len(conditions))
         return (conditions.anchor == conditions.anchor_names.index(self.anchor)).astype(np.float64)
@@ -247,7 +259,7 @@ class JointAngle:
     joint: int
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) rad."""
+        """Evaluate the position, shape (n,), rad or mm."""
         return conditions.joints[:, self.joint - 1]
 
     def drawn_over(self, conditions: Conditions) -> Axis:
@@ -257,14 +269,16 @@ class JointAngle:
 
 @dataclass(frozen=True)
 class Beam:
-    """A coordinate (0, 1, 2) of the vector from the station to the target, mm; station_mm: that of the station,
-    world."""
+    """A coordinate (0, 1, 2) of the vector from the station to the target, mm.
+
+    `station_mm` is that coordinate of the station in the world.
+    """
 
     axis: int
     station_mm: float
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) mm."""
+        """Evaluate the coordinate, shape (n,), mm."""
         return conditions.point[:, self.axis] - self.station_mm
 
 
@@ -275,7 +289,7 @@ class LastMove:
     joint: int
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) rad."""
+        """Evaluate the move, shape (n,), rad or mm."""
         return conditions.joints[:, self.joint - 1] - conditions.previous[:, self.joint - 1]
 
     def drawn_over(self, conditions: Conditions) -> Axis:
@@ -289,13 +303,13 @@ class LastMove:
 
 @dataclass(frozen=True)
 class Cosine:
-    """cos(order x theta of a joint); order in cycles a turn."""
+    """cos(order x theta of a joint); order in cycles per turn."""
 
     joint: int
     order: float
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,)"""
+        """Evaluate the cosine, shape (n,)."""
         return np.cos(self.order * conditions.joints[:, self.joint - 1])
 
     def drawn_over(self, conditions: Conditions) -> Axis:
@@ -305,13 +319,13 @@ class Cosine:
 
 @dataclass(frozen=True)
 class Sine:
-    """sin(order x theta of a joint); order in cycles a turn."""
+    """sin(order x theta of a joint); order in cycles per turn."""
 
     joint: int
     order: float
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,)"""
+        """Evaluate the sine, shape (n,)."""
         return np.sin(self.order * conditions.joints[:, self.joint - 1])
 
     def drawn_over(self, conditions: Conditions) -> Axis:
@@ -321,13 +335,16 @@ class Sine:
 
 @dataclass(frozen=True)
 class GearCurve:
-    """The curve of a gear as it was found, rad: amplitudes[n] = a - i b of a cos(n theta) + b sin(n theta)."""
+    """The curve of a gear as it was found, rad.
+
+    amplitudes[n] = a - i b of a cos(n theta) + b sin(n theta).
+    """
 
     joint: int
     amplitudes: tuple[complex, ...]
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) rad."""
+        """Evaluate the curve, shape (n,), rad."""
         turn = np.exp(1j * conditions.joints[:, self.joint - 1])
         total = np.zeros(len(turn), dtype=np.complex128)
         for amplitude in reversed(self.amplitudes):  # Horner's rule
@@ -342,7 +359,7 @@ class ApproachSide:
     joint: int
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) +1 or -1."""
+        """Evaluate the side, shape (n,), +1 or -1."""
         return conditions.side[:, self.joint - 1]
 
     def drawn_over(self, conditions: Conditions) -> Axis:
@@ -357,19 +374,19 @@ class LoadedSide:
     joint: int
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) N.mm, positive from below."""
+        """Evaluate the product, shape (n,), N.mm, positive from below."""
         at = self.joint - 1
         return conditions.side[:, at] * np.abs(conditions.torque[:, at])
 
 
 @dataclass(frozen=True)
 class Time:
-    """Seconds since the start of the campaign, or since so many seconds after it."""
+    """Seconds since the start of the campaign, or since `start_s` after it."""
 
     start_s: float = 0.0
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) s."""
+        """Evaluate the time, shape (n,), s."""
         return conditions.time - self.start_s
 
     def drawn_over(self, conditions: Conditions) -> Axis:
@@ -379,12 +396,12 @@ class Time:
 
 @dataclass(frozen=True)
 class WarmUpRegressor:
-    """1 - exp(-t / time_constant_s), t from the start of the campaign."""
+    """Warm-up law 1 - exp(-t / time_constant_s), t from the start of the campaign."""
 
     time_constant_s: float
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) from 0 to 1."""
+        """Evaluate the law, shape (n,), from 0 to 1."""
         return -np.expm1(-conditions.time / self.time_constant_s)
 
     def drawn_over(self, conditions: Conditions) -> Axis:
@@ -394,32 +411,35 @@ class WarmUpRegressor:
 
 @dataclass(frozen=True)
 class StepAt:
-    """0 before the reading of rank `order`, 1 from it on."""
+    """Step: 0 before the reading of rank `order`, 1 from it on."""
 
     order: int
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) 0 or 1."""
+        """Evaluate the step, shape (n,), 0 or 1."""
         return (conditions.order >= self.order).astype(np.float64)
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The order of the readings."""
+        """Return the rank of the readings."""
         return Axis("reading, in order of time", conditions.order + 1.0)
 
 
 @dataclass(frozen=True)
 class CreepBetween:
-    """0 before the reading of rank `order`, 1 from that of rank `until` on, and in proportion between."""
+    """Ramp: 0 before the reading of rank `order`, 1 from that of rank `until` on.
+
+    It grows in proportion between.
+    """
 
     order: int
     until: int
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) from 0 to 1."""
+        """Evaluate the ramp, shape (n,), from 0 to 1."""
         return np.clip((conditions.order - self.order) / (self.until - self.order), 0.0, 1.0)
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The order of the readings."""
+        """Return the rank of the readings."""
         return StepAt(self.order).drawn_over(conditions)
 
 
@@ -430,7 +450,7 @@ class Temperature:
     reference_c: float
 
     def evaluate(self, conditions: Conditions) -> Array:
-        """(n,) K."""
+        """Evaluate the temperature difference, shape (n,), K."""
         return conditions.temperature - self.reference_c
 
     def drawn_over(self, conditions: Conditions) -> Axis:
@@ -474,13 +494,19 @@ _NAMES = {kind: name for name, kind in KINDS.items()}
 
 
 def to_json(regressor: Regressor) -> dict[str, Any]:
-    """Plain dictionary of a regressor: its kind and its shape."""
+    """Convert a regressor to a plain dictionary of its kind and its shape."""
     kind = type(regressor)
     return {"kind": _NAMES.get(kind, kind.__name__), **asdict(regressor)}
 
 
 def from_json(table: dict[str, Any]) -> Regressor:
-    """The regressor that `to_json` wrote. Raises KeyError for a kind that this version does not know."""
+    """Read the regressor that `to_json` wrote.
+
+    Raises
+    ------
+    KeyError
+        This version does not know the kind.
+    """
     shape: dict[str, Any] = {
         key: tuple(value) if isinstance(value, list) else value
         for key, value in table.items()
