@@ -1,4 +1,4 @@
-"""A data set: its header, its readings and their conditions, and the refusal of implausible ones."""
+"""Data sets: header, readings and their conditions, and checks of plausibility."""
 
 from calib.data.conditions import Conditions
 from calib.data.dataset import Dataset

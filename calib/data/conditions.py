@@ -1,8 +1,8 @@
-"""The conditions under which the readings were taken, on which effects depend, as arrays over n readings.
+"""Conditions of the readings, on which effects depend, as arrays over n readings.
 
-Joints are those of the model (behind the joint matrix), rad, or mm of one that slides; times s; temperatures degC;
-torques and moments N.mm, forces along a slide N.
-A quantity that was not recorded is NaN; effects that need it are then not offered.
+Joints are those of the model (behind the joint matrix), rad, or mm for one that slides. Times are in s,
+temperatures in degC, torques and moments in N.mm, forces along a slide in N. A quantity that was not
+recorded is NaN; effects that need it are then not offered.
 """
 
 from __future__ import annotations
@@ -52,10 +52,11 @@ class Conditions:
 
     @cached_property
     def pose(self) -> NDArray[np.int64]:
-        """(n,) number of the pose of every reading, whenever and from wherever the robot came.
+        """Number of the pose of every reading, shape (n,), independent of time and arrival.
 
-        Readings of one waypoint share their pose, since joints that were interpolated between two samples differ from
-        visit to visit; readings without one share it where their joints are the same.
+        Readings of one waypoint share their pose, since joints that were interpolated between two
+        samples differ from visit to visit. Readings without a waypoint share it if their joints are the
+        same.
         """
         places = np.round(self.joints / _SAME_POSE).astype(np.int64)
         places[self.waypoint >= 0] = 0
@@ -63,7 +64,7 @@ class Conditions:
         return numbered(keys)
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.int64] | Sequence[int]) -> Conditions:
-        """The conditions of some of the readings, by mask or by index; of all of them these themselves."""
+        """Select readings by mask or index; return the object itself if the mask selects all."""
         if isinstance(rows, np.ndarray) and rows.dtype == np.bool_ and rows.all():
             return self
         arrays = {f.name: getattr(self, f.name)[rows] for f in fields(self) if not f.name.endswith("_names")}
@@ -71,8 +72,11 @@ class Conditions:
 
 
 def numbered(keys: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(n,) number of each of rows of keys (n, c), the same for the same, in their order: what `numpy.unique` says of
-    rows, several times faster."""
+    """Number the rows of keys (n, c), shape (n,); equal rows get the same number.
+
+    The numbers follow the order of the rows. They equal those of `numpy.unique`, but are several times
+    faster.
+    """
     order = np.lexsort(keys.T[::-1])
     in_order = keys[order]
     number = np.empty(len(keys), dtype=np.int64)
@@ -81,6 +85,9 @@ def numbered(keys: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def row_keys(columns: Array) -> list[bytes]:
-    """(n,) a key for each row of columns (n, c); rows with exactly the same numbers have the same key."""
+    """Return a key for each row of columns (n, c).
+
+    Rows with exactly the same numbers have the same key.
+    """
     numbers = np.ascontiguousarray(columns + 0.0)  # -0 becomes 0
     return numbers.view(f"V{numbers.itemsize * numbers.shape[1]}").ravel().tolist()

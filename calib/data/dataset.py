@@ -56,44 +56,48 @@ class Dataset:
 
     @property
     def waypoint(self) -> NDArray[np.int64]:
-        """(n,) number of the pose where the file numbers them, -1 elsewhere."""
+        """Number of the pose if the file numbers them, shape (n,); -1 elsewhere."""
         return self.conditions.waypoint
 
     @cached_property
     def pointed(self) -> NDArray[np.bool_]:
-        """(n,) whether a point was measured."""
+        """Whether a point was measured, shape (n,)."""
         return np.isfinite(self.points[:, 0])
 
     @cached_property
     def turned(self) -> NDArray[np.bool_]:
-        """(n,) whether an orientation was measured and its noise declared; without a noise it is not used."""
+        """Whether an orientation was measured and its noise declared, shape (n,).
+
+        Without a declared noise an orientation is not used.
+        """
         weighed = np.isfinite(self.u_rotation) | (self.header.noise.rotation > 0.0)
         return np.isfinite(self.orientation[:, 0]) & weighed
 
     @cached_property
     def spanned(self) -> NDArray[np.bool_]:
-        """(n,) whether a distance was measured."""
+        """Whether a distance was measured, shape (n,)."""
         return np.isfinite(self.lengths)
 
     @cached_property
     def usable(self) -> NDArray[np.bool_]:
-        """(n,) whether the row was measured and not rejected."""
+        """Whether the row was measured and not rejected, shape (n,)."""
         return np.isin(self.status, ("", "ok")) & (self.pointed | self.spanned)
 
     @cached_property
     def fit_rows(self) -> NDArray[np.bool_]:
-        """(n,) whether the row may enter a fit."""
+        """Whether the row may enter a fit, shape (n,)."""
         return self.usable & (self.sets != "validation")
 
     @cached_property
     def validation_rows(self) -> NDArray[np.bool_]:
-        """(n,) whether the row was measured and is held out."""
+        """Whether the row was measured and is held out, shape (n,)."""
         return self.usable & (self.sets == "validation")
 
     @cached_property
     def placing(self) -> Dataset:
-        """The data set by which a robot is placed: this one, or where all its measured rows only judge, the same with
-        these as calibration rows.
+        """The data set from which a robot is placed.
+
+        It is this one, unless all measured rows are validation rows. Then these become calibration rows.
         """
         if self.fit_rows.any():
             return self
@@ -101,7 +105,10 @@ class Dataset:
 
     @cached_property
     def weightless(self) -> tuple[int, ...]:
-        """The joints that gravity loads while no load is known, so that the model takes them for weightless."""
+        """Joints that gravity loads, if no load is known.
+
+        The model then takes them for weightless.
+        """
         header = self.header
         if header.loads:
             return ()

@@ -1,8 +1,7 @@
-"""The header of a data set, `NAME.toml`: robot, instrument, world, noise, targets. Refuses impossible values.
+"""Header of a data set, `NAME.toml`: robot, instrument, world, noise, targets.
 
-When the readings of a data set were taken, and by whom.
-
-The groups of parameters of a base model by their names in `[model] fit`, and the levels.
+Impossible values are refused. The header also states when the readings were taken, and by whom. The
+module names the groups of base-model parameters in `[model] fit`, and the levels.
 """
 
 from __future__ import annotations
@@ -46,9 +45,17 @@ LEVELS = {
 
 @dataclass(frozen=True)
 class MeasurementOccasion:
-    """began, ended: of the first and the last reading, as text, "2026-03-02 09:15 UTC"; operators: who gave the
-    commands and answered the prompts, in the order in which they came; campaigns: of how many records these readings
-    are."""
+    """Occasion of a measurement: its time and its operators.
+
+    Attributes
+    ----------
+    began, ended : str
+        Time of the first and the last reading, "2026-03-02 09:15 UTC".
+    operators : tuple of str
+        Those who gave the commands and answered the prompts, in the order in which they came.
+    campaigns : int
+        Number of records from which the readings come.
+    """
 
     began: str
     ended: str
@@ -57,7 +64,13 @@ class MeasurementOccasion:
 
 
 def occasion_of(table: TomlTable) -> MeasurementOccasion | None:
-    """The table `[measured]` of a header, None where there is none. Raises DataError naming the key."""
+    """Read the table `[measured]` of a header; return None if there is none.
+
+    Raises
+    ------
+    DataError
+        A value is wrong; the error names the key.
+    """
     if "measured" not in table.values:
         return None
     measured = table.table("measured")
@@ -123,7 +136,7 @@ ABSOLUTE_ACCURACY = ("on", "off", "unknown")
 
 @dataclass(frozen=True)
 class Header:
-    """The header of a data set: what holds for every row; lengths mm, angles rad."""
+    """Header of a data set, valid for every row; lengths in mm, angles in rad."""
 
     robot: Robot
     instrument: str
@@ -163,7 +176,7 @@ class Header:
     text: str = field(default="", repr=False)  # as the file has it, for the hash of the data
 
     def knows_base_target(self, name: str) -> bool:
-        """Whether distances may end at a base target of this name."""
+        """Test whether distances may end at a base target of this name."""
         return name in self.base_targets or name in self.free_base_targets or "*" in self.free_base_targets
 
     @property
@@ -188,7 +201,13 @@ class Header:
 
 
 def read_header(path: Path) -> Header:
-    """Read `NAME.toml`. Raises DataError naming the key and what to do."""
+    """Read `NAME.toml`.
+
+    Raises
+    ------
+    DataError
+        The file is missing or a value is wrong; the error names the key and the remedy.
+    """
     if not path.is_file():
         raise DataError(
             "is missing: a data set is NAME.csv and NAME.toml.",
@@ -200,9 +219,12 @@ def read_header(path: Path) -> Header:
 
 
 def header_of(values: Mapping[str, Any], path: Path, text: str) -> Header:
-    """The header that a TOML table holds; `text` is the table as the file `path` has it.
+    """Build the header from a TOML table; `text` is the table as the file `path` has it.
 
-    Raises DataError naming the key and what to do.
+    Raises
+    ------
+    DataError
+        A value is wrong; the error names the key and the remedy.
     """
     table = TomlTable(values, path)
     if "format" in values:
@@ -303,7 +325,10 @@ def _base_targets(table: TomlTable) -> dict[str, Any]:
 
 
 def _uncertainties(table: TomlTable, key: str, names: Collection[str]) -> dict[str, float]:
-    """Standard uncertainties, mm per axis, above zero: one number for all of `names`, or a table by name."""
+    """Read standard uncertainties above zero, mm per axis, by name.
+
+    They are one number for all of `names`, or a table by name.
+    """
     if not isinstance(table.values.get(key), dict):
         u_mm = _uncertainty(table, key)
         return dict.fromkeys(names, u_mm) if u_mm > 0.0 else {}
@@ -331,7 +356,10 @@ def _names(table: TomlTable, key: str) -> tuple[str, ...]:
 
 
 def _robot(table: TomlTable, path: Path) -> Robot:
-    """The robot of the library or of a robot file that `robot` names, else that of the file within the header."""
+    """Load the robot of the header: by its name, or from a robot file within the header.
+
+    The name is that of a built-in robot or of a robot file.
+    """
     if table.values.get("robot_file") is None:
         return load_robot(table.text("robot"), path.parent)
     robot = robot_from(table.table("robot_file").values, path)
@@ -357,7 +385,13 @@ def _priors(table: TomlTable) -> dict[str, float]:
 
 
 def _unknown(table: TomlTable) -> tuple[str, ...]:
-    """The unknown keys of a header. Raises DataError for one that looks like a misspelt known key."""
+    """List the unknown keys of a header.
+
+    Raises
+    ------
+    DataError
+        A key looks like a misspelt known one.
+    """
     places = [(table, _KEYS), (table.table("model"), _MODEL_KEYS), (table.table("noise"), _NOISE_KEYS)]
     places.append((table.table("measured"), KEYS))
     series = table.table("series")
@@ -403,7 +437,13 @@ def _groups(table: TomlTable) -> tuple[str, ...]:
 
 
 def read_noise(path: Path) -> Noise:
-    """The table `[noise]` of a header. Raises DataError (file, key)."""
+    """Read the table `[noise]` of a header.
+
+    Raises
+    ------
+    DataError
+        A value is wrong; the error names file and key.
+    """
     _, values = read_toml(path)
     return _noise(TomlTable(values, path).table("noise"))
 

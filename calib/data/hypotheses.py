@@ -1,9 +1,9 @@
-"""Hypotheses about what the files of a data set mean: wrong signs, orders, zeros, rows, units, conventions, robots.
+"""Hypotheses about the meaning of data files: signs, order, zeros, rows, units, robots.
 
-Each hypothesis changes one thing of what the files say. `explained` puts the nominal robot in its place under every
-one of them; where it then misses the readings at least five times less than under the files as they are, the
-hypothesis is the likelier meaning. The tool is taken as the header gives it and, in a second round, as unknown, so
-that a wrong tool explains nothing but itself.
+Each hypothesis changes one thing in the files. `explained` puts the nominal robot in its place under
+each of them. If the robot then misses the readings at least five times less than with the unchanged
+files, the hypothesis is the likelier meaning. The tool is taken as the header gives it and, in a second
+round, as unknown, so that a wrong tool explains nothing but itself.
 """
 
 from __future__ import annotations
@@ -53,11 +53,22 @@ File = Literal["data", "header"]
 
 @dataclass(frozen=True)
 class InterpretedReadings:
-    """The readings of one series as the files say, or as a hypothesis says.
+    """Readings of one series according to the files, or to a hypothesis.
 
-    robot: nominal; angles: (n, N) rad as the controller counts; which: (n,) index of the tool target;
-    points: (n, 3) mm, or None where distances were measured; lengths, anchor: (n,) mm and index of the base target;
-    tool_factor: what the tool targets of the header are to be multiplied by.
+    Attributes
+    ----------
+    robot : Robot
+        Nominal robot.
+    angles : array of shape (n, N)
+        Controller angles, rad.
+    which : array of int, shape (n,)
+        Index of the tool target.
+    points : array of shape (n, 3) or None
+        Measured points, mm; None if distances were measured.
+    lengths, anchor : array of shape (n,) or None
+        Measured distances, mm, and index of their base target.
+    tool_factor : float
+        Factor for the tool targets of the header.
     """
 
     robot: Robot
@@ -71,14 +82,15 @@ class InterpretedReadings:
 
     @cached_property
     def flange(self) -> Array:
-        """(n, 4, 4) poses of the nominal flange, mm."""
+        """Poses of the nominal flange, shape (n, 4, 4), mm."""
         return forward(self.robot, self.robot.model_angles(self.angles, self.coupling))
 
     def miss(self, tools: Array, *, tool_unknown: bool, zero_unknown: bool) -> tuple[float, float]:
-        """Distance, mm, within which the nominal robot in its best place comes to three quarters of the readings, and
-        the extent of the readings or, where it turns about points, of its flange, mm.
+        """Compute by how much the nominal robot in its best place misses the readings, mm.
 
-        A median would not see that every third reading of three targets has slipped.
+        Returns the distance within which three quarters of the readings lie, and their extent, mm. The
+        extent is that of the flange if that turns about points. A median would not show that every third
+        reading of three targets has slipped.
         """
         turn, place = self.flange[:, :3, :3], self.flange[:, :3, 3]
         tools = self.tool_factor * tools
@@ -92,8 +104,11 @@ class InterpretedReadings:
         )
 
     def miss_of_near(self, tools: Array) -> tuple[float, float]:
-        """What `miss` says of the robot whose geometry fits best, to first order, and how far that is from the nominal
-        one, mm or mrad; infinite without points enough."""
+        """Compute `miss` for the robot whose geometry fits best, to first order.
+
+        Also returns the largest change from the nominal geometry, mm or mrad. Both are infinite if there
+        are too few points.
+        """
         robot, keys = self.robot, ("alpha", "a", "theta", "d")
         if self.points is None or 3 * len(self.points) < _PER_COLUMN * (4 * robot.joints + 9):
             return np.inf, np.inf
@@ -146,9 +161,9 @@ class InterpretedReadings:
 
 @dataclass(frozen=True)
 class JointCounting:
-    """A counting of the joints: joint of the robot = matrix (N, N) @ joint of the file + offset (N,).
+    """A counting of the joints, in rad, or mm for joints that slide.
 
-    rad, and mm of joints that slide.
+    joint of the robot = matrix (N, N) @ joint of the file + offset (N,).
     """
 
     matrix: Array
@@ -161,10 +176,14 @@ class JointCounting:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A hypothesis about the files: what is wrong, what to do, and in which file under which key.
+    """A hypothesis about the files: the error, its remedy, and the file and key of it.
 
-    counting: of the joints, where the hypothesis is about them and a robot file could say it too; least_mm: it is not
-    thought of where the files as they are miss by less, mm.
+    Attributes
+    ----------
+    counting : JointCounting or None
+        Counting of the joints, if the hypothesis is about them and a robot file could state it too.
+    least_mm : float
+        The hypothesis is not considered if the unchanged files miss by less, mm.
     """
 
     what: str
@@ -178,12 +197,20 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Explanation:
-    """The likeliest meaning of readings that the files as they are do not explain.
+    """The likeliest meaning of readings that the unchanged files do not explain.
 
-    equals: other hypotheses that leave the same, to 1 %; rivals: those that leave up to half more. Both stand in the
-    order in which they were tried, the simpler ones first, since rounding decides which leaves least.
-    miss, left: distance, mm, within which the nominal robot comes to three quarters of the readings, as the files have
-    them and as `cause` has them.
+    `equals` and `rivals` are in the order in which they were tried, the simpler ones first, since
+    rounding decides which of them leaves least.
+
+    Attributes
+    ----------
+    equals : tuple of Hypothesis
+        Other hypotheses with the same miss, to 1 %.
+    rivals : tuple of Hypothesis
+        Those with up to half more.
+    miss, left : float
+        Distance within which the nominal robot comes to three quarters of the readings, mm: with the
+        unchanged files, and with `cause`.
     """
 
     cause: Hypothesis
@@ -202,10 +229,27 @@ def explained(
     zero_unknown: bool,
     tool_as_given: bool = False,
 ) -> Explanation | None:
-    """The hypothesis that explains the readings clearly better than the files do; None where there is none, or no need.
+    """Find the hypothesis that explains the readings clearly better than the files do.
 
-    others: the hypotheses to try, the simpler ones first; tools: (T, 3) mm, nominal targets; tool_as_given:
-    try them with these targets alone, since many at once can do what a tool of another length does.
+    Parameters
+    ----------
+    meaning : InterpretedReadings
+        Readings according to the files.
+    others : callable
+        Yields the hypotheses to try, the simpler ones first.
+    tools : array of shape (T, 3)
+        Nominal tool targets, mm.
+    tool_unknown : bool
+        Whether the tool is unknown.
+    zero_unknown : bool
+        Whether the zero of lengths is unknown.
+    tool_as_given : bool, optional
+        Use only these targets, since many hypotheses at once can have the effect of a tool of another length.
+
+    Returns
+    -------
+    Explanation or None
+        None if no hypothesis is better, or none is needed.
     """
 
     def missed(of: InterpretedReadings, free: bool) -> tuple[float, float]:
@@ -245,9 +289,10 @@ def explained(
 
 
 def slipped(meaning: InterpretedReadings, others: Iterator[Hypothesis], tools: Array) -> Explanation | None:
-    """The hypothesis about rows that a robot of any geometry near the nominal one follows clearly better; None if none.
+    """Find the hypothesis about rows that a robot near the nominal one follows clearly better.
 
-    Along a path of short steps the nominal robot itself misses by as much as the next row is away.
+    The robot may have any geometry near the nominal one. Along a path of short steps the nominal robot
+    itself misses by as much as the next row is away. Returns None if there is no such hypothesis.
     """
     plain, _ = meaning.miss_of_near(tools)
     found = [(other.meaning.miss_of_near(tools)[0], other) for other in others]
@@ -259,7 +304,10 @@ def slipped(meaning: InterpretedReadings, others: Iterator[Hypothesis], tools: A
 
 
 def of_robot(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
-    """The robot is another one, or counts its joints otherwise; a robot file of the user's own is misread."""
+    """Yield hypotheses about the robot: another one, another joint matrix, a misread file.
+
+    Only the user's own robot file can be misread.
+    """
     robot, built_in = meaning.robot, {name: load_robot(name) for name in built_in_robots()}
     for name, other in built_in.items():
         for coupling in ("none", *other.joint_matrices):
@@ -287,7 +335,10 @@ def of_robot(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
 
 
 def of_table(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
-    """The table of the robot file is misread: its units, its convention, signs, columns or rows in another's place."""
+    """Yield hypotheses about the table of the robot file.
+
+    They are about its units, its convention, signs, and exchanged columns or rows.
+    """
     robot = meaning.robot
 
     def misread(what: str, do: str, **changes: tuple[float, ...] | Convention) -> Hypothesis:
@@ -374,7 +425,7 @@ def of_points(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
 
 
 def of_tools(meaning: InterpretedReadings, names: Sequence[str]) -> Iterator[Hypothesis]:
-    """The tool targets of the header, by their names, are in another unit or two of them in each other's place."""
+    """Yield hypotheses about the tool targets of the header: another unit, or two exchanged."""
     for unit, factor in _UNITS.items():
         yield Hypothesis(
             f"the tool targets are in {unit}, not millimetres",
@@ -398,10 +449,16 @@ def of_tools(meaning: InterpretedReadings, names: Sequence[str]) -> Iterator[Hyp
 def of_rows(
     everything: InterpretedReadings, rows: NDArray[np.int64], usable: NDArray[np.bool_]
 ) -> Iterator[Hypothesis]:
-    """Hypotheses that what was measured has slipped against the joints by up to three rows.
+    """Yield hypotheses that the measured columns have slipped by up to three rows.
 
-    everything: every row of the file; rows: (n,) index of those that are looked at; usable: (all,) rows of this
-    series that may be.
+    Parameters
+    ----------
+    everything : InterpretedReadings
+        Every row of the file.
+    rows : array of int, shape (n,)
+        Index of the rows to examine.
+    usable : array of bool
+        For every row of the file, whether it may be used for this series.
     """
     for late in (*range(1, _LATEST + 1), *range(-1, -_LATEST - 1, -1)):
         inside = rows[(rows + late >= 0) & (rows + late < len(usable))]

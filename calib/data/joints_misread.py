@@ -1,4 +1,4 @@
-"""Hypotheses about wrongly counted joints of a data set: signs, zeros, order, units, couplings."""
+"""Hypotheses about miscounted joints of a data set: signs, zeros, order, units, couplings."""
 
 from __future__ import annotations
 
@@ -18,8 +18,12 @@ _MOST_DIRECTIONS = 247  # all of eight joints; a robot may have 20, and a millio
 
 
 def of_joints(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
-    """Joints turn in the other direction, have a zero a quarter or half turn off, are in radians, in another's column,
-    or are counted with the joint before them (Fanuc: joint 3 from the horizontal)."""
+    """Yield hypotheses about the counting of joints.
+
+    A joint may turn in the other direction, have a zero that is off by a quarter or half turn, be in
+    radians, or be in another's column. It may also be counted with the joint before it (Fanuc: joint 3
+    from the horizontal).
+    """
     robot, last = meaning.robot, meaning.angles.shape[1]
     plain = JointCounting(np.eye(last), np.zeros(last))
 
@@ -97,8 +101,10 @@ def of_joints(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
 
 
 def of_directions(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
-    """Several joints turn in the other direction: KUKA counts 1, 4 and 6 so, and of most arms that is what a mirrored
-    frame is. Fewer joints come first."""
+    """Yield hypotheses that several joints turn in the other direction, fewer joints first.
+
+    KUKA counts joints 1, 4 and 6 so, and for most arms a mirrored frame has this effect.
+    """
     columns = meaning.robot.joint_columns
     names = [axis.removeprefix("j") for axis in meaning.robot.axes]
     sizes = range(2, len(columns) + 1)

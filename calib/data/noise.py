@@ -21,9 +21,10 @@ Kind = Literal["tracker", "isotropic", "per-row"]
 
 @dataclass(frozen=True)
 class Noise:
-    """The noise of an instrument: one sigma per axis; lengths mm, rotation rad.
+    """Declared noise with one sigma per axis; lengths in mm, rotations in rad.
 
-    repeatability, repeatability_mm: of the robot's joints that turn, rad, and of those that slide.
+    `repeatability` is that of the robot's joints that turn, rad, and `repeatability_mm` that of joints
+    that slide.
     """
 
     kind: Kind
@@ -39,11 +40,14 @@ class Noise:
     repeatability_mm: float = 0.0
 
     def of_each_joint(self, kinds: Sequence[JointKind]) -> Array:
-        """(N,) repeatability of joints of these kinds, rad or mm."""
+        """Return the repeatability of joints of these kinds, shape (N,), rad or mm."""
         return np.array([self.repeatability_mm if kind == "slides" else self.repeatability for kind in kinds])
 
     def of_points(self, points: Array, per_row: Array) -> Array:
-        """(n, 3, 3) covariance of measured points (n, 3), mm2; rows of `per_row` (n, 3) that are finite override it."""
+        """Compute the covariance of measured points (n, 3), shape (n, 3, 3), mm2.
+
+        Finite rows of `per_row` (n, 3) override the declared noise.
+        """
         if self.kind == "tracker":
             beam = points - np.array(self.station_mm)
             distance = np.linalg.norm(beam, axis=1)
@@ -59,7 +63,10 @@ class Noise:
         return covariance
 
     def of_joints(self, columns: Array, kinds: Sequence[JointKind]) -> Array:
-        """(n, k, k) covariance that the repeatability of the joints causes; columns (N, k, n), one row a joint."""
+        """Compute the covariance from the repeatability of the joints, shape (n, k, k).
+
+        `columns` (N, k, n) has one row per joint.
+        """
         if "slides" not in kinds:
             return self.repeatability**2 * np.einsum("jkn,jln->nkl", columns, columns)
         scattered = self.of_each_joint(kinds)[:, None, None] * columns
@@ -67,9 +74,21 @@ class Noise:
 
 
 def whitener(covariance: Array, measured: NDArray[np.bool_]) -> Array:
-    """(k, k, n) lower-triangular W with W C W' = I over the rows that were measured, from covariances C (n, k, k).
+    """Compute whiteners of covariances, lower triangular, shape (k, k, n).
 
-    measured: (n, k); the other rows of W are zero. Raises LinAlgError when a covariance is singular.
+    W C W' = I over the measured rows; the other rows of W are zero.
+
+    Parameters
+    ----------
+    covariance : array of shape (n, k, k)
+        Covariances C.
+    measured : array of bool, shape (n, k)
+        Measured rows.
+
+    Raises
+    ------
+    LinAlgError
+        A covariance is singular.
     """
     if measured.all():
         lower = np.linalg.cholesky(covariance)

@@ -1,13 +1,13 @@
-"""Plausibility: detects files that mean something else than they say, and repeated readings.
+"""Plausibility of data files: misread files, repeated readings and mixed series.
 
-With a left-handed frame, a wrong unit or a joint of the wrong sign the readings stay consistent among themselves, and
-the least-squares fit misses them by decimetres. Each is tried in turn (`calib.data.hypotheses`): where the nominal
-robot then fits clearly better, the readings are refused by that name. `remarks` says what is no error but limits what
-the readings can show.
+With a left-handed frame, a wrong unit or a joint of the wrong sign the readings stay consistent among
+themselves, and the least-squares fit misses them by decimetres. Each such error is tried in turn
+(`calib.data.hypotheses`). If the nominal robot then fits clearly better, the readings are refused and
+the error is named. `remarks` reports conditions that are no error but limit the information of the
+readings.
 
-Mixed readings in one series: some from another station, or of another target of the tool.
-
-The nominal robot is placed where it agrees with most readings. The other readings are of a second kind if they agree
+One series may mix readings: some from another station, or of another target of the tool. The nominal
+robot is placed where it agrees with most readings. The other readings are of a second kind if they agree
 with each other: with another place of the base, or with another point on the flange.
 """
 
@@ -66,10 +66,11 @@ _ROUNDS = 3
 
 
 def refuse_implausible(dataset: Dataset) -> None:
-    """Raise DataError where the files can only mean something else than they say, by the name of what they mean.
+    """Raise DataError if the files can only have another meaning; the error states it.
 
-    Points mirrored or in another unit, joints with another sign, order or zero, rows that slipped, another robot or
-    another reading of its file (`calib.data.hypotheses`), quaternions in another order.
+    Examples are points that are mirrored or in another unit, joints with another sign, order or zero,
+    and rows that slipped. Others are another robot, another reading of its file
+    (`calib.data.hypotheses`), and quaternions in another order.
     """
     _refuse_stuck(dataset)
     conditions = dataset.conditions
@@ -88,8 +89,10 @@ def refuse_implausible(dataset: Dataset) -> None:
 
 
 def _refuse_stuck(dataset: Dataset) -> None:
-    """Raise DataError for one point in many postures, where most readings have one of their own (a ball in sockets has
-    not): what an instrument shows when it sees nothing."""
+    """Raise DataError for one point in many postures, if most readings have separate points.
+
+    An instrument that sees nothing may show such a point. A ball in sockets has few points in any case.
+    """
     rows = np.flatnonzero(dataset.usable & dataset.pointed)
     found, which, count = np.unique(dataset.points[rows], axis=0, return_inverse=True, return_counts=True)
     stuck = count >= _STUCK_ROWS
@@ -110,7 +113,10 @@ def _refuse_stuck(dataset: Dataset) -> None:
 
 
 def _tools(dataset: Dataset, series: str) -> Array:
-    """(T, 3) nominal tool targets of a series, mm, in the order of the data set's names."""
+    """Return the nominal tool targets of a series, shape (T, 3), mm.
+
+    They are in the order of the data set's names.
+    """
     known = dataset.header.targets_of(series)
     return np.array([known.get(name, (0.0, 0.0, 0.0)) for name in dataset.conditions.target_names])
 
@@ -178,7 +184,10 @@ def _refuse_misread(
 
 
 def _beside_moves(rows: NDArray[np.int64], pose: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The first and the last of the rows of each stay at a pose: the others repeat them, and hide rows that slipped."""
+    """Select the first and the last row of each stay at a pose.
+
+    The others repeat them, and hide rows that slipped.
+    """
     moved = np.diff(pose[rows]) != 0
     beside = np.append(False, moved) | np.append(moved, False)
     return rows[beside] if beside.sum() >= FEWEST else rows
@@ -256,9 +265,10 @@ def _refuse_turns(
 
 
 def refuse_mirrored(dataset: Dataset, here: Mapping[str, Array], declared: Mapping[str, Array]) -> None:
-    """Raise DataError where base targets, declared in the world, lie mirrored to `here`, their places by the lengths.
+    """Raise DataError if declared base targets are mirrored to those located by distances.
 
-    Both in mm; needs four that do not lie in a plane.
+    `declared` are positions in the world, `here` those located, both in mm. At least four are needed
+    that do not lie in a plane.
     """
     if len(here) < 4:
         return
@@ -279,7 +289,7 @@ def refuse_mirrored(dataset: Dataset, here: Mapping[str, Array], declared: Mappi
 
 
 def assumed_in_words(header: Header) -> str:
-    """A sentence on the targets whose uncertainty nobody stated; empty where there are none."""
+    """Return a sentence on targets whose uncertainty was not stated; '' if there are none."""
     u_mm = {**header.tool_targets_u_mm, **header.base_targets_u_mm}
     assumed = [f"{name} ({u_mm.get(name, 0.0):g} mm)" for name in header.u_mm_assumed]
     if not assumed:
@@ -297,8 +307,10 @@ def turned_apart(apart: Array, units: Sequence[str]) -> Array:
 
 
 def read_apart_in_words(apart: Array, robot: Robot) -> str:
-    """A sentence on joints that were read back elsewhere than commanded, '' where none was. apart: (n, N), rad or mm,
-    NaN where nothing was read."""
+    """Return a sentence on joints read back elsewhere than commanded; '' if there are none.
+
+    `apart` (n, N) are the differences, rad or mm, NaN if nothing was read.
+    """
     shown = np.abs(apart) / robot.joint_units
     largest = np.nanmax(shown, axis=0, initial=0.0)
     far = np.flatnonzero(largest > READ_APART)
@@ -316,7 +328,10 @@ def read_apart_in_words(apart: Array, robot: Robot) -> str:
 
 
 def remarks(dataset: Dataset) -> list[str]:
-    """Limitations of the readings of a fit, sentence by sentence: repeated rows, narrow joints, one approach."""
+    """List limitations of the readings of a fit.
+
+    They include repeated rows, narrow joints and one-sided approaches; each is a sentence.
+    """
     rows = dataset.fit_rows
     out = []
     if dataset.read_apart is not None and (
@@ -384,8 +399,14 @@ def _repeated(dataset: Dataset, rows: NDArray[np.bool_]) -> list[str]:
 class MixedReadings:
     """The smaller group of mixed readings.
 
-    rows: (m,) index of them; miss: median distance, mm, by which the robot misses them where it fits the others;
-    offset: (3,) mm in the flange frame, by which their target is off, None where they are of another station.
+    Attributes
+    ----------
+    rows : array of int, shape (m,)
+        Index of the readings.
+    miss : float
+        Median distance by which the robot misses them if it fits the others, mm.
+    offset : array of shape (3,) or None
+        Offset of their target in the flange frame, mm; None if they are from another station.
     """
 
     rows: NDArray[np.int64]
@@ -394,10 +415,10 @@ class MixedReadings:
 
 
 def mixture(meaning: InterpretedReadings, tools: Array) -> MixedReadings | None:
-    """The readings that are of another station or of another target than most; None where all are of one kind, and
-    where what is left over agrees on nothing.
+    """Find readings from another station, or of another target, than most.
 
-    tools: (T, 3) nominal targets, mm.
+    Returns None if all are of one kind, or if the remaining readings do not agree. `tools` (T, 3) are
+    nominal targets, mm.
     """
     assert meaning.points is not None
     measured, turn = meaning.points, meaning.flange[:, :3, :3]
@@ -430,14 +451,20 @@ def mixture(meaning: InterpretedReadings, tools: Array) -> MixedReadings | None:
 
 
 def _alike(apart: Array, together: Array, near: float, left: float) -> bool:
-    """Whether readings that are missed by `together` (n,), mm, are of one kind by missing them by `apart` (n,); left:
-    median miss of the other kind."""
+    """Test whether readings are of one separate kind.
+
+    They are missed by `together` (n,), mm, as part of all readings, and by `apart` (n,), mm, as a
+    separate kind. `left` is the median miss of the other kind.
+    """
     clearly = np.median(together) > BETTER * max(left, float(np.median(apart)))
     return bool(clearly and np.mean(apart < near) >= _MOST)
 
 
 def _agreeing(nominal: Array, measured: Array, near: float) -> tuple[NDArray[np.bool_], Array]:
-    """(n,) whether a point is of the most that one place of the robot brings near, and (n,) the misses there, mm."""
+    """Find the placement of the robot that brings most points near (random triples).
+
+    Returns whether each point is near, and its distance there, mm, both (n,).
+    """
     rng = np.random.default_rng(0)
     triples = rng.random((_TRIES, len(nominal))).argpartition(2, axis=1)[:, :3]
     best = max(
@@ -450,6 +477,6 @@ def _agreeing(nominal: Array, measured: Array, near: float) -> tuple[NDArray[np.
 
 
 def _missed(nominal: Array, measured: Array, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Array:
-    """(n,) distances, mm, of all points from where they are with the robot placed by the chosen ones."""
+    """Compute the distances of all points with the robot placed by the chosen ones, (n,), mm."""
     rotation, shift = align(nominal[chosen], measured[chosen], np.ones(len(nominal[chosen])))
     return np.linalg.norm(measured - nominal @ rotation.T - shift, axis=1)

@@ -1,24 +1,21 @@
-"""A data set read from its files, `NAME.csv` + `NAME.toml` (`truepose-dataset/1`), or from what they would hold.
+"""Data sets read from `NAME.csv` and `NAME.toml` (`truepose-dataset/1`), or from tables.
 
-Implausible values are refused with file, line and column.
+Implausible values are refused with file, line and column. Columns that look like misspelt missing ones
+are refused too: with a misspelt `status` rejected rows would be used.
 
-Expected points: the position of the target for each reading, by the nominal robot in its fitted place.
+Expected points are the positions of the target for each reading, by the nominal robot in its fitted
+place. An error of scale is in proportion to them. It never refers to the measured point, which a
+validation row must not lend to its own prediction. A nominal robot errs by some millimetres; of that, a
+scale of 10e-6 makes less than 0.0001 mm.
 
-An error of scale is in proportion to them, never to the measured point, which a validation row must not lend to its
-own prediction. A nominal robot errs by some millimetres; of that, a scale of 10e-6 makes less than 0.0001 mm.
+Readings of one visit share the position in which the robot came to rest. The column `visit` (any text)
+names them. Without it, consecutive readings of one pose that was reached by the same move are one visit.
+A target that is read again after the robot has moved begins a new visit; one that is read again without
+a move does not.
 
-Columns that look like misspelt missing ones: with a misspelt `status` rejected rows would be used.
-
-The visits of a campaign: which readings were taken during one rest of the robot.
-
-Readings of one visit share the position in which the robot came to rest. The column `visit` (any text) names them;
-without it, consecutive readings of one pose that was reached by the same move are one visit. A target that is read
-again after the robot has moved begins a new visit; one that is read again without a move does not.
-
-The arrivals of the robot, reading by reading: order in time, joint angles before, and side of approach.
-
-Sides and previous angles are used as recorded; else they are derived from the order of the rows within a series. A
-series does not show how the next one began.
+The arrivals of the robot are its order in time, its joint angles before, and its sides of approach, for
+each reading. Sides and previous angles are used as recorded, otherwise derived from the order of the
+rows within a series. A series does not show how the next one began.
 """
 
 from __future__ import annotations
@@ -91,13 +88,25 @@ STILL = 1e-5 * DEG
 
 
 def read_dataset(path: Path | str) -> Dataset:
-    """Read `NAME.csv` and the `NAME.toml` beside it. Raises DataError (file, line or key, what to do)."""
+    """Read `NAME.csv` and the `NAME.toml` in the same folder.
+
+    Raises
+    ------
+    DataError
+        The files are not a data set; the error names file, line or key, and the remedy.
+    """
     path = Path(path)
     return dataset_of(TextTable.read(path), read_header(path.with_suffix(".toml")))
 
 
 def dataset_of(table: TextTable, header: Header) -> Dataset:
-    """The data set of a table and its header. Raises DataError (file, line or key, what to do)."""
+    """Build the data set of a table and its header.
+
+    Raises
+    ------
+    DataError
+        They are not a data set; the error names file, line or key, and the remedy.
+    """
     _refuse_without_units(table, header.robot)
     refuse_misspelt(table, header.robot)
     _refuse_without_ids(table)
@@ -184,7 +193,10 @@ def dataset_of(table: TextTable, header: Header) -> Dataset:
 
 
 def _read_apart(table: TextTable, robot: Robot) -> Array | None:
-    """(n, N) joints as read back less those commanded, as the controller counts them, rad or mm; None without."""
+    """Read the joints as read back minus those commanded, shape (n, N); None without.
+
+    They are controller joints, rad or mm.
+    """
     names = [f"{axis}_read_{unit}" for axis, unit in zip(robot.axes, robot.units, strict=True)]
     if not any(name in table for name in names):
         return None
@@ -195,7 +207,13 @@ def _read_apart(table: TextTable, robot: Robot) -> Array | None:
 
 
 def _air(table: TextTable) -> Array:
-    """(n,) temperature of the air, degC. Raises DataError for numbers of another unit."""
+    """Read the air temperature, shape (n,), degC.
+
+    Raises
+    ------
+    DataError
+        The numbers have another unit.
+    """
     air = table.numbers("t_air_c")
     for i in np.flatnonzero(np.abs(air) > _WARMEST_C):
         raise table.refuse(int(i), "t_air_c", f"is {air[i]:g}", "Give the temperature of the air in degC")
@@ -226,7 +244,10 @@ def _refuse_without_units(table: TextTable, robot: Robot) -> None:
 
 
 def _refuse_without_ids(table: TextTable) -> None:
-    """Raise DataError where a reading has no id, or that of another; in a file without the column lines are the ids."""
+    """Raise DataError if a reading has no id, or that of another.
+
+    In a file without the column the line numbers are the ids.
+    """
     if "reading_id" not in table:
         return
     seen: set[str] = set()
@@ -409,10 +430,19 @@ def _names(table: TextTable, header: Header) -> tuple[NDArray[np.str_], NDArray[
 def expected_points(
     header: Header, joints: Array, series: NDArray[np.str_], target: NDArray[np.str_], measured: Array
 ) -> Array:
-    """(n, 3) mm in the world, at model angles `joints` (n, N), rad.
+    """Compute the expected points in the world, shape (n, 3), mm.
 
-    series, target: (n,) names; measured: (n, 3) mm, NaN in rows that may not enter a fit. Where the world is free
-    every series is brought to its measured points; one without them stays in the base frame.
+    If the world is free, every series is brought to its measured points; one without them stays in the
+    base frame.
+
+    Parameters
+    ----------
+    joints : array of shape (n, N)
+        Model angles, rad.
+    series, target : array of str, shape (n,)
+        Names.
+    measured : array of shape (n, 3)
+        Measured points, mm; NaN in rows that may not enter a fit.
     """
     flange = forward(header.robot, joints)
     points = np.empty_like(measured)
@@ -454,8 +484,11 @@ def refuse_misspelt(table: TextTable, robot: Robot) -> None:
 
 
 def _typed_for(name: str, known: str) -> bool:
-    """Whether a name may be a known one with a slip: not where a number differs, a word was put to it, or another
-    letter stands alone (`d_length_mm` beside `u_length_mm`)."""
+    """Test whether a name may be a known one with a typing error.
+
+    It is none if a number differs, a word was added, or another single letter stands for one
+    (`d_length_mm` for `u_length_mm`).
+    """
     if _DIGITS.sub("", known) == _DIGITS.sub("", name):
         return False
     words, others = (text.strip().lower().split("_") for text in (name, known))
@@ -465,9 +498,10 @@ def _typed_for(name: str, known: str) -> bool:
 
 
 def with_visits(conditions: Conditions, named: NDArray[np.str_]) -> Conditions:
-    """Conditions of all n readings of a data set with their visits; named: (n,) as recorded, empty where it is not.
+    """Add the visits to the conditions of all n readings of a data set.
 
-    Two records may count their visits alike: readings of one name with another pose between them are two visits.
+    `named` (n,) are the recorded names, empty if not recorded. Two records may count their visits alike,
+    so readings of one name with another pose between them are two visits.
     """
     visit, unnamed = visits_of(conditions), named == ""
     if unnamed.all():
@@ -480,7 +514,7 @@ def with_visits(conditions: Conditions, named: NDArray[np.str_]) -> Conditions:
 
 
 def visits_of(conditions: Conditions) -> NDArray[np.int64]:
-    """(n,) number of the visit of every reading, from what the robot did."""
+    """Number the visit of every reading from the moves of the robot, shape (n,)."""
     in_time = np.argsort(conditions.order, kind="stable")
     joints, previous, side = (of[in_time] for of in (conditions.joints, conditions.previous, conditions.side))
     begins = _goes_elsewhere(conditions, in_time)
@@ -499,9 +533,12 @@ def visits_of(conditions: Conditions) -> NDArray[np.int64]:
 
 
 def moves_before_the_last(conditions: Conditions) -> Array:
-    """(n, N) the move before the last of every reading, the same in all readings of a visit: from the reading before to
-    where the last move began or, where the robot had not moved between, that reading's own last move. What a joint
-    keeps of moves that lie further back than the last shows in nothing else."""
+    """Compute the move before the last for every reading, shape (n, N).
+
+    It is the same in all readings of a visit. It leads from the reading before to the start of the last
+    move. If the robot had not moved between, it is that reading's own last move. Effects of moves
+    further back than the last on a joint show only in this quantity.
+    """
     in_time = np.argsort(conditions.order, kind="stable")
     _, first, place = np.unique(conditions.visit[in_time], return_index=True, return_inverse=True)
     rows = in_time[np.sort(first)]  # the first reading of every visit, in order of time
@@ -518,18 +555,21 @@ def moves_before_the_last(conditions: Conditions) -> Array:
 
 
 def _goes_elsewhere(conditions: Conditions, in_time: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(n,) in order of time: readings of another pose or series than the one before."""
+    """Mark readings of another pose or series than the one before, shape (n,), in order of time."""
     place = np.column_stack([conditions.series, conditions.pose])[in_time]
     return np.any(np.diff(place, axis=0, prepend=-1) != 0, axis=1)
 
 
 def _farthest(moves: Array) -> Array:
-    """(n + 1,) largest turn of a joint in moves (n, N), infinite before the first."""
+    """Compute the largest turn of a joint in each of moves (n, N), shape (n + 1,).
+
+    It is infinite before the first.
+    """
     return np.append(np.inf, np.max(np.abs(moves), axis=1))
 
 
 def _times_before(keys: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(n,) how many rows before each of keys (n, c) are the same."""
+    """Count the equal rows before each row of keys (n, c), shape (n,)."""
     which = numbered(keys)
     sorted_by = np.argsort(which, kind="stable")
     first = np.searchsorted(which[sorted_by], which[sorted_by])
@@ -539,9 +579,10 @@ def _times_before(keys: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def order_of(time: Array, series: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(n,) rank of every row: series by series as they first appear, in time within each.
+    """Rank every row, shape (n,): series by series as they first appear, in time within each.
 
-    Rows without a time count in the order that they have in the file. Clocks of two series may both start at zero.
+    Rows without a time count in the order that they have in the file. Clocks of two series may both
+    start at zero.
     """
     _, first = np.unique(series, return_index=True)
     appearance = np.argsort(np.argsort(first))[series]
@@ -554,9 +595,14 @@ def order_of(time: Array, series: NDArray[np.int64]) -> NDArray[np.int64]:
 def arrivals_of(
     table: TextTable, header: Header, joints: Array, order: NDArray[np.int64], series: NDArray[np.int64]
 ) -> tuple[Array, Array]:
-    """Side of approach (n, N), +1 from below or -1 from above, and previous model joints (n, N), rad or mm.
+    """Return the sides of approach and the previous model joints, both (n, N).
 
-    Raises DataError for a recorded side that is neither.
+    The sides are +1 from below or -1 from above; the joints are in rad or mm.
+
+    Raises
+    ------
+    DataError
+        A recorded side is neither +1 nor -1.
     """
     robot = header.robot
     in_time = np.argsort(order)
@@ -582,9 +628,11 @@ def arrivals_of(
 
 
 def _last_move(joints: Array, previous: Array, before: Array) -> Array:
-    """Signs of the moves (n, N) that ended last: from where the row's own move began, else of the move that led there.
+    """Return the signs of the last moves (n, N).
 
-    Two joints of a controller may turn against each other and leave the model joint that both turn where it is.
+    A move starts where the row's own move began. If a joint did not move then, the move that led to that
+    place counts. Two joints of a controller may turn against each other and leave the model joint that
+    both turn where it is.
     """
     own, earlier = joints - previous, previous - before
     led_there = np.where(np.abs(earlier) > STILL, np.sign(earlier), 0.0)
@@ -592,7 +640,10 @@ def _last_move(joints: Array, previous: Array, before: Array) -> Array:
 
 
 def _derived(moved: Array, in_time: NDArray[np.int64], begins: NDArray[np.bool_]) -> Array:
-    """Sides from the moves (n, N): a joint that did not move still rests on the side of its last move."""
+    """Derive the sides of approach from the signs of the moves (n, N).
+
+    A joint that did not move still rests on the side of its last move.
+    """
     in_order = moved[in_time]
     rank = np.arange(len(moved))[:, None]
     start = np.maximum.accumulate(np.where(begins, np.arange(len(moved)), 0))[:, None]

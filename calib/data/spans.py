@@ -1,11 +1,11 @@
-"""Distances between two balls on the base, or two on the tool: rows of a data set in which the arm takes no part.
+"""Distances between two balls of the base, or two of the tool, without the arm.
 
     tool_target  base_target  other_target  length_mm
     T1                        T2            150.0031     two balls of the tool
                  B1           B2            299.9974     two balls of the base
 
-A ballbar measures them by itself. They have no joint angles, and they tie the positions of the balls to each other in
-every fit (`calib.model.model`). Source: Nubiola, thesis, section 4.2.
+A ballbar measures them by itself. Their rows have no joint angles, and they tie the positions of the
+balls to each other in every fit (`calib.model.model`). Source: Nubiola, thesis, section 4.2.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _GROSS_MM, _GROSS_SIGMA = 10.0, 6.0  # beyond both, it was another bar or anothe
 class Span:
     """The measured distance of two balls, mm, with its standard uncertainty.
 
-    series: of the tool that carries them; empty for two balls of the base.
+    `series` is that of the tool that carries them; empty for two balls of the base.
     """
 
     reading_id: str
@@ -45,9 +45,14 @@ class Span:
 
 
 def take_spans(table: TextTable, header: Header) -> tuple[tuple[Span, ...], TextTable]:
-    """The distances between balls of one body that count, and the rows that are readings of the arm.
+    """Separate the distances between balls of one body from the readings of the arm.
 
-    Raises DataError (line, column) for one that cannot be the distance of the two balls that it names.
+    Returns those that count, and the table of the other rows.
+
+    Raises
+    ------
+    DataError
+        A distance cannot be that of the two balls that it names; the error names line and column.
     """
     of_span = table.text(OTHER) != ""
     if not of_span.any():
@@ -90,7 +95,10 @@ def _span(rows: TextTable, i: int, header: Header) -> Span:
 
 
 def _refuse_another(rows: TextTable, i: int, span: Span, header: Header) -> None:
-    """Raise DataError for a distance that the stated positions exclude: of other balls, or with another bar."""
+    """Raise DataError for a distance that the stated positions exclude.
+
+    It is then of other balls, or was measured with another bar.
+    """
     places = header.targets_of(span.series) if span.series else header.base_targets
     if span.one not in places or span.other not in places:
         return  # a position that is free

@@ -1,4 +1,7 @@
-"""Data sets that cannot be fitted, refused by file, line and column: too few readings, no noise, beyond limits."""
+"""Data sets that cannot be fitted: too few readings, no noise, joints beyond limits.
+
+They are refused with file, line and column.
+"""
 
 from __future__ import annotations
 
@@ -33,9 +36,10 @@ def refuse_beyond_limits(dataset: Dataset, table: TextTable) -> None:
 
 
 def refuse_unfit(dataset: Dataset, table: TextTable) -> None:
-    """Raise DataError for readings that cannot carry the model of their header, or cannot even say where the robot is.
+    """Raise DataError if the readings cannot carry their model, or not even place the robot.
 
-    dataset: that by which the robot is placed; where nothing is to be fitted, its validation rows alone.
+    `dataset` is the one from which the robot is placed. If nothing is to be fitted, it consists of its
+    validation rows.
     """
     rows = dataset.fit_rows
     if not rows.any():
