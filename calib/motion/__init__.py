@@ -1,4 +1,4 @@
-"""A robot that moves while it is measured: two streams of samples, their clocks, its standstills, the path's error."""
+"""Alignment of a moving robot: two streams of samples, clocks, rests and path errors."""
 
 from calib.motion.alignment import Aligned, align
 from calib.motion.path_error import SpeedBandErrors, by_speed, split

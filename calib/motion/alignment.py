@@ -1,11 +1,12 @@
-"""The two clocks, the frame of the instrument and the geometry of the arm, found together from a moving robot.
+"""Joint fit of two clocks, the frame of the instrument and the geometry of a moving arm.
 
-A wrong offset of the clocks displaces every point along its velocity; a wrong frame or geometry displaces it by where
-the arm is. One least-squares problem holds both (`calib.motion.solve`); speeds alone err by 4 to 61 ms and are its
-start. Its residuals say whether a clock was set while both were running.
+A wrong offset of the clocks displaces every point along its velocity; a wrong frame or geometry
+displaces it by the position of the arm. One least-squares problem holds both (`calib.motion.solve`).
+Speeds alone err by 4 to 61 ms and are its start. Its residuals show whether a clock was set while both
+were running.
 
-The likelier meaning of two streams that do not fit together: another sign, order or unit, a mirrored frame, another
-robot. The hypotheses are those about data sets (`calib.data.hypotheses`).
+If two streams do not fit together, their likelier meaning is reported: another sign, order or unit, a
+mirrored frame, another robot. The hypotheses are those about data sets (`calib.data.hypotheses`).
 """
 
 from __future__ import annotations
@@ -58,14 +59,37 @@ _MOST_RIVALS = 2
 
 @dataclass(frozen=True)
 class Aligned:
-    """Two streams on one clock.
+    """Two streams on one clock, with n samples of the instrument, k of them used.
 
-    used (n,): samples of the instrument that lie within the robot's stream, not in a gap of it. For those k:
-    time (k,) s of the robot's clock, joints (k, N) rad, point (k, 3) mm as measured, velocity (k, 3) mm/s of the tool
-    point by the fitted arm, error (k, 3) mm, measured less fitted, weight (k,) from 0, a gross error, to 1.
-    moving (k, 3) mm: measured less the fitted arm without its play: what is no matter of where the arm is.
-    nominal (k, 3) mm: error of the nominal arm in its best place. u_offset, u_rate, u_step: 1 sigma, s, 1, s.
-    start: the clocks by the speeds alone. tool: (3,) mm, in the flange frame.
+    Attributes
+    ----------
+    clocks : ClockRelation
+        Fitted relation of the clocks.
+    u_offset, u_rate, u_step : float
+        Standard uncertainties of the clocks, s, 1, s.
+    start : ClockRelation
+        Relation of the clocks from the speeds alone.
+    used : array of bool, shape (n,)
+        Samples of the instrument that lie within the robot's stream and not in a gap of it.
+    time : array of shape (k,)
+        Robot's clock, s.
+    joints : array of shape (k, N)
+        Joints, rad.
+    point : array of shape (k, 3)
+        Measured points, mm.
+    velocity : array of shape (k, 3)
+        Velocity of the tool point of the fitted arm, mm/s.
+    error : array of shape (k, 3)
+        Measured minus fitted points, mm.
+    moving : array of shape (k, 3)
+        Measured points minus those of the fitted arm without its backlash, mm: errors that do not depend
+        on the position of the arm.
+    nominal : array of shape (k, 3)
+        Error of the nominal arm in its best place, mm.
+    weight : array of shape (k,)
+        From 0, a gross error, to 1.
+    tool : array of shape (3,)
+        Tool point in the flange frame, mm.
     """
 
     clocks: ClockRelation
@@ -87,7 +111,7 @@ class Aligned:
 
     @property
     def speed(self) -> Array:
-        """(k,) speed of the tool point, mm/s."""
+        """Speed of the tool point, shape (k,), mm/s."""
         return np.linalg.norm(self.velocity, axis=1)
 
 
@@ -100,10 +124,27 @@ def align(
     tool_known: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Aligned:
-    """Clock offset and rate, with the frame and the geometry of the arm.
+    """Fit clock offset and rate together with the frame and the geometry of the arm.
 
-    tool: the measured point in the flange frame, mm, nominal. Raises DataError where the streams do not overlap, show
-    different motions, or nothing moves.
+    Parameters
+    ----------
+    robot : Robot
+        Nominal robot.
+    moved : JointStream
+        Stream of the robot.
+    tracked : PointStream
+        Stream of the instrument.
+    tool : tuple of float
+        Nominal measured point in the flange frame, mm.
+    tool_known : bool, optional
+        Whether the tool is known.
+    progress : callable, optional
+        Called with the name of each step.
+
+    Raises
+    ------
+    DataError
+        The streams do not overlap, show different motions, or nothing moves.
     """
     progress("comparing speeds")
     start, rival = _start(robot, moved, tracked, np.array(tool))
@@ -192,7 +233,10 @@ def _by_place(
     start: ClockRelation,
     rival: float | None,
 ) -> tuple[ClockRelation, float | None]:
-    """Choose, of two offsets with speeds alike, the one with points alike; both where nothing distinguishes them."""
+    """Choose, of two offsets with similar speeds, the one with similar points.
+
+    Both are returned if the points do not distinguish them.
+    """
     if rival is None or abs(rival - start.offset) < _SAME_OFFSET_S:
         return start, None
     other = replace(start, offset=rival, rate=0.0)
@@ -211,9 +255,10 @@ def _by_place(
 def _solved(
     solve: Solve, start: ClockRelation, least_step: float, progress: Callable[[str], None]
 ) -> tuple[ClockRelation, Array, ClockRelation | None]:
-    """The fit; where a clock was set meanwhile, with that step, and then the clocks with the step that is left, if any.
+    """Fit the clocks; if one was set meanwhile, fit its step too.
 
-    What looked like a step but comes out too small to be one is none.
+    The third value is the relation with the step that is left, if any. A step that comes out too small
+    is none.
     """
     if np.isfinite(start.step_at) and (found := _with_step(solve, start, least_step)) is not None:
         return *found, _jump(solve, *found, least_step)
@@ -227,14 +272,14 @@ def _solved(
 
 
 def _with_step(solve: Solve, start: ClockRelation, least: float) -> tuple[ClockRelation, Array] | None:
-    """The fit with a step of the clocks; None where it comes out too small to be one."""
+    """Fit the clocks with a step; return None if it comes out too small."""
     clocks, estimate = solve.run(solve.step_placed(*solve.run(start)))
     sure = max(least, _SIGMA * solve.uncertainty(clocks, estimate)[2])
     return (clocks, estimate) if abs(clocks.step) > sure else None
 
 
 def _jump(solve: Solve, clocks: ClockRelation, estimate: Array, least: float) -> ClockRelation | None:
-    """The clocks with a step that they do not have yet, or with another one than they have; None where none is seen."""
+    """Find a step that the clocks do not have yet, or a different one; None if none is detected."""
     begins, offsets = solve.offsets(clocks, estimate)
     if (step := step_in(offsets, least)) is None:
         return None
@@ -317,8 +362,10 @@ def _warnings(clocks: ClockRelation, jump: ClockRelation | None, rival: float | 
 
 
 def _near(meaning: InterpretedReadings, tool: Array) -> bool:
-    """Whether the nominal arm with its nominal tool comes as near as an arm does: a free tool and another unit can draw
-    the points of another motion together."""
+    """Test whether the nominal arm with its nominal tool is as near as an arm should be.
+
+    A free tool and another unit can bring the points of another motion near too.
+    """
     miss, extent = meaning.miss(tool[None], tool_unknown=False, zero_unknown=False)
     return miss < _OF_AN_ARM * extent
 
@@ -326,9 +373,14 @@ def _near(meaning: InterpretedReadings, tool: Array) -> bool:
 def refuse_misread(
     robot: Robot, moved: JointStream, tracked: PointStream, tool: Array, clocks: ClockRelation
 ) -> None:
-    """Raise DataError where the nominal arm fits the points clearly better with another meaning of a stream.
+    """Raise DataError if the arm fits clearly better with another meaning of a stream.
 
-    tool: (3,) mm, nominal; clocks: by the speeds alone.
+    Parameters
+    ----------
+    tool : array of shape (3,)
+        Nominal tool point, mm.
+    clocks : ClockRelation
+        Relation of the clocks from the speeds alone.
     """
     joints, rates, used = moved.at(clocks.robot_time(tracked.time))
     rows = np.flatnonzero(used)

@@ -45,7 +45,11 @@ NOISE_MM = 0.05  # of a point of the moving robot, for the weight of the priors 
 
 @dataclass(frozen=True)
 class ArmTerm:
-    """A parameter: the slot that it displaces, its usual size (None: free), and its drive, a column of `_drives`."""
+    """A parameter of the arm.
+
+    `slot` is the slot that it displaces, `size` its usual size (None: free), and `drive` a column of
+    `_drives`.
+    """
 
     slot: str
     size: float | None
@@ -66,8 +70,11 @@ class AlignedArm:
         self._slots = list(dict.fromkeys(term.slot for term in self.terms))
 
     def at(self, joints: Array, rates: Array, side: Array, estimate: Array) -> AlignedArmState:
-        """The arm with errors (s,) at joints (n, N), rad, that turn at rates (n, N), rad/s, and last turned to a side
-        (n, N), +1 or -1."""
+        """Compute the arm with errors (s,) of its terms at n instants.
+
+        `joints` (n, N) are in rad, `rates` (n, N) in rad/s; `side` (n, N) is +1 or -1 for the direction
+        of the last motion.
+        """
         drives = _drives(self._robot, joints, side)
         values = {**nominal_values(self._robot, joints), **self._tool}
         for term, error in zip(self.terms, estimate, strict=True):
@@ -77,23 +84,30 @@ class AlignedArm:
         return AlignedArmState(frames, velocity, drives)
 
     def columns(self, state: AlignedArmState) -> Array:
-        """(n, 3, s) derivatives of the tool point by the terms."""
+        """Differentiate the tool point by the terms, shape (n, 3, s)."""
         velocities = dict(zip(self._slots, state.frames.velocities(self._slots), strict=True))
         return np.stack([(velocities[t.slot] * state.drives[t.drive]).T for t in self.terms], axis=2)
 
     def without_play(self, estimate: Array) -> Array:
-        """(s,) the errors but for play, which shows in motion alone: what is left is a matter of where the arm is."""
+        """Set the errors of backlash to zero, shape (s,).
+
+        Backlash shows in motion alone; the remaining errors depend only on the position of the arm.
+        """
         return np.where([term.drive.startswith("side") for term in self.terms], 0.0, estimate)
 
     def tool(self, estimate: Array) -> Array:
-        """(3,) the tool point in the flange frame, mm."""
+        """Return the tool point in the flange frame, shape (3,), mm."""
         errors = {term.slot: float(error) for term, error in zip(self.terms, estimate, strict=True)}
         return np.array([self._tool[slot] + errors.get(slot, 0.0) for slot in TOOL])
 
 
 @dataclass(frozen=True)
 class AlignedArmState:
-    """The arm at n instants: its frames, the velocity (n, 3) of the tool point, mm/s, and the drives by name."""
+    """The arm at n instants.
+
+    `frames` are its frames, `velocity` (n, 3) is that of the tool point, mm/s, and `drives` are given by
+    name.
+    """
 
     frames: Frames
     velocity: Array
@@ -101,7 +115,7 @@ class AlignedArmState:
 
     @property
     def point(self) -> Array:
-        """(n, 3) the tool point, mm."""
+        """Tool point, shape (n, 3), mm."""
         return self.frames.p.T
 
 

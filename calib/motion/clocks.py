@@ -1,18 +1,16 @@
-"""The offset of two clocks from the speeds alone: the start of the alignment.
+"""Offset of two clocks from the speeds alone: the start of the alignment.
 
-The speed of the tool does not depend on where base and instrument are. The correlation of the two speeds gives the
-offset of the clocks to some hundredths of a second, that of windows their rate, and whether one of them was set while
-both were running; `calib.motion.alignment` does the rest.
+The speed of the tool does not depend on the positions of base and instrument. The correlation of the two
+speeds gives the offset of the clocks to some hundredths of a second. That of windows gives their rate,
+and shows whether one of them was set while both were running. `calib.motion.alignment` does the rest.
 
-A clock that was set forward while it ran leaves a gap in the times of its stream; no sample is missing there.
+A clock that was set forward while it ran leaves a gap in the times of its stream, without a missing
+sample. Before and after the longest gap of a stream, the speeds are compared with the other stream
+separately. If the two offsets agree, samples were lost. If they differ by no more than the length of the
+gap, and in the direction that it allows, the clock was set. A clock that was set back makes times that
+decrease: those streams are refused when they are read.
 
-On either side of the longest gap of a stream the speeds are compared with the other stream by themselves. Where the two
-offsets differ by no more than the gap is long, and to the side that it allows, the clock was set; where they agree,
-samples were lost. A clock that was set back makes times that decrease: those streams are refused when they are read.
-
-The correlation of the speeds of two streams, by the lag between them.
-
-The jump of a clock that was set while both were running: their offset, along a recording, has a step.
+A clock that was set while both were running makes a step in the offset along a recording (`step_in`).
 """
 
 from __future__ import annotations
@@ -58,9 +56,10 @@ _LEAST_S = 1e-6
 
 @dataclass(frozen=True)
 class ClockRelation:
-    """robot's time = t + offset + rate (t - middle), for an instant t of the instrument's clock; all s, rate a ratio.
+    """Relation of the two clocks: robot's time = t + offset + rate (t - middle).
 
-    From the instant `step_at` on, `step` is added: one of the clocks was set while both were running.
+    t is an instant of the instrument's clock; all are in s, the rate is a ratio. From the instant
+    `step_at` on, `step` is added: one of the clocks was set while both were running.
     """
 
     offset: float
@@ -70,20 +69,26 @@ class ClockRelation:
     step_at: float = math.inf
 
     def robot_time(self, time: Array) -> Array:
-        """(k,) instants of the instrument on the robot's clock."""
+        """Convert instants of the instrument to the robot's clock, shape (k,)."""
         return time + self.offset + self.rate * (time - self.middle) + self.step * (time >= self.step_at)
 
 
 @dataclass(frozen=True)
 class CorrelationGrid:
-    """Step, s, of the instants at which two streams are compared, and over how long to either side a speed is taken."""
+    """Grid of instants at which two streams are compared.
+
+    `step` is its step, s, and `over` the time to either side over which a speed is taken, s.
+    """
 
     step: float
     over: float
 
 
 def common_grain(*streams: JointStream | PointStream) -> CorrelationGrid:
-    """The grain of both streams, coarser for recordings of hours: a speed over another time has another lag."""
+    """Choose the grid of both streams, coarser for recordings of hours.
+
+    It is common, because a speed over another time has another lag.
+    """
     longest = max(float(stream.time[-1] - stream.time[0]) for stream in streams)
     return CorrelationGrid(
         max(_STEP_S, longest / _MOST_STEPS), max(_OVER_S, *(stream.period for stream in streams))
@@ -91,7 +96,13 @@ def common_grain(*streams: JointStream | PointStream) -> CorrelationGrid:
 
 
 def speeds_of(time: Array, places: Array, period: float, grain: CorrelationGrid, name: str) -> Speeds:
-    """Speeds from places (n, 3) mm at times (n,) s. Raises DataError naming the stream where nothing moves."""
+    """Compute speeds from places (n, 3), mm, at times (n,), s.
+
+    Raises
+    ------
+    DataError
+        Nothing moves; the error names the stream.
+    """
     extent = float(np.linalg.norm(np.ptp(np.quantile(places, (0.01, 0.99), axis=0), axis=0)))
     if extent < _LEAST_EXTENT_MM:
         raise DataError(
@@ -111,7 +122,10 @@ def speeds_of(time: Array, places: Array, period: float, grain: CorrelationGrid,
 
 
 def no_faster(speeds: Speeds, highest: float) -> Speeds:
-    """The series without the instants at which it is faster than `highest`, mm/s: a few would outweigh all others."""
+    """Mark instants faster than `highest`, mm/s, as not seen.
+
+    A few of them would outweigh all others.
+    """
     seen = speeds.seen & (speeds.speed <= highest)
     return replace(speeds, speed=speeds.speed * seen, seen=seen)
 
@@ -119,9 +133,14 @@ def no_faster(speeds: Speeds, highest: float) -> Speeds:
 def correlated(
     robot: Speeds, tracker: Speeds, robot_name: str, tracker_name: str
 ) -> tuple[ClockRelation, float | None]:
-    """Offset, rate and any large step of the clocks; and another offset, s, at which the speeds are as alike, or None.
+    """Compute offset, rate and any large step of the clocks from the speeds.
 
-    Raises DataError where no offset makes the speeds alike.
+    Also returns another offset, s, at which the speeds are as similar, or None.
+
+    Raises
+    ------
+    DataError
+        At no offset are the speeds similar.
     """
     step, middle = robot.step, 0.5 * len(tracker.speed)
     if (cut := set_at_gap(robot, tracker)) is not None:
@@ -169,8 +188,11 @@ def _window_count(tracker: Speeds) -> int:
 
 
 def _windows(robot: Speeds, tracker: Speeds, whole: int, reach: int) -> tuple[Array, Array]:
-    """Middles (w,) of windows of the tracker's series and their lags (w,), steps, within `reach` of that of the whole;
-    windows that are like nothing there are left out."""
+    """Find the lags of windows of the tracker's series, in steps.
+
+    They lie within `reach` of the lag of the whole. Returns the middles (w,) and the lags (w,); windows
+    that are similar to nothing there are left out.
+    """
     places, lags = [], []
     for part in np.array_split(np.arange(len(tracker.speed)), _window_count(tracker)):
         first = max(int(part[0]) + whole - reach, 0)
@@ -188,14 +210,20 @@ def _windows(robot: Speeds, tracker: Speeds, whole: int, reach: int) -> tuple[Ar
 
 
 def _slopes(places: Array, lags: Array) -> Array:
-    """Slopes of all pairs: their median (Theil and Sen) is not turned by a window in which nothing is alike."""
+    """Compute the slopes of all pairs.
+
+    Their median (Theil and Sen) is not affected by a single window without similarity.
+    """
     first, second = np.triu_indices(len(lags), 1)
     return (lags[second] - lags[first]) / (places[second] - places[first])
 
 
 def set_at_gap(robot: Speeds, tracker: Speeds) -> tuple[float, float, float] | None:
-    """The longest gap of a stream, where one clock was set forward in it: the offset of the robot's clock before, what
-    is added from then on, and the tracker's instant of that, s. None where none was."""
+    """Find the step of a clock that was set forward in the longest gap of a stream.
+
+    Returns the offset of the robot's clock before, the step that is added afterwards, and the tracker's
+    instant of it, all s. The result is None if there is no such step.
+    """
     for cut, other, sign in ((robot, tracker, 1.0), (tracker, robot, -1.0)):
         parts = _parted(cut)
         if parts is None:
@@ -213,7 +241,10 @@ def set_at_gap(robot: Speeds, tracker: Speeds) -> tuple[float, float, float] | N
 
 
 def _parted(stream: Speeds) -> tuple[Speeds, Speeds] | None:
-    """The stream before and after its longest gap; None where it has none worth the name, or one beside its ends."""
+    """Split a stream at its longest gap.
+
+    Returns None if no gap is long enough, or if the gap is near its ends.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[True], stream.seen, [True]]).astype(int)))
     begins, ends = edges[::2], edges[1::2]
     if not len(begins):
@@ -232,7 +263,7 @@ def _parted(stream: Speeds) -> tuple[Speeds, Speeds] | None:
 
 
 def _offset(part: Speeds, other: Speeds) -> float | None:
-    """The clock of a part less the other one, s; None where their speeds are not surely alike."""
+    """Compute the clock of a part minus the other one, s; None if the speeds may differ."""
     lags, alike, _ = likeness(part, other)
     best = int(np.argmax(alike))
     if alike[best] < SURE:
@@ -242,7 +273,10 @@ def _offset(part: Speeds, other: Speeds) -> float | None:
 
 @dataclass(frozen=True)
 class Speeds:
-    """Speeds of one stream at equal steps of its own clock from `begin`, s: speed (m,) mm/s, 0 where not seen (m,)."""
+    """Speeds of one stream at equal steps of its clock from `begin`, s.
+
+    `speed` (m,) is in mm/s, 0 if it is not `seen` (m,).
+    """
 
     begin: float
     step: float
@@ -251,10 +285,17 @@ class Speeds:
 
 
 def likeness(robot: Speeds, tracker: Speeds) -> tuple[NDArray[np.int64], Array, Array]:
-    """Correlation of the two series by lag.
+    """Correlate two series by lag.
 
-    Lags (l,) in steps by which the tracker's series begins later in the robot's; the correlation (l,) of what both have
-    seen there; and how many steps (l,) that are: a third of the shorter series, or they count as unlike.
+    Returns
+    -------
+    lags : array of int, shape (l,)
+        Steps by which the tracker's series begins later in the robot's.
+    alike : array of shape (l,)
+        Correlation over the steps that both have seen. It is -1 if these are fewer than a third of those
+        of the shorter series.
+    both : array of shape (l,)
+        Number of these steps.
     """
     count = len(robot.speed) + len(tracker.speed) - 1
     size = 1 << (count - 1).bit_length()
@@ -284,7 +325,7 @@ def peak(values: Array, best: int, lags: NDArray[np.int64]) -> float:
 
 @dataclass(frozen=True)
 class ClockStep:
-    """A step of `size` s among offsets, at index `cut`; level: the offset before it, s."""
+    """A step of `size` s among offsets, at index `cut`; `level` is the offset before it, s."""
 
     cut: int
     size: float
@@ -292,11 +333,12 @@ class ClockStep:
 
 
 def step_in(offsets: Array, least: float) -> ClockStep | None:
-    """The clearest step among offsets (b,) of equal stretches of a recording, s; None where there is none.
+    """Find the clearest step among offsets (b,) of equal stretches of a recording, s.
 
-    Medians of some offsets before and after are compared, the slope of all between them taken off; a step is more than
-    `least` seconds and six standard errors. Scatter and slope are those from one offset to the next (their medians), so
-    neither a few wild offsets nor a second step hide the first one.
+    Medians of some offsets before and after are compared, after removing the slope of all between them.
+    A step is more than `least` seconds and six standard errors. Scatter and slope are those from one
+    offset to the next (their medians), so neither a few wild offsets nor a second step hide the first
+    one. Returns None if there is no step.
     """
     if len(offsets) < 2 * _FEWEST:
         return None

@@ -1,11 +1,12 @@
-"""The error of a moving robot: along its path and across it, by speed, with and without the arm's static part.
+"""Errors of a moving robot along and across its path, by speed, static and dynamic.
 
-Error = measured less predicted at the joints that the robot reported for that instant. Of the nominal arm's error one
-part is static and depends on the posture only: geometry, deflection and gears, as fitted. What remains
-is dynamic: bending under acceleration, the instrument's own lag, joints reported late. The clocks were
-set by this same error: a lag that is the same at all speeds (along = lag x speed) is part of their offset, and only
-its change with speed is seen here. ISO 9283, 8.2, judges a path by its largest distances; this table by RMS and
-maximum.
+An error is measured minus predicted, at the joints that the robot reported for that instant. One part of
+the nominal arm's error is static and depends on the posture only: geometry, deflection and gears, as
+fitted. The rest is dynamic: bending under acceleration, the instrument's own lag, joints reported late.
+
+The clocks were set by this same error. A lag that is the same at all speeds (along = lag x speed) is
+therefore part of their offset, and only its change with speed is seen here. ISO 9283, 8.2, judges a path
+by its largest distances; this table by RMS and maximum.
 """
 
 from __future__ import annotations
@@ -23,10 +24,11 @@ _FEWEST = 20
 
 @dataclass(frozen=True)
 class SpeedBandErrors:
-    """Errors of `count` samples between two speeds, mm/s, in mm: of the nominal arm in its place, its static part, and
-    what the motion leaves.
+    """Errors of `count` samples between two speeds, mm/s, in mm.
 
-    along_mean is below zero where points come late; lag_ms: by how much they do, ms, beyond the offset of the clocks.
+    `nominal_` are errors of the nominal arm in its place, `static_` its static part, and the others the
+    dynamic rest. `along_mean` is below zero if points come late; `lag_ms` is the time by which they do,
+    ms, beyond the offset of the clocks.
     """
 
     slowest: float
@@ -44,7 +46,10 @@ class SpeedBandErrors:
 
 
 def by_speed(aligned: Aligned, slow_mm_s: float) -> list[SpeedBandErrors]:
-    """Bands of equal numbers of samples above `slow_mm_s`; those with a weight of zero (gross errors) apart."""
+    """Compute errors in bands of equal numbers of samples above `slow_mm_s`.
+
+    Samples with a weight of zero (gross errors) are excluded.
+    """
     moving = (aligned.speed >= slow_mm_s) & (aligned.weight > 0.0)
     speed = aligned.speed[moving]
     if len(speed) < _FEWEST:
@@ -76,7 +81,10 @@ def by_speed(aligned: Aligned, slow_mm_s: float) -> list[SpeedBandErrors]:
 
 
 def split(error: Array, direction: Array) -> tuple[Array, Array]:
-    """(k,) component along the unit vectors (k, 3), with its sign, and length of the rest."""
+    """Split errors (k, 3) by unit vectors (k, 3).
+
+    Returns the signed component along each, and the length of the rest, both (k,).
+    """
     along = np.sum(error * direction, axis=1)
     return along, np.linalg.norm(error - along[:, None] * direction, axis=1)
 

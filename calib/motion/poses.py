@@ -1,14 +1,15 @@
-"""A data set of the poses at which a moving robot was at rest, for `truepose identify`.
+"""Data sets of the poses at which a moving robot was at rest, for `truepose identify`.
 
-One row a standstill, the mean of its samples, or every slow sample. The uncertainty of a row has two parts:
+The rests are samples slower than a limit, grouped into poses and numbered as waypoints. The data set has
+one row per rest, the mean of its samples, or one row per slow sample. The uncertainty u of a row has two
+parts:
 
     u^2 = s^2 / n_e + (u_clock v)^2
 
-s the scatter of the samples' errors about the mean of their standstill, of all standstills together; n_e the number of
-samples, less where they hang together from one to the next; v the mean velocity left. What the instrument errs by in
-all samples of a standstill is in neither, so no row has less than the instrument's own uncertainty.
-
-The standstills of a moving robot: samples slower than a limit, grouped into poses and numbered as waypoints.
+Here s is the scatter of the samples' errors about the mean of their rest, of all rests together. The number n_e is the
+number of samples, reduced if successive samples are correlated, and v is the remaining mean velocity. An
+error of the instrument that is common to all samples of a rest is in neither part, so no row has less
+than the instrument's own uncertainty.
 """
 
 from __future__ import annotations
@@ -42,8 +43,19 @@ _SAME_POSE = 0.5 * DEG  # of every joint, of one waypoint
 
 @dataclass(frozen=True)
 class Origin:
-    """The origin for the header: the robot as a data set names it, its coupling, the tool point, mm, and whether
-    either stream is of a simulator."""
+    """Origin of the streams, for the header of the data set.
+
+    Attributes
+    ----------
+    robot_name : str
+        Robot as a data set names it.
+    coupling : str
+        Joint matrix of the controller.
+    tool : tuple of float
+        Tool point, mm.
+    simulated : bool
+        Whether either stream is from a simulator.
+    """
 
     robot_name: str
     coupling: str
@@ -55,10 +67,11 @@ class Origin:
 
 
 def scatter(aligned: Aligned, still: Standstills) -> tuple[Array, float]:
-    """(3,) scatter of the samples of a standstill, mm, and how alike a sample and the next are, 0 to 1.
+    """Estimate the scatter (3,) of the samples at rest, mm, and their correlation.
 
-    Errors are compared, not points: the robot may creep. Where no standstill has two samples, the scatter is that of
-    all samples about the aligned arm.
+    The correlation is that of a sample and the next, 0 to 1. Errors are compared, not points, because
+    the robot may creep. If no rest has two samples, the scatter is that of all samples about the aligned
+    arm.
     """
     error = aligned.error[still.sample]
     left = error - means(error, still.number)[still.number]
@@ -86,8 +99,23 @@ def data_set(
     *,
     every_sample: bool = False,
 ) -> ConvertedTable:
-    """The standstills, or all their samples, as columns of a data set and its header. noise: of the instrument, in the
-    frame of its points: no row has a smaller uncertainty."""
+    """Convert the rests, or all their samples, to columns of a data set and its header.
+
+    Parameters
+    ----------
+    robot : Robot
+        Nominal robot.
+    aligned : Aligned
+        The aligned streams.
+    still : Standstills
+        Rests of the robot.
+    origin : Origin
+        Origin for the header.
+    noise : Noise
+        Noise of the instrument in the frame of its points; no row has a smaller uncertainty.
+    every_sample : bool, optional
+        Write one row for every sample instead of one for every rest.
+    """
     own, alike = scatter(aligned, still)
     joints = robot.controller_angles(aligned.joints[still.sample], origin.coupling) / DEG
     of_standstill = means(joints, still.number)
@@ -123,9 +151,10 @@ def data_set(
 
 
 def _arrivals(joints: Array) -> tuple[Array, Array]:
-    """Side of approach (s, N), +1 or -1, and joints before (s, N), of standstills in time.
+    """Compute the sides of approach (s, N), +1 or -1, and the joints before (s, N), of rests.
 
-    How the robot came to the first one was not seen: from below, as `calib.data.read` has it where nobody knows.
+    The rests are in order of time. The arrival at the first one was not seen: it counts as from below,
+    as in `calib.data.read`.
     """
     previous = np.concatenate([joints[:1], joints[:-1]])
     moved = np.where(np.abs(joints - previous) > _TURNED / DEG, np.sign(joints - previous), 0.0)
@@ -161,11 +190,17 @@ T1 = {json.dumps(list(origin.tool))}
 
 @dataclass(frozen=True)
 class Standstills:
-    """k samples at which the robot was still.
+    """k samples at which the robot was at rest.
 
-    sample (k,): index among the aligned samples; number (k,): of the standstill, from 0; waypoint (k,): number of the
-    pose, from 0 in the order of the first visit. Standstills within 0.5 deg of each other in all joints, directly or
-    through others, are of one waypoint, whenever they were.
+    Attributes
+    ----------
+    sample : array of int, shape (k,)
+        Index among the aligned samples.
+    number : array of int, shape (k,)
+        Number of the rest, from 0.
+    waypoint : array of int, shape (k,)
+        Number of the pose, from 0 in the order of the first visit. Rests within 0.5 deg of each other in
+        all joints, directly or through others, are of one waypoint at any time.
     """
 
     sample: NDArray[np.int64]
@@ -174,7 +209,7 @@ class Standstills:
 
     @property
     def count(self) -> int:
-        """Number of standstills."""
+        """Number of rests."""
         return int(self.number[-1]) + 1
 
     @property
@@ -184,9 +219,15 @@ class Standstills:
 
 
 def standstills(aligned: Aligned, slow_mm_s: float = SLOW_MM_S) -> Standstills:
-    """The samples at which the tool, by the robot's own joints, is slower than `slow_mm_s`, gross errors apart.
+    """Find the samples at which the robot is at rest.
 
-    A robot that creeps is cut where a joint has gone 0.2 deg. Raises DataError where the robot is never still.
+    The tool, according to the robot's own joints, is slower than `slow_mm_s` there. Gross errors are
+    excluded. A rest of a robot that creeps is split when a joint has gone 0.2 deg.
+
+    Raises
+    ------
+    DataError
+        The robot is never at rest.
     """
     sample = np.flatnonzero((aligned.speed < slow_mm_s) & (aligned.weight > 0.0))
     if not len(sample):
@@ -205,13 +246,16 @@ def standstills(aligned: Aligned, slow_mm_s: float = SLOW_MM_S) -> Standstills:
 
 
 def means(values: Array, group: NDArray[np.int64]) -> Array:
-    """(g, c) means of rows (k, c) by the number of their group (k,)."""
+    """Compute the means (g, c) of rows (k, c) by the number of their group (k,)."""
     count = np.bincount(group).astype(np.float64)
     return np.stack([np.bincount(group, column) for column in values.T], axis=1) / count[:, None]
 
 
 def _waypoints(joints: Array) -> NDArray[np.int64]:
-    """(s,) number of the pose of every standstill with joints (s, N), in the order of the first visit."""
+    """Number the pose of every rest with joints (s, N), shape (s,).
+
+    The numbers are in the order of the first visit.
+    """
     near = KDTree(joints).query_pairs(_SAME_POSE, p=np.inf, output_type="ndarray")
     links = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(joints), len(joints)))
     group = connected_components(links, directed=False)[1]

@@ -1,18 +1,19 @@
-"""Files of streams: a CSV with units in its column names, the columns of a foreign recording named by a map, or an
-export of points.
+"""Files of streams: CSV with units, foreign recordings with a map, and point exports.
 
-Without a map, columns are `t_s`, `j1_deg` .. and `x_mm`, `y_mm`, `z_mm`; a recording by RTDE (`timestamp`,
-`actual_q_0` .., rad) is known by its names.
+Without a map, columns are `t_s`, `j1_deg` .. and `x_mm`, `y_mm`, `z_mm`; a recording by RTDE
+(`timestamp`, `actual_q_0` .., rad) is known by its names.
 
-Point exports in the style of SpatialAnalyzer: one point a line, its name, its coordinates, perhaps a time stamp.
+Point exports are in the style of SpatialAnalyzer, with one point per line: its name, its coordinates,
+perhaps a time stamp.
 
     // SpatialAnalyzer ...                                  comments: version, frame, axes, format
     Path::Tool::p1, 1234.567, 89.012, -345.678, 11/22/2026 08:15:30.125
 
-Names come whole (`Collection::Group::Point`), in up to three fields (collection, group, point) or not at all; fields
-are separated by commas, tabs or blanks. The file does not say its unit. What follows the coordinates, other than a
-time stamp, is left: offsets, tolerances, uncertainties, comments. Only Cartesian coordinates are read. Written from
-the maker's manual (SA User Manual, "Exporting ASCII Formatted Points"), not tried on a file of every version.
+Names come whole (`Collection::Group::Point`), in up to three fields (collection, group, point) or not at
+all; fields are separated by commas, tabs or blanks. The file does not state its unit. Other text behind
+the coordinates than a time stamp is ignored: offsets, tolerances, uncertainties, comments. Only
+Cartesian coordinates are read. The reader was written from the maker's manual (SA User Manual,
+"Exporting ASCII Formatted Points"), not tried on a file of every version.
 """
 
 from __future__ import annotations
@@ -50,9 +51,12 @@ _FARTHEST = 1e8  # units: what is beyond is no coordinate
 
 
 def read_joints(path: Path, robot: Robot, coupling: str = "none", columns: str | None = None) -> JointStream:
-    """The robot's stream: joints as the controller shows them become model angles.
+    """Read the robot's stream and convert controller joints to model angles.
 
-    Raises DataError (file, line or column) for what is no stream.
+    Raises
+    ------
+    DataError
+        The file is no stream; the error names file, line or column.
     """
     refuse_slides(robot, "aligning streams knows")
     table = TextTable.read(path)
@@ -107,10 +111,21 @@ def read_joints(path: Path, robot: Robot, coupling: str = "none", columns: str |
 
 
 def read_points(path: Path, columns: str | None = None) -> PointStream:
-    """The instrument's stream. Rows whose `status` is not ok, or that hold no point, leave a gap.
+    """Read the instrument's stream.
 
-    columns: a map, or `spatial-analyzer[UNIT]` for an export of points with time stamps. Raises DataError (file, line
-    or column) for what is no stream.
+    Rows whose `status` is not ok, or that hold no point, leave a gap.
+
+    Parameters
+    ----------
+    path : Path
+        File of the stream.
+    columns : str, optional
+        A map, or `spatial-analyzer[UNIT]` for an export of points with time stamps.
+
+    Raises
+    ------
+    DataError
+        The file is no stream; the error names file, line or column.
     """
     if columns is not None and (match := _EXPORT.fullmatch(columns)):
         return _exported(path, match[1])
@@ -152,9 +167,14 @@ def _points(time: Array, points: Array, path: Path, remarks: list[str]) -> Point
 def _in_order(
     table: TextTable, time: Array, values: Array, column: Column
 ) -> tuple[NDArray[np.bool_], list[str]]:
-    """Rows (n,) to keep, and a remark on those left out: times (n,) and values (n, c) that repeat the row before.
+    """Mark the rows (n,) to keep; return a remark on the others too.
 
-    Raises DataError naming the line at which another time does not increase.
+    Left out are rows whose time (n,) and values (n, c) repeat the row before.
+
+    Raises
+    ------
+    DataError
+        Another time does not increase; the error names the line.
     """
     same = np.append(False, (np.diff(time) == 0.0) & (np.diff(values, axis=0) == 0.0).all(axis=1))
     kept = np.flatnonzero(~same)
@@ -172,7 +192,7 @@ def _in_order(
 
 
 def _simulated(table: TextTable) -> bool:
-    """Whether a stream says that simulators sent it: any row of its column `simulated` is not 0."""
+    """Test whether a stream is from simulators: a row of its column `simulated` is not 0."""
     return bool(np.any(~np.isin(table.text("simulated"), ("", "0"))))
 
 
@@ -220,8 +240,17 @@ def _refuse_other_unit(joints: Array, columns: Sequence[Column], path: Path) -> 
 
 @dataclass(frozen=True)
 class PointExport:
-    """n points in the order of the file: names (n,) `Collection::Group::Point` as far as given, points (n, 3) mm, and
-    time (n,) s by the clock that stamped them, or None."""
+    """n exported points in the order of the file.
+
+    Attributes
+    ----------
+    names : tuple of str
+        `Collection::Group::Point`, or the parts that the file gives.
+    points : array of shape (n, 3)
+        Points, mm.
+    time : array of shape (n,) or None
+        Time according to the clock that stamped them, s.
+    """
 
     names: tuple[str, ...]
     points: Array
@@ -229,7 +258,13 @@ class PointExport:
 
 
 def read_export(path: Path, millimetres: float) -> PointExport:
-    """An export whose coordinates are in units of so many mm. Raises DataError (file, line) for what is none."""
+    """Read an export of points; `millimetres` is the size of its unit in mm.
+
+    Raises
+    ------
+    DataError
+        The file is no such export; the error names file and line.
+    """
     names: list[str] = []
     points: list[tuple[float, ...]] = []
     times: list[float | None] = []
@@ -262,7 +297,7 @@ def read_export(path: Path, millimetres: float) -> PointExport:
 
 
 def _point(text: str) -> tuple[str, tuple[float, ...], float | None] | None:
-    """Name, coordinates and time of one line; None where it holds no point."""
+    """Parse name, coordinates and time of one line; return None if it holds no point."""
     if len(text) > _LONGEST:
         return None
     stamp = STAMP.search(text)

@@ -1,10 +1,11 @@
-"""The least-squares problem of a moving robot: where its base and tool are, its geometry, and the clocks.
+"""Least-squares problem of a moving robot: base, tool, geometry and clocks.
 
     m_i = p(q(c(t_i)); x) + noise,      c(t) = t + offset + rate (t - middle) + step [t >= step_at]
 
-p the tool point of the arm with errors x of its terms (`calib.motion.arm`), q the joints of the robot's
-stream. Gauss-Newton; the column of the offset is the velocity of the point. Weights are bisquare by the length of the
-residual of the last round. Geometry has its usual sizes as priors.
+p is the tool point of the arm with errors x of its terms (`calib.motion.arm`), q the joints of the
+robot's stream. The method is Gauss-Newton; the column of the offset is the velocity of the point.
+Weights are bisquare by the length of the residual of the last round. Geometry has its usual sizes as
+priors.
 """
 
 from __future__ import annotations
@@ -32,8 +33,19 @@ _SLIGHT = 1e-6  # the same, of what weights leave of it
 
 @dataclass(frozen=True)
 class Samples:
-    """The arm at n instants: measured less predicted (n, 3), velocity (n, 3), joints (n, N); known (n,): whether the
-    robot's stream has joints there, else error and velocity are zero."""
+    """The arm at n instants.
+
+    Attributes
+    ----------
+    error : array of shape (n, 3)
+        Measured minus predicted points.
+    velocity : array of shape (n, 3)
+        Velocity of the tool point.
+    joints : array of shape (n, N)
+        Joints of the robot's stream.
+    known : array of bool, shape (n,)
+        Whether the robot's stream has joints there; otherwise error and velocity are zero.
+    """
 
     error: Array
     velocity: Array
@@ -76,9 +88,10 @@ class Solve:
         return clocks, estimate
 
     def offsets(self, clocks: ClockRelation, estimate: Array) -> tuple[Array, Array]:
-        """Instants (b,) at which blocks of the recording begin, and what every block alone adds to the offset, s.
+        """Compute the offset that every block of the recording would add alone.
 
-        Blocks touch each other through frame and geometry alone, so their offsets are eliminated one by one.
+        Returns the instants (b,) at which the blocks begin, and the offsets (b,), s. Blocks are related
+        through frame and geometry alone, so their offsets are eliminated one by one.
         """
         samples = self.at(clocks, estimate)
         parts = blocks(len(self._time))
@@ -103,7 +116,10 @@ class Solve:
         return np.array([self._time[part[0]] for part in parts]), (score - cross @ shared) / own
 
     def step_placed(self, clocks: ClockRelation, estimate: Array) -> ClockRelation:
-        """The clocks with their step at the sample at which the errors before it and after it are least in all."""
+        """Move the step of the clocks to the sample that minimises the sum of the errors.
+
+        The errors are those before the step without it, and those after the step with it.
+        """
         without = self.at(replace(clocks, step_at=np.inf), estimate)
         with_it = self.at(replace(clocks, step_at=-np.inf), estimate)
         both = without.known & with_it.known
@@ -115,12 +131,14 @@ class Solve:
         return replace(clocks, step_at=float(self._time[int(np.argmin(np.cumsum(gain) - gain))]))
 
     def uncertainty(self, clocks: ClockRelation, estimate: Array) -> tuple[float, float, float]:
-        """Standard errors of offset, rate and step, s, 1, s, from parts of the recording left out in turn.
+        """Estimate standard errors of offset, rate and step (s, 1, s) by a jackknife.
 
-        The robot's own error varies slowly along the path, and where a move ends differs each time by the robot's
-        repeatability: the errors of a block of time, or of a move with the rest behind it, may hang together as they
-        like, only these are taken for independent. What gives more counts. Left out, a part cannot hide its error
-        from its own fit. One step of Gauss-Newton each. Source: Bell and McCaffrey 2002 (the jackknife of clusters).
+        Parts of the recording are left out in turn. The robot's own error varies slowly along the path,
+        and the place at which a move ends differs each time by the robot's repeatability. Errors within
+        a block of time, or within a move with the rest behind it, may therefore be correlated; only
+        these parts are taken for independent. The larger of both estimates counts. A part that is left
+        out cannot hide its error from its own fit. Each takes one step of Gauss-Newton. Source: Bell and
+        McCaffrey 2002 (the jackknife of clusters).
         """
         samples = self.at(clocks, estimate)
         columns, weight = self._columns(samples, clocks), weights(samples.error)
@@ -139,7 +157,10 @@ class Solve:
         return float(offset), float(rate), float(step)
 
     def placed_only(self, clocks: ClockRelation) -> Array:
-        """(s,) errors of the terms where only base and tool may move: the nominal arm in its best place."""
+        """Fit only base and tool: the nominal arm in its best place.
+
+        Returns the errors of the terms, shape (s,).
+        """
         keep = self.arm.placing
         estimate = np.zeros(len(self.arm.terms))
         for _ in range(_PLACING_ROUNDS):
@@ -150,11 +171,11 @@ class Solve:
         return estimate
 
     def _of_arm(self, samples: Samples) -> Array:
-        """(n, 3, s) derivatives of the predicted points by the arm's terms."""
+        """Differentiate the predicted points by the arm's terms, shape (n, 3, s)."""
         return self.arm.columns(samples.arm) * samples.known[:, None, None]
 
     def _columns(self, samples: Samples, clocks: ClockRelation) -> Array:
-        """(n, 3, s + 3) derivatives of the predicted points by terms and clocks."""
+        """Differentiate the predicted points by terms and clocks, shape (n, 3, s + 3)."""
         drives = np.column_stack(
             [np.ones(len(self._time)), self._time - clocks.middle, self._time >= clocks.step_at]
         )
@@ -163,14 +184,17 @@ class Solve:
 
 
 def _normal(columns: Array, error: Array, weight: Array, prior: Array) -> tuple[Array, Array]:
-    """Normal matrix (s, s) of columns (n, 3, s), with their priors, and right side (s,), for weights (n,)."""
+    """Compute the normal equations of columns (n, 3, s) with their priors.
+
+    Returns the matrix (s, s) and the right side (s,), for weights (n,).
+    """
     heavy = np.sqrt(weight)[:, None]
     flat = (columns * heavy[:, :, None]).reshape(-1, columns.shape[2])
     return flat.T @ flat + np.diag(prior**2), flat.T @ (error * heavy).ravel()
 
 
 def weights(error: Array) -> Array:
-    """(n,) bisquare weights by the length of the errors (n, 3)."""
+    """Compute bisquare weights by the length of the errors (n, 3), shape (n,)."""
     size = np.linalg.norm(error, axis=1)
     scale = float(np.median(size)) / 1.5382  # of one axis: the median length of three normal errors is 1.5382
     return np.clip(1.0 - (size / (6.0 * max(scale, 1e-6))) ** 2, 0.0, None) ** 2
@@ -184,7 +208,10 @@ def solved(normal: Array, right: Array) -> Array:
 
 
 def moves(velocity: Array) -> list[NDArray[np.int64]]:
-    """Indices of the samples of every move with the rest behind it, by the velocities (n, 3) of the tool, mm/s."""
+    """Find the samples of every move with the rest behind it.
+
+    `velocity` (n, 3) is that of the tool, mm/s; the result is a list of indices.
+    """
     still = np.linalg.norm(velocity, axis=1) < SLOW_MM_S
     begun = np.flatnonzero(still[:-1] & ~still[1:]) + 1
     return [part for part in np.split(np.arange(len(still)), begun) if len(part)]

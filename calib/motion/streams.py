@@ -39,7 +39,10 @@ _RATE_OVER_S = 0.02  # to either side: encoders count in steps, and a slope of t
 
 @dataclass(frozen=True)
 class StreamGap:
-    """A stretch between two samples, s of the stream's own clock, in which about `lost` samples are missing."""
+    """A stretch between two samples in which about `lost` samples are missing.
+
+    `begin` and `end` are in s of the stream's own clock.
+    """
 
     begin: float
     end: float
@@ -47,7 +50,13 @@ class StreamGap:
 
 
 class _Clocked:
-    """The common part of both streams: their times (n,), s, increasing. Raises DataError for times that cannot be."""
+    """Common part of both streams: their times (n,), s, increasing.
+
+    Raises
+    ------
+    DataError
+        The times are impossible.
+    """
 
     time: Array
     name: str
@@ -65,8 +74,10 @@ class _Clocked:
 
     @cached_property
     def resolution(self) -> float:
-        """The unit to which the times are rounded, s, where that shows: multiples of 1 s to 1 ms, unevenly spaced.
-        Else 0."""
+        """Unit to which the times are rounded, s, or 0 if it does not show.
+
+        It shows if the times are multiples of 1 s to 1 ms and unevenly spaced.
+        """
         for decimals in range(_MOST_DECIMALS + 1):
             if np.abs(self.time - np.round(self.time, decimals)).max() < _ROUNDING_S:
                 unit = 10.0**-decimals
@@ -75,14 +86,16 @@ class _Clocked:
 
     @cached_property
     def _uneven(self) -> Array:
-        """(n - 1,) by how much every step differs from whole periods, s."""
+        """Differences of every step from whole periods, shape (n - 1,), s."""
         step = np.diff(self.time)
         return np.abs(step - self.period * np.maximum(np.round(step / self.period), 1.0))
 
     @cached_property
     def rounding(self) -> tuple[float, float]:
-        """1 sigma, s and 1, by which rounded times shift the whole clock and its rate: less, the more often the
-        roundings change."""
+        """Standard uncertainties of the clock and of its rate from rounded times, s and 1.
+
+        They are smaller if the roundings change more often.
+        """
         changes = int((self._uneven > 0.5 * self.resolution).sum())
         one = self.resolution / math.sqrt(1.0 + changes)
         return one / math.sqrt(12.0), one / float(self.time[-1] - self.time[0])
@@ -104,10 +117,22 @@ class _Clocked:
 
 @dataclass(frozen=True)
 class JointStream(_Clocked):
-    """n samples of the robot: time (n,) s by its own clock, increasing; joints (n, N) model angles, rad.
+    """n samples of the robot.
 
-    zero: what the clock of the file showed at time 0, s; coupling: how the controller counts its joints; remarks: what
-    was done to what was recorded. simulated: no real robot sent it.
+    Attributes
+    ----------
+    time : array of shape (n,)
+        Times of the robot's clock, s, increasing.
+    joints : array of shape (n, N)
+        Model angles, rad.
+    zero : float
+        Time of the file's clock at time 0, s.
+    coupling : str
+        Joint matrix by which the controller counts its joints.
+    remarks : tuple of str
+        Changes made to the recorded data.
+    simulated : bool
+        Whether no real robot sent the stream.
     """
 
     time: Array
@@ -127,9 +152,10 @@ class JointStream(_Clocked):
         return CubicHermiteSpline(self.time, self.joints, np.gradient(self.joints, self.time, axis=0), axis=0)
 
     def at(self, time: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Joints (k, N) rad, their rates (k, N) rad/s and which (k,) are known, at instants (k,) of the robot's clock.
+        """Interpolate joints (k, N), rad, and rates (k, N), rad/s, at instants (k,).
 
-        Not known is what lies outside the stream or in a gap; the joints there are those of its edge.
+        The instants are of the robot's clock. The third array (k,) marks the known ones. An instant
+        outside the stream or in a gap is not known; the joints there are those of the edge.
         """
         clipped = np.clip(time, self.time[0], self.time[-1])
         reach = max(_RATE_OVER_S, self.period)
@@ -139,13 +165,19 @@ class JointStream(_Clocked):
         return self._curve(clipped), rates, covered(self.time, self.period, time)
 
     def side_at(self, time: Array) -> Array:
-        """(k, N) to which side every joint turns or last turned at instants (k,): +1, -1, or 0 before it first did."""
+        """Return the side to which every joint turns or last turned at instants (k,), shape (k, N).
+
+        The side is +1, -1, or 0 before the joint first turned.
+        """
         return self._sides[np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, None)]
 
     @cached_property
     def _sides(self) -> Array:
-        """(n, N) sides of all samples. A joint that trembles at the border of a step crosses it in one of two rows of
-        steps only, and turns back in neither."""
+        """Sides of all samples, shape (n, N).
+
+        A joint that trembles at the border of a step crosses it in one of two rows of steps only, and
+        turns back in neither.
+        """
         crossed = [np.diff(np.floor(self.joints / _STEP + shift), axis=0) for shift in (0.0, 0.5)]
         one, other = (_last(np.vstack([np.zeros((1, steps.shape[1])), np.sign(steps)])) for steps in crossed)
         return _last(np.where(one == other, one, 0.0))
@@ -153,10 +185,20 @@ class JointStream(_Clocked):
 
 @dataclass(frozen=True)
 class PointStream(_Clocked):
-    """n samples of the instrument: time (n,) s by its own clock, increasing; points (n, 3) mm in its frame.
+    """n samples of the instrument.
 
-    zero: what the clock of the file showed at time 0, s; remarks: what was done to what was recorded. simulated: no
-    real instrument sent it.
+    Attributes
+    ----------
+    time : array of shape (n,)
+        Times of the instrument's clock, s, increasing.
+    points : array of shape (n, 3)
+        Points in its frame, mm.
+    zero : float
+        Time of the file's clock at time 0, s.
+    remarks : tuple of str
+        Changes made to the recorded data.
+    simulated : bool
+        Whether no real instrument sent the stream.
     """
 
     time: Array
@@ -168,13 +210,19 @@ class PointStream(_Clocked):
 
 
 def _last(values: Array) -> Array:
-    """(n, c) of every column the last value that is not zero, up to each row; 0 before the first."""
+    """Return the last value of each column that is not zero, up to each row, shape (n, c).
+
+    It is 0 before the first.
+    """
     rows = np.where(values != 0.0, np.arange(len(values))[:, None], 0)
     return np.take_along_axis(values, np.maximum.accumulate(rows, axis=0), axis=0)
 
 
 def covered(time: Array, period: float, at: Array) -> NDArray[np.bool_]:
-    """(k,) whether instants (k,) lie between two samples at times (n,) that follow each other without a gap."""
+    """Test whether instants (k,) lie between successive samples without a gap, shape (k,).
+
+    `time` (n,) are the times of the samples.
+    """
     after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
     near = time[after] - time[after - 1] < GAP_PERIODS * period
     return (at >= time[0]) & (at <= time[-1]) & near
