@@ -6,10 +6,10 @@ parts:
 
     u^2 = s^2 / n_e + (u_clock v)^2
 
-Here s is the scatter of the samples' errors about the mean of their rest, of all rests together. The number n_e is the
-number of samples, reduced if successive samples are correlated, and v is the remaining mean velocity. An
-error of the instrument that is common to all samples of a rest is in neither part, so no row has less
-than the instrument's own uncertainty.
+Here s is the scatter of the samples' errors about the mean of their rest, of all rests together. The
+effective number n_e of samples is smaller than theirs if successive samples are correlated, and v is the
+remaining mean velocity. An error of the instrument that is common to all samples of a rest is in neither
+part, so no row has less than the instrument's own uncertainty.
 """
 
 from __future__ import annotations

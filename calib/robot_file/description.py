@@ -1,7 +1,7 @@
-"""The description of the arm in a robot file, in figures that a person can compare with a data sheet.
+"""Description of the arm in a robot file, in values to compare with a data sheet.
 
-Reach, wrist, parallel axes, named postures and which inverse kinematics applies; and remarks on what is odd: axes that
-nearly meet, a zero pose outside the limits, a length in metres.
+The values are reach, wrist, parallel axes, named postures and the inverse kinematics that applies.
+Remarks report unusual values: axes that nearly meet, a zero pose outside the limits, a length in metres.
 """
 
 from __future__ import annotations
@@ -25,11 +25,22 @@ _SHORT_MM = 20.0  # an arm with a smaller reach has its lengths in metres
 
 @dataclass(frozen=True)
 class Described:
-    """Figures of a robot file.
+    """Description of a robot file.
 
-    postures: name -> (joints (N,), rad or mm, flange (4, 4), mm); reach_mm: largest distance of the flange from axis 1
-    in random postures; span_mm: sum of all links' lengths; axes: (N, 3) directions and points: (N, 3), mm, of the
-    joints' axes with all joints at zero; wrist, inverse: sentences; remarks: what is odd.
+    Attributes
+    ----------
+    postures : dict of str to (array, array)
+        By name: joints (N,), rad or mm, and flange pose (4, 4), mm.
+    reach_mm : float
+        Largest distance of the flange from axis 1 in random postures.
+    span_mm : float
+        Sum of the lengths of all links.
+    axes, points : array of shape (N, 3)
+        Directions of the joints' axes and points on them, mm, with all joints at zero.
+    wrist, inverse : str
+        Sentences.
+    remarks : tuple of str
+        Unusual values.
     """
 
     postures: dict[str, tuple[Array, Array]]
@@ -43,7 +54,7 @@ class Described:
 
 
 def described(robot: Robot, home: Array | None = None) -> Described:
-    """The figures of a robot; `home` (N,): a posture of the user's own, rad or mm."""
+    """Describe a robot; `home` (N,) is the user's own posture, rad or mm."""
     zero, middle = np.zeros(robot.joints), (np.array(robot.lower) + np.array(robot.upper)) / 2.0
     named = {"all zero": zero, "middle of the ranges": middle} | ({} if home is None else {"home": home})
     poses = forward(robot, np.stack(list(named.values())))
@@ -67,7 +78,10 @@ def described(robot: Robot, home: Array | None = None) -> Described:
 
 
 def axes_of(robot: Robot, joints: Array) -> tuple[Array, Array]:
-    """Directions (N, 3) and points (N, 3), mm, of the joints' axes in the base frame, at model joints (N,)."""
+    """Return directions (N, 3) and points (N, 3), mm, of the joints' axes in the base frame.
+
+    `joints` (N,) are model joints.
+    """
     frames = propagate(Chain.of(robot), nominal_values(robot, joints[None, :]), BasePoses())
     slots = [f"theta{k}" for k in range(1, robot.joints + 1)]
     axes = [np.broadcast_to(frames.axis[slot], (3, 1))[:, 0] for slot in slots]
@@ -85,7 +99,7 @@ def gap_mm(axes: Array, points: Array, i: int, j: int) -> float:
 
 
 def _wrist(axes: Array, points: Array) -> tuple[str, list[str]]:
-    """A sentence about the last three axes, and remarks on what is odd about them."""
+    """Describe the last three axes in a sentence, and list remarks on unusual values."""
     count = len(axes)
     if count < 6:
         return f"{count} joints: there is no wrist of three axes", []
@@ -111,7 +125,7 @@ def _wrist(axes: Array, points: Array) -> tuple[str, list[str]]:
 
 
 def _meeting(axes: Array, points: Array) -> Array:
-    """(3,) the point nearest to lines (k, 3), least squares."""
+    """Find the point nearest to lines (k, 3) by least squares, shape (3,)."""
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
     return np.linalg.lstsq(across.sum(axis=0), np.einsum("kij,kj->i", across, points), rcond=None)[0]
 

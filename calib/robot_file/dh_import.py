@@ -1,7 +1,8 @@
-"""Import of a robot file from a table of DH parameters, as makers, papers and spreadsheets print them.
+"""Import of robot files from DH tables, as makers, papers and spreadsheets print them.
 
-Columns are found by the usual words, in any order; angles may be in deg or rad (`pi/2` too), lengths in mm or m. A unit
-that neither the header nor the numbers show is asked for; assumptions are reported, and columns that are left aside.
+Columns are found by the usual words, in any order. Angles may be in deg or rad (`pi/2` too), lengths in
+mm or m. The user must give a unit that neither the header nor the numbers show. Assumptions and columns
+that are left out are reported.
 """
 
 from __future__ import annotations
@@ -57,10 +58,20 @@ _STANDARD = re.compile(rf"{_DH}.*\b(?:standard|classic(?:al)?|distal)\b|\s*s?dh\
 
 @dataclass(frozen=True)
 class DhTable:
-    """The cells of a table by meaning, each with its line; the units that its header names ("" where it names none).
+    """Cells of a DH table by meaning, each with its line.
 
-    signs: 1.0 or -1.0 for each joint, as its controller counts; aside: headings of columns that are not read;
-    shows: conventions that its words show, each with these words. empty: lines without a number, by meaning.
+    Attributes
+    ----------
+    units : dict of str to str
+        Units that the header names, by meaning; "" if it names none.
+    signs : tuple of float
+        1.0 or -1.0 for each joint, as its controller counts.
+    aside : tuple of str
+        Headings of columns that are not read.
+    shows : dict
+        Conventions that the words of the table show, each with these words.
+    empty : dict of str to list of int
+        Lines without a number, by meaning.
     """
 
     path: Path
@@ -84,8 +95,29 @@ def import_dh(
     name: str | None = None,
     maker: str = "unknown",
 ) -> tuple[Draft, Robot, tuple[str, ...]]:
-    """The robot file of a table, its robot, and what was taken for granted. convention: None where the table shows
-    it. lengths, limits: also for numbers that no arm has. Raises DataError naming the line."""
+    """Import a robot file from a DH table.
+
+    Parameters
+    ----------
+    path : Path
+        File of the table.
+    convention : str, optional
+        "mdh" or "dh"; None if the table shows it.
+    angles, lengths, limits : str, optional
+        Units, if the table does not show them. `lengths` and `limits` also permit numbers that no arm has.
+    name, maker : str, optional
+        Name and maker of the robot.
+
+    Returns
+    -------
+    tuple
+        Draft of the robot file, its robot, and the assumptions made.
+
+    Raises
+    ------
+    DataError
+        The table cannot be read, or its convention or a unit is unknown; the error names the line.
+    """
     table = read_table(path)
     asked, convention = convention, _convention(table, convention)
     angle, how_angle = _unit_of_angles(table, angles)
@@ -132,7 +164,13 @@ def import_dh(
 
 
 def read_table(path: Path) -> DhTable:
-    """The DH numbers of a file. Raises DataError where columns are not found, or a cell holds no number."""
+    """Read the DH numbers of a file.
+
+    Raises
+    ------
+    DataError
+        Columns are not found, or a cell holds no number.
+    """
     text = read_text(path, MOST_BYTES)
     rows = [
         (line, cells)
@@ -212,7 +250,7 @@ def read_table(path: Path) -> DhTable:
 
 
 def _refuse_other_rows(path: Path, body: Sequence[tuple[int, Sequence[str]]], at: int | None) -> None:
-    """Raise DataError for rows that are numbered otherwise than in order, or are no joint by their name."""
+    """Raise DataError for rows that are not numbered in order, or whose name is not a joint's."""
     before: int | None = None
     if at is None:
         return
@@ -229,7 +267,7 @@ def _refuse_other_rows(path: Path, body: Sequence[tuple[int, Sequence[str]]], at
 
 
 def _refuse_thousands(path: Path, body: Sequence[tuple[int, Sequence[str]]], columns: Sequence[int]) -> None:
-    """Raise DataError for a comma that may separate thousands, where no other is a decimal one."""
+    """Raise DataError for a comma that may separate thousands, if no other is a decimal one."""
     cells = [(line, row[at].strip()) for line, row in body for at in columns if at < len(row)]
     commas = [(line, text) for line, text in cells if "," in text]
     odd = [(line, text) for line, text in commas if _THOUSANDS.fullmatch(text)]
@@ -256,7 +294,13 @@ def _shown(rows: Sequence[tuple[int, Sequence[str]]], head: Sequence[str]) -> di
 
 
 def _convention(table: DhTable, asked: Convention | None) -> Convention:
-    """The convention asked for, or that which the table shows. Raises DataError where these differ, or for none."""
+    """Return the requested convention, or the one that the table shows.
+
+    Raises
+    ------
+    DataError
+        The two differ, or there is none.
+    """
     for shown, words in table.shows.items():
         if asked not in (None, shown) or len(table.shows) > 1:
             raise DataError(
@@ -277,7 +321,10 @@ def _convention(table: DhTable, asked: Convention | None) -> Convention:
 
 
 def _delimiter(text: str) -> str:
-    """The sign that splits most lines; a comma only where no other does, since it may be a decimal one."""
+    """Find the sign that splits most lines.
+
+    A comma is used only if no other sign does, since it may be a decimal one.
+    """
     lines = [line for line in text.splitlines() if line.strip()]
     return next(
         (sign for sign in ("\t", ";", "|") if sum(sign in line for line in lines) > len(lines) / 2), ","
@@ -334,7 +381,13 @@ def _ends(path: Path, line: int, row: Sequence[str], at: int) -> tuple[DhCell, D
 
 
 def _given(table: DhTable, meanings: Sequence[str], wanted: Sequence[str]) -> str:
-    """The unit that the header names for some columns; "" where it names none. Raises DataError for two."""
+    """Return the unit that the header names for some columns; "" if it names none.
+
+    Raises
+    ------
+    DataError
+        The header names two units.
+    """
     units = {table.units.get(meaning, "") for meaning in meanings} & set(wanted)
     if len(units) > 1:
         raise DataError(
@@ -403,8 +456,15 @@ def _unit_of_lengths(table: DhTable, asked: Lengths | None) -> tuple[str, str]:
 
 
 def _unit_of_limits(table: DhTable, asked: Angles | None, angle: str) -> tuple[str, str]:
-    """The unit of the limits of joints that turn, and why it is not that of the angles. Raises DataError where the
-    numbers contradict what the table names."""
+    """Find the unit of the limits of joints that turn.
+
+    Also returns why it is not that of the angles.
+
+    Raises
+    ------
+    DataError
+        The numbers contradict the unit of the table.
+    """
     cells = [
         table.cells[meaning][k]
         for meaning in LIMITS
@@ -432,7 +492,10 @@ def _unit_of_limits(table: DhTable, asked: Angles | None, angle: str) -> tuple[s
 
 
 def _refuse_other_lengths(table: DhTable, links: Sequence[DraftLink]) -> None:
-    """Raise DataError for an arm that is larger or smaller than any: its lengths have another unit, or a digit more."""
+    """Raise DataError for an arm that is larger or smaller than any.
+
+    Its lengths have another unit, or a digit too many.
+    """
     spans = [abs(link.a_mm) + abs(link.d_mm) for link in links]
     tracks = [max(abs(link.low), abs(link.high)) for link in links if link.slides]
     arm = sum(spans)
@@ -451,7 +514,11 @@ def _refuse_other_lengths(table: DhTable, links: Sequence[DraftLink]) -> None:
 
 
 def _link(table: DhTable, k: int, units: tuple[str, str, str], rounded: dict[str, float]) -> DraftLink:
-    """units: of angles, lengths and limits; rounded: takes the angles that were read as multiples of 45 deg."""
+    """Convert a row to a link of the draft.
+
+    `units` are those of angles, lengths and limits. Angles that were read as multiples of 45 deg are
+    added to `rounded`.
+    """
     angle, length, limit = units
     turn, span = (1.0 / DEG if angle == "rad" else 1.0), (1000.0 if length == "m" else 1.0)
     slides = table.slides[k]

@@ -1,5 +1,8 @@
-"""The words with which DH tables name their columns, and what their cells hold: `90`, `-pi/2`, `q2 + 90`, `12,5`;
-ranges as `-165..165` or `±165`; and angles that a few digits of rad stand for."""
+"""Words with which DH tables name their columns, and the numbers in their cells.
+
+Cells hold terms such as `90`, `-pi/2`, `q2 + 90`, `12,5`, and ranges such as `-165..165` or `±165`.
+Angles of a few digits in rad stand for multiples of 45 deg.
+"""
 
 from __future__ import annotations
 
@@ -58,8 +61,17 @@ _TERM = re.compile(
 
 @dataclass(frozen=True)
 class Heading:
-    """The quantity of a column (None: nothing that is read), the unit in its name ("" where it names none), and whether
-    it is that of the link before: `alpha_{i-1}`."""
+    """Heading of a column.
+
+    Attributes
+    ----------
+    meaning : str or None
+        Quantity of the column; None if it is not read.
+    unit : str
+        Unit in the name, "" without one.
+    before : bool
+        Whether the quantity is that of the link before: `alpha_{i-1}`.
+    """
 
     meaning: str | None
     unit: str
@@ -68,8 +80,17 @@ class Heading:
 
 @dataclass(frozen=True)
 class DhCell:
-    """The number of a cell; whether it is a multiple of pi, and whether it contains the joint's own variable; number:
-    its plain number without the sign, where it has just one."""
+    """Number in a cell.
+
+    Attributes
+    ----------
+    pi : bool
+        Whether it is a multiple of pi.
+    variable : bool
+        Whether the cell contains the joint's own variable.
+    number : str
+        Plain number without the sign, if the cell has just one.
+    """
 
     value: float
     pi: bool = False
@@ -77,7 +98,10 @@ class DhCell:
     number: str = ""
 
     def meant(self, unit: str, rounded: dict[str, float]) -> float:
-        """The angle that is meant, in its unit, deg or rad. What was rounded is added, with its deg."""
+        """Return the exact angle for this number, in its unit, deg or rad.
+
+        A rounded angle is added to `rounded`, with its value in deg.
+        """
         if not self.number:
             return self.value
         read = exact_turn if unit == "rad" else _exact_deg
@@ -103,7 +127,7 @@ def heading(text: str) -> Heading:
 
 
 def cell(text: str) -> DhCell | None:
-    """The number that a cell means; None where it means none. Empty and a dash are 0."""
+    """Parse the number in a cell; return None if there is none. Empty cells and dashes are 0."""
     if len(text) > _LONGEST:
         return None
     word = text.strip().lower().replace("−", "-").replace("–", "-")
@@ -126,7 +150,10 @@ def cell(text: str) -> DhCell | None:
 
 
 def ends(text: str) -> tuple[DhCell, DhCell] | None:
-    """Both ends of a range, the lower first: `-165..165`, `±165`, `+170/-170`, `[-2.88, 2.88]`; None for others."""
+    """Parse both ends of a range, the lower first; return None for other texts.
+
+    Examples are `-165..165`, `±165`, `+170/-170` and `[-2.88, 2.88]`.
+    """
     if len(text) > _LONGEST:
         return None
     word = text.strip().lower().replace("−", "-").replace("–", "-").strip("[]() ")
@@ -143,8 +170,10 @@ def ends(text: str) -> tuple[DhCell, DhCell] | None:
 
 
 def exact_turn(word: str, angle: float, rounded: dict[str, float]) -> float:
-    """The multiple of 45 deg of which `word` has the first digits, rad; else the angle as it is. What was rounded is
-    added, with its deg."""
+    """Return the multiple of 45 deg, rad, of which `word` has the first digits.
+
+    Other angles are returned unchanged. A rounded angle is added to `rounded`, with its value in deg.
+    """
     multiple = round(angle / _EIGHTH)
     meant = multiple * _EIGHTH
     digits = min(len(word.lower().partition("e")[0].partition(".")[2]), _MOST_DIGITS)
@@ -156,7 +185,7 @@ def exact_turn(word: str, angle: float, rounded: dict[str, float]) -> float:
 
 
 def _exact_deg(word: str, angle: float, rounded: dict[str, float]) -> float:
-    """The same for deg that somebody made of such rad: 90.0002 of 1.5708."""
+    """Do the same for deg that were converted from such rad: 90.0002 from 1.5708."""
     multiple = round(angle / 45.0)
     digits = len(word.partition(".")[2])
     made = [math.degrees(each) for d in range(2, 7) for each in _cut(multiple * _EIGHTH, d)]
@@ -173,7 +202,7 @@ def _cut(meant: float, digits: int) -> tuple[float, float]:
 
 
 def _terms(text: str) -> Iterator[tuple[float, bool] | None]:
-    """Every term of a sum, with whether it holds pi; None where there is anything else."""
+    """Yield every term of a sum, and whether it holds pi; yield None at any other text."""
     at = 0
     while at < len(text):
         found = _TERM.match(text, at)

@@ -1,4 +1,4 @@
-"""The draft of a robot file: its contents, and its text with a comment wherever a person has to check."""
+"""Draft of a robot file: its contents, and its text with comments on values to be checked."""
 
 from __future__ import annotations
 
@@ -26,8 +26,10 @@ CONVENTIONS: dict[Convention, str] = {
 
 @dataclass(frozen=True)
 class DraftLink:
-    """A link of a draft: its DH parameters (deg, mm), the limits of its joint (deg, or mm where it slides), and a
-    comment."""
+    """A link of a draft: DH parameters (deg, mm), joint limits and a comment.
+
+    The limits are in deg, or mm if the joint slides.
+    """
 
     alpha_deg: float
     a_mm: float
@@ -41,8 +43,15 @@ class DraftLink:
 
 @dataclass(frozen=True)
 class Draft:
-    """The contents of a robot file to be written. remarks: sentences at its top; matrices: name -> (N,
-    N), offsets (N,)."""
+    """Contents of a robot file to be written.
+
+    Attributes
+    ----------
+    remarks : tuple of str
+        Sentences at its top.
+    matrices : dict of str to (array, array)
+        Joint matrices (N, N) and their offsets (N,), by name.
+    """
 
     name: str
     maker: str
@@ -56,7 +65,10 @@ class Draft:
 
     @property
     def parallel_axes(self) -> tuple[int, ...]:
-        """Axes, from 2, that are parallel to the one before and not in line with it: their twist can be seen."""
+        """Axes, from 2, that are parallel to the one before and not in line with it.
+
+        Their twist can be identified.
+        """
         behind = 1 if self.convention == "dh" else 0
         between = self.links[: len(self.links) - 1] if behind else self.links[1:]
         return tuple(
@@ -101,7 +113,10 @@ class Draft:
 
 
 def matrix_lines(name: str, matrix: Array, offset: Array, slides: Sequence[bool]) -> Iterator[str]:
-    """The lines of a joint matrix (N, N) with its offsets (N,), deg or mm: model joint = matrix x counted + offset."""
+    """Yield the lines of a joint matrix (N, N) with its offsets (N,), deg or mm.
+
+    The matrix means: model joint = matrix x counted + offset.
+    """
     yield f"[joint_matrices.{name}]   # model joint = matrix x what the controller counts + offset"
     yield "matrix = ["
     yield from (f"    [{', '.join(_number(x) for x in row)}]," for row in np.asarray(matrix))
@@ -113,7 +128,13 @@ def matrix_lines(name: str, matrix: Array, offset: Array, slides: Sequence[bool]
 
 
 def written_robot(draft: Draft) -> Robot:
-    """The robot of the draft's text, read as every robot file is. Raises DataError."""
+    """Read the robot from the draft's text, as every robot file is read.
+
+    Raises
+    ------
+    DataError
+        The text is not a valid robot file.
+    """
     with TemporaryDirectory() as folder:
         (Path(folder) / "draft.toml").write_text(draft.text, encoding="utf-8")
         try:
@@ -123,7 +144,13 @@ def written_robot(draft: Draft) -> Robot:
 
 
 def weighed(draft: Draft, mass_kg: float) -> Draft:
-    """The draft with estimated loads for a mass of the whole arm, kg. Raises DataError if it has masses already."""
+    """Add estimated loads for a mass of the whole arm, kg, to a draft.
+
+    Raises
+    ------
+    DataError
+        The draft has masses already, or no arm has this mass.
+    """
     if draft.loads:
         raise DataError("is given, but the file has masses.", do="Leave it out.", key="--mass")
     return replace(draft, loads=estimated_loads(written_robot(draft), mass_kg), loads_estimated=True)

@@ -1,15 +1,13 @@
-"""A robot file checked with a handful of readings: names the usual mistakes, and the lines that correct them.
+"""Check of a robot file with a few readings: usual mistakes and corrected lines.
 
-The hypotheses are those with which every data set is checked before a fit (`calib.data.hypotheses`). Where no single
-one explains the readings, the joints are tried in every combination of directions, with and without a coupling of two
-neighbours: a controller that counts otherwise than the table seldom differs in one joint only.
+The hypotheses are those with which every data set is checked before a fit (`calib.data.hypotheses`). If
+no single one explains the readings, the joints are tried in every combination of directions, with and
+without a coupling of two neighbours. A controller that counts differently from the table seldom differs
+in one joint only. A message names the line of the robot file to change.
 
-Line numbers in a robot file: that of a key of a link, so that a message names the line to change.
-
-A handful of readings with which a robot file is checked: joints, points, and the measured tool targets.
-
-A data set has a header beside it; of it only the tool targets and the joint matrix are taken, since nothing else
-matters before a fit. Without a header, or where it frees the tool, they are unknown and come out of the readings.
+The check readings are joints, points, and the measured tool targets. A data set has a header in the same
+folder. Only its tool targets and joint matrix are used, since the other values do not matter before a
+fit. Without a header, or if it frees the tool, they are unknown and follow from the readings.
 """
 
 from __future__ import annotations
@@ -52,7 +50,7 @@ _ACCEPTED = ("", "ok")
 
 @dataclass(frozen=True)
 class RobotFileMistake:
-    """A mistake that explains the readings: what is wrong, and the corrected lines."""
+    """A mistake that explains the readings, and the corrected lines."""
 
     what: str
     lines: tuple[str, ...]
@@ -60,11 +58,18 @@ class RobotFileMistake:
 
 @dataclass(frozen=True)
 class RobotFileVerdict:
-    """The verdict of a handful of readings on a robot file.
+    """Verdict of the check readings on a robot file.
 
-    mistakes: the likeliest first, none where the file explains the readings or nothing does. miss_mm: distance within
-    which the nominal robot, in its best place, comes to three quarters of the readings; left_mm: the same with the
-    mistake mended; extent_mm: of the readings.
+    Attributes
+    ----------
+    mistakes : tuple of RobotFileMistake
+        The likeliest first; empty if the file explains the readings, or if no mistake does.
+    miss_mm : float
+        Distance within which the nominal robot, in its best place, comes to three quarters of the readings.
+    left_mm : float
+        The same with the mistake corrected.
+    extent_mm : float
+        Extent of the readings.
     """
 
     readings: int
@@ -148,7 +153,10 @@ def of_counting(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
 
 
 def lines_of(cause: Hypothesis, meaning: InterpretedReadings, path: Path, text: str) -> Iterator[str]:
-    """The lines to change, with their numbers, and their new text: of the robot file, or of the data."""
+    """Yield the lines to change, with their numbers and their new text.
+
+    They are lines of the robot file, or of the data.
+    """
     robot, other = meaning.robot, cause.meaning.robot
     counting = cause.counting
     if other.name != robot.name or (counting is None and other == robot):
@@ -175,7 +183,10 @@ def lines_of(cause: Hypothesis, meaning: InterpretedReadings, path: Path, text: 
 
 
 def _combined(robot: Robot, coupling: str, counting: JointCounting) -> tuple[Array, Array]:
-    """The joint matrix and offset, rad and mm, that count first as `counting` and then as `coupling`."""
+    """Combine the joint matrix and offset of `counting` with those of `coupling`, rad and mm.
+
+    `counting` is applied first.
+    """
     if coupling == "none":
         return counting.matrix, counting.offset
     before = robot.joint_matrices[coupling]
@@ -184,9 +195,9 @@ def _combined(robot: Robot, coupling: str, counting: JointCounting) -> tuple[Arr
 
 
 def line_of(text: str, key: str, link: int | None = None) -> int | None:
-    """Number of the line, from 1, of `key` in the `link`-th [[link]] (1-based), or above all tables.
+    """Find the line number, from 1, of `key` in the `link`-th [[link]], or above all tables.
 
-    None where the file is written differently.
+    `link` is 1-based. Returns None if the file is written differently.
     """
     at, inside = 0, link is None
     for number, line in enumerate(text.splitlines(), start=1):
@@ -199,7 +210,7 @@ def line_of(text: str, key: str, link: int | None = None) -> int | None:
 
 
 def changed_lines(path: Path, text: str, robot: Robot, other: Robot) -> Iterator[str]:
-    """The lines that make `other` of `robot`: its convention, its DH numbers."""
+    """Yield the lines that turn `robot` into `other`, with its convention and its DH numbers."""
     if other.convention != robot.convention:
         yield f'{_place(path, line_of(text, "convention"))}: convention = "{other.convention}"'
     changes = [
@@ -231,7 +242,17 @@ def _number(value: float) -> str:
 
 @dataclass(frozen=True)
 class CheckReadings:
-    """meaning: the readings as the files have them; rows: (n,) usable rows of everything; tools: (T, 3) mm."""
+    """Readings with which a robot file is checked.
+
+    Attributes
+    ----------
+    everything : InterpretedReadings
+        All rows as the files have them.
+    rows : array of int, shape (n,)
+        Usable rows of `everything`.
+    tools : array of shape (T, 3)
+        Tool targets, mm.
+    """
 
     everything: InterpretedReadings
     rows: NDArray[np.int64]
@@ -250,7 +271,13 @@ class CheckReadings:
 
 
 def read_handful(robot: Robot, data: Path, coupling: str | None = None) -> CheckReadings:
-    """The readings of DATA.csv, as `robot` counts its joints. Raises DataError naming column or key."""
+    """Read the check readings of DATA.csv with the joints of `robot`.
+
+    Raises
+    ------
+    DataError
+        A column or key is missing or wrong; the error names it.
+    """
     table = TextTable.read(data)
     for name in (*robot.joint_columns, *_POINT):
         table.require(name, "A check needs the joints of the robot file and a measured point in every row.")

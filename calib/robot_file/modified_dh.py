@@ -1,12 +1,14 @@
-"""Modified DH numbers of any serial chain, exactly: from where its axes lie at the zero pose.
+"""Exact modified DH numbers of any serial chain, from its axes at the zero pose.
 
     FK(q) = base  Prod_k Rx(alpha_k) Tx(a_k) Rz(theta_k + q_k) Tz(d_k)  tool
 
-z_k is axis k, x_k the common normal of axes k and k + 1. Where a normal is not unique it is chosen so that numbers
-become small: of parallel axes the one through the normal before (d = 0), of axes that coincide the direction before
-(theta = 0), of axes that meet the sense that turns less. The frame before the first link keeps the z of the base link,
-so that gravity in the base frame stays the same; the last frame is where axis N is nearest to the tip.
-Sources: Denavit, Hartenberg 1955 (common normals); Craig, chapter 3 (the frames).
+z_k is axis k, x_k the common normal of axes k and k + 1. A normal that is not unique is chosen so that
+numbers become small. For parallel axes it is the one through the normal before (d = 0), for axes that
+coincide the direction before (theta = 0), and for axes that meet the sense that turns less. The frame
+before the first link keeps the z of the base link, so that gravity in the base frame stays the same. The
+last frame is at the point of axis N that is nearest to the tip.
+
+Sources: Denavit, Hartenberg 1955 (common normals), Craig, chapter 3 (the frames).
 """
 
 from __future__ import annotations
@@ -26,7 +28,11 @@ _BETTER = 1e-9  # rad
 
 @dataclass(frozen=True)
 class DhChain:
-    """alpha, a, theta, d: (N,) rad and mm; base, tool: (4, 4) constant frames before and behind, mm."""
+    """Modified DH numbers of a chain of N joints, and its constant frames.
+
+    `alpha`, `a`, `theta`, `d` (N,) are in rad and mm. `base` and `tool` (4, 4), mm, are the frames
+    before and behind the chain.
+    """
 
     alpha: Array
     a: Array
@@ -38,7 +44,11 @@ class DhChain:
 
 @dataclass(frozen=True)
 class _Normal:
-    """The common normal of two axes: its feet on both, its direction x, the angle about x and the signed length."""
+    """The common normal of two axes.
+
+    `foot` and `other` are its feet on both, `x` is its direction, `alpha` the angle about x and `a` the
+    signed length.
+    """
 
     foot: Array
     other: Array
@@ -48,7 +58,7 @@ class _Normal:
 
 
 def modified_dh(chain: SerialChain) -> DhChain:
-    """The modified DH numbers of a chain, with the constant frames that they leave before and behind."""
+    """Compute the modified DH numbers of a chain, and the constant frames before and behind."""
     points, axes, tip = _at_zero(chain)
     zs = [np.array([0.0, 0.0, 1.0]), *axes]
     # Axis 0 is the z of the base link, through its origin; at the end stands the tip.
@@ -101,7 +111,10 @@ def _through(points: list[Array], slides: Sequence[bool], k: int, tip: Array) ->
 
 
 def _normal(at: Array, z: Array, x: Array, point: Array, other: Array) -> _Normal:
-    """The common normal from the axis through `at` along z to that through `point` along `other`."""
+    """Compute the common normal of two axes.
+
+    The first axis passes through `at` along z, the second through `point` along `other`.
+    """
     across = np.cross(z, other)
     sine, span = float(np.linalg.norm(across)), point - at
     if sine <= PARALLEL:
@@ -130,7 +143,10 @@ def _angle(one: Array, other: Array, about: Array) -> float:
 
 
 def _last(at: Array, z: Array, x: Array, tip: Array) -> Array:
-    """The frame on the last axis: nearest to the tip, with its x along the tip's where that is square to the axis."""
+    """Compute the frame on the last axis.
+
+    Its origin is nearest to the tip. Its x points along the tip's if that is square to the axis.
+    """
     along = tip[:3, 0] - (tip[:3, 0] @ z) * z
     parallel = float(np.linalg.norm(np.cross(z, tip[:3, 2]))) <= 1e-9
     direction = along / np.linalg.norm(along) if parallel else x

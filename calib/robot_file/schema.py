@@ -1,7 +1,7 @@
-"""The JSON schema of robot files (draft 2020-12), for editors that complete and check TOML, and for other programs.
+"""JSON schema of robot files (draft 2020-12), for TOML editors and other programs.
 
-The reader checks what a schema cannot express: limits in order, invertible matrices, parallel axes. A test compares
-both, key by key.
+Editors use it to complete and check files. The reader checks what a schema cannot express: limits in
+order, invertible matrices, parallel axes. A test compares both, key by key.
 """
 
 from __future__ import annotations

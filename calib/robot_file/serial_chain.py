@@ -1,4 +1,4 @@
-"""A serial chain from a tree of joints: the joints between two links, with fixed ones merged and mimic joints named."""
+"""Serial chain between two links of a joint tree, with fixed joints merged and mimics named."""
 
 from __future__ import annotations
 
@@ -22,10 +22,24 @@ HELD = 0.001  # deg or mm: limits of the own part of a joint that follows anothe
 class SerialChain:
     """N joints that move, and the constant frames between them.
 
-    names, kinds: (N,); origins: (N, 4, 4) mm, from the joint before (the first from the base link) to each joint's
-    frame; axes: (N, 3) in it, of length 1; tip: (4, 4) behind the last; limits: (N, 2) rad or mm; follows: the mimic of
-    a joint, by number, with the number (0-based) of the joint that it follows; masses: link (1-based), kg and
-    centre (3,) in the joint's frame, mm; remarks: what a person has to know.
+    Attributes
+    ----------
+    names, slides : tuple
+        Name of each joint, and whether it slides.
+    origins : array of shape (N, 4, 4)
+        From the joint before (the first from the base link) to each joint's frame, mm.
+    axes : array of shape (N, 3)
+        Axis of each joint in its frame, of length 1.
+    tip : array of shape (4, 4)
+        Frame behind the last joint.
+    limits : array of shape (N, 2)
+        Limits, rad or mm.
+    follows : dict
+        By number (0-based) of a joint: the number of the joint that it follows, and its mimic.
+    masses : tuple
+        Link (1-based), kg and centre (3,) in the joint's frame, mm.
+    remarks : tuple of str
+        Facts that the user must know.
     """
 
     base: str
@@ -41,7 +55,10 @@ class SerialChain:
     remarks: tuple[str, ...]
 
     def forward(self, joints: Array) -> Array:
-        """(n, 4, 4) poses of the tip in the base link at (n, N) joint values, rad or mm."""
+        """Compute the poses of the tip in the base link, shape (n, 4, 4).
+
+        `joints` (n, N) are in rad or mm.
+        """
         pose = np.broadcast_to(np.eye(4), (len(joints), 4, 4))
         for k, (origin, axis) in enumerate(zip(self.origins, self.axes, strict=True)):
             move = np.broadcast_to(np.eye(4), (len(joints), 4, 4)).copy()
@@ -53,10 +70,10 @@ class SerialChain:
         return pose @ self.tip
 
     def coupled(self) -> NDArray[np.float64] | None:
-        """(N, N) matrix from what a controller counts to the joints, deg or mm; None without mimic joints.
+        """Compute the matrix (N, N) from controller to model joints, deg or mm.
 
-        A joint that follows another has a column of its own, which stays 0: what is left of it when the other is
-        taken off.
+        Returns None without mimic joints. A joint that follows another has a separate column, which
+        stays 0: the remainder after its mimic is subtracted.
         """
         if not self.follows:
             return None
@@ -66,7 +83,7 @@ class SerialChain:
         return matrix
 
     def offsets(self) -> Array:
-        """(N,) what mimic joints are at when the joint they follow is at 0, deg or mm."""
+        """Compute the positions of mimic joints when the joint they follow is at 0, (N,), deg or mm."""
         out = np.zeros(len(self.names))
         for k, (_, mimic) in self.follows.items():
             out[k] = mimic.offset * self._shown(k)
@@ -78,9 +95,14 @@ class SerialChain:
 
 
 def chain_of(urdf: Urdf, base: str | None = None, tip: str | None = None) -> SerialChain:
-    """The chain from `base` (default: the link that carries all) to `tip` (default: the only end that moves).
+    """Extract the chain from link `base` to link `tip` of a joint tree.
 
-    Raises DataError naming what to choose where a tree has several ends, and joints that no chain can hold.
+    By default `base` is the link that carries all, and `tip` the only end that moves.
+
+    Raises
+    ------
+    DataError
+        The tree has several ends, and the error names the choices; or a joint cannot be part of a chain.
     """
     for option, link in (("--base", base), ("--tip", tip)):
         if link is not None and link not in urdf.links:
@@ -197,8 +219,15 @@ def _beside(urdf: Urdf, path: list[UrdfJoint]) -> dict[str, list[UrdfJoint]]:
 def _rigid(
     urdf: Urdf, link: str, frame: Array, beside: dict[str, list[UrdfJoint]], aside: dict[str, float]
 ) -> list[tuple[float, Array]]:
-    """kg and centre (3,), mm, of all that is fixed to a link, whose frame is (4, 4). What moves on its own is added to
-    `aside`, kg by joint. Raises DataError for a mass that cannot be read or placed."""
+    """Collect the masses that are fixed to a link: kg and centre (3,), mm.
+
+    `frame` (4, 4) is the link's frame. The masses of branches that move are added to `aside`, kg by joint.
+
+    Raises
+    ------
+    DataError
+        A mass cannot be read or placed.
+    """
     out: list[tuple[float, Array]] = []
     ahead: list[tuple[str, Array, DataError | None]] = [(link, frame, None)]
     while ahead:
@@ -219,7 +248,7 @@ def _rigid(
 
 
 def _kilograms(urdf: Urdf, link: str, beside: dict[str, list[UrdfJoint]]) -> float:
-    """What a branch weighs, as far as its masses can be read."""
+    """Sum the masses of a branch, without those that cannot be read."""
     total, ahead = 0.0, [link]
     while ahead:
         link = ahead.pop()
@@ -230,7 +259,13 @@ def _kilograms(urdf: Urdf, link: str, beside: dict[str, list[UrdfJoint]]) -> flo
 
 
 def _end(urdf: Urdf, base: str) -> str:
-    """The link at the end of the only branch of joints that move. Raises DataError where there are several ends."""
+    """Find the link at the end of the only branch of joints that move.
+
+    Raises
+    ------
+    DataError
+        There are several ends, or none.
+    """
     parents = {joint.parent for joint in urdf.joints.values()}
     moved = {
         base: False
@@ -262,7 +297,7 @@ def _end(urdf: Urdf, base: str) -> str:
 
 
 def _carried(urdf: Urdf) -> dict[str, list[UrdfJoint]]:
-    """Link -> the joints on it."""
+    """List the joints on each link."""
     out: dict[str, list[UrdfJoint]] = {}
     for joint in urdf.joints.values():
         out.setdefault(joint.parent, []).append(joint)
@@ -274,7 +309,7 @@ def _some(names: list[str]) -> str:
 
 
 def _limits(joint: UrdfJoint) -> tuple[tuple[float, float], str]:
-    """Limits in rad or mm, and what has to be said of them."""
+    """Return the limits of a joint in rad or mm, and a remark on them."""
     if joint.limits is None:
         return (
             (-_FULL_TURN, _FULL_TURN),
@@ -285,8 +320,13 @@ def _limits(joint: UrdfJoint) -> tuple[tuple[float, float], str]:
 
 
 def _follows(urdf: Urdf, moving: list[UrdfJoint]) -> dict[int, tuple[int, Mimic]]:
-    """The joint that each joint follows, itself independent, with the factor. Raises DataError where that is not
-    linear in the chain."""
+    """Find the independent joint that each mimic joint follows, with the factor.
+
+    Raises
+    ------
+    DataError
+        The relation is not linear in the chain.
+    """
     numbers = {joint.name: k for k, joint in enumerate(moving)}
     out = {}
     for k, joint in enumerate(moving):

@@ -1,8 +1,9 @@
 """URDF: the joints and links of a robot as ROS describes it, in m and rad, as a tree.
 
-Only what a chain of joints needs is read: `origin`, `axis`, `limit` and `mimic` of joints, mass and centre of links.
-An angle that is a multiple of 45 deg rounded to a few digits (1.5708) is read as that multiple and reported: axes that
-are parallel but for a rounding have no common normal near the robot. Source: the URDF specification (joint, link).
+Only the elements that a chain of joints needs are read: `origin`, `axis`, `limit` and `mimic` of joints,
+mass and centre of links. An angle that is a multiple of 45 deg rounded to a few digits (1.5708) is read
+as that multiple and reported. The reason is that axes which are parallel but for a rounding have no
+common normal near the robot. Source: the URDF specification (joint, link).
 """
 
 from __future__ import annotations
@@ -35,7 +36,10 @@ _FARTHEST_CENTRE_MM = 10_000.0
 
 @dataclass(frozen=True)
 class Mimic:
-    """A joint that follows another: its value is multiplier x that of `joint`, plus offset (rad or m)."""
+    """A joint that follows another.
+
+    Its value is multiplier x that of `joint`, plus offset (rad or m).
+    """
 
     joint: str
     multiplier: float
@@ -44,10 +48,20 @@ class Mimic:
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """A joint: `origin` (4, 4) from the parent's frame to the joint's, mm; `axis` (3,) in it, of length 1.
+    """A joint of a URDF.
 
-    limits: rad or m, None where there are none. kind: one of `MOVING`, fixed, floating, planar. refused: why no chain
-    may go through it; its origin, axis and limits then mean nothing.
+    Attributes
+    ----------
+    kind : str
+        One of `MOVING`, or fixed, floating, planar.
+    origin : array of shape (4, 4)
+        From the parent's frame to the joint's, mm.
+    axis : array of shape (3,)
+        Axis in the joint's frame, of length 1.
+    limits : tuple of float or None
+        Limits, rad or m; None without any.
+    refused : DataError or None
+        Reason why the joint cannot be part of a chain; its origin, axis and limits then mean nothing.
     """
 
     name: str
@@ -63,8 +77,21 @@ class UrdfJoint:
 
 @dataclass(frozen=True)
 class Urdf:
-    """A robot: links, those of them that no joint carries, joints by the link that they carry, mass (kg) and centre
-    (3,), mm, of links, or why it cannot be read, and remarks on reading."""
+    """A robot of a URDF.
+
+    Attributes
+    ----------
+    links : frozenset of str
+        Names of the links.
+    roots : tuple of str
+        Links that no joint carries.
+    joints : dict of str to UrdfJoint
+        Joints by the link that they carry.
+    masses : dict
+        Mass (kg) and centre (3,), mm, by link, or the reason why they cannot be read.
+    remarks : tuple of str
+        Remarks on reading.
+    """
 
     name: str
     path: Path
@@ -76,13 +103,27 @@ class Urdf:
 
 
 def read_urdf(path: Path) -> Urdf:
-    """The robot of a URDF file. What no chain can go through is refused only by a chain that does: a wheel or a gripper
-    does not concern an arm. Raises DataError for what is no URDF."""
+    """Read the robot of a URDF file.
+
+    A joint that cannot be part of a chain is refused only by a chain through it: a wheel or a gripper
+    does not concern an arm.
+
+    Raises
+    ------
+    DataError
+        The file is no URDF.
+    """
     return urdf_of(read_xml(path), path)
 
 
 def urdf_of(root: Element, path: Path) -> Urdf:
-    """The robot of a URDF's outermost element. Raises DataError like `read_urdf`."""
+    """Build the robot from a URDF's outermost element.
+
+    Raises
+    ------
+    DataError
+        As `read_urdf`.
+    """
     _refuse_macros(root, path)
     if root.tag != "robot":
         raise DataError(
@@ -163,7 +204,13 @@ def _joint(element: Element, path: Path, rounded: dict[str, float]) -> UrdfJoint
 
 
 def _moved(element: Element, joint: UrdfJoint, path: Path, rounded: dict[str, float]) -> UrdfJoint:
-    """The joint with its origin, axis, limits and mimic. Raises DataError."""
+    """Add origin, axis, limits and mimic to a joint.
+
+    Raises
+    ------
+    DataError
+        One of them is not valid.
+    """
     kind, key = joint.kind, f"joint {joint.name}"
     if kind not in _KINDS:
         raise _refused(path, key, f"has the type '{kind[:40]}'.", f"Use {', '.join(_KINDS)}.")

@@ -1,5 +1,7 @@
-"""Import of a robot file from a URDF: exact up to a constant frame before the first joint and one after the last,
-both of which are reported."""
+"""Import of robot files from URDF, exact up to a constant frame at each end of the chain.
+
+Both frames, before the first joint and after the last, are reported.
+"""
 
 from __future__ import annotations
 
@@ -28,10 +30,16 @@ _NOTHING = 1e-7
 
 @dataclass(frozen=True)
 class Imported:
-    """A robot file that was made out of another description.
+    """A robot file that was created from another description.
 
-    base, tool: (4, 4) mm, constant frames of the description before and behind the chain of the file;
-    off_mm, off_rad: the largest difference of both in `POSTURES` random postures. remarks: what a person has to know.
+    Attributes
+    ----------
+    base, tool : array of shape (4, 4)
+        Constant frames of the description before and behind the chain of the file, mm.
+    off_mm, off_rad : float
+        Largest difference of the two chains in `POSTURES` random postures.
+    remarks : tuple of str
+        Facts that the user must know.
     """
 
     draft: Draft
@@ -51,7 +59,22 @@ def import_urdf(
     name: str | None = None,
     maker: str = "unknown",
 ) -> Imported:
-    """The robot file of a URDF between two links. Raises DataError naming the joint that no robot file can hold."""
+    """Import the robot file of a URDF between two links.
+
+    Parameters
+    ----------
+    path : Path
+        The URDF.
+    base, tip : str, optional
+        The two links. Default: the link that carries all, and the only end that moves.
+    name, maker : str, optional
+        Name and maker of the robot.
+
+    Raises
+    ------
+    DataError
+        A joint cannot be part of a robot file; the error names it.
+    """
     urdf = read_urdf(path)
     chain = chain_of(urdf, base, tip)
     numbers = modified_dh(chain)
@@ -82,7 +105,15 @@ def import_urdf(
 
 
 def _refuse_far_normals(chain: SerialChain, numbers: DhChain, path: Path) -> None:
-    """Axes that are all but parallel meet a common normal far away, which DH numbers go by. Raises DataError."""
+    """Refuse axes that are all but parallel.
+
+    Their common normal, on which DH numbers depend, is far away.
+
+    Raises
+    ------
+    DataError
+        The common normal is too far away.
+    """
     if np.abs([numbers.a, numbers.d]).max() <= FARTHEST_MM:
         return
     angle = np.abs(np.sin(numbers.alpha[1:]))
@@ -146,7 +177,7 @@ def _difference(chain: SerialChain, numbers: DhChain, robot: Robot) -> tuple[flo
 
 
 def _frames(chain: SerialChain, numbers: DhChain) -> Iterator[str]:
-    """Sentences on the constant frames; none where both are the same as the URDF's."""
+    """Yield sentences on the constant frames that differ from the URDF's."""
     if not _is_nothing(numbers.base):
         yield f"The base frame of this file stands in the URDF's '{chain.base}' at {in_words(numbers.base)}."
     if not _is_nothing(numbers.tool):
@@ -168,7 +199,7 @@ def in_words(pose: Array) -> str:
 
 
 def _angles(rotation: Array) -> Array:
-    """(3,) roll, pitch, yaw, deg. At a pitch of 90 deg the roll is 0."""
+    """Return roll, pitch and yaw, deg, shape (3,). At a pitch of 90 deg the roll is 0."""
     pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
     if np.hypot(rotation[0, 0], rotation[1, 0]) < 1e-9:
         return np.array([0.0, pitch, np.arctan2(-rotation[0, 1], rotation[1, 1])]) / DEG
