@@ -1,4 +1,4 @@
-"""Compensation: `correct` computes joint targets with which the real robot reaches the pose of the nominal one."""
+"""Compensation: joint targets with which the real robot reaches the nominal pose."""
 
 from calib.compensate.calibrated import Calibrated, Usable, usable
 from calib.compensate.carried import RepresentableModel, carried, constant_slots, joint_origins, poses_with

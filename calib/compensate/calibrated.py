@@ -1,16 +1,16 @@
-"""The calibrated robot at stated conditions: FK_cal of the pose shift.
+"""The calibrated robot at stated conditions, and the part of a model usable for corrections.
 
-It holds what belongs to the robot and to its mounting, never what belongs to the instrument. Where the world is the
-nominal base frame, the identified base is part of the error; where the base was placed by the fit (a model with
-placements), the world is arbitrary, and the identified base frame takes its place: its parameters are left out.
-A regression based on the model shifts every target by the error that it predicts for its own point; it corrects no
-orientation.
+The calibrated robot is FK_cal of the pose shift. It includes the effects of the robot and of its
+mounting, never those of the instrument. If the world is the nominal base frame, the identified base is
+part of the error. If the fit placed the base (a model with placements), the world is arbitrary. The
+identified base frame then takes its place, and its parameters are left out. A regression based on the
+model shifts every target by the error that it predicts for its own point; it corrects no orientation.
 
-The part of a model that can be used for corrections: without carried terms whose conditions only a campaign has.
-
-A function of time is known while the readings are taken, and not afterwards; the last move is not known of a target.
-Such terms are left out, and the other parameters adapted to first order (`calib.model.model`). The loss is the
-distance between both models over random poses within the joint limits, at random times of the campaign:
+Carried terms whose conditions only a campaign has cannot be used for corrections. A function of time is
+known while the readings are taken, and not afterwards; the last move is not known for a target. Such
+terms are left out, and the other parameters adapted to first order (`calib.model.model`). The loss is
+the distance between both models over random poses within the joint limits, at random times of the
+campaign:
 
     loss = |p_whole(q, t) - p_usable(q, t)|
 """
@@ -49,8 +49,10 @@ _SECONDS, _AIR_C = 3600.0, 20.0  # for named effects of time and temperature whe
 
 
 def corrects(model: ModelStructure, series: str) -> Array:
-    """(m,) 1 for parameters of the robot and its mounting, 0 for those of the instrument, and of a base that the fit
-    placed."""
+    """Return 1 for the parameters that a correction includes, otherwise 0, shape (m,).
+
+    These are the parameters of the robot and its mounting, without a base that the fit placed.
+    """
     owned = model.owned(CORRECTED_OWNERS)
     if series in model.placements:
         owned[model.of_base] = 0.0
@@ -65,10 +67,16 @@ def in_base(model: ModelStructure) -> ModelStructure:
 
 
 class Calibrated:
-    """The calibrated robot at stated conditions, with the base as the nominal frame where the fit placed it.
+    """The calibrated robot at stated conditions.
 
-    estimate: (m,) of the model, zero where a parameter is the instrument's or only says where the base was put, and
-    for carried terms that follow what is known only during a campaign (this module adapts the others).
+    If the fit placed the base, that base is the nominal frame.
+
+    Attributes
+    ----------
+    estimate : array of shape (m,)
+        Estimate of the model. It is zero for parameters of the instrument and for those of a base that
+        the fit placed. It is also zero for carried terms of quantities that are known only during a
+        campaign (this module adapts the others).
     """
 
     def __init__(
@@ -90,7 +98,13 @@ class Calibrated:
         self._regression = regression
 
     def design(self, joints: Array) -> BoundModel:
-        """The model in n poses. Raises DataError when it needs a condition that was not stated."""
+        """Bind the model to n poses.
+
+        Raises
+        ------
+        DataError
+            The model needs a condition that was not stated.
+        """
         design = BoundModel(self._model, self._at(joints))
         for position, _, drive in design.terms:
             if self.estimate[position] != 0.0 and not np.all(np.isfinite(drive)):
@@ -106,7 +120,13 @@ class Calibrated:
         return conditions_at(self._plain, joints, self._stated, self._target)
 
     def poses(self, joints: Array) -> Array:
-        """(n, 4, 4) at model angles (n, N), rad. Raises DataError like `design`."""
+        """Compute the poses at model angles (n, N), rad, shape (n, 4, 4).
+
+        Raises
+        ------
+        DataError
+            As `design`.
+        """
         design = self.design(joints)
         poses = poses_of(design.frames(self.estimate, record=()), len(joints))
         if self._regression is not None:
@@ -116,8 +136,11 @@ class Calibrated:
         return poses
 
     def beyond(self, *joints: Array) -> tuple[tuple[str, ...], ...]:
-        """Per target, at model angles asked and driven (n, N), rad: quantities outside the range in which the carried
-        terms that act were measured."""
+        """List, for each target, the quantities outside their measured range.
+
+        It is the range in which the acting carried terms were measured. `joints` are the requested and
+        the driven model angles (n, N), rad.
+        """
         model = self._model.without(*(e.label for e in self._model.effects if not e.is_usable))
         found: dict[str, NDArray[np.bool_]] = {}
         for there in joints:
@@ -126,7 +149,10 @@ class Calibrated:
         return tuple(tuple(name for name, rows in found.items() if rows[i]) for i in range(len(joints[0])))
 
     def covariance_of_points(self, joints: Array, covariance: Array) -> Array:
-        """(n, 3, 3) covariances, mm2, of the target at model angles (n, N), rad, from that of the model, (m, m)."""
+        """Compute the covariances of the target from that of the model, (n, 3, 3), mm2.
+
+        `joints` (n, N) are model angles, rad; `covariance` is (m, m).
+        """
         acting = covariance * np.outer(self._acts, self._acts)
         conditions = self._at(joints)
         held = [e for e in self._model.effects if not e.is_usable]
@@ -135,7 +161,7 @@ class Calibrated:
 
 
 def poses_of(frames: Frames, n: int) -> Array:
-    """(n, 4, 4) of the target frame."""
+    """Return the poses of the target frame, shape (n, 4, 4)."""
     poses = np.zeros((n, 4, 4))
     poses[:, :3, :3] = frames.rotation
     poses[:, :3, 3] = np.broadcast_to(frames.p, (3, n)).T
@@ -145,8 +171,17 @@ def poses_of(frames: Frames, n: int) -> Array:
 
 @dataclass(frozen=True)
 class Usable:
-    """A model for corrections, its estimate (m,) and covariance (m, m) in internal units; left_out: carried terms that
-    it lacks; loss: mm, what leaving them out costs, None if nothing was left out."""
+    """A model for corrections.
+
+    Attributes
+    ----------
+    estimate, covariance : array of shape (m,), (m, m)
+        Internal units.
+    left_out : tuple of Effect
+        Carried terms that it lacks.
+    loss : ErrorStatistics or None
+        Error from leaving them out, mm; None if nothing was left out.
+    """
 
     model: ModelStructure
     estimate: Array
@@ -156,7 +191,7 @@ class Usable:
 
     @property
     def in_words(self) -> tuple[str, ...]:
-        """What was left out, and its cost, as sentences; empty if nothing was left out."""
+        """Sentences on the terms left out, and the loss; empty if nothing was left out."""
         if self.loss is None:
             return ()
         names = ", ".join(effect.label for effect in self.left_out[:_NAMED])
@@ -177,8 +212,21 @@ def usable(
     named_only: bool = False,
     coupling: str = "none",
 ) -> Usable:
-    """The model, estimate (m,) and covariance (m, m), without carried terms that cannot be used; named_only: without
-    any. stated: loads, gravity and air for the loss."""
+    """Remove the carried terms that cannot be used for corrections from a model.
+
+    Parameters
+    ----------
+    model : ModelStructure
+        The whole model.
+    estimate, covariance : array of shape (m,), (m, m)
+        Internal units.
+    stated : StatedConditions
+        Loads, gravity and air for the loss.
+    named_only : bool, optional
+        Remove all carried terms.
+    coupling : str, optional
+        Joint matrix of the controller.
+    """
     left_out = tuple(e for e in model.effects if e.is_carried and (named_only or not e.is_usable))
     less, values, spread = without(model, estimate, covariance, left_out)
     if not left_out:

@@ -1,10 +1,13 @@
-"""The part of a model that a table of constants can hold, and the error without the rest.
+"""Table representation of a model as constants, and the error without the rest.
 
-A DH table, a URDF or joint offsets hold numbers for the slots of the chain. At stated conditions some effects are
-such numbers: geometry, joint offsets, thermal growth at the stated temperature, half the backlash at the stated
-side. What follows the joints (compliance, gear errors, encoder scale) is left out. Nothing here asks which effect it
-is: a term is carried if what drives it is the same in every pose, and the table holds its slot. Where a term is left
-out, the numbers are fitted once more, to the poses of the whole model: they take over what they can of it.
+A DH table, a URDF or joint offsets hold numbers for the slots of the chain. At stated conditions some
+effects are such numbers: geometry, joint offsets, thermal growth at the stated temperature, half the
+backlash at the stated side. Effects that follow the joints are left out (compliance, gear errors,
+encoder scale).
+
+The kind of the effect does not matter. A term is carried if its regressor is the same in every pose, and
+the table holds its slot. If a term is left out, the numbers are fitted again to the poses of the whole
+model, so that they represent as much of it as they can.
 
     loss = |FK_full(q) - FK_file(q)| of the flange, over random q within the joint limits
 """
@@ -33,9 +36,18 @@ _AXES = np.eye(3)
 
 @dataclass(frozen=True)
 class RepresentableModel:
-    """values: slot -> change from nominal, rad or mm. left_out: names of the parameters of which something is lost.
+    """Part of a model that constants of slots represent.
 
-    joints: (n, N) model angles, rad; poses: (n, 4, 4) of the flange there by the whole model, mm.
+    Attributes
+    ----------
+    values : dict of str to float
+        Change from nominal by slot, rad or mm.
+    left_out : tuple of str
+        Names of the parameters of which something is lost.
+    joints : array of shape (n, N)
+        Model angles, rad.
+    poses : array of shape (n, 4, 4)
+        Poses of the flange there by the whole model, mm.
     """
 
     robot: Robot
@@ -45,7 +57,7 @@ class RepresentableModel:
     poses: Array
 
     def off(self, poses: Array) -> ErrorStatistics:
-        """What the places of the flange in (n, 4, 4) at `joints` are off by, mm."""
+        """Compute the position errors of flange poses (n, 4, 4) at `joints`, mm."""
         found = statistics_of(np.linalg.norm(self.poses[:, :3, 3] - poses[:, :3, 3], axis=1))
         assert found is not None  # there are poses
         return found
@@ -60,8 +72,28 @@ def carried(
     coupling: str = "none",
     joints: Array | None = None,
 ) -> RepresentableModel:
-    """The part of a model, estimate (m,), that the slots carry. joints: (n, N) model angles, rad, at which it shall be
-    close; None: random ones within the limits. Raises DataError for a condition that is missing."""
+    """Compute the part of a model that the slots can carry.
+
+    Parameters
+    ----------
+    model : ModelStructure
+        The whole model.
+    estimate : array of shape (m,)
+        Internal units.
+    stated : StatedConditions
+        Conditions for which the constants hold.
+    slots : collection of str
+        Slots that the table holds.
+    coupling : str, optional
+        Joint matrix of the controller.
+    joints : array of shape (n, N), optional
+        Model angles at which the result must be close, rad. Default: random ones within the limits.
+
+    Raises
+    ------
+    DataError
+        A condition is missing.
+    """
     robot = model.robot
     if joints is None:
         counted = np.random.default_rng(1).uniform(robot.lower, robot.upper, (_SAMPLES, robot.joints))
@@ -85,15 +117,19 @@ def carried(
 
 
 def poses_with(robot: Robot, joints: Array, changes: dict[str, float]) -> Array:
-    """(n, 4, 4) of the flange, mm, at model angles (n, N), of the nominal robot with the changes of its slots."""
+    """Compute flange poses of the nominal robot with changed slots, shape (n, 4, 4), mm.
+
+    `joints` (n, N) are model angles.
+    """
     values = changed(robot, joints, changes)
     return poses_of(propagate(Chain.of(robot), values, BasePoses(), record=()), len(joints))
 
 
 def _projected(robot: Robot, joints: Array, poses: Array, start: dict[str, float]) -> dict[str, float]:
-    """The changes that come closest to `poses` (n, 4, 4) at `joints` (n, N), by least squares from `start`.
+    """Fit the changes that come closest to `poses` (n, 4, 4) at `joints` (n, N).
 
-    Places and turns count, a turn by `_LEVER_MM`: without turns, a tool would lose what the flange gains.
+    The fit is by least squares from `start`. Positions and turns count, a turn by `_LEVER_MM`: without
+    turns, a tool would lose accuracy that the flange gains.
     """
 
     def off(changes: dict[str, float]) -> Array:
@@ -128,10 +164,11 @@ def constant_slots(robot: Robot) -> tuple[str, ...]:
 
 
 def joint_origins(robot: Robot, changes: dict[str, float]) -> tuple[Array, Array]:
-    """Frames between the joints, mm: (N, 4, 4) from each joint's moving frame to where the next one turns about z,
-    the first from the base; and (4, 4) from the last to the flange.
+    """Compute the constant frames between the joints, mm.
 
-    The pose of the flange is the product of origin_k Rz(q_k) over the joints, times the last.
+    Returns the frames (N, 4, 4) from each joint's moving frame to where the next one turns about z, the
+    first from the base. The second result is the frame (4, 4) from the last joint to the flange. The
+    pose of the flange is the product of origin_k Rz(q_k) over the joints, times that last frame.
     """
     chain = Chain.of(robot)
     values = changed(robot, np.zeros((1, robot.joints)), changes)

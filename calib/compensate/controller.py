@@ -1,4 +1,4 @@
-"""Sides of approach of the model's joints, from those of the joints that the controller counts.
+"""Conversion of sides of approach from controller joints to model joints.
 
 The sides that a person states are the controller's; the kinematics and the effects take the model's.
 """
@@ -14,10 +14,14 @@ from calib.array import Array
 
 
 def model_sides(robot: Robot, sides: Array, coupling: str) -> Array:
-    """(N,) sides of approach of the model's joints, from those of the controller's, +1 or -1.
+    """Convert sides of approach from controller to model joints, shape (N,), +1 or -1.
 
-    Raises KeyError for an unknown `coupling`, ValueError where a model joint that several controller joints turn
-    would not move: its side is then not determined.
+    Raises
+    ------
+    KeyError
+        The robot has no joint matrix `coupling`.
+    ValueError
+        A model joint that several controller joints turn would not move, so that its side is not determined.
     """
     if coupling == "none":
         return sides
@@ -31,9 +35,16 @@ def model_sides(robot: Robot, sides: Array, coupling: str) -> Array:
 
 
 def sides_that_move(robot: Robot, coupling: str) -> tuple[int, ...]:
-    """(N,) sides of the controller's joints, as few from above as may be, under which every joint of the model moves.
+    """Choose sides of the controller's joints under which every joint of the model moves, (N,).
 
-    Raises KeyError for an unknown `coupling`, ValueError where there are none.
+    As few as possible are from above.
+
+    Raises
+    ------
+    KeyError
+        The robot has no joint matrix `coupling`.
+    ValueError
+        There are no such sides.
     """
     given = sorted(itertools.product((1, -1), repeat=robot.joints), key=lambda sides: sides.count(-1))
     moved = np.array(given) @ (

@@ -1,26 +1,26 @@
-"""Corrected targets: joint angles at which the real robot reaches the pose that the nominal robot would have reached.
+"""Corrected joint targets, with which the real robot reaches the nominal pose.
 
-The controller keeps its nominal model, so it is sent a false target F instead of the wanted pose T:
+The controller keeps its nominal model. It is therefore sent a false target F instead of the target pose T:
 
     F = T;   F <- F . FK_cal(IK_nom(F))^-1 . T
 
-until the calibrated robot at IK_nom(F) reaches T. Source: Nubiola, thesis 1.5; Nubiola & Bonev 2014. For a joint
-target q the wanted pose is T = FK_nom(q). FK_cal: `calib.compensate.calibrated`, under stated conditions
-(`calib.model.model`). An arm with fewer than six freedoms (`calib.arm.freedoms`) is asked for the pose nearest
-to T that it can reach; the rest of the pose error stays and is reported.
+until the calibrated robot at IK_nom(F) reaches T. For a joint target q the target pose is T = FK_nom(q).
+FK_cal is `calib.compensate.calibrated`, under stated conditions (`calib.model.model`). An arm with fewer
+than six freedoms (`calib.arm.freedoms`) gets the pose nearest to T that it can reach; the rest of the
+pose error stays and is reported. Sources: Nubiola, thesis 1.5, Nubiola & Bonev 2014.
 
-Anderson's mixing, batched: fewer rounds to the same fixed point. Source: Walker & Ni 2011.
+Anderson's mixing, batched, needs fewer rounds to the same fixed point. Source: Walker & Ni 2011.
 
-The inverse direction: joints of the nominal robot in the poses that the real robot takes, actual to nominal.
+`nominal_of` is the inverse direction, from actual to nominal: joints of the nominal robot in the poses
+that the real robot takes. It serves targets that were taught on the real robot and will be shown, or
+programmed on, in a world where robots are nominal: q_nom = IK_nom(FK_cal(q)). `correct` turns q_nom into
+q again.
 
-For targets that were taught on the real robot and shall be shown, or programmed on, in a world where robots are
-nominal: q_nom = IK_nom(FK_cal(q)). What `calib.compensate.correct` makes of q_nom is q again.
-
-Bounds on a correction: a larger one means a wrong model, not a wrong robot.
-
-Identified robots differ from nominal by some tenths of a degree and some millimetres; 10 deg in a joint means a file
-that was changed, a model of another robot, or a failed fit. What is compared is where the flange is, with
-the model and without, all over the joint ranges: single parameters may be large and cancel, as the UR's d_2 and d_3.
+`refuse_unlikely` bounds a correction: a larger one means a wrong model, not a wrong robot. Identified
+robots differ from nominal by some tenths of a degree and some millimetres. 10 deg in a joint means a
+changed file, a model of another robot, or a failed fit. The position of the flange with and without the
+model is compared all over the joint ranges. Single parameters may be large and cancel, as the UR's d_2
+and d_3.
 """
 
 from __future__ import annotations
@@ -63,15 +63,42 @@ def correct(
     regression: Regression | None = None,
     most_iterations: int = MOST_ITERATIONS,
 ) -> Correction:
-    """Correct joint targets (n, N) of the model, rad or mm: `target` then lands where the nominal robot would put it.
+    """Correct joint targets so that the real robot reaches the nominal poses.
 
-    estimate: (m,) of the model, internal units. target: a tool target by name, or the flange, which carries all
-    targets with it. limits: (N, 2) as the controller counts, default the robot's; coupling: how it counts.
-    regression: one that is based on the model; targets outside its region are refused. Rows that are NaN are out of
-    reach. An arm without all six freedoms is asked for those that it has; `Correction.left` holds the rest. With the
-    flange as target its tool is then off by what is left of orientation times its length: name a target instead.
-    Raises DataError for a condition that is missing, ValueError for arrays of the wrong shape, an unknown
-    target or series.
+    Parameters
+    ----------
+    model : ModelStructure
+        The calibrated model.
+    estimate : array of shape (m,)
+        Estimate of the model, internal units.
+    joints : array of shape (n, N)
+        Nominal model joints, rad or mm; NaN rows are out of reach.
+    stated : StatedConditions
+        Conditions for which the correction holds.
+    target : str, optional
+        Tool target that must land. Default: the flange, which carries all targets with it. For an arm
+        without all six freedoms, name a tool target. With the flange as target its tool is off by the
+        remaining orientation error times its length.
+    limits : array of shape (N, 2), optional
+        Joint limits in controller values. Default: those of the robot.
+    coupling : str, optional
+        Joint matrix of the controller.
+    regression : Regression, optional
+        Regression based on the model; targets outside its region are refused.
+    most_iterations : int, optional
+        Most iterations.
+
+    Returns
+    -------
+    Correction
+        Joints to drive. For an arm without all six freedoms, `left` holds the remaining error.
+
+    Raises
+    ------
+    DataError
+        A condition is missing.
+    ValueError
+        An array has the wrong shape, or the target or series is unknown.
     """
     robot = model.robot
     joints, limits = checked(robot, joints, limits)
@@ -107,7 +134,13 @@ def correct(
 
 
 def checked(robot: Robot, joints: Array, limits: Array | None) -> tuple[Array, Array]:
-    """Joints (n, N) and limits (N, 2) as arrays. Raises ValueError for wrong shapes."""
+    """Convert joints (n, N) and limits (N, 2) to arrays.
+
+    Raises
+    ------
+    ValueError
+        An array has the wrong shape.
+    """
     joints = np.asarray(joints, dtype=np.float64)
     if joints.ndim != 2 or joints.shape[1] != robot.joints:
         raise ValueError(f"joints have shape {joints.shape}; needed (n, {robot.joints})")
@@ -129,9 +162,10 @@ def refused(
     regression: Regression | None,
     asked: Array,
 ) -> list[tuple[Status, NDArray[np.bool_]]]:
-    """The corrections `found` of `joints`, both (n, N), that must not be driven: masks (n,) by reason.
+    """Find the corrections `found` of `joints`, both (n, N), that must not be driven.
 
-    asked: (k, n, N) joints at which the regression, if there is one, had to know the robot.
+    `asked` (k, n, N) are the joints at which the regression, if any, had to be valid. Returns masks (n,)
+    by reason.
     """
     outside = np.zeros(len(joints), dtype=bool)
     if regression is not None:
@@ -157,7 +191,7 @@ def refused(
 
 
 def inverse_poses(poses: Array) -> Array:
-    """(n, 4, 4) inverses of rigid poses."""
+    """Invert rigid poses (n, 4, 4)."""
     out = np.zeros_like(poses)
     turned = poses[..., :3, :3].swapaxes(-1, -2)
     out[..., :3, :3] = turned
@@ -169,9 +203,9 @@ def inverse_poses(poses: Array) -> Array:
 class AndersonMixing:
     """Anderson mixing: extrapolates the last steps to their limit.
 
-    The pose shift alone errs by a share of what is left that grows with the joints' errors; with them the fourth
-    iteration reaches 1e-6 mm in 98 % of poses, without it in 70 to 95 %. The fixed point is the same.
-    Source: Walker & Ni 2011.
+    The pose shift alone errs by a share of the remaining error that grows with the joints' errors. With
+    mixing the fourth iteration reaches 1e-6 mm in 98 % of poses, without it in 70 to 95 %. The fixed
+    point is the same. Source: Walker & Ni 2011.
     """
 
     DEPTH = 2
@@ -182,7 +216,7 @@ class AndersonMixing:
         self._known = 0
 
     def next(self, rows: NDArray[np.int64], here: Array, shifted: Array) -> Array:
-        """(k, N) where to go on from `here` (k, N), when the pose shift leads to `shifted`."""
+        """Compute the next point (k, N) after `here` (k, N), if the pose shift leads to `shifted`."""
         step, depth = shifted - here, min(self._known, self.DEPTH)
         out = shifted
         if depth:
@@ -211,9 +245,9 @@ def nominal_of(
     coupling: str = "none",
     regression: Regression | None = None,
 ) -> Correction:
-    """Joints (n, N) at which the nominal robot is in the pose that the real one takes at `joints` (n, N), rad.
+    """Find the joints at which the nominal robot has the pose of the real one.
 
-    Arguments, refusals and errors raised are those of `correct`.
+    The real robot is at `joints` (n, N), rad. Arguments, refusals and errors raised are those of `correct`.
     """
     robot = model.robot
     joints, limits = checked(robot, joints, limits)
@@ -232,7 +266,7 @@ def nominal_of(
 
 @dataclass(frozen=True)
 class Bounds:
-    """The largest rotation, deg, and the largest shift, mm, of the flange that a model may cause."""
+    """Largest rotation, deg, and shift, mm, of the flange that a model may cause."""
 
     turn_deg: float = 2.0
     shift_mm: float = 15.0
@@ -247,9 +281,10 @@ def refuse_unlikely(
     coupling: str = "none",
     file: Path | str | None = None,
 ) -> None:
-    """Raise DataError, naming the parameter with the largest share, where a model corrects beyond `bounds`.
+    """Raise DataError if a model corrects beyond `bounds`.
 
-    estimate: (m,) internal units. Conditions that are not stated are those of a usual room.
+    The error names the parameter with the largest share. `estimate` (m,) is in internal units. A
+    temperature or time that is not stated is taken as `_AIR_C` or `_SECONDS`.
     """
     robot = model.robot
     counted = np.random.default_rng(1).uniform(robot.lower, robot.upper, (_SAMPLES, robot.joints))

@@ -1,6 +1,6 @@
-"""The result of a correction for each target: the joints to drive, or why the target must not be driven.
+"""Correction of each target: joints to drive or a refusal, and the remaining error.
 
-The remaining error of a corrected pose: the part that the arm could correct, and the part that it cannot.
+The remaining error of a corrected pose has a part that the arm could correct, and a part that it cannot.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LANDED_MM, LANDED_RAD = 1e-7, 1e-9
 
 
 class Status(StrEnum):
-    """The outcome of one target."""
+    """Result of one target."""
 
     CORRECTED = "corrected"
     OUT_OF_REACH = "out of reach"
@@ -53,10 +53,17 @@ SHOWN_MM, SHOWN_RAD = 5e-4, 5e-4 * DEG
 
 @dataclass(frozen=True)
 class ResidualError:
-    """The error that the arm cannot correct, (n,) each: off in mm, askew in rad; infinite where a target was not
-    solved.
+    """The error that the arm cannot correct.
 
-    tilt: the arm turns about one direction, so that what is left of orientation is a tilt of that axis.
+    Attributes
+    ----------
+    off : array of shape (n,)
+        Position error, mm; infinite if a target was not solved.
+    askew : array of shape (n,)
+        Orientation error, rad; infinite if a target was not solved.
+    tilt : bool
+        Whether the arm turns about one direction, so that the remaining orientation error is a tilt of
+        that axis.
     """
 
     off: Array
@@ -77,11 +84,21 @@ class ResidualError:
 
 @dataclass(frozen=True)
 class Correction:
-    """Corrected targets. `joints` (n, N) rad or mm, NaN where refused: a refused target must never be driven.
+    """Corrected targets. A refused target must never be driven.
 
-    landed (n,) mm and turned (n,) rad: how far from the wanted pose the calibrated model is at `joints`, of what the
-    arm can move and turn; left: what it cannot; iterations (n,): how many the target took; beyond: per target, joints
-    and other quantities that are outside the range in which carried terms were measured.
+    Attributes
+    ----------
+    joints : array of shape (n, N)
+        Joints to drive, rad or mm; NaN if refused.
+    landed, turned : array of shape (n,)
+        Distance, mm, and angle, rad, of the calibrated model at `joints` from the target pose, within
+        the freedoms of the arm.
+    left : ResidualError
+        The error outside these freedoms.
+    iterations : array of int, shape (n,)
+        Iterations for each target.
+    beyond : tuple
+        For each target, joints and other quantities outside the range in which carried terms were measured.
     """
 
     joints: Array
@@ -94,18 +111,21 @@ class Correction:
 
     @property
     def good(self) -> NDArray[np.bool_]:
-        """(n,) targets that may be driven."""
+        """Mask of the targets that may be driven, shape (n,)."""
         return np.array([s is Status.CORRECTED for s in self.status], dtype=bool)
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """The reason why each target was refused, as a sentence part; empty where it was not."""
+        """Reason why each target was refused, as a sentence part, or ''."""
         return tuple(REASONS[s] for s in self.status)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentence parts on each target that may be driven: the error left because the arm cannot correct it, and what
-        is outside the measured range, where carried terms keep their value."""
+        """Sentence parts on each target that may be driven.
+
+        They state the error that the arm cannot correct, and the quantities outside the measured range,
+        where carried terms keep their value.
+        """
         out = []
         for i, good in enumerate(self.good):
             words = self.left.in_words(float(self.left.off[i]), float(self.left.askew[i]))
@@ -131,7 +151,10 @@ class Correction:
         left: ResidualError,
         iterations: NDArray[np.int64],
     ) -> Correction:
-        """A correction from the rows that were refused, by reason, the weightiest last: it is the one that is kept."""
+        """Build a correction from masks of refused rows by reason.
+
+        A later reason replaces an earlier one, so the most important comes last.
+        """
         status = np.zeros(len(joints), dtype=np.int64)
         for reason, rows in refusals:
             status[rows] = ALL.index(reason)
@@ -147,9 +170,14 @@ class Correction:
 
 @dataclass(frozen=True)
 class TargetErrors:
-    """Misses of n targets, mm and rad, infinite where not known.
+    """Errors of n targets, mm and rad, infinite if not known.
 
-    landed, turned: (n,) within the freedoms of the arm. off, askew: (n,) what it cannot move or turn.
+    Attributes
+    ----------
+    landed, turned : array of shape (n,)
+        Within the freedoms of the arm.
+    off, askew : array of shape (n,)
+        Outside these freedoms.
     """
 
     landed: Array
@@ -172,9 +200,10 @@ class TargetErrors:
         reached: Array,
         wanted: Array,
     ) -> tuple[NDArray[np.bool_], Array]:
-        """Keep what some rows, at model angles (k, N) in poses `reached` (k, 4, 4), miss of those `wanted`.
+        """Record the errors of some rows and return whether they have landed, shape (k,).
 
-        Returns (k,) whether they have landed, and (k, 4, 4) the wanted poses without what the arm cannot do.
+        The rows are at model angles (k, N) in poses `reached` (k, 4, 4). Also returns the target poses
+        (k, 4, 4) without the part that the arm cannot reach.
         """
         miss, goal = pose_difference(wanted, reached), wanted
         within = miss
