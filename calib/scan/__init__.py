@@ -1,4 +1,4 @@
-"""The scan: how much of the residuals each candidate effect would explain in addition to a fitted model."""
+"""Scan for effects: the residuals that each candidate would explain in addition to a model."""
 
 from calib.scan.families import Candidate, Harmonics, Shapes, Steps
 from calib.scan.scores import Family, Scores, Space

@@ -1,19 +1,17 @@
-"""The families of candidates: one effect, harmonics of a joint, steps at a reading, effects of one shape constant.
+"""Families of candidates: one effect, harmonics, steps, and effects of one shape constant.
 
-Harmonics of a joint: scanned over all orders at once by a Fourier transform, refined to orders between them.
+Harmonics of a joint are scanned over all orders at once by a Fourier transform, then refined to orders
+between them. The derivative of A cos(H theta) + B sin(H theta) by H is theta (B cos - A sin). One
+Gauss-Newton step for all orders at once moves them, projected on the residuals of the model. An order
+becomes whole if its nearest whole number lies within the uncertainty of the readings.
 
-The derivative of A cos(H theta) + B sin(H theta) by H is theta (B cos - A sin). One Gauss-Newton step for all
-orders at once, projected on what the model leaves, moves them; an order whose nearest whole number lies within
-what the readings determine becomes whole.
+Steps at a reading are scanned at evenly spread change points by one cumulative sum, then refined to the
+reading. Creeps between two readings that are far apart are scanned too. They are never chosen, but are
+rivals of the best step if they fit nearly as well, since the readings then do not show that it happened
+at once.
 
-Steps at a reading: scanned at evenly spread change points by one cumulative sum, refined to the reading.
-
-Beside them stand creeps between two readings that are far apart. They are never chosen: they are rivals of the best
-step where they fit nearly as well, since then the readings do not show that it happened at once.
-
-Effects of one shape constant, such as a time constant: scanned at a few places, refined between them.
-
-A Gauss-Newton step in the logarithm of the constant moves it, to whole units.
+Effects of one shape constant, such as a time constant, are scanned at a few places and refined between
+them. A Gauss-Newton step in the logarithm of the constant moves it, to whole units.
 """
 
 from __future__ import annotations
@@ -36,12 +34,15 @@ class _Scan:
     """A family whose effects all have its own label."""
 
     def made(self: Family, effect: Effect) -> bool:
-        """Whether an effect is one of this family."""
+        """Test whether an effect is one of this family."""
         return effect.label == self.label
 
 
 class ColumnScores:
-    """Scores of one effect, or of one at several values of a constant, by the columns of every place."""
+    """Scores of one effect, or of one at several values of a constant.
+
+    They use the columns of every place.
+    """
 
     twins = True
 
@@ -55,11 +56,11 @@ class ColumnScores:
         self.rivals = np.zeros(len(effects), dtype=bool)
 
     def shared(self, space: Space, vectors: Array) -> Array:
-        """(places, p, c): X'v."""
+        """Compute X'v, shape (places, p, c)."""
         return self.columns @ vectors
 
     def gram(self, space: Space) -> Array:
-        """(places, p, p): X'X."""
+        """Compute X'X, shape (places, p, p)."""
         return self.columns @ self.columns.transpose(0, 2, 1)
 
     def choose(self, gain: Array, scores: Scores) -> int:
@@ -107,9 +108,9 @@ _LONGEST_RATIO = 0.25  # by how much, in its logarithm, a shape constant may mov
 
 @dataclass(frozen=True)
 class Shapes(_Scan):
-    """A family of candidates of one shape constant, `key` in their `shape`, scanned over a few `values`.
+    """A family of candidates of one shape constant, scanned over a few `values`.
 
-    limits: between which the constant is refined, to whole units of it.
+    `key` is the constant in their `shape`. It is refined between `limits`, to whole units of it.
     """
 
     label: str
@@ -128,8 +129,10 @@ class Shapes(_Scan):
         return [family._better(space, effect) for family, effect in own]
 
     def _better(self, space: Space, effect: Effect) -> Effect:
-        """The effect after a Gauss-Newton step of the logarithm; its derivative by differences, since the columns are
-        cheap."""
+        """Improve an effect by a Gauss-Newton step of the logarithm of its constant.
+
+        The derivative is by differences, since the columns are cheap.
+        """
         constant = effect.shape[self.key]
         nudge = 1e-3
         longer, shorter = (space.effect_columns(self.at(constant * math.exp(h))) for h in (nudge, -nudge))
@@ -182,7 +185,7 @@ class TrigSums:
         self.undo = (np.sqrt(np.pi / width) * np.exp(mode**2 * width))[:, None]
 
     def of(self, values: Array) -> NDArray[np.complex128]:
-        """(J, c) complex sums of values (n, c) x exp(i order theta)."""
+        """Compute the complex sums of values (n, c) x exp(i order theta), shape (J, c)."""
         grid = self.spread @ (values * self.carrier)
         return scipy.fft.ifft(grid, axis=0)[self.places] * self.undo
 
@@ -194,9 +197,10 @@ _RESOLUTION = 0.6  # cycles over the measured range within which two orders of a
 
 @dataclass(frozen=True)
 class Harmonics:
-    """A family of candidates: cos and sin of order x theta of one joint on some slots, scanned over `orders`.
+    """A family of candidates: cos and sin of order x theta of one joint on some slots.
 
-    Labels of its effects begin with its own and a colon. lowest: order down to which one may be refined.
+    It is scanned over `orders`; an order may be refined down to `lowest`. Labels of its effects begin
+    with its own and a colon.
     """
 
     label: str
@@ -216,7 +220,7 @@ class Harmonics:
         return HarmonicScores(self, space)
 
     def made(self, effect: Effect) -> bool:
-        """Whether an effect is one of this family."""
+        """Test whether an effect is one of this family."""
         return effect.label.startswith(f"{self.label}:")
 
     @classmethod
@@ -238,7 +242,7 @@ class Harmonics:
         return refined
 
     def _by_order(self, space: Space, effect: Effect) -> Array:
-        """(size,) derivative of the readings by the order of an effect."""
+        """Differentiate the readings by the order of an effect, shape (size,)."""
         order = effect.shape["order"]
         theta = space.fitted.readings.conditions.joints[:, self.joint - 1]
         a, b = space.fitted.estimate[space.fitted.model.positions(effect)]
@@ -247,7 +251,10 @@ class Harmonics:
 
 
 def one_order(space: Space, one: Effect, other: Effect) -> bool:
-    """Whether two harmonics of one joint, on the same slots, differ by less than the measured range resolves."""
+    """Test whether two harmonics differ by less than the measured range resolves.
+
+    They must be of one joint and act on the same slots.
+    """
     if one.wave is None or one.wave != other.wave:
         return False
     turns = np.ptp(space.fitted.readings.conditions.joints[:, one.wave[0] - 1]) / (2.0 * np.pi)
@@ -274,12 +281,12 @@ class HarmonicScores:
         self.rivals = np.abs(family.orders - np.round(family.orders)) < 1e-9
 
     def shared(self, space: Space, vectors: Array) -> Array:
-        """(orders, 2, c): X'v."""
+        """Compute X'v, shape (orders, 2, c)."""
         sums = self.sums.of(space.by_reading(self.slot_columns, vectors))
         return np.stack([sums.real, sums.imag], axis=1)
 
     def gram(self, space: Space) -> Array:
-        """(orders, 2, 2): X'X, from the sums at twice the order."""
+        """Compute X'X from the sums at twice the order, shape (orders, 2, 2)."""
         twice = TrigSums(self.theta, 2.0 * self.family.orders).of(self.size[:, None])[:, 0]
         total = np.sum(self.size)
         gram = np.empty((len(twice), 2, 2))
@@ -299,7 +306,7 @@ class HarmonicScores:
         return whole if lost < WHOLE_ORDER else best
 
     def alike(self, place: int) -> int:
-        """Half the weight goes to the low whole orders, where eccentric wheels are, half to all others."""
+        """Give half the weight to the low whole orders, where eccentric wheels are, half to others."""
         order = self.family.orders[place]
         low = order <= _LOW_ORDER and abs(order - round(order)) < 1e-9
         return 2 * _LOW_ORDER if low else 2 * len(self.family.orders)
@@ -319,10 +326,17 @@ _FEWEST_NODES = 2  # of them that a creep lasts: what is over sooner is a step
 
 @dataclass(frozen=True)
 class Steps(_Scan):
-    """A family of candidates: several slots step together at one reading, one of the ranks of `every`.
+    """A family of candidates: several slots step together at one reading.
 
-    slowly: the same creeping between two ranks. scanned: about how many of the ranks are scanned, evenly spread; the
-    others come into question when one is refined.
+    Attributes
+    ----------
+    every : array
+        Ranks at which a step may be.
+    slowly : callable
+        Builds the same effect as a creep between two ranks.
+    scanned : int
+        Approximate number of ranks that are scanned, evenly spread. The others are candidates when a
+        step is refined.
     """
 
     label: str
@@ -349,7 +363,7 @@ class Steps(_Scan):
 
     @classmethod
     def refine(cls, space: Space, own: Sequence[tuple[Steps, Effect]]) -> list[Effect]:
-        """The effects with every change point moved to the reading that explains most, near where it was."""
+        """Move every change point to the reading nearby that explains most."""
         return [family._moved(space, effect) for family, effect in own]
 
     def _moved(self, space: Space, effect: Effect) -> Effect:
@@ -382,21 +396,24 @@ class StepScores:
         self.rivals = np.arange(len(self.raw)) >= len(family.ranks)
 
     def _sums(self, values: Array, weights: Array) -> Array:
-        """(places, c): sums of (n, c) values over the readings from every rank on, then by the weights of creeps."""
+        """Sum values (n, c) over the readings from every rank on, then by the weights of creeps.
+
+        The shape is (places, c).
+        """
         tail = np.cumsum(values[self.order[::-1]], axis=0)[::-1]
         return np.concatenate([tail[self.first], weights @ values])
 
     def _squares(self, values: Array) -> Array:
-        """(places,): sums of (n,) products of two columns."""
+        """Sum products (n,) of two columns, shape (places,)."""
         return self._sums(values[:, None], self.creeping**2)[:, 0]
 
     def shared(self, space: Space, vectors: Array) -> Array:
-        """(places, slots, c): X'v."""
+        """Compute X'v, shape (places, slots, c)."""
         values = [space.by_reading(g, vectors) for g in self.slot_columns]
         return np.stack([self._sums(each, self.creeping) for each in values], axis=1)
 
     def gram(self, space: Space) -> Array:
-        """(places, slots, slots): X'X."""
+        """Compute X'X, shape (places, slots, slots)."""
         p = len(self.slot_columns)
         gram = np.empty((len(self.raw), p, p))
         for i, g in enumerate(self.slot_columns):

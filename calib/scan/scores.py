@@ -1,30 +1,34 @@
-"""Scores of everything the library offers, projected on what the model does not explain.
+"""Scores of all candidate effects of the library, projected on the residuals of the model.
 
-For a candidate with columns X (rows, p): A = X'PX, b = X'r, and the fall of the residual sum of squares that it
-would bring is b' A^-1 b. Scanned families never form their columns: the sums that make up A and b are
+For a candidate with columns X (rows, p): A = X'PX, b = X'r, and the fall of the residual sum of squares
+that it would bring is b' A^-1 b. Scanned families never form their columns: the sums that make up A and
+b are
 
     harmonics   sums over readings of u exp(i H theta), for all orders H at once by a Fourier transform;
     steps       sums over the readings from a rank on: one cumulative sum.
 
-Other shapes, such as time constants, are scanned at few places and by their columns. A place at which physics forbids
-the estimate A^-1 b scores nothing.
-Adding or removing a direction q (unit vector) from the model updates A and b by what q shares with X.
+Other shapes, such as time constants, are scanned at few places and by their columns. A place at which
+physics forbids the estimate A^-1 b scores nothing. Adding or removing a direction q (unit vector) from
+the model updates A and b by the product of q with X.
 
-With J the whitened Jacobian of the fitted model (priors and distances between balls stacked below it), J = QR, a
-candidate's columns X count only by P X, P = I - QQ': what the base model absorbs is no evidence. The residual r is
-orthogonal to J already.
+Let J be the whitened Jacobian of the fitted model (priors and distances between balls stacked below it),
+and J = QR. A candidate's columns X count only by P X, P = I - QQ': the part that the base model absorbs
+is no evidence. The residual r is orthogonal to J already.
 
-Evidence (twice the log, larger is better) = n log(RSS before / after) - sum of log(1 + mu_j) - 2 log(multiplicity).
-mu_j are the eigenvalues of S A S / s^2: what the readings know of the candidate's columns (A), against what is
-usual (S, the expected sizes), in noise s. BIC charges log n for every column, also for one that the base model
-absorbs nearly whole, and so is sure of the simpler of two explanations that the readings cannot distinguish; this
-charges what a column can really do. With the tries counted, nothing is claimed on sets that lack nothing (plain
-BIC claims in 40 to 95 % of them). Source: Chen and Chen 2008 (extended BIC); MacKay 1992 (Occam factor).
+Evidence is n log(RSS before / after) - sum of log(1 + mu_j) - 2 log(multiplicity). It is twice the log
+of the evidence; larger is better. mu_j are the eigenvalues of S A S / s^2. They compare the information
+of the readings on the candidate's columns (A) with the expected sizes (S), in noise s.
 
-Physical bounds: an estimate that exceeds the bounds of its parameter by more than its noise excludes the effect.
+BIC charges log n for every column, also for one that the base model absorbs almost completely. It is
+therefore certain of the simpler of two explanations that the readings cannot distinguish. This evidence
+charges only the real effect of a column. With the tries counted, nothing is claimed on faultless sets
+(plain BIC claims in 40 to 95 % of them). Sources: Chen and Chen 2008 (extended BIC), MacKay 1992 (Occam
+factor).
 
-A negative gap, or a gear that turns against its load, means that the readings show another effect that looks similar.
-An estimate within its noise of the bound is accepted. The bounds are those that each effect declares in its own file.
+Physical bounds: an estimate that exceeds the bounds of its parameter by more than its noise excludes the
+effect. A negative gap, or a gear that turns against its load, means that the readings show another
+effect that looks similar. An estimate within its noise of the bound is accepted. The bounds are those
+that each effect declares in its own file.
 """
 
 from __future__ import annotations
@@ -56,9 +60,10 @@ WHOLE_ORDER = 10.0  # evidence that a harmonic order off the whole numbers must 
 def p_value(
     gain: float, columns: int, rss: float, freedom: int, multiplicity: float, counts: float = 1.0
 ) -> float:
-    """The p-value, over all tries, of a reduction of `rss` (before it) by `gain`. 1 where nothing is left to test.
+    """Compute the p-value, over all tries, of a reduction of `rss` by `gain`.
 
-    counts: share of the gain that counts, where noise is larger along it than elsewhere.
+    `rss` is the value before the reduction. `counts` is the share of the gain that counts, if noise is
+    larger along it than elsewhere. The p-value is 1 if nothing is left to test.
     """
     left = freedom - columns
     if columns == 0 or left <= 0 or gain <= 0.0:
@@ -68,7 +73,7 @@ def p_value(
 
 
 def evidence_of(gain: float, volume: float, rss: float, rows: int, multiplicity: float) -> float:
-    """Evidence of a candidate; volume: sum of log(1 + mu_j)."""
+    """Compute the evidence of a candidate; `volume` is the sum of log(1 + mu_j)."""
     left = max(rss - gain, 1e-300)
     return rows * math.log(rss / left) - volume - 2.0 * math.log(multiplicity)
 
@@ -77,13 +82,19 @@ _NOISE = 3.0  # standard errors beyond a bound that rule an effect out
 
 
 def bounds_of(effect: Effect) -> Array | None:
-    """(p, 2) lowest and highest value of every parameter, internal units; None where nothing is bounded."""
+    """Return lowest and highest value of every parameter, shape (p, 2), internal units.
+
+    Returns None if nothing is bounded.
+    """
     bounds = np.array([parameter.bounds for parameter in effect.parameters])
     return bounds if np.any(np.isfinite(bounds)) else None
 
 
 def impossible(bounds: Array, values: Array, errors: Array) -> NDArray[np.bool_]:
-    """(...,) whether any of the values (..., p) with standard errors (..., p) lies outside the bounds (p, 2)."""
+    """Test whether any of the values (..., p) lies outside the bounds (p, 2), shape (...,).
+
+    `errors` (..., p) are their standard errors.
+    """
     low, high = bounds.T
     beyond = (values + _NOISE * errors < low) | (values - _NOISE * errors > high)
     return np.any(beyond, axis=-1)
@@ -91,7 +102,10 @@ def impossible(bounds: Array, values: Array, errors: Array) -> NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Space:
-    """The whitened rows of a fit: k rows a reading (k, n) flattened, `size` = k n, of which `rows` were measured."""
+    """The whitened rows of a fit.
+
+    They are k rows per reading (k, n), flattened: `size` = k n, of which `rows` were measured.
+    """
 
     fitted: IdentificationFit
     frames: Frames
@@ -142,7 +156,7 @@ class Space:
 
     @property
     def basis_of_readings(self) -> Array:
-        """(size, a): the part of Q that belongs to the readings."""
+        """Rows of Q that belong to the readings, shape (size, a)."""
         return self.basis[: self.size]
 
     @property
@@ -151,12 +165,15 @@ class Space:
         return self.rows - self.basis.shape[1]
 
     def slot(self, slot: str) -> Array:
-        """(k, n) whitened derivative of the readings for a unit of a slot, the same in all readings of a visit."""
+        """Differentiate the whitened readings for a unit of a slot, shape (k, n).
+
+        The slot is the same in all readings of a visit.
+        """
         observed = self.fitted.readings.observed
         return observed.by_visit(observed.column(self.frames, slot))
 
     def effect_columns(self, effect: Effect) -> Array:
-        """(size, p) whitened columns of an effect, whether the model has it or not."""
+        """Compute the whitened columns of an effect inside or outside the model, shape (size, p)."""
         position = {p.name: i for i, p in enumerate(effect.parameters)}
         conditions, observed = self.fitted.readings.conditions, self.fitted.readings.observed
         columns = np.zeros((len(effect.parameters), *self.residual.shape))
@@ -172,23 +189,27 @@ class Space:
         return observed.by_visit(columns).reshape(len(columns), -1).T
 
     def pulled(self, rows: Array) -> Array:
-        """(size, c) for c vectors (size, c): what columns that are whitened reading by reading share with the result is
-        what they, whitened by visit, share with the vectors."""
+        """Apply the whitening by visit to c vectors (size, c).
+
+        The product of columns that are whitened by reading with the result equals the product of the
+        same columns, whitened by visit, with the vectors.
+        """
         observed = self.fitted.readings.observed
         if observed.shared is None:
             return rows
         return observed.by_visit(rows.T.reshape(-1, *self.residual.shape)).reshape(rows.shape[1], -1).T
 
     def by_reading(self, slot_columns: Array, rows: Array) -> Array:
-        """(n, c): for c row vectors (size, c), the sum over a reading's k rows of slot column x vector."""
+        """Sum slot column x vector over a reading's k rows, for c row vectors (size, c), (n, c)."""
         k, n = slot_columns.shape
         return np.einsum("kn,knc->nc", slot_columns, rows.reshape(k, n, -1))
 
     def own_direction(self, effect: Effect) -> tuple[Array, Array]:
-        """The space that one effect of the model alone explains: orthonormal (size, p) and the coefficients (p,) in it.
+        """Find the space that one effect of the model alone explains.
 
-        The columns of the effect less what all others explain are X C_e (C = covariance, C_e its columns of the
-        effect), with Gram matrix C_ee; so q = X C_e L^-T and q'r = L^-1 beta, C_ee = L L'.
+        Returns orthonormal vectors (size, p) and the coefficients (p,) in it. Without the part that all
+        others explain, the columns of the effect are X C_e (C = covariance, C_e its columns of the
+        effect). Their Gram matrix is C_ee; so q = X C_e L^-T and q'r = L^-1 beta, C_ee = L L'.
         """
         positions = self.fitted.model.positions(effect)
         live = [i for i in positions if self.covariance[i, i] > 0.0]
@@ -197,7 +218,10 @@ class Space:
         return direction, solve_triangular(lower, self.fitted.estimate[live], lower=True)
 
     def forbids(self, effect: Effect) -> bool:
-        """Whether the estimate of an effect of the model lies beyond what physics allows by more than its noise."""
+        """Test whether the estimate of an effect lies beyond its physical bounds.
+
+        The effect belongs to the model. It must exceed the bounds by more than its noise.
+        """
         bounds = bounds_of(effect)
         if bounds is None:
             return False
@@ -207,7 +231,10 @@ class Space:
         return bool(impossible(bounds, self.fitted.estimate[at], errors))
 
     def own_coordinates(self, effect: Effect) -> tuple[Array, Array]:
-        """`own_direction` in coordinates of the basis, readings and priors together: t (a, p) with q = Q t, c (p,)."""
+        """Compute `own_direction` in coordinates of the basis, readings and priors together.
+
+        Returns t (a, p) with q = Q t, and the coefficients (p,).
+        """
         active = np.flatnonzero(np.diag(self.covariance) > 0.0)
         live = np.isin(active, self.fitted.model.positions(effect))
         within = self.covariance[np.ix_(active, active[live])]
@@ -229,12 +256,15 @@ class FamilyScores(Protocol):
 
     @property
     def raw(self) -> Array:
-        """(places, p): squares of the columns before projection."""
+        """Squares of the columns before projection, shape (places, p)."""
         ...
 
     @property
     def bounds(self) -> Array | None:
-        """(p, 2) what physics allows; None where nothing is bounded, or the estimate is not looked at."""
+        """Physical bounds, shape (p, 2).
+
+        They are None if nothing is bounded, or if the estimate is not examined.
+        """
         ...
 
     @property
@@ -244,15 +274,18 @@ class FamilyScores(Protocol):
 
     @property
     def rivals(self) -> NDArray[np.bool_]:
-        """(places,) the places that are rivals of their own, beside the best, where they fit nearly as well."""
+        """Mask of the places that are separate rivals of the best, shape (places,).
+
+        They count if they fit nearly as well.
+        """
         ...
 
     def shared(self, space: Space, vectors: Array) -> Array:
-        """(places, p, c): X'v for c row vectors (rows, c)."""
+        """Compute X'v for c row vectors (rows, c), shape (places, p, c)."""
         ...
 
     def gram(self, space: Space) -> Array:
-        """(places, p, p): X'X."""
+        """Compute X'X, shape (places, p, p)."""
         ...
 
     def choose(self, gain: Array, scores: Scores) -> int:
@@ -273,7 +306,7 @@ class FamilyScores(Protocol):
 
 
 class Family(Protocol):
-    """A family of candidates of the library: one effect, or many that differ by what is scanned."""
+    """A family of candidates of the library: one effect, or many with different scanned values."""
 
     @property
     def label(self) -> str:
@@ -285,18 +318,24 @@ class Family(Protocol):
         ...
 
     def made(self, effect: Effect) -> bool:
-        """Whether an effect is one of this family."""
+        """Test whether an effect is one of this family."""
         ...
 
     @classmethod
     def refine(cls, space: Space, own: Sequence[tuple[Self, Effect]]) -> list[Effect]:
-        """Effects of the model, each beside the family that made it, off the places of the scan to where they fit."""
+        """Refine effects of the model from the places of the scan to their best fit.
+
+        Each effect comes with the family that made it.
+        """
         ...
 
 
 @dataclass(frozen=True)
 class Score:
-    """A candidate at one place of its scan: reduction of the residual sum of squares, columns that count, evidence."""
+    """A candidate at one place of its scan.
+
+    `gain` is the reduction of the residual sum of squares, `freedom` the number of columns that count.
+    """
 
     label: str
     effect: Effect
@@ -325,7 +364,7 @@ class Scores:
             b -= shared @ ahead
 
     def _shares(self, space: Space) -> dict[tuple[int, int], float]:
-        """(family, place) -> share of all tries, of what robots of the type were found to have."""
+        """Return the share of all tries, by family and place, for effects of the robot's type."""
         return {
             (index, family.place_of(expected.place)): expected.share
             for expected in space.fitted.model.expected
@@ -342,7 +381,10 @@ class Scores:
         return twin
 
     def move(self, directions: Array, coefficients: Array, *, enters: bool) -> None:
-        """Orthonormal directions (rows, p) enter or leave the model, with the coefficients (p,) of the data on them."""
+        """Let orthonormal directions (rows, p) enter or leave the model.
+
+        `coefficients` (p,) are those of the data on them.
+        """
         sign = -1.0 if enters else 1.0
         for i, family in enumerate(self.families):
             shared = family.shared(self.space, directions)
@@ -352,7 +394,10 @@ class Scores:
         self.freedom += int(sign) * len(coefficients)
 
     def gains(self, index: int) -> tuple[Array, Array]:
-        """(places,) gain and number of columns that count, of one family; none where physics forbids the estimate."""
+        """Compute gain and number of columns that count of one family, both (places,).
+
+        They are zero if physics forbids the estimate.
+        """
         a, b, family = self.a[index], self.b[index], self.families[index]
         gain, freedom = gain_of(a, b, family.raw)
         if family.bounds is not None:
@@ -367,9 +412,10 @@ class Scores:
         return max(self.rss / max(self.freedom, 1), 1.0)
 
     def multiplicity(self, index: int, place: int) -> float:
-        """Number of tries that a place counts for: all families x the places of its scan that are as likely as it.
+        """Return the number of tries for which a place counts.
 
-        Where robots of the type were found to have effects, half of the tries is theirs (`calib.model.model`).
+        It is the number of families, multiplied by the number of equally likely places of its scan. If
+        effects were found in robots of the type, half of the tries is theirs (`calib.model.model`).
         """
         alike = len(self.families) * self.families[index].alike(place)
         if not self.shares:
@@ -415,7 +461,10 @@ class Scores:
 
 
 def usual_sizes(effect: Effect) -> Array:
-    """(p,) expected sizes of an effect's parameters, internal units; those without one count as 1 of their unit."""
+    """Return the expected sizes of an effect's parameters, shape (p,), internal units.
+
+    Those without one count as 1 of their unit.
+    """
     return np.array([to_internal(1.0 if p.size is None else p.size, p.unit) for p in effect.parameters])
 
 
@@ -436,7 +485,10 @@ def gain_of(a: Array, b: Array, raw: Array, absorbed: float = ABSORBED) -> tuple
 
 
 def estimate_of(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
-    """A^-1 b (c, p) and its variance for unit noise (c, p), of the directions that `gain_of` counts; else 0."""
+    """Compute A^-1 b (c, p) and its variance for unit noise (c, p).
+
+    Only the directions that `gain_of` counts are included, otherwise both are 0.
+    """
     scale = 1.0 / np.sqrt(np.maximum(raw, 1e-300))
     values, vectors = np.linalg.eigh(a * scale[:, :, None] * scale[:, None, :])
     inverse = np.where(values > ABSORBED, 1.0 / np.maximum(values, ABSORBED), 0.0)
