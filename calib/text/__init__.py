@@ -1,4 +1,4 @@
-"""Text and tables from files and requests: read within bounds, refused in sentences, written whole or not at all."""
+"""Text and tables from files and requests, with bounds, clear errors and atomic writing."""
 
 from calib.text.columns import (
     LONGEST_LINE,

@@ -1,10 +1,9 @@
-"""The cells of a table by column, with the line of every row, so that a refusal can name its place.
+"""Cells of a CSV table by column, with the line of every row for error messages.
 
-The reader of CSV: rows with their line numbers; the lengths of lines and the number of columns are bounded.
+The lengths of lines and the number of columns are bounded.
 
-Cells that a spreadsheet would evaluate as formulas, escaped so that it does not.
-
-Source: OWASP, CSV injection: a cell that begins with = + - @, a tab or an end of line.
+Cells that a spreadsheet would evaluate as formulas are escaped so that it does not. Source: OWASP, CSV
+injection (a cell that begins with = + - @, a tab or an end of line).
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ _BEGINS = ("=", "+", "-", "@", "\t", "\r", "\n")
 class TextTable:
     """A table of text: its rows, each with the line on which it is in the file `path`.
 
-    sha256: the hash of the file's text.
+    `sha256` is the hash of the file's text.
     """
 
     def __init__(
@@ -50,12 +49,24 @@ class TextTable:
 
     @classmethod
     def read(cls, path: Path) -> TextTable:
-        """A CSV file read whole. Raises DataError (file, line) for what is not a table of UTF-8 text."""
+        """Read a CSV file.
+
+        Raises
+        ------
+        DataError
+            The file is not a table of UTF-8 text; the error names file and line.
+        """
         return cls.of_text(read_text(path), path)
 
     @classmethod
     def of_text(cls, text: str, path: Path) -> TextTable:
-        """The table that CSV text holds; `path` is what messages call it. Raises DataError (file, line)."""
+        """Parse CSV text to a table; `path` is its name in messages.
+
+        Raises
+        ------
+        DataError
+            The text is not a table; the error names file and line.
+        """
         if text.lstrip().startswith("{"):
             raise DataError(
                 "is JSON, not a table.", do="Give a data set: a CSV with its header beside it.", file=path
@@ -92,7 +103,7 @@ class TextTable:
         return len(self.lines)
 
     def where(self, keep: NDArray[np.bool_]) -> TextTable:
-        """Some of the rows, by mask (n,), each with the line where it is."""
+        """Select rows by a mask (n,), each with its line."""
         few = copy.copy(self)
         rows = np.flatnonzero(keep).tolist()
         few.lines = [self.lines[i] for i in rows]
@@ -105,14 +116,20 @@ class TextTable:
             raise DataError(f"column '{name}' is missing.", do=do, file=self.path, line=1)
 
     def text(self, name: str, default: str = "") -> NDArray[np.str_]:
-        """(n,) cells without surrounding blanks, and without the ' before what a spreadsheet would work out; `default`
-        for empty cells and for an absent column."""
+        """Return the cells of a column without surrounding blanks, shape (n,).
+
+        The ' before a text that a spreadsheet would evaluate is removed. Empty cells and an absent
+        column give `default`.
+        """
         if name not in self._cells:
             return np.full(len(self), default)
         return np.array([meant_by(cell.strip()) or default for cell in self._cells[name]])
 
     def numbers(self, name: str, *, required: bool = False) -> Array:
-        """(n,) numbers; an empty cell is NaN, unless `required`. A cell that is not a finite number is refused."""
+        """Parse the numbers of a column, shape (n,); an empty cell is NaN, unless `required`.
+
+        A cell that is not a finite number is refused.
+        """
         if name not in self._cells:
             return np.full(len(self), np.nan)
         cells = [cell.replace("_", "?") for cell in self._cells[name]]  # Python reads 1_5 as 15
@@ -140,12 +157,18 @@ class TextTable:
         return out
 
     def refuse(self, row: int, name: str, what: str, do: str) -> DataError:
-        """The refusal of one cell, naming its line and column."""
+        """Build the error for one cell, naming its line and column."""
         return DataError(f"column '{name}' {what}.", do=f"{do}.", file=self.path, line=self.lines[row])
 
 
 def rows_of(text: str, file: Path | str, delimiter: str = ",") -> list[tuple[int, list[str]]]:
-    """Line number, from 1, and cells of every row. Raises DataError (file, line) for what is no table."""
+    """Split text into rows, each with its line number, from 1, and its cells.
+
+    Raises
+    ------
+    DataError
+        The text is no table; the error names file and line.
+    """
     reader = csv.reader(taken(io.StringIO(text, newline="\n"), file), delimiter=delimiter)
     out = []
     try:
@@ -171,7 +194,7 @@ def refuse_wide(columns: int, file: Path | str, line: int) -> None:
 
 
 def other_mark(names: Sequence[str]) -> str | None:
-    """The word for what separates the cells of a header row, where it is no comma; None where it is."""
+    """Return the word for the sign that separates a header row, or None for commas."""
     marks = {";": "semicolons", "\t": "tabs"}
     return next((word for mark, word in marks.items() if len(names) == 1 and mark in names[0]), None)
 
@@ -184,7 +207,13 @@ def refuse_twice(names: Sequence[str], file: Path | str) -> None:
 
 
 def taken(lines: Iterable[str], file: Path | str, do: str = "Correct that line.") -> Iterator[str]:
-    """The lines of a file, none longer than `LONGEST_LINE`. Raises DataError (file, line) for one that is longer."""
+    """Yield the lines of a file.
+
+    Raises
+    ------
+    DataError
+        A line is longer than `LONGEST_LINE`; the error names file and line.
+    """
     for number, line in enumerate(lines, start=1):
         if len(line) > LONGEST_LINE:
             raise DataError(
@@ -197,7 +226,10 @@ def taken(lines: Iterable[str], file: Path | str, do: str = "Correct that line."
 
 
 def no_formula(text: str) -> str:
-    """The text of a cell that a spreadsheet takes as text: `'` before what it would work out. Numbers stay numbers."""
+    """Escape a text so that a spreadsheet does not evaluate it: `'` before it.
+
+    Numbers stay numbers.
+    """
     if not text.startswith(_BEGINS):
         return text
     try:

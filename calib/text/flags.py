@@ -1,4 +1,7 @@
-"""Flags where numbers belong: Python counts true as 1, and an angle of true would be one degree."""
+"""Refusal of true and false in the place of numbers.
+
+Python counts true as 1, and an angle of true would be one degree.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,10 @@ from calib.errors import DataError
 
 
 def refuse_flags(value: object, file: Path | str, key: str) -> None:
-    """Raise DataError, naming the key, for a true or false anywhere in what a TOML file gives under `key`."""
+    """Raise DataError for a true or false anywhere in the value of `key` of a TOML file.
+
+    The error names the key.
+    """
     if isinstance(value, bool):
         raise DataError(f"is {str(value).lower()}.", do="Give a number.", file=file, key=key)
     if isinstance(value, dict):

@@ -15,12 +15,24 @@ _DIGITS = 20  # of an integer of 64 bits, with its sign
 
 
 def read_json(path: Path) -> Any:
-    """The value in a JSON file. Raises DataError naming file, and line or key."""
+    """Read the value in a JSON file.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read; the error names file, and line or key.
+    """
     return parse_json(read_text(path, MOST_BYTES), path)
 
 
 def parse_json(text: str | bytes, file: Path | str) -> Any:
-    """The value of JSON text. Raises DataError for what is not JSON, a key that is given twice, unusual values."""
+    """Parse JSON text.
+
+    Raises
+    ------
+    DataError
+        The text is not JSON, a key is given twice, or a value is unusual.
+    """
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         table = dict(pairs)

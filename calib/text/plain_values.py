@@ -1,4 +1,4 @@
-"""The refusal of unusual values in JSON and TOML: integers of hundreds of digits, NaN, deep nesting."""
+"""Refusal of unusual values in JSON and TOML: huge integers, NaN, deep nesting."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ LARGEST_INTEGER = 2**63
 
 
 def refuse_unusual(value: Any, file: Path | str | None = None, *, longest: float = math.inf) -> None:
-    """Raise DataError naming the key of a value that is nested too deeply, too large an integer, or not finite.
+    """Raise DataError for a value that is nested too deeply, too large an integer or not finite.
 
-    longest: characters of a text or a key.
+    The error names the key. `longest` is the largest number of characters of a text or a key.
     """
     waiting: list[tuple[str, Any, int]] = [("", value, 0)]
     while waiting:  # not by recursion, which deep nesting would exhaust
@@ -48,11 +48,11 @@ def refuse_unusual(value: Any, file: Path | str | None = None, *, longest: float
 
 
 def too_long(file: Path | str | None, line: int | None = None) -> DataError:
-    """The refusal of a text that holds no reading of anything."""
+    """Build the error for a text that is too long for any reading."""
     what = f"holds a single text or attribute of more than {LONGEST_TEXT // 2**20} MB."
     return DataError(what, do="Check whether it is the file that was meant.", file=file, line=line)
 
 
 def too_deep(file: Path | str | None) -> DataError:
-    """The refusal of brackets within brackets."""
+    """Build the error for values that are nested too deeply."""
     return DataError(f"is nested more than {DEEPEST} deep.", do="Correct its brackets.", file=file)

@@ -1,9 +1,10 @@
-"""Text files that people and other programs wrote: read completely, or refused with the reason.
+"""Text files of people and other programs: read completely or refused, written atomically.
 
-All text files are read by `read_text`, which refuses folders, devices, files that are too large or not UTF-8,
-each with the reason. A byte order mark is taken off; lines may end as on any system and end with LF from here on.
+All text files are read by `read_text`, which refuses folders, devices, files that are too large or not
+UTF-8, each with the reason. A byte order mark is removed. Lines may end as on any system and end with LF
+from here on.
 
-Atomic writing of files: a temporary file beside the target is written, synced, then renamed.
+Files are written atomically: a temporary file in the same folder is written, synced, then renamed.
 """
 
 from __future__ import annotations
@@ -25,7 +26,13 @@ _noting: Callable[[Path, bytes], object] | None = None
 
 
 def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
-    """The bytes of an ordinary file of at most `most` bytes. Raises DataError naming the file."""
+    """Read an ordinary file of at most `most` bytes.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read, or is larger; the error names it.
+    """
     try:
         # Without waiting: a named pipe that nobody writes to would hold the program for ever.
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
@@ -57,7 +64,13 @@ def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
 
 
 def decoded(data: bytes, file: Path | str) -> str:
-    """UTF-8 text without its byte order mark. Raises DataError, with the line where it can, for anything else."""
+    """Decode UTF-8 text without its byte order mark.
+
+    Raises
+    ------
+    DataError
+        The bytes are not UTF-8 text; the error names the line if possible.
+    """
     if data.startswith(_UTF_16):
         raise DataError("is UTF-16, not UTF-8.", do="Save it as UTF-8.", file=file)
     try:
@@ -72,12 +85,21 @@ def decoded(data: bytes, file: Path | str) -> str:
 
 
 def read_text(path: Path, most: int = MOST_BYTES) -> str:
-    """The text of a file. Raises DataError naming the file."""
+    """Read the text of a file.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read, or is not UTF-8 text; the error names it.
+    """
     return decoded(read_bytes(path, most), path)
 
 
 def note_files(hook: Callable[[Path, bytes], object] | None) -> None:
-    """Call `hook` with every file that is written from now on, and what was written; None: call nothing."""
+    """Call `hook` with the path and content of every file that is written from now on.
+
+    None removes the hook.
+    """
     global _noting
     _noting = hook
 

@@ -1,13 +1,11 @@
-"""A table of a TOML file with typed getters: a wrong value is refused with file and key.
+"""TOML from files and requests: bounded reading, typed getters, and no unknown keys.
 
-Marks that turn the direction of writing: a name that holds one is read otherwise than it is stored.
+A wrong value is refused with file and key. Reading is bounded, with finite numbers and a few levels. An
+unknown key is refused, because a misspelt one would be ignored and its default used.
 
-U+061C, U+200E and U+200F, the embeddings U+202A to U+202E and the isolates U+2066 to U+2069. Source: Unicode Standard
-Annex 9, "Bidirectional Algorithm", section 2.
-
-The reader of all TOML from files and requests: bounded, finite numbers, a few levels.
-
-The refusal of unknown keys: a misspelt one would be ignored and its default used.
+Marks that turn the direction of writing are refused too: a name with one is read differently from how it
+is stored. They are U+061C, U+200E and U+200F, the embeddings U+202A to U+202E and the isolates U+2066 to
+U+2069. Source: Unicode Standard Annex 9, "Bidirectional Algorithm", section 2.
 """
 
 from __future__ import annotations
@@ -50,7 +48,10 @@ class TomlTable:
         self.values, self.file, self.prefix = values, file, prefix
 
     def refuse(self, key: str, what: str, do: str) -> DataError:
-        """The error to raise. what: a sentence about the value; do: one on what it should be."""
+        """Build the error for a key.
+
+        `what` is a sentence about the value, `do` one on the correct value.
+        """
         return DataError(what, do=do, file=self.file, key=self.prefix + key)
 
     def _given(self, key: str, default: object) -> Any:
@@ -60,28 +61,28 @@ class TomlTable:
         return value
 
     def only(self, known: Iterable[str]) -> None:
-        """Refuse keys that nobody reads: a mistyped limit must not pass for a limit."""
+        """Refuse keys that are not read: a mistyped limit must not pass for a limit."""
         allowed = sorted(known)
         for key in self.values:
             if key not in allowed:
                 raise self.refuse(key, "is not known here.", f"There are {', '.join(allowed)}.")
 
     def table(self, key: str) -> TomlTable:
-        """A table below this one; absent: empty."""
+        """Return a table below this one; empty if absent."""
         value = self.values.get(key, {})
         if not isinstance(value, Mapping):
             raise self.refuse(key, f"is {value!r}.", f"Make it a table, [{self.prefix}{key}].")
         return TomlTable(value, self.file, f"{self.prefix}{key}.")
 
     def tables(self, key: str) -> list[TomlTable]:
-        """An array of tables; absent: none."""
+        """Return an array of tables; empty if absent."""
         value = self.values.get(key, [])
         if not isinstance(value, Sequence) or not all(isinstance(each, Mapping) for each in value):
             raise self.refuse(key, f"is {value!r}.", f"Write [[{key}]] tables.")
         return [TomlTable(each, self.file, f"{self.prefix}{key}[{i}].") for i, each in enumerate(value)]
 
     def text(self, key: str, default: str | None = None, allowed: Sequence[str] | None = None) -> str:
-        """Text, one of `allowed`; it may be empty where the default is."""
+        """Return a text, one of `allowed`; it may be empty if the default is."""
         value = self._given(key, default)
         if not isinstance(value, str) or not (value or default == "") or value not in (allowed or (value,)):
             wanted = "text" if allowed is None else " or ".join(repr(a) for a in allowed)
@@ -127,7 +128,7 @@ class TomlTable:
         return float(x), float(y), float(z)
 
     def vectors(self, key: str) -> dict[str, Vector]:
-        """Named points, `{ T1 = [x, y, z], ... }`; absent: none."""
+        """Return named points, `{ T1 = [x, y, z], ... }`; empty if absent."""
         table = self.table(key)
         return {name: table.vector(name) for name in table.values}
 
@@ -139,7 +140,7 @@ class TomlTable:
         return [tuple(float(x) for x in row) for row in value]
 
     def numbers(self, key: str) -> tuple[float, ...] | None:
-        """A list of numbers, not empty; absent: None."""
+        """Return a list of numbers, not empty; None if absent."""
         value = self.values.get(key)
         if value is None:
             return None
@@ -148,7 +149,7 @@ class TomlTable:
         return tuple(float(x) for x in value)
 
     def names(self, key: str) -> tuple[str, ...] | None:
-        """A list of names, each once, not empty; absent: None."""
+        """Return a list of names, each once, not empty; None if absent."""
         value = self.values.get(key)
         if value is None:
             return None
@@ -175,18 +176,30 @@ def _range(low: float, high: float) -> str:
 
 
 def turns_writing(text: str) -> bool:
-    """Whether a text holds such a mark."""
+    """Test whether a text holds a mark that turns the direction of writing."""
     return _TURNS.search(text) is not None
 
 
 def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
-    """Text and table of a TOML file. Raises DataError naming file, and line or key."""
+    """Read text and table of a TOML file.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read; the error names file, and line or key.
+    """
     text = read_text(path, MOST_BYTES)
     return text, parse_toml(text, path)
 
 
 def parse_toml(text: str, file: Path | str) -> dict[str, Any]:
-    """The table of TOML text. Raises DataError for what is not TOML, or holds unusual values."""
+    """Parse TOML text.
+
+    Raises
+    ------
+    DataError
+        The text is not TOML, or holds unusual values.
+    """
     if len(text) > MOST_BYTES:
         raise DataError(f"is larger than {MOST_BYTES // 2**20} MB.", do="Check the file.", file=file)
     if found := _LONG_KEY.search(text):
@@ -215,9 +228,16 @@ def refuse_unknown(
     prefix: str = "",
     meant: Mapping[str, str] | None = None,
 ) -> None:
-    """Raise DataError for the first key of a table that is not among `known`, naming the nearest that is.
+    """Raise DataError for the first key of a table that is not among `known`.
 
-    prefix: the key of the table itself, with its full stop; meant: words of other formats and the key they stand for.
+    The error names the nearest known key.
+
+    Parameters
+    ----------
+    prefix : str, optional
+        Key of the table itself, with its full stop.
+    meant : mapping of str to str, optional
+        Words of other formats, and the key for which they stand.
     """
     allowed = sorted(known)
     for key in values:
@@ -230,7 +250,10 @@ def refuse_unknown(
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """The names that hold this one, else the three that are most like it, as a question with a blank behind, or ''."""
+    """Suggest similar names as a question with a blank behind, or ''.
+
+    They are the names that contain this one, otherwise the three that are most similar.
+    """
     plain = {each: _plain(each) for each in known}
     near = [each for each, word in plain.items() if _plain(name) and _plain(name) in word]
     near = near or [

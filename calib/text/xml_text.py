@@ -1,7 +1,7 @@
-"""The reader of XML: elements and attributes of a few levels; no document type, so no entities.
+"""Reader of XML: elements and attributes of a few levels, without a document type.
 
-Entities could expand ten lines to gigabytes, or include a file of this computer. No format that is read here needs
-them.
+So there are no entities, which could expand ten lines to gigabytes, or include a file of this computer.
+No format that is read here needs them.
 """
 
 from __future__ import annotations
@@ -25,12 +25,24 @@ def longest_of(tag: str, attributes: dict[str, str]) -> int:
 
 
 def read_xml(path: Path) -> Element:
-    """The root element of an XML file. Raises DataError naming file and line."""
+    """Read the root element of an XML file.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read; the error names file and line.
+    """
     return parse_xml(read_text(path, MOST_BYTES), path)
 
 
 def parse_xml(text: str, file: Path | str) -> Element:
-    """The root element of XML text. Raises DataError for what is no XML, has a document type, or is too deep."""
+    """Parse XML text to its root element.
+
+    Raises
+    ------
+    DataError
+        The text is no XML, has a document type, or is too deep.
+    """
     builder = TreeBuilder()
     parser = expat.ParserCreate(encoding="utf-8")  # what the file's first line claims does not count
     depth = count = length = 0
