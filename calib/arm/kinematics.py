@@ -98,7 +98,7 @@ class Chain:
 
     @staticmethod
     def of(robot: Robot) -> Chain:
-        """The chain of `robot`; Nubiola (thesis I.2) puts d_1 before the rotations of the base."""
+        """Return the chain of `robot`; Nubiola (thesis I.2) puts d_1 before the base rotations."""
         return _chain(robot.convention, robot.base, robot.joints, robot.slides)
 
     @property
@@ -181,7 +181,7 @@ class Frames:
         return axes
 
     def _axes(self, slots: Sequence[str]) -> tuple[Array, list[int]]:
-        """Axes (S, 3, n) of some slots, and which of them turn."""
+        """Return the axes (S, 3, n) of some slots, and which of them turn."""
         n = max(v.shape[1] for v in (self.x, self.y, self.z, self.p))
         axes = np.zeros((len(slots), 3, n))
         turning = []

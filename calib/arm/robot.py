@@ -248,7 +248,7 @@ def _tail(axis: str) -> str:
 
 
 def built_in_robots() -> list[str]:
-    """Names of the robots that come with the program."""
+    """Return the names of the robots that come with the program."""
     return sorted(path.stem for path in BUILT_IN.glob("*.toml"))
 
 

@@ -47,7 +47,7 @@ class WorldFrame:
         return turn.as_quat(canonical=True, scalar_first=True)
 
     def as_json(self) -> str:
-        """The frame as text for the record."""
+        """Write the frame as text for the record."""
         return json.dumps({"rotation": self.rotation.tolist(), "origin_mm": self.origin.tolist()})
 
     @classmethod

@@ -60,7 +60,7 @@ def corrects(model: ModelStructure, series: str) -> Array:
 
 
 def in_base(model: ModelStructure) -> ModelStructure:
-    """The model in the frame of its base, with the flange as another target."""
+    """Convert a model to the frame of its base, with the flange as another target."""
     targets = {name: {FLANGE: (0.0, 0.0, 0.0), **known} for name, known in model.targets.items()}
     # `turns` say how a measuring tool is mounted, not where the flange is.
     return replace(model, targets=targets, placements={}, turns={})

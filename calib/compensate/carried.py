@@ -157,7 +157,7 @@ def changed(robot: Robot, joints: Array, changes: dict[str, float]) -> dict[str,
 
 
 def constant_slots(robot: Robot) -> tuple[str, ...]:
-    """Every slot of the chain from base to flange that a table of frames can hold, in order."""
+    """List every slot from base to flange that a table of frames can hold, in order."""
     chain = Chain.of(robot)
     motions = (*chain.base, *(motion for link in chain.links for motion in link), *TOOL)
     return tuple(motion.slot for motion in motions)

@@ -71,7 +71,7 @@ class ResidualError:
     tilt: bool
 
     def in_words(self, off: float, askew: float) -> str:
-        """The error that is left, as a sentence part; '' where nothing shows."""
+        """Describe the remaining error as a sentence part; '' if it does not show."""
         parts = []
         if SHOWN_MM <= off < np.inf:
             parts.append(f"{off:.3f} mm that this arm cannot move")
@@ -230,6 +230,6 @@ class TargetErrors:
         iterations: NDArray[np.int64],
         arm: Freedoms,
     ) -> Correction:
-        """The correction to `joints` (n, N), with the rows that are refused, by reason."""
+        """Build the correction to `joints` (n, N), with the rows that are refused, by reason."""
         left = ResidualError(self.off, self.askew, tilt=arm.turns == 1)
         return Correction.of(joints, refusals, self.landed, self.turned, left, iterations)

@@ -290,7 +290,7 @@ def _one_tool(model: TomlTable, series_targets: Mapping[str, Mapping[str, Vector
 
 
 def _readings(table: TomlTable) -> tuple[str, ...]:
-    """The ids of "5-28, 35-58"."""
+    """Expand the ids of "5-28, 35-58"."""
     out: list[str] = []
     for part in filter(None, table.text("readings", "").split(",")):
         found = _IDS.fullmatch(part.strip())

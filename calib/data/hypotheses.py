@@ -89,8 +89,9 @@ class InterpretedReadings:
         """Compute by how much the nominal robot in its best place misses the readings, mm.
 
         Returns the distance within which three quarters of the readings lie, and their extent, mm. The
-        extent is that of the flange if that turns about points. A median would not show that every third
-        reading of three targets has slipped.
+        extent is that of the points or that of the flange, whichever is larger, because the flange may
+        turn about points. With distances it is that of the nominal targets. A median would not show that
+        every third reading of three targets has slipped.
         """
         turn, place = self.flange[:, :3, :3], self.flange[:, :3, 3]
         tools = self.tool_factor * tools
@@ -170,7 +171,7 @@ class JointCounting:
     offset: Array
 
     def of(self, meaning: InterpretedReadings) -> InterpretedReadings:
-        """The same readings with their joints counted by this matrix."""
+        """Count the joints of readings by this matrix."""
         return replace(meaning, angles=meaning.angles @ self.matrix.T + self.offset)
 
 
@@ -253,7 +254,7 @@ def explained(
     """
 
     def missed(of: InterpretedReadings, free: bool) -> tuple[float, float]:
-        """The miss, mm, and as a share of the extent of the readings."""
+        """Compute the miss, mm, and as a share of the extent of the readings."""
         miss, extent = of.miss(tools, tool_unknown=free, zero_unknown=zero_unknown)
         return miss, miss / max(extent, 1e-9)
 
@@ -398,7 +399,7 @@ def of_table(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
 
 
 def of_points(meaning: InterpretedReadings) -> Iterator[Hypothesis]:
-    """The measured points are mirrored, or they or the distances are in another unit."""
+    """Yield hypotheses that points are mirrored, or that points or distances have another unit."""
     if reach(meaning.robot) < _METRES:
         return  # the robot file is in the wrong unit, not the readings
     points, lengths = meaning.points, meaning.lengths
@@ -494,7 +495,7 @@ def both(one: Hypothesis, other: Hypothesis) -> Hypothesis:
 
 
 def reach(robot: Robot) -> float:
-    """Sum of the lengths of the links, mm."""
+    """Sum the lengths of the links, mm."""
     return float(np.sum(np.abs([*robot.a, *robot.d])))
 
 

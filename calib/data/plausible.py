@@ -301,7 +301,7 @@ def assumed_in_words(header: Header) -> str:
 
 
 def turned_apart(apart: Array, units: Sequence[str]) -> Array:
-    """Differences of joints (n, N), rad or mm; of joints that turn within half a turn."""
+    """Wrap differences of joints (n, N), rad or mm, to half a turn for joints that turn."""
     turns = np.array([unit != "mm" for unit in units])
     return np.where(turns, (apart + np.pi) % (2.0 * np.pi) - np.pi, apart)
 
@@ -379,7 +379,10 @@ def remarks(dataset: Dataset) -> list[str]:
 
 
 def _repeated(dataset: Dataset, rows: NDArray[np.bool_]) -> list[str]:
-    """Ids of readings that equal an earlier one. A length alone is one number, so its time must be the same too."""
+    """List the ids of readings that equal an earlier one.
+
+    A length alone is one number, so its time must be the same too.
+    """
     time = np.where(dataset.pointed, 0.0, dataset.conditions.time)
     numbers = np.nan_to_num(
         np.column_stack(

@@ -338,7 +338,7 @@ def _waypoints(table: TextTable) -> NDArray[np.int64]:
 
 
 def _base_targets(table: TextTable, header: Header) -> tuple[tuple[str, ...], NDArray[np.int64]]:
-    """Names of the base targets, and the index of each row's, -1 where the row has none."""
+    """Return the names of the base targets, and the index of each row's; -1 without one."""
     named = table.text("base_target")
     lengths = table.numbers("length_mm")
     for i, (name, length) in enumerate(zip(named, lengths, strict=True)):

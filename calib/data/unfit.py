@@ -103,7 +103,7 @@ def refuse_unfit(dataset: Dataset, table: TextTable) -> None:
 
 
 def _refuse_without_noise(dataset: Dataset, table: TextTable) -> None:
-    """Distances weigh by their own noise, which cannot be guessed."""
+    """Refuse distances without noise: they weigh by it, and it cannot be guessed."""
     for of_row, column in ((dataset.u_rotation, "u_rot_mrad"), (dataset.u_length, "u_length_mm")):
         for i in np.flatnonzero(np.isfinite(of_row) & ~(of_row >= LEAST * 1e-3)):
             raise table.refuse(int(i), column, "is not above zero", "Leave it empty for [noise] to hold")

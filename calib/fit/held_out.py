@@ -190,7 +190,7 @@ def all_readings(dataset: Dataset, fitted: IdentificationFit) -> tuple[FitReadin
 
 
 def left_out(dataset: Dataset, fitted: IdentificationFit) -> tuple[ExcludedReading, ...]:
-    """The readings that a fit left out, the worst first."""
+    """List the readings that a fit left out, the worst first."""
     if not fitted.faulty_rows:
         return ()
     readings, out = all_readings(dataset, fitted)

@@ -73,7 +73,7 @@ _NOISE = 10.0  # ratio of what is left to the declared noise below which the fit
 
 
 def silent(_: str) -> None:
-    """A progress callback that does nothing."""
+    """Ignore the progress of a fit."""
 
 
 def identify(
@@ -418,7 +418,7 @@ def _only_together(model: ModelStructure, active: NDArray[np.bool_], spread: Arr
 
 
 def _of_faulty(readings: FitReadings, faulty: tuple[str, ...]) -> list[str]:
-    """A remark on the number of readings that were left out, if any were."""
+    """Return a remark on the number of readings that were left out, if any were."""
     if not faulty:
         return []
     share = len(faulty) / (len(faulty) + len(readings.rows))
@@ -429,7 +429,7 @@ def _of_faulty(readings: FitReadings, faulty: tuple[str, ...]) -> list[str]:
 def leaving_out(
     fitted: IdentificationFit, readings: FitReadings, faulty: tuple[str, ...]
 ) -> IdentificationFit:
-    """A fit to be repeated on other readings, the faulty ones left out."""
+    """Replace the readings of a fit that is to be repeated, the faulty ones left out."""
     before = _of_faulty(fitted.readings, fitted.faulty_rows)
     warnings = (*(w for w in fitted.warnings if w not in before), *_of_faulty(readings, faulty))
     return replace(fitted, readings=readings, faulty_rows=faulty, warnings=warnings)
@@ -457,7 +457,7 @@ def _relabel(
     residual: Array,
     wrong: float,
 ) -> tuple[FitReadings, tuple[tuple[str, str, str], ...]]:
-    """Readings that do not fit, each for itself, but do with another tool target: relabel them."""
+    """Relabel readings that do not fit, each for itself, but do with another tool target."""
     conditions = readings.conditions
     suspects = np.flatnonzero(robust.outliers(residual, readings.observed.freedom, wrong))
     limit = robust.threshold(residual, readings.observed.freedom, wrong)

@@ -52,7 +52,7 @@ class TargetOffsetTest:
     rivals: tuple[str, ...] = ()
 
     def in_words(self, what: str, u_mm: float) -> str:
-        """A sentence on something, known to `u_mm` per axis, that is out of place."""
+        """Describe something, known to `u_mm` per axis, that is out of place, in a sentence."""
         far = f"{self.distance_mm:.2g} mm ({self.sigma:.0f} sigma)"
         lies = f"{what} lies {far} from where the cell file puts it to {u_mm:g} mm"
         if not self.rivals:
@@ -85,12 +85,12 @@ class TargetOffset:
     judged: TargetOffsetTest
 
     def in_words(self) -> str:
-        """A sentence on a displaced target."""
+        """Describe a displaced target in a sentence."""
         return self.judged.in_words(f"{self.kind.capitalize()} {self.name}", self.u_mm)
 
 
 def offsets_of(found: IdentificationFit) -> tuple[TargetOffset, ...]:
-    """Every target whose position was known to an uncertainty, in the order of the model."""
+    """List every target whose position was known to an uncertainty, in the order of the model."""
     model = found.model
     of_target: dict[tuple[str, str], list[int]] = {}
     for effect in model.effects:

@@ -257,7 +257,10 @@ def _uncertain(header: Header, names: Sequence[str]) -> dict[str, float | None]:
 def _between(
     dataset: Dataset, targets: Mapping[str, Mapping[str, Vector]], measured_in: Sequence[Mapping[str, bool]]
 ) -> tuple[Span, ...]:
-    """Distances between balls to which the arm is measured too: of others they say nothing."""
+    """Find the distances between balls to which the arm is measured too.
+
+    Distances between other balls have no information on the arm.
+    """
     seen = dict(zip(targets, measured_in, strict=True)) | {"": dataset.conditions.anchor_names}
     return tuple(
         span
@@ -315,7 +318,10 @@ def _adapted(effects: tuple[Effect, ...], dataset: Dataset) -> tuple[Effect, ...
 
 
 def place_nominal(dataset: Dataset, model: ModelStructure) -> tuple[ModelStructure, Array]:
-    """The nominal robot with only its base (and tool, where freed) fitted. Returns model and estimate."""
+    """Fit only the base (and the tool, if freed) of the nominal robot.
+
+    Returns model and estimate.
+    """
     of_place = (e for e in model.effects if e.group == "base model" and e.places <= _OF_PLACE)
     placed = replace(model, effects=tuple(of_place))
     start = np.zeros(len(placed.parameters))

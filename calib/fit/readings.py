@@ -54,7 +54,7 @@ def linearised(
 
 
 def _whole_visits(visit: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
-    """The indices 0 to n - 1 in parts of about equal length, every visit within one."""
+    """Yield the indices 0 to n - 1 in parts of about equal length, every visit within one."""
     parts = max(-(-len(visit) // _AT_ONCE), 1)
     _, first, place = np.unique(visit, return_index=True, return_inverse=True)
     part = (first * parts // len(visit))[place.reshape(-1)]

@@ -185,7 +185,7 @@ class TypeFit:
         return len(self.outside) > MOST_OUTSIDE or self.p_value < TOGETHER
 
     def warnings(self) -> list[str]:
-        """Sentences on where this robot lies outside its type."""
+        """List sentences on the parameters in which this robot lies outside its type."""
         out = [
             f"{each.name} lies {abs(each.z):.1f} spreads outside what {self.prior.robots} robots of the type share: "
             "the prior was left out for it."
@@ -226,7 +226,7 @@ def held_to(
 
 
 def centred(model: ModelStructure, prior: TypePrior, names: frozenset[str]) -> ModelStructure:
-    """A model in which these parameters of the robot have the prior of the type."""
+    """Give some parameters of the robot the prior of the type."""
 
     def with_prior(p: Parameter) -> Parameter:
         share = prior.shares.get(p.name)
@@ -325,7 +325,7 @@ def _less(effect: Effect, gone: frozenset[str]) -> Effect:
 
 
 def _with(model: ModelStructure, change: Callable[[Parameter], Parameter], owner: str = "") -> ModelStructure:
-    """The model with other parameters: of the effects of one owner, or of all."""
+    """Change the parameters of a model: of the effects of one owner, or of all."""
     return replace(
         model,
         effects=tuple(

@@ -41,7 +41,7 @@ class Axis:
 
 
 def unit_of(joint: int, conditions: Conditions) -> str:
-    """The unit in which a joint is read, "deg" or "mm"."""
+    """Return the unit in which a joint is read, "deg" or "mm"."""
     return conditions.unit_names[joint - 1] if conditions.unit_names else "deg"
 
 
@@ -50,5 +50,5 @@ class PlotAxis(Protocol):
     """A regressor that is, or follows from, one quantity over which the residual can be drawn."""
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The quantity that a regressor is drawn over."""
+        """Return the quantity over which a regressor is drawn."""
         ...

@@ -69,7 +69,7 @@ def tool(
 
 
 def geometry(robot: Robot) -> Effect:
-    """The DH parameters of the links that the pose of the base cannot absorb."""
+    """Build the effect of the DH parameters that the pose of the base cannot absorb."""
     return _geometry(robot.geometric_links)
 
 

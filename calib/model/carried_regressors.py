@@ -84,7 +84,7 @@ class Held:
         return {name: _beyond(values, self.low, self.high)}
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The quantity itself."""
+        """Return the quantity itself."""
         if self.quantity == "angle":
             cycles = self.rate if self.law in ("cosine", "sine") else 0.0
             return Axis.angle(self.joint, conditions, cycles=cycles)
@@ -154,7 +154,7 @@ class OfTime:
         return {"the time": _beyond(getattr(conditions, self.clock), self.times[0], self.times[-1])}
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The time."""
+        """Return the time."""
         if self.clock == "order":
             return Axis("reading, in order of time", conditions.order + 1.0)
         return Axis("time, h", conditions.time / 3600.0)

@@ -199,7 +199,7 @@ class Effect:
         return to_display(size, unit), to_display(spread, unit), unit
 
     def apart(self, prefix: str) -> Effect:
-        """The effect with unique names of its parameters: `prefix` and a dot before each."""
+        """Make the names of the parameters unique, with `prefix` and a dot before each."""
         return replace(
             self,
             parameters=tuple(replace(p, name=f"{prefix}.{p.name}") for p in self.parameters),

@@ -205,11 +205,11 @@ class ModelStructure:
         return found
 
     def append(self, *effects: Effect) -> ModelStructure:
-        """The model with more effects at the end."""
+        """Add effects at the end of the model."""
         return replace(self, effects=(*self.effects, *effects))
 
     def without(self, *labels: str) -> ModelStructure:
-        """The model without the effects of these labels."""
+        """Remove the effects of these labels from the model."""
         return replace(self, effects=tuple(e for e in self.effects if e.label not in labels))
 
 
@@ -265,7 +265,10 @@ class BoundModel:
         return values
 
     def frames(self, estimate: Array, record: Collection[str] | None = None) -> Frames:
-        """The chain at the estimate (m,), with the axes of the slots of `record` (None: of all)."""
+        """Compute the chain at the estimate (m,), with the axes of the slots of `record`.
+
+        None records all slots.
+        """
         values = self.values(estimate)
         return propagate(self.model.chain, values, self._placement, self._station, record, self._turn)
 
@@ -374,7 +377,7 @@ def without(
 
 
 def named_only(model: ModelStructure, estimate: Array, covariance: Array) -> Reduced:
-    """The model without its carried terms."""
+    """Remove the carried terms from a model."""
     return without(model, estimate, covariance, [e for e in model.effects if e.is_carried])
 
 

@@ -83,7 +83,7 @@ class VisitCovariance:
         return some, first, place, np.einsum("aki,iab->bki", a, (axes * np.sqrt(h)[:, None])[place])
 
     def whitened(self, rows: Array) -> Array:
-        """Rows (..., k, n), whitened reading by reading, now visit by visit."""
+        """Whiten rows (..., k, n) visit by visit that were whitened reading by reading."""
         some, first, place, directions = self._of_visits
         if not len(some):
             return rows

@@ -34,7 +34,7 @@ class Torque:
         return conditions.torque[:, self.joint - 1]
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The torque itself."""
+        """Return the torque itself."""
         return Axis(f"gravity torque of joint {self.joint}, N·m", self.evaluate(conditions) / 1000.0)
 
 
@@ -49,7 +49,7 @@ class TorqueCubed:
         return conditions.torque[:, self.joint - 1] ** 3
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The torque, of which it is a function."""
+        """Return the torque, of which it is a function."""
         return Torque(self.joint).drawn_over(conditions)
 
 
@@ -65,7 +65,7 @@ class TorqueSign:
         return np.tanh(conditions.torque[:, self.joint - 1] / self.width)
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The torque, of which it is a function."""
+        """Return the torque, of which it is a function."""
         return Torque(self.joint).drawn_over(conditions)
 
 
@@ -99,7 +99,7 @@ class GravityMoment:
         return conditions.moment[:, self.joint - 1, self.axis]
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The moment itself."""
+        """Return the moment itself."""
         return Axis(f"gravity moment at joint {self.joint}, N·m", self.evaluate(conditions) / 1000.0)
 
 
@@ -119,7 +119,7 @@ class MomentBehind:
         return np.cos(theta) * moment[:, 0] + np.sin(theta) * moment[:, 1]
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The moment itself."""
+        """Return the moment itself."""
         return Axis(f"gravity moment at joint {self.joint}, N·m", self.evaluate(conditions) / 1000.0)
 
 
@@ -148,7 +148,7 @@ class HalfSines:
         return np.sin(_phase(self, conditions))
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The place along the axis."""
+        """Return the position along the axis."""
         return Axis.angle(self.joint, conditions)
 
 
@@ -166,7 +166,7 @@ class HalfCosines:
         return np.cos(_phase(self, conditions))
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The place along the axis."""
+        """Return the position along the axis."""
         return Axis.angle(self.joint, conditions)
 
 
@@ -206,7 +206,7 @@ class Constant:
     """Constant regressor: 1 for every reading."""
 
     def evaluate(self, conditions: Conditions) -> float:
-        """The constant 1.0."""
+        """Return 1.0."""
         return 1.0
 
 
@@ -263,7 +263,7 @@ class JointAngle:
         return conditions.joints[:, self.joint - 1]
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The angle itself."""
+        """Return the angle itself."""
         return Axis.angle(self.joint, conditions)
 
 
@@ -293,7 +293,7 @@ class LastMove:
         return conditions.joints[:, self.joint - 1] - conditions.previous[:, self.joint - 1]
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The move itself."""
+        """Return the move itself."""
         unit = unit_of(self.joint, conditions)
         return Axis(
             f"last move of joint {self.joint}, {unit}",
@@ -313,7 +313,7 @@ class Cosine:
         return np.cos(self.order * conditions.joints[:, self.joint - 1])
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The angle."""
+        """Return the angle."""
         return Axis.angle(self.joint, conditions, cycles=self.order)
 
 
@@ -329,7 +329,7 @@ class Sine:
         return np.sin(self.order * conditions.joints[:, self.joint - 1])
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The angle."""
+        """Return the angle."""
         return Axis.angle(self.joint, conditions, cycles=self.order)
 
 
@@ -363,7 +363,7 @@ class ApproachSide:
         return conditions.side[:, self.joint - 1]
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The angle, either side for itself."""
+        """Return the angle, with a separate curve for each side."""
         return Axis.angle(self.joint, conditions, sided=True)
 
 
@@ -390,7 +390,7 @@ class Time:
         return conditions.time - self.start_s
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The time itself."""
+        """Return the time itself."""
         return Axis("time, h", conditions.time / 3600.0)
 
 
@@ -405,7 +405,7 @@ class WarmUpRegressor:
         return -np.expm1(-conditions.time / self.time_constant_s)
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The time, of which it is a function."""
+        """Return the time, of which it is a function."""
         return Time().drawn_over(conditions)
 
 
@@ -454,7 +454,7 @@ class Temperature:
         return conditions.temperature - self.reference_c
 
     def drawn_over(self, conditions: Conditions) -> Axis:
-        """The temperature itself."""
+        """Return the temperature itself."""
         return Axis("air temperature, °C", conditions.temperature)
 
 

@@ -207,7 +207,7 @@ def align(
 def _start(
     robot: Robot, moved: JointStream, tracked: PointStream, tool: Array
 ) -> tuple[ClockRelation, float | None]:
-    """The clocks by the speeds of the nominal tool point and of the measured one."""
+    """Estimate the clocks from the speeds of the nominal and of the measured tool point."""
     grain = common_grain(moved, tracked)
     every = max(1, int(0.5 * grain.step / moved.period))
     flange = forward(robot, moved.joints[::every])
@@ -218,7 +218,10 @@ def _start(
 
 
 def _placed(robot: Robot, joints: Array, tool: Array, points: Array) -> tuple[Array, float]:
-    """The nominal arm in its place (4, 4), and by how much it misses half of the points, mm."""
+    """Place the nominal arm, and compute its median distance from the points, mm.
+
+    The place is a pose (4, 4).
+    """
     flange, one = forward(robot, joints), np.zeros(len(joints), dtype=np.int64)
     pose, _ = base_and_tool(flange, tool, one, points, tool_unknown=False)
     there = (flange[:, :3, :3] @ tool[0] + flange[:, :3, 3]) @ pose[:3, :3].T + pose[:3, 3]

@@ -140,7 +140,7 @@ def _terms(robot: Robot, *, tool_known: bool) -> tuple[ArmTerm, ...]:
 
 
 def _drives(robot: Robot, joints: Array, side: Array) -> dict[str, Array | float]:
-    """The drives at n instants, each (n,), by name."""
+    """Compute the drives at n instants, each (n,), by name."""
     gravity = statics(robot, joints)
     out: dict[str, Array | float] = {"1": 1.0}
     for k in range(robot.joints):

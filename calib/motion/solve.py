@@ -62,7 +62,7 @@ class Solve:
         self._prior = np.append(arm.prior, (0.0, 0.0, _NO_STEP))
 
     def at(self, clocks: ClockRelation, estimate: Array) -> Samples:
-        """The samples with these clocks and errors (s,) of the arm's terms."""
+        """Compute the samples with these clocks and errors (s,) of the arm's terms."""
         time = clocks.robot_time(self._time)
         joints, rates, known = self._moved.at(time)
         arm = self.arm.at(joints, rates, self._moved.side_at(time), estimate)
@@ -70,7 +70,7 @@ class Solve:
         return Samples((self._points - arm.point) * seen, arm.velocity * seen, joints, known, arm)
 
     def run(self, clocks: ClockRelation) -> tuple[ClockRelation, Array]:
-        """The clocks and the errors of the terms (s,), from a start."""
+        """Solve for the clocks and the errors of the terms (s,), from a start."""
         estimate = np.zeros(len(self.arm.terms))
         for _ in range(_ROUNDS):
             samples = self.at(clocks, estimate)
@@ -218,5 +218,5 @@ def moves(velocity: Array) -> list[NDArray[np.int64]]:
 
 
 def blocks(count: int) -> list[NDArray[np.int64]]:
-    """Indices of equal stretches of n samples."""
+    """Split n samples into equal stretches of indices."""
     return [part for part in np.array_split(np.arange(count), _BLOCKS) if len(part)]

@@ -167,5 +167,5 @@ def _oddities(robot: Robot, axes: Array, points: Array, span: float) -> list[str
 
 
 def largest_angle(robot: Robot) -> float:
-    """The largest angle of the table, rad."""
+    """Return the largest angle of the table, rad."""
     return max(abs(x) for x in (*robot.alpha, *robot.theta))

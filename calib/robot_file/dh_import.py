@@ -279,7 +279,7 @@ def _refuse_thousands(path: Path, body: Sequence[tuple[int, Sequence[str]]], col
 
 
 def _shown(rows: Sequence[tuple[int, Sequence[str]]], head: Sequence[str]) -> dict[Convention, str]:
-    """Conventions that the headings and other words of a table show, each with these words."""
+    """Find conventions that the words of a table show, each with these words."""
     shows: dict[Convention, str] = {}
     for _, row in rows:
         for text in row:

@@ -109,7 +109,7 @@ class DhCell:
 
 
 def heading(text: str) -> Heading:
-    """The meaning of a column's name: `alpha_{i-1} [deg]` is alpha in degrees."""
+    """Parse a column's name: `alpha_{i-1} [deg]` is alpha in degrees."""
     if len(text) > _LONGEST:
         return Heading(None, "")
     word, unit = text.strip().lower().replace("−", "-"), ""
@@ -197,7 +197,7 @@ def _exact_deg(word: str, angle: float, rounded: dict[str, float]) -> float:
 
 
 def _cut(meant: float, digits: int) -> tuple[float, float]:
-    """A number rounded to some digits, and the same without the further ones."""
+    """Round a number to some digits, and truncate it to the same."""
     return round(meant, digits), math.trunc(meant * 10.0**digits) / 10.0**digits
 
 

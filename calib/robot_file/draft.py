@@ -157,15 +157,15 @@ def weighed(draft: Draft, mass_kg: float) -> Draft:
 
 
 def _number(value: float) -> str:
-    """A number without the roundings of its arithmetic, with a decimal point."""
+    """Write a number without rounding errors, with a decimal point."""
     return repr(round(float(value), _DIGITS) + 0.0)
 
 
 def _quoted(text: str) -> str:
-    """A TOML basic string: JSON's, whose escapes TOML shares, of one line."""
+    """Write a TOML basic string: JSON's, whose escapes TOML shares, of one line."""
     return json.dumps(_plain(text), ensure_ascii=False)
 
 
 def _plain(text: str) -> str:
-    """A line without the control characters that TOML does not allow."""
+    """Remove the control characters that TOML does not allow from a line."""
     return "".join(letter if letter.isprintable() else "?" for letter in " ".join(text.split()))

@@ -86,7 +86,7 @@ class RobotFileVerdict:
 
 
 def held_against(path: Path, text: str, handful: CheckReadings) -> RobotFileVerdict:
-    """The verdict of readings on the robot file `path` with the text `text`."""
+    """Judge the robot file `path` with the text `text` by readings."""
     meaning, robot = handful.meaning, handful.meaning.robot
     options = {"tool_unknown": handful.tool_unknown, "zero_unknown": False}
     miss, extent = meaning.miss(handful.tools, **options)
@@ -226,7 +226,7 @@ def changed_lines(path: Path, text: str, robot: Robot, other: Robot) -> Iterator
 
 
 def theta_line(path: Path, text: str, k: int, theta_deg: float) -> str:
-    """The line with theta_deg of link k (0-based), at its new value, from -180 to 180."""
+    """Write the line with theta_deg of link k (0-based), at its new value, from -180 to 180."""
     value = (theta_deg + 180.0) % 360.0 - 180.0
     shown = 180.0 if abs(value + 180.0) < 1e-9 else value
     return f"{_place(path, line_of(text, 'theta_deg', k + 1))}: theta_deg = {_number(shown)}   (link {k + 1})"

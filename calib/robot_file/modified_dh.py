@@ -88,7 +88,10 @@ def modified_dh(chain: SerialChain) -> DhChain:
 
 
 def _at_zero(chain: SerialChain) -> tuple[list[Array], list[Array], Array]:
-    """Points and directions of the axes, and the tip (4, 4), at the zero pose in the base link."""
+    """Compute points and directions of the axes, and the tip (4, 4), at the zero pose.
+
+    They are in the base link.
+    """
     pose, points, axes = np.eye(4), [], []
     for origin, axis in zip(chain.origins, chain.axes, strict=True):
         pose = pose @ origin
@@ -98,13 +101,16 @@ def _at_zero(chain: SerialChain) -> tuple[list[Array], list[Array], Array]:
 
 
 def _tidy(direction: Array) -> Array:
-    """A direction whose roundings are taken off, of length 1."""
+    """Remove rounding errors from a direction, and scale it to length 1."""
     out = np.where(np.abs(direction) < 1e-14, 0.0, direction)
     return out / np.linalg.norm(out)
 
 
 def _through(points: list[Array], slides: Sequence[bool], k: int, tip: Array) -> Array:
-    """A point on axis k + 1. Where a slide's axis lies is free: it goes through what it carries."""
+    """Choose a point on axis k + 1.
+
+    The position of a slide's axis is free: it goes through the part that the slide carries.
+    """
     while k < len(points) and slides[k]:
         k += 1
     return points[k] if k < len(points) else tip[:3, 3]

@@ -90,7 +90,7 @@ class SerialChain:
         return out
 
     def _shown(self, k: int) -> float:
-        """The number of deg or mm that is one rad or m of joint k."""
+        """Return the number of deg or mm that is one rad or m of joint k."""
         return METRE if self.slides[k] else 1.0 / DEG
 
 
@@ -357,7 +357,7 @@ def _follows(urdf: Urdf, moving: list[UrdfJoint]) -> dict[int, tuple[int, Mimic]
 
 
 def _with_mimic(chain: SerialChain) -> SerialChain:
-    """The chain with what its mimic joints have to say: the column of each stays at 0."""
+    """Add remarks on mimic joints to a chain: the column of each stays at 0."""
     if not chain.follows:
         return chain
     limits, remarks = chain.limits.copy(), list(chain.remarks)

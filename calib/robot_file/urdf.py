@@ -268,7 +268,7 @@ def _limits(element: Element, kind: str, path: Path, key: str) -> tuple[float, f
 
 
 def _origin(element: Element, path: Path, key: str, rounded: dict[str, float]) -> Array:
-    """The frame (4, 4) of an origin, mm: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    """Read the frame (4, 4) of an origin, mm: R = Rz(yaw) Ry(pitch) Rx(roll)."""
     pose = np.eye(4)
     found = element.find("origin")
     if found is None:

@@ -148,7 +148,10 @@ def _links(chain: SerialChain, numbers: DhChain) -> tuple[DraftLink, ...]:
 
 
 def _loads(chain: SerialChain, numbers: DhChain, robot: Robot) -> tuple[Load, ...]:
-    """The masses of the URDF's links in the frames of the robot file's links, at the zero pose."""
+    """Convert the masses of the URDF's links to loads of the robot file, at the zero pose.
+
+    Each is in the frame of the robot file's link.
+    """
     zero = np.zeros((1, len(chain.names)))
     frames = propagate(Chain.of(robot), nominal_values(robot, zero), BasePoses()).link_frames
     at, joint_frames = np.eye(4), []
@@ -192,7 +195,10 @@ def _is_nothing(pose: Array) -> bool:
 
 
 def in_words(pose: Array) -> str:
-    """A pose (4, 4), mm: "xyz = [..] mm, rpy = [..] deg", roll, pitch and yaw about fixed axes."""
+    """Write a pose (4, 4), mm, as text: "xyz = [..] mm, rpy = [..] deg".
+
+    Roll, pitch and yaw are about fixed axes.
+    """
     place = ", ".join(f"{x:.6g}" for x in np.round(pose[:3, 3], 6) + 0.0)
     turn = ", ".join(f"{x:.6g}" for x in np.round(_angles(pose[:3, :3]), 6) + 0.0)
     return f"xyz = [{place}] mm, rpy = [{turn}] deg"

@@ -64,21 +64,21 @@ class ColumnScores:
         return self.columns @ self.columns.transpose(0, 2, 1)
 
     def choose(self, gain: Array, scores: Scores) -> int:
-        """The best place."""
+        """Choose the best place."""
         return int(np.argmax(gain))
 
     def alike(self, place: int) -> int:
-        """Any place is as likely as any other."""
+        """Count all places, since any is as likely as any other."""
         return len(self.effects)
 
     def place_of(self, effect: Effect) -> int:
-        """The place nearest to the constant of an effect of this family."""
+        """Find the place nearest to the constant of an effect of this family."""
         if isinstance(self.family, Candidate):
             return 0
         return int(np.argmin(np.abs(self.family.values - effect.shape[self.family.key])))
 
     def effect(self, place: int) -> Effect:
-        """The effect at a place of the scan."""
+        """Return the effect at a place of the scan."""
         return self.effects[place]
 
 
@@ -94,12 +94,12 @@ class Candidate(_Scan):
         return self.effect.label
 
     def scores(self, space: Space) -> FamilyScores:
-        """The scores of the effect in a space."""
+        """Score the effect in a space."""
         return ColumnScores(self, [self.effect], space)
 
     @classmethod
     def refine(cls, space: Space, own: Sequence[tuple[Candidate, Effect]]) -> list[Effect]:
-        """The effects as they are: nothing of them was scanned."""
+        """Return the effects unchanged: nothing of them was scanned."""
         return [effect for _, effect in own]
 
 
@@ -120,12 +120,12 @@ class Shapes(_Scan):
     limits: tuple[float, float]
 
     def scores(self, space: Space) -> FamilyScores:
-        """The scores of the family in a space."""
+        """Score the family in a space."""
         return ColumnScores(self, [self.at(float(value)) for value in self.values], space)
 
     @classmethod
     def refine(cls, space: Space, own: Sequence[tuple[Shapes, Effect]]) -> list[Effect]:
-        """The effects with better constants, in whole units."""
+        """Improve the constants of effects, in whole units."""
         return [family._better(space, effect) for family, effect in own]
 
     def _better(self, space: Space, effect: Effect) -> Effect:
@@ -216,7 +216,7 @@ class Harmonics:
         return bool(np.all(self.orders == np.round(self.orders)))
 
     def scores(self, space: Space) -> FamilyScores:
-        """The scores of the family in a space."""
+        """Score the family in a space."""
         return HarmonicScores(self, space)
 
     def made(self, effect: Effect) -> bool:
@@ -225,7 +225,7 @@ class Harmonics:
 
     @classmethod
     def refine(cls, space: Space, own: Sequence[tuple[Harmonics, Effect]]) -> list[Effect]:
-        """The effects at better orders, by one step for all of them."""
+        """Improve the orders of effects, by one step for all of them."""
         columns = np.column_stack([family._by_order(space, effect) for family, effect in own])
         columns = columns - space.basis_of_readings @ (space.basis_of_readings.T @ columns)
         size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
@@ -296,7 +296,7 @@ class HarmonicScores:
         return gram
 
     def choose(self, gain: Array, scores: Scores) -> int:
-        """The best order: whole, unless the readings insist that it is not."""
+        """Choose the best order: whole, unless the readings insist that it is not."""
         orders = self.family.orders
         best = int(np.argmax(gain))
         whole = int(np.argmin(np.abs(orders - max(1, round(orders[best])))))
@@ -306,17 +306,20 @@ class HarmonicScores:
         return whole if lost < WHOLE_ORDER else best
 
     def alike(self, place: int) -> int:
-        """Give half the weight to the low whole orders, where eccentric wheels are, half to others."""
+        """Count the orders that are as likely as this one.
+
+        Half the weight goes to the low whole orders, where eccentric wheels are, half to all orders.
+        """
         order = self.family.orders[place]
         low = order <= _LOW_ORDER and abs(order - round(order)) < 1e-9
         return 2 * _LOW_ORDER if low else 2 * len(self.family.orders)
 
     def place_of(self, effect: Effect) -> int:
-        """The place nearest to the order of an effect of this family."""
+        """Find the place nearest to the order of an effect of this family."""
         return int(np.argmin(np.abs(self.family.orders - effect.shape["order"])))
 
     def effect(self, place: int) -> Effect:
-        """The effect at a place of the scan."""
+        """Return the effect at a place of the scan."""
         return self.family.at(float(self.family.orders[place]))
 
 
@@ -358,7 +361,7 @@ class Steps(_Scan):
         return [(a, b) for i, a in enumerate(nodes) for b in nodes[i + _FEWEST_NODES :] if b > a]
 
     def scores(self, space: Space) -> FamilyScores:
-        """The scores of the family in a space."""
+        """Score the family in a space."""
         return StepScores(self, space)
 
     @classmethod
@@ -422,18 +425,18 @@ class StepScores:
         return gram
 
     def choose(self, gain: Array, scores: Scores) -> int:
-        """The best change point."""
+        """Choose the best change point."""
         return int(np.argmax(gain[: len(self.family.ranks)]))
 
     def alike(self, place: int) -> int:
-        """Any change point is as likely as any other."""
+        """Count all change points, since any is as likely as any other."""
         return len(self.family.ranks)
 
     def place_of(self, effect: Effect) -> int:
-        """The place nearest to the change point of an effect of this family."""
+        """Find the place nearest to the change point of an effect of this family."""
         return int(np.argmin(np.abs(self.family.ranks - effect.shape["rank"])))
 
     def effect(self, place: int) -> Effect:
-        """The effect at a place of the scan."""
+        """Return the effect at a place of the scan."""
         ranks = self.family.ranks
         return self.family.at(float(ranks[place])) if place < len(ranks) else self.creeps[place - len(ranks)]

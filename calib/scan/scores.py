@@ -118,7 +118,7 @@ class Space:
 
     @classmethod
     def of(cls, fitted: IdentificationFit) -> Space:
-        """The space of a fit."""
+        """Build the space of a fit."""
         design = BoundModel(fitted.model, fitted.readings.conditions)
         observed = fitted.readings.observed
         frames = design.frames(fitted.estimate)
@@ -289,19 +289,19 @@ class FamilyScores(Protocol):
         ...
 
     def choose(self, gain: Array, scores: Scores) -> int:
-        """The best place, given the gain (places,) at each."""
+        """Choose the best place, given the gain (places,) at each."""
         ...
 
     def alike(self, place: int) -> int:
-        """Number of places that are as likely as this one."""
+        """Count the places that are as likely as this one."""
         ...
 
     def place_of(self, effect: Effect) -> int:
-        """The place nearest to an effect of this family."""
+        """Find the place nearest to an effect of this family."""
         ...
 
     def effect(self, place: int) -> Effect:
-        """The effect at a place of the scan."""
+        """Return the effect at a place of the scan."""
         ...
 
 
@@ -314,7 +314,7 @@ class Family(Protocol):
         ...
 
     def scores(self, space: Space) -> FamilyScores:
-        """The scores of the family in a space."""
+        """Score the family in a space."""
         ...
 
     def made(self, effect: Effect) -> bool:
@@ -373,7 +373,7 @@ class Scores:
         }
 
     def copy(self) -> Scores:
-        """An independent copy of the state."""
+        """Copy the state independently."""
         twin = object.__new__(Scores)
         twin.space, twin.families, twin.shares = self.space, self.families, self.shares
         twin.rss, twin.freedom = self.rss, self.freedom
@@ -423,20 +423,20 @@ class Scores:
         return 1.0 / (0.5 / alike + self.shares.get((index, place), 0.0))
 
     def multiplicity_of(self, effect: Effect) -> float:
-        """Number of tries that an effect of the model counts for."""
+        """Return the number of tries for which an effect of the model counts."""
         for index, family in enumerate(self.families):
             if effect.label == family.label or effect.label.startswith(family.label + ":"):
                 return self.multiplicity(index, family.place_of(effect))
         return len(self.families)
 
     def best_of(self, index: int) -> Score:
-        """The best place of one family."""
+        """Find the best place of one family."""
         gain, freedom = self.gains(index)
         place = self.families[index].choose(gain, self)
         return self.at(index, place, float(gain[place]), int(freedom[place]))
 
     def at(self, index: int, place: int, gain: float, freedom: int) -> Score:
-        """The score of one place of one family."""
+        """Score one place of one family."""
         family = self.families[index]
         effect = family.effect(place)
         size = usual_sizes(effect)
@@ -498,7 +498,7 @@ def estimate_of(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
 
 
 def _gain_of_two(a: Array, b: Array, absorbed: float) -> tuple[Array, Array]:
-    """The same for two columns, written out: harmonics are by far the most numerous."""
+    """Do the same for two columns, written out: harmonics are by far the most numerous."""
     middle, half = 0.5 * (a[:, 0, 0] + a[:, 1, 1]), 0.5 * (a[:, 0, 0] - a[:, 1, 1])
     radius = np.hypot(half, a[:, 0, 1])
     angle = 0.5 * np.arctan2(a[:, 0, 1], half)

@@ -240,5 +240,5 @@ def no_formula(text: str) -> str:
 
 
 def meant_by(cell: str) -> str:
-    """The text that a cell of `no_formula` was written for."""
+    """Undo `no_formula` for a cell."""
     return cell[1:] if cell.startswith("'") and no_formula(cell[1:]) == cell else cell

@@ -8,5 +8,5 @@ from importlib import metadata
 
 @cache
 def written_by() -> str:
-    """Name and version, "truepose 0.1.0"."""
+    """Return name and version, "truepose 0.1.0"."""
     return f"truepose {metadata.version('truepose')}"

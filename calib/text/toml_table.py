@@ -94,7 +94,7 @@ class TomlTable:
         return value
 
     def word(self, key: str, allowed: Sequence[Word], default: Word | None = None) -> Word:
-        """A text that is one of `allowed`."""
+        """Return a text that is one of `allowed`."""
         return allowed[allowed.index(self.text(key, default, allowed))]
 
     def flag(self, key: str, default: bool = False) -> bool:
@@ -133,7 +133,7 @@ class TomlTable:
         return {name: table.vector(name) for name in table.values}
 
     def rows(self, key: str, width: int, default: Sequence[Sequence[float]] = ()) -> list[tuple[float, ...]]:
-        """A list of rows of `width` numbers."""
+        """Return a list of rows of `width` numbers."""
         value = self.values.get(key, default)
         if not isinstance(value, Sequence) or not all(_are_numbers(row, width) for row in value):
             raise self.refuse(key, f"is {value!r}.", f"Give a list of rows of {width} numbers.")

@@ -20,7 +20,7 @@ MOST_ELEMENTS = 200_000
 
 
 def longest_of(tag: str, attributes: dict[str, str]) -> int:
-    """Characters of the longest name or value of an element."""
+    """Return the length of the longest name or value of an element."""
     return max(map(len, (tag, *attributes, *attributes.values())))
 
 

@@ -151,7 +151,7 @@ class OffsetWrist:
         return (angles[0], angles[1], angles[2]), np.broadcast_to(~(near | far), shape), f
 
     def _begun(self, poses: Array, seed: Array) -> tuple[NDArray[np.int64], Array]:
-        """Rows (m,) of poses and joints (m, 6) near solutions."""
+        """Find rows (m,) of poses and joints (m, 6) near solutions."""
         n = len(poses)
         grid = np.linspace(-np.pi, np.pi, STEPS, endpoint=False)
         theta_6 = np.broadcast_to(grid[:, None], (STEPS, n))
@@ -195,7 +195,7 @@ class OffsetWrist:
     def _crossing(
         self, poses: Array, seed: Array, chosen: tuple[NDArray[np.int64], ...], grid: Array, steps: Array
     ) -> Begun:
-        """Zeros of f between steps of `grid` and what lies `steps` (m,) further, by halving."""
+        """Find the zeros of f between steps of `grid` and points `steps` (m,) further, by halving."""
         front, up, at, rows = chosen
         begin, share = self._at(poses, seed, chosen, grid[at])[1], np.zeros(len(rows))
         for k in range(1, _HALVINGS + 1):
@@ -207,7 +207,7 @@ class OffsetWrist:
     def _beside(
         self, poses: Array, seed: Array, chosen: tuple[NDArray[np.int64], ...], grid: Array, step: float
     ) -> list[Begun]:
-        """Places between the last step that reaches and the edge of reach, which is halved for."""
+        """Find places between the last step that reaches and the edge of reach, by halving."""
         front, up, at, rows = chosen
         inside = np.zeros(len(rows))
         for k in range(1, _HALVINGS + 1):
@@ -228,7 +228,10 @@ class OffsetWrist:
         return valid[front, up, 0, each], f[front, up, 0, each]
 
     def _ended(self, poses: Array, joints: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Joints (m, 6) after Newton's method, and whether they reach the poses (m, 4, 4)."""
+        """Apply Newton's method to joints (m, 6).
+
+        Returns the joints, and whether they reach the poses (m, 4, 4).
+        """
         ended = np.zeros(len(joints), dtype=bool)
         for _ in range(_ROUNDS):
             reached, jacobian = self.zero.reached(joints)
@@ -275,6 +278,6 @@ class OffsetWrist:
 
 
 def _spread(vectors: Array) -> Vector:
-    """Components of (k, n, 3) vectors, each (1, 1, k, n)."""
+    """Return the components of (k, n, 3) vectors, each (1, 1, k, n)."""
     x, y, z = (np.ascontiguousarray(vectors[..., i])[None, None] for i in range(3))
     return x, y, z

@@ -185,6 +185,6 @@ def _unit(vectors: Array) -> Array:
 
 
 def _spread(vectors: Array) -> Vector:
-    """Components of (up, n, 3) vectors, each (1, up, 1, n)."""
+    """Return the components of (up, n, 3) vectors, each (1, up, 1, n)."""
     x, y, z = (np.ascontiguousarray(vectors[..., i])[None, :, None] for i in range(3))
     return x, y, z

@@ -127,12 +127,12 @@ class Solutions:
         return ~np.isin(self.state, UNREACHABLE)
 
     def all_of(self, row: int) -> tuple[BranchResult, ...]:
-        """The outcome for one pose in all branches."""
+        """Return the result for one pose in all branches."""
         return tuple(REACHED[state] for state in self.state[row])
 
 
 def columns(vectors: Array) -> Vector:
-    """Components of (n, 3) vectors, each (n,)."""
+    """Return the components of (n, 3) vectors, each (n,)."""
     x, y, z = np.ascontiguousarray(vectors.T)
     return x, y, z
 
@@ -147,7 +147,7 @@ def turn_back(v: Vector, angle: Array, plane: tuple[int, int]) -> Vector:
 
 
 def in_axes(rotation: Array, v: Vector) -> Vector:
-    """Components of v in other axes: the rows of `rotation`."""
+    """Return the components of v in other axes, the rows of `rotation`."""
     x, y, z = (row[0] * v[0] + row[1] * v[1] + row[2] * v[2] for row in rotation)
     return x, y, z
 

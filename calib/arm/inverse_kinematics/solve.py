@@ -100,7 +100,10 @@ class Scara:
         return cls(zero, plane, (a, b, c), zero.turns.index(False), senses, upper, fore)
 
     def solve(self, poses: Array, seed: Array) -> Solutions:
-        """Both branches of flange poses (n, 4, 4), base frame, mm. A SCARA leaves no joint free: `seed` is not used."""
+        """Solve both branches of flange poses (n, 4, 4), base frame, mm.
+
+        A SCARA leaves no joint free: `seed` is not used.
+        """
         del seed
         up, flange = self.plane[2], self.zero.flange
         turned = poses[:, :3, :3] @ flange[:3, :3].T

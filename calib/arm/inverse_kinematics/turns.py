@@ -218,7 +218,7 @@ class TwoLinks:
         return np.where(undetermined, free, theta_1), near, above & ~near
 
     def from_axis_2(self, point: Vector) -> tuple[Array, Array]:
-        """A point given from `origin` in the axes E, as seen from axis 2 in the plane across it."""
+        """Express a point from `origin` in the axes E relative to axis 2, in the plane across it."""
         return point[0] - self.offset[0], point[1] - self.offset[1]
 
     def elbow(self, end: tuple[Array, Array]) -> tuple[Array, Array, Mask, Mask]:

@@ -41,7 +41,7 @@ class ZeroPose:
 
     @classmethod
     def of(cls, robot: Robot) -> ZeroPose:
-        """The axes of a robot at model joints zero."""
+        """Compute the axes of a robot at model joints zero."""
         frames = propagate(Chain.of(robot), nominal_values(robot, np.zeros((1, robot.joints))), BasePoses())
         flange = np.eye(4)
         flange[:3, :3], flange[:3, 3] = frames.rotation[0], np.broadcast_to(frames.p, (3, 1))[:, 0]
@@ -60,7 +60,7 @@ class ZeroPose:
         return len(self.turns)
 
     def without_first(self) -> ZeroPose:
-        """The arm without its first axis, which is at zero."""
+        """Return the arm without its first axis, which is at zero."""
         return ZeroPose(self.name, self.turns[1:], self.axes[1:], self.points[1:], self.flange)
 
     def moved(self, joint: int, amount: Array) -> Array:
@@ -98,7 +98,7 @@ class ZeroPose:
         return poses, np.concatenate([linear, np.where(turns, axes, 0.0)], axis=2).transpose(0, 2, 1)
 
     def refused(self, why: str) -> DataError:
-        """The error for an arm that none of the structures fits."""
+        """Build the error for an arm that none of the structures fits."""
         return DataError(
             f"the robot '{self.name}' has no inverse kinematics in closed form here: {why}.",
             do="Arms with a wrist, with three parallel axes (UR, palletizers) or with parallel axes alone (SCARA) have "

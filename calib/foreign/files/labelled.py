@@ -95,7 +95,7 @@ def _table(lines: Sequence[str]) -> Labelled | None:
 
 
 def _taken_apart(line: str) -> list[LabelledCell]:
-    """The cells of a line; [] for one that cannot be taken apart."""
+    """Split a line into its cells; return [] if it cannot be split."""
     if ";" in line and "." not in line:
         line = _DECIMAL_COMMA.sub("\0", line)  # which does not set cells apart
     out: list[LabelledCell] = []
@@ -133,7 +133,7 @@ def _taken_apart(line: str) -> list[LabelledCell]:
 
 
 def _above(lines: Sequence[str], parts: int) -> list[str]:
-    """The names that one of the lines above gives the parts of a line; [] without."""
+    """Find the names that one of the lines above gives the parts of a line; [] without."""
     for line in reversed(lines):
         for separator in ";\t,|":
             cells = [cell.strip().strip('"#/ ') for cell in line.split(separator)]
@@ -143,7 +143,7 @@ def _above(lines: Sequence[str], parts: int) -> list[str]:
 
 
 def _names(cells: Sequence[LabelledCell], above: Sequence[str]) -> tuple[str, ...]:
-    """The names of columns, () where none is known."""
+    """Build the names of columns; () if none is known."""
     out = []
     for k, cell in enumerate(cells, start=1):
         stem = cell.label or (above[cell.part] if above else "")

@@ -86,7 +86,7 @@ class Layout:
         return tuple(row.line for row in self.rows)
 
     def spoilt(self, row: int, name: str) -> str:
-        """The reason why a cell holds no value, or ''."""
+        """Return the reason why a cell holds no value, or ''."""
         return self.sheet.spoilt.get((self.lines[row], self.names.index(name)), "")
 
     @cached_property
@@ -150,7 +150,7 @@ def _value(cell: str) -> bool:
 
 
 def _blocks(rows: Sequence[SheetRow]) -> list[list[int]]:
-    """Runs of rows with values in the most common columns, separated by rows of words."""
+    """Find runs of rows with values in the most common columns, separated by rows of words."""
     where = [
         frozenset() if row.comment else frozenset(k for k, cell in enumerate(row.cells) if _value(cell))
         for row in rows
@@ -196,7 +196,7 @@ def _joined(rows: Sequence[SheetRow], blocks: list[list[int]]) -> list[list[int]
 
 
 def _top(rows: Sequence[SheetRow], block: list[int]) -> int:
-    """The row that names the columns of a block; its first reading where none does."""
+    """Find the row that names the columns of a block; its first reading if none does."""
     for i in range(block[0] - 1, max(block[0] - 4, -1), -1):
         if unit_row(rows[i].cells):
             continue
@@ -264,7 +264,7 @@ def _merged(sheet: Sheet, row: SheetRow) -> bool:
 
 
 def _groups(sheet: Sheet, row: SheetRow, width: int) -> list[str]:
-    """The group over each column; [] where the row is none of groups."""
+    """Find the group over each column; return [] if the row is none of groups."""
     filled = [k for k, cell in enumerate(row.cells[:width]) if cell]
     if not filled or row.comment or len(row.cells) > width or (len(filled) == 1 and not _merged(sheet, row)):
         return []

@@ -93,7 +93,7 @@ def is_number(cell: str) -> bool:
 
 
 def suffix_of(cell: str) -> str:
-    """The unit that a cell has behind its number, or ''."""
+    """Return the unit that a cell has behind its number, or ''."""
     found = _SUFFIX.search(cell.strip())
     return found[1] if found and is_number(cell) else ""
 

@@ -110,7 +110,7 @@ def taken_apart(sheet: Sheet) -> Sheet:
 
 
 def _of_labels(lines: list[str], found: Labelled, path: Path) -> tuple[SheetRow, ...]:
-    """The rows of a table of labelled lines; others are remarks."""
+    """Build the rows of a table of labelled lines; other lines are remarks."""
     cells = dict(found.rows)
     first = found.rows[0][0]
     out = []

@@ -31,13 +31,16 @@ _BEHIND = re.compile(r"(?:\s+in\s+|[_/,\s]\s*)([A-Za-zµμ°º\"]{1,12})$")
 
 
 def unit_of(text: str) -> str:
-    """The unit that a word is for, `?` for one that is not taken, '' for none: `[mm]` -> mm."""
+    """Return the unit of a word, for example mm for `[mm]`.
+
+    The result is `?` for a unit that is not supported, and '' for other words.
+    """
     bare = text.strip().strip("[](){}<>").strip().lower()
     return _UNIT.get(bare, "")
 
 
 def split(name: str) -> tuple[str, str]:
-    """The name of a column without its unit, and the unit: `X Pos. [mm]` -> `X Pos.`, mm."""
+    """Split the name of a column from its unit: `X Pos. [mm]` -> `X Pos.`, mm."""
     if len(name) > LONGEST:
         return name, ""
     for match in _BRACKETS.finditer(name):

@@ -254,7 +254,7 @@ def _file(table: TomlTable) -> FileMap:
 
 
 def text_of(made: Map, remarks: Sequence[str] = ()) -> str:
-    """The map as its file has it, remarks first."""
+    """Write the map as text of its file, remarks first."""
     out = [*(f"# {remark}" for remark in remarks), f'format = "{FORMAT}"', ""]
     for each in made.files:
         out.append("[[file]]")

@@ -132,7 +132,7 @@ class Assigned:
         return answer
 
     def reason(self, key: str) -> str:
-        """The reason for which an answer is taken."""
+        """Return the reason for which an answer is taken."""
         return "only so the robot reaches the points" if key in self.told else "as answered"
 
     def take(self, column: str, read_as: str, unit: str = "", why: str = "its name") -> None:

@@ -118,7 +118,7 @@ def _notation(to: Assigned) -> None:
 
 
 def _copies(to: Assigned, meanings: dict[str, ColumnMeaning]) -> None:
-    """Columns given twice with the same contents count once."""
+    """Leave out columns that repeat another of the same name with the same contents."""
     for name in to.layout.names:
         first, mark, number = name.rpartition("#")
         if (
@@ -202,7 +202,7 @@ def _read_back(
 
 
 def _apart_deg(to: Assigned, commanded: Set, read: Set, meanings: dict[str, ColumnMeaning]) -> float:
-    """The largest difference of two sets of joints, deg or mm; 0 where a unit is not known."""
+    """Compute the largest difference of two sets of joints, deg or mm; 0 if a unit is unknown."""
     shown = []
     for names in (commanded, read):
         asked = len(to.questions)
@@ -309,7 +309,7 @@ def _points(to: Assigned, meanings: dict[str, ColumnMeaning]) -> None:
 
 
 def at_zero(to: Assigned) -> NDArray[np.int64]:
-    """The rows that count and have a point at exactly 0, 0, 0."""
+    """Find the rows that count and have a point at exactly 0, 0, 0."""
     zero = np.zeros(len(to.layout.rows), dtype=bool)
     for axes in (to.columns, *to.targets.values()):
         named = [axes[axis].rpartition("[")[0] for axis in "xyz" if axes.get(axis, UNDECIDED) != UNDECIDED]
@@ -322,7 +322,7 @@ def at_zero(to: Assigned) -> NDArray[np.int64]:
 
 
 def _unit_of_points(to: Assigned, names: Sequence[str], meanings: dict[str, ColumnMeaning]) -> None:
-    """Entries `x@NAME` of columns of coordinates, for the caller to put where they belong."""
+    """Add entries `x@NAME` of columns of coordinates; the caller moves them to their place."""
     units, why = units_of_columns(to, names, meanings, "points", ("mm", "m", "in", "um"))
     for k, (name, unit, reason) in enumerate(zip(names, units, why, strict=True)):
         to.columns[f"{'xyz'[k % 3]}@{name}"] = f"{name}[{unit}]"
@@ -408,7 +408,7 @@ def units_of_columns(
     what: str,
     choices: tuple[str, ...],
 ) -> tuple[list[str], list[str]]:
-    """Units of columns of one kind, each with the reason; `?` where it is asked."""
+    """Find the units of columns of one kind, each with the reason; `?` if it is asked."""
     layout = to.layout
     of_row = dict(zip(layout.names, layout.units, strict=False))
     units, why = [], []
@@ -497,7 +497,10 @@ def _doubt(values: Array, units: Sequence[str], why: Sequence[str], what: str) -
 
 
 def _likely(values: Array, what: str) -> str:
-    """Guess the unit of numbers from their size; angles are `deg` if only degrees are so large."""
+    """Guess the unit of numbers from their size.
+
+    Angles are `deg` if only degrees are so large.
+    """
     size = float(np.nanmax(np.abs(values), initial=0.0))
     if what == "points":
         return (

@@ -46,7 +46,7 @@ def _matrices(to: Assigned, meanings: dict[str, ColumnMeaning]) -> None:
 
 
 def _without_unit(name: str) -> str:
-    """A name without a unit behind it."""
+    """Remove the unit behind a name."""
     return re.sub(r"\s*[\[(](?:mm|m|deg|rad)[\])]$", "", name)
 
 
@@ -223,7 +223,7 @@ def _ask_nameless(to: Assigned, meanings: dict[str, ColumnMeaning], robot: Robot
 
 
 def _counts(robot: Robot | None) -> Sequence[int]:
-    """The numbers of columns that the joints of a robot may have."""
+    """Return the numbers of columns that the joints of a robot may have."""
     if robot is None:
         return _JOINTS
     held = len(robot.followers(robot.rods))

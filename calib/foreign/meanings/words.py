@@ -97,7 +97,7 @@ class ColumnMeaning:
 
 
 def meaning_of(name: str) -> ColumnMeaning:
-    """The meaning of a column's name."""
+    """Find the meaning of a column's name."""
     if len(name) > LONGEST:
         return ColumnMeaning("other")
     bare, unit = split(re.sub(r"#\d+$", "", name))

@@ -339,7 +339,7 @@ class Fit:
     miss : float
         Distance within which three quarters of the readings lie, mm.
     extent : float
-        Extent of the points, or of the flange if it turns about points, mm.
+        Extent of the points, or of the flange if that is larger because it turns about points, mm.
     turn : float
         Median angle of the orientations from the nominal tool's, rad; NaN if none were measured.
     """

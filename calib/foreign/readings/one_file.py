@@ -94,7 +94,7 @@ class File:
         return self._by_target(rows) if self.made.targets else rows
 
     def _by_target(self, rows: ForeignReadings) -> ForeignReadings:
-        """The readings with one row for each target, where a row of the file holds several."""
+        """Split readings into one row for each target, if a row of the file holds several."""
         points = [self._points(axes) for axes in self.made.targets.values()]
         every = rows.take(np.repeat(np.arange(len(rows)), len(points)))
         target = tuple(self.made.targets) * len(rows)
@@ -230,7 +230,7 @@ class File:
         return np.array(out, dtype=np.float64)
 
     def _rejected(self) -> tuple[str, ...]:
-        """The reason why each row does not count, '' where it does."""
+        """Return the reason why each row does not count, or ''."""
         if "status" not in self.made.columns:
             return ("",) * len(self.layout.rows)
         cells = self.layout.cells[self._plain("status").name]

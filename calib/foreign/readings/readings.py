@@ -142,7 +142,7 @@ class ForeignReadings:
 
 
 def _renumbered(key: str, axes: Mapping[str, str]) -> str:
-    """The quantity of a joint (`read3`, `prev3`) under the number that the robot has for it."""
+    """Rename the quantity of a joint (`read3`, `prev3`) by the robot's number of the joint."""
     match = re.fullmatch(r"(read|prev|approach)(\d+)", key)
     return key if match is None else f"{match[1]}{axes.get(f'j{match[2]}', match[2]).removeprefix('j')}"
 
@@ -220,7 +220,7 @@ def table_of(readings: ForeignReadings, made: Map, map_path: Path | str, source:
 
 
 def _header(header: Mapping[str, Any], readings: ForeignReadings, map_path: Path | str) -> dict[str, Any]:
-    """The header of the map with a target for every name that was measured."""
+    """Add a target for every measured name to the header of the map."""
     out = {
         key: value for key, value in header.items() if key != "holdout"
     }  # what was held out is written after it
