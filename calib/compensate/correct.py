@@ -43,7 +43,7 @@ from calib.model.model import FLANGE, ModelStructure, StatedConditions, nominal_
 from calib.regression.regression import Regression
 from calib.units import DEG
 
-MOST_ITERATIONS = 16  # all of 1000 poses of Nubiola's robot land within so many; 98 % after 4
+MOST_ITERATIONS = 16  # all of 1000 poses of Nubiola's robot land within this number; 98 % after 4
 
 # Tenths of a degree are usual, more near a singular wrist; beyond this the branch is left
 FARTHEST = 30.0 * DEG  # of a slide as much of `LEVER_MM`

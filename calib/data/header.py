@@ -154,7 +154,7 @@ class Header:
     # standard uncertainty per axis by name; what is not named is exact, or freed without a prior
     base_targets_u_mm: Mapping[str, float] = field(default_factory=dict)
     tool_targets_u_mm: Mapping[str, float] = field(default_factory=dict)
-    u_mm_assumed: tuple[str, ...] = ()  # names whose uncertainty nobody stated
+    u_mm_assumed: tuple[str, ...] = ()  # names whose uncertainty was not stated
     nests: Mapping[str, Vector] = field(default_factory=dict)  # on which the world frame is set up, mm
     one_tool: bool = False  # whether all series measured the same tool
     hold: tuple[str, ...] = ()  # parameters held at their nominal values

@@ -48,7 +48,7 @@ from calib.units import DEG
 _MOST_DEG = 1e5
 _OF_AXIS = re.compile(r"([je]\d+)_(?:deg|mm)")
 _MOST_WAYPOINTS = 1e9
-_WARMEST_C = 100.0  # air, either way of zero, in which nobody measures
+_WARMEST_C = 100.0  # air, above or below zero, in which no one measures
 _UNITLESS = ("x", "y", "z", "t", "length", "t_air")
 _FEWEST = 3  # points that say where a robot is
 _NEAR = 0.88  # likeness, of 1: one letter too many, too few or swapped in a name of eight
@@ -621,7 +621,7 @@ def arrivals_of(
     if header.coupling != "none":
         matrix = np.array(header.robot.joint_matrices[header.coupling].matrix)
         side = side * np.sign(np.diag(matrix))
-        # A model joint that several controller joints turn has no side of its own on record: derive it.
+        # A model joint that several controller joints turn has no separate recorded side: derive it.
         side[:, np.count_nonzero(matrix, axis=1) > 1] = np.nan
     derived = _derived(_last_move(joints, previous, before), in_time, begins)
     return np.where(np.isfinite(side), side, derived), previous

@@ -30,7 +30,7 @@ LEAST_RANGE = 30.0 * DEG
 
 _STILL = 0.01 * DEG  # by which a joint that counts as still may move
 _ROUNDS = 10
-_PARALLEL = 5.0 * DEG  # two axes that meet under less have no common perpendicular worth the name
+_PARALLEL = 5.0 * DEG  # two axes that meet under less have no reliable common perpendicular
 _SURE = 0.02  # rad to which the direction of an axis must be known
 
 

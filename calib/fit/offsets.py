@@ -106,7 +106,7 @@ def offsets_of(found: IdentificationFit) -> tuple[TargetOffset, ...]:
     which = np.array([i for those in of_target.values() for i in those])
     rows = np.split(np.arange(len(which)), np.cumsum([len(those) for those in of_target.values()])[:-1])
     u, m, p = model.prior_std[which], found.estimate[which], found.covariance[np.ix_(which, which)]
-    # what the prior weighed in the fit, beside the noise as it found it then, not as it was reported in the end
+    # weight of the prior in the fit, relative to the noise found then, not to the noise reported in the end
     then = np.outer(*[found.prior[which] * u] * 2) / max(found.noise_scale, 1.0) ** 2
     judged = _judged(m, then * p, u, rows, [name for _, name in of_target])
     return tuple(

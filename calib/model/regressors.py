@@ -458,7 +458,7 @@ class Temperature:
         return Axis("air temperature, °C", conditions.temperature)
 
 
-# By the names that model files hold, whatever the classes are called
+# By the names in model files, which do not depend on the names of the classes
 KINDS = {
     "Constant": Constant,
     "InSeries": InSeries,

@@ -50,7 +50,7 @@ SURE = 0.9
 _ROUNDING = 1e-9  # of the transform, as a share of the largest sum of squares
 _SIGMA = 6.0
 _BESIDE, _FEWEST = 6, 3  # offsets to either side of a step that are compared
-_OF_MEDIAN = 1.2533  # standard error of a median beside that of a mean
+_OF_MEDIAN = 1.2533  # standard error of a median over that of a mean
 _LEAST_S = 1e-6
 
 

@@ -35,9 +35,9 @@ from calib.motion.solve import SLOW_MM_S
 from calib.units import DEG
 
 _LEAST_U_MM = 1e-4
-_TURNED = 0.01 * DEG  # a joint that turned less from one standstill to the next rests on the side it had
+_TURNED = 0.01 * DEG  # a joint that turned less from one rest to the next stays on the side it had
 _FEWEST_PAIRS = 20
-_CREEP = 0.2 * DEG  # of any joint, within one standstill
+_CREEP = 0.2 * DEG  # of any joint, within one rest
 _SAME_POSE = 0.5 * DEG  # of every joint, of one waypoint
 
 

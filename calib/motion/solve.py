@@ -21,7 +21,7 @@ from calib.motion.clocks import ClockRelation
 from calib.motion.streams import JointStream
 
 CLOCKS = 3  # columns of the clocks, the last ones: offset, rate, step
-_NO_STEP = 1.0  # weight, mm/s: holds the step at zero where none was seen, and is nothing beside one that was
+_NO_STEP = 1.0  # weight, mm/s: holds the step at zero where none was seen, and is negligible compared with one that was
 _ROUNDS = 12
 _PLACING_ROUNDS = 4
 _SETTLED_S = 1e-7

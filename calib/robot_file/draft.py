@@ -139,7 +139,7 @@ def written_robot(draft: Draft) -> Robot:
         (Path(folder) / "draft.toml").write_text(draft.text, encoding="utf-8")
         try:
             return load_robot("draft.toml", Path(folder))
-        except DataError as error:  # nobody has seen that file
+        except DataError as error:  # the user has not seen that file
             raise DataError(error.what, do=error.do, key=error.key) from error
 
 

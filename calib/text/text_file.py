@@ -34,7 +34,7 @@ def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
         The file cannot be read, or is larger; the error names it.
     """
     try:
-        # Without waiting: a named pipe that nobody writes to would hold the program for ever.
+        # Without waiting: a named pipe without a writer would hold the program for ever.
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     except FileNotFoundError as error:
         raise DataError("there is no such file.", do="Check the name.", file=path) from error
@@ -108,7 +108,7 @@ def replace_file(path: Path, content: str | bytes) -> None:
     """Write a file whole or not at all, text as UTF-8; of a symlink the file it points to."""
     data = content if isinstance(content, bytes) else content.encode("utf-8")
     target = Path(os.path.realpath(path))
-    # A name of its own for every writer: two of them at once do not spoil each other's file.
+    # A separate name for every writer, so that two of them at once do not spoil each other's file.
     partial = target.with_name(f"{target.stem[:40]}.{secrets.token_hex(6)}.partial")
     try:
         with open(partial, "xb", opener=_open) as file:

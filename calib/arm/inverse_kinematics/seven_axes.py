@@ -175,7 +175,7 @@ def _frame(along: Array, towards: Array, otherwise: Array) -> Array:
         np.linalg.norm(spare, axis=-1, keepdims=True) < 1e-6, np.cross(x, otherwise[[2, 0, 1]]), spare
     )
     y = _unit(np.where(small, spare, y))
-    # Once more: near a stretched arm the first difference is little but rounding.
+    # Again: near a stretched arm the first difference is little but rounding.
     y = _unit(y - np.sum(y * x, axis=-1, keepdims=True) * x)
     return np.stack([x, y, np.cross(x, y)], axis=-1)
 

@@ -46,7 +46,7 @@ _BAD = {"nok", "invalid", "bad", "ungültig", "0", "false", "no", "nein", "nio",
         "rejected", "not measured", "fehler"}  # fmt: skip
 
 _OTHER_DEGREES = re.compile(r"(?:[\[(_\s/°]|deg)(?:f|k|fahrenheit|kelvin)\b", re.IGNORECASE)
-_WARMEST_C = 60.0  # air in which nobody calibrates
+_WARMEST_C = 60.0  # air temperature at which no one calibrates
 _SETS = {"calibration", "reference", "repeat", "validation"}
 
 

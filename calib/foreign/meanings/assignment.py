@@ -144,7 +144,7 @@ def _joints(to: Assigned, meanings: dict[str, ColumnMeaning], followers: Sequenc
         if start > 1 or not gaps <= {start + k for k in followers} or len(by_index) < 2:
             continue
         whole[key] = tuple(by_index[k] for k in sorted(by_index))
-    for key in list(whole):  # q1..q4 beside joints are a quaternion, as is q0..q3 of norm 1
+    for key in list(whole):  # q1..q4 next to joints are a quaternion, as is q0..q3 of norm 1
         if key[1] == "q" and len(whole[key]) == 4 and (len(whole) > 1 or _normed(to, whole[key])):
             for k, name in enumerate(whole.pop(key)):
                 meanings[name] = ColumnMeaning("quaternion", k, key[0], "numbered")
