@@ -1,10 +1,8 @@
 """Degrees of freedom of an arm's tool point, from the rank of its Jacobian.
 
 Six axes or more shift and turn the tool in every direction. A SCARA or a palletizer shifts it in three
-directions and
-turns it about one; a two-axis positioner turns it about two. The Jacobian J (6 x m) of the joints that
-the controller
-can move determines the degrees of freedom, for an arm of any type:
+directions and turns it about one; a two-axis positioner turns it about two. The Jacobian J (6 x m) of
+the joints that the controller can move determines the degrees of freedom, for an arm of any type:
 
     count    the largest number of singular values above `SINGULAR` of the first, among postures all over the limits
     places   whether three of them shift the tool point: then its position comes first and orientation takes what is
