@@ -318,8 +318,7 @@ def _first_dependent(triangle: Array, kept: list[bool]) -> int | None:
     """Find the first column of R (m, m) that earlier columns explain; None if there is none.
 
     The columns have length 1. The remainder of a column is on the diagonal. Columns that are `kept` are
-    never dropped. Behind such a column that is explained the diagonal no longer shows the remainder, and
-    the others are then compared with it as it is.
+    never dropped; behind one that is explained, the diagonal may be smaller than the remainder.
     """
     left = np.zeros(triangle.shape[1])
     left[: min(triangle.shape)] = np.abs(np.diag(triangle))
