@@ -30,6 +30,7 @@ style: $(VENV)/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
+	$(BIN)/ty check
 
 types: $(VENV)/.installed
 	$(BIN)/pyright
@@ -47,10 +48,10 @@ notebooks: $(VENV)/.installed
 counterparts: $(VENV)/.installed
 	$(BIN)/python -m tests.counterparts
 
-# Types are checked beside the tests, which leave a processor idle now and then (docs/decisions/0100).
+# The types of arguments are checked by `make check` and `make long` (docs/decisions/0139).
 test: style
 	-$(BIN)/python -m tests.counterparts
-	$(MAKE) --jobs 2 types suite
+	$(MAKE) suite
 
 suite: $(VENV)/.installed
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
@@ -79,7 +80,7 @@ steady: $(VENV)/.installed
 	$(BIN)/python -m tests.steady --times $(TIMES) --busy 4 --log .steady.jsonl
 
 # What is run before an issue is closed, beside `make test`; half a night.
-long: notebooks conformance sabotage mutants steady
+long: types notebooks conformance sabotage mutants steady
 	$(BIN)/python -m pytest tests/drivers -k test_any --hypothesis-profile=fuzz-short --timeout=0
 	$(BIN)/python -m pytest -m whole --whole
 	TRUEPOSE_KILLS=20 $(BIN)/python -m pytest tests/end_to_end/test_campaign_kill.py

@@ -13,8 +13,8 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-command = "truepose"  # the command in hand
-overwriting = False  # whether it may replace any file
+command: str = "truepose"  # the command in hand
+overwriting: bool = False  # whether it may replace any file
 # Path of a file that the command in hand will write -> the command and its option
 _writers: dict[str, str] = {}
 _MOST = 512 * 1024 * 1024  # bytes of a file that is read to be known again

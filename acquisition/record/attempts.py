@@ -60,7 +60,7 @@ class Attempts:
 
         as_planned (3,), mm, world: the point as it would be at the joints that were planned (`run.checks.expected`).
         """
-        data = {
+        data: dict[str, Any] = {
             "attempt": attempt,
             "pose": planned.id,
             "name": planned.visit.name,

@@ -378,7 +378,7 @@ def _named_orders(effects: tuple[Effect, ...]) -> dict[int, set[int]]:
         if effect.wave is None:
             continue
         joint, slots = effect.wave
-        if slots == {f"theta{joint}"} and effect.shape["order"].is_integer():
+        if slots == {f"theta{joint}"} and float(effect.shape["order"]).is_integer():
             named.setdefault(joint, set()).add(round(effect.shape["order"]))
     return named
 

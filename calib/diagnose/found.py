@@ -158,7 +158,7 @@ def _derivative(space: Space, family: Family | None, effect: Effect) -> list[tup
     readings determine."""
     if isinstance(family, Shapes):
         name = family.key
-    elif isinstance(family, Harmonics) and not effect.shape["order"].is_integer():
+    elif isinstance(family, Harmonics) and not float(effect.shape["order"]).is_integer():
         name = "order"
     else:
         return []

@@ -443,5 +443,5 @@ def _same(scores: Scores, one: Effect, other: Effect) -> bool:
     """Whether a place of the scan is the chosen effect again: two whole orders are always two explanations."""
     if one.label == other.label:
         return True
-    both_whole = all(e.shape.get("order", 0.5).is_integer() for e in (one, other))
+    both_whole = all(float(e.shape.get("order", 0.5)).is_integer() for e in (one, other))
     return not both_whole and one_order(scores.space, one, other)

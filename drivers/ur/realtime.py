@@ -32,7 +32,7 @@ def parse_packet(packet: bytes) -> UrState:
     if length not in LENGTHS or length != len(packet):
         raise ProtocolError("not a real-time packet of software 3.2 or later", raw=packet[:64])
     modes = [numbers(offset, 1)[0] for offset in (_ROBOT_MODE, _SAFETY_MODE, _PROGRAM_STATE)]
-    if not all(mode.is_integer() for mode in modes):
+    if not all(float(mode).is_integer() for mode in modes):
         raise ProtocolError("mode is not a whole number", raw=packet[:64])
     robot_mode, safety_mode, program_state = map(int, modes)
     state = UrState(

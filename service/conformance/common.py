@@ -28,11 +28,11 @@ _ASK_AGAIN_S = 0.02  # no driver reports the end of a watchdog: it is asked unti
 class WireByteCount:
     """Counts the bytes that a driver puts on the record of its wire, by direction."""
 
-    bytes: dict[str, int] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
 
     def record(self, device: str, direction: str, data: bytes) -> None:
         """Keep what goes over the wire, as a `drivers.WireSink`."""
-        self.bytes[direction] = self.bytes.get(direction, 0) + len(data)
+        self.counts[direction] = self.counts.get(direction, 0) + len(data)
 
 
 def refuses_wrong_addresses(make: Callable[[str], object]) -> None:
@@ -68,7 +68,7 @@ def says_who_it_is(device: Device) -> None:
 def puts_bytes_on_record(heard: WireByteCount) -> None:
     """Both directions of the wire. Raises Broken."""
     for direction, words in ((">", "to the device"), ("<", "from it")):
-        hold(heard.bytes.get(direction, 0) > 0, f"no byte {words} was given to `wire`")
+        hold(heard.counts.get(direction, 0) > 0, f"no byte {words} was given to `wire`")
 
 
 def only_ours(what: str, act: Callable[[], object]) -> None:

@@ -136,8 +136,8 @@ class ForeignReadings:
             followers
         ):  # one may be there: where it stands, or only what it differs by from where it follows to
             if names[k] in columns:
-                apart = columns[names[k]], columns[names[k]] - follow[:, k]
-                joints[:, k] = min(apart, key=lambda values: float(np.abs(values).max(initial=0.0)))
+                apart = np.array([columns[names[k]], columns[names[k]] - follow[:, k]])
+                joints[:, k] = apart[np.argmin(np.abs(apart).max(axis=1, initial=0.0))]
         return replace(read, joints=joints, axes=robot.axes, units=robot.units, coupling=robot.rods)
 
 
