@@ -35,24 +35,7 @@ def do(folder: Path) -> None:
 
     job = read_json(folder / JOB)
     try:
-        if job["kind"] == "diagnosis":
-            diagnosis(folder, job)
-        elif job["kind"] == "alignment":
-            alignment(folder, job["order"], job["name"])
-        elif job["kind"] == "validation":
-            validation(Path(job["data"]), folder, job["model"], job["order"])
-        elif job["kind"] == "selection":
-            selection(folder, job["cell"], job["order"])
-        elif job["kind"] == "regression":
-            regression(Path(job["data"]), folder, job["order"])
-        elif job["kind"] == "placement":
-            placement(folder, job["cell"], job["order"])
-        elif job["kind"] in ("watch_plan", "watch", "upkeep"):
-            from service import watch_job
-
-            watch_job.do(folder, job)
-        else:
-            identification(folder, job)
+        _WORK[job["kind"]](folder, job)
     except refusals.REFUSALS as error:
         problem = {"text": refusals.cause(error), "do": refusals.remedy(error), **refusals.place(error)}
         replace_file(folder / PROBLEM, as_json(problem))
@@ -129,19 +112,19 @@ def identification(folder: Path, job: Mapping[str, Any]) -> None:
     replace_file(folder / RESULT, as_json(result.document()))
 
 
-def regression(data: Path, folder: Path, order: dict[str, Any]) -> None:
+def regression(folder: Path, job: Mapping[str, Any]) -> None:
     """Compare regression with identification, save the model with its regression, draw the report. Raises DataError."""
     from calib.text import replace_file
     from service.files import as_json
     from service.results.models.regressed import RegressionOutcome
 
-    result = RegressionOutcome.of(data, **order)
+    result = RegressionOutcome.of(Path(job["data"]), **job["order"])
     sealed = result.save(folder / MODEL)
     replace_file(folder / REPORT, result.report(sealed))
     replace_file(folder / RESULT, as_json(result.document))
 
 
-def validation(data: Path, folder: Path, model: str | None, order: dict[str, Any]) -> None:
+def validation(folder: Path, job: Mapping[str, Any]) -> None:
     """Judge a model on a data set, or without one compare hold-outs. Raises DataError."""
     from calib.data import read_dataset
     from calib.saved import load_model
@@ -153,7 +136,7 @@ def validation(data: Path, folder: Path, model: str | None, order: dict[str, Any
     from service.results.judgement.validation import LoadedModel, ValidationRequest, validate
     from service.results.shape import document_of
 
-    read = None
+    order, model, read = job["order"], job["model"], None
     if model is not None:
         read = LoadedModel(load_model(Path(model)), Path(model))
         if (other := order["compare"]) is not None:
@@ -162,7 +145,7 @@ def validation(data: Path, folder: Path, model: str | None, order: dict[str, Any
     asked = ValidationRequest(
         order["place"], order["everything"], None if point is None else tuple(point), limits
     )
-    found = validate(read_dataset(data), read, asked, lambda step: tell(folder, step))
+    found = validate(read_dataset(Path(job["data"])), read, asked, lambda step: tell(folder, step))
     if read is not None and not asked.everything:
         with left_alone():
             report = validation_report(found)
@@ -170,24 +153,27 @@ def validation(data: Path, folder: Path, model: str | None, order: dict[str, Any
     replace_file(folder / RESULT, as_json(document_of(found.result)))
 
 
-def selection(folder: Path, cell: str, order: dict[str, Any]) -> None:
-    """Choose poses in the cell of this text. Raises DataError, ConfigError."""
+def selection(folder: Path, job: Mapping[str, Any]) -> None:
+    """Choose poses in the cell of the job. Raises DataError, ConfigError."""
     from acquisition.cell import cell_of_record
     from calib.prior import load_prior
     from calib.text import replace_file
     from service.files import as_json
     from service.results.cell.selected import Selected, SelectionRequest
 
+    order = dict(job["order"])
     for name in ("groups", "targets"):
         order[name] = None if order[name] is None else tuple(order[name])
     prior = load_prior(folder / PRIOR) if (folder / PRIOR).is_file() else None
-    found = Selected.of(cell_of_record(cell, str(folder / JOB)), SelectionRequest(**order, prior=prior))
+    found = Selected.of(
+        cell_of_record(job["cell"], str(folder / JOB)), SelectionRequest(**order, prior=prior)
+    )
     replace_file(folder / POSES, found.csv)
     replace_file(folder / RESULT, as_json(found.document()))
 
 
-def placement(folder: Path, cell: str, order: dict[str, Any]) -> None:
-    """Search placements of the base balls, draw them. cell: the text of a cell file. Raises DataError."""
+def placement(folder: Path, job: Mapping[str, Any]) -> None:
+    """Search placements of the base balls, draw them. Raises DataError."""
     from acquisition.cell import cell_of_record
     from calib.errors import DataError
     from calib.text import replace_file
@@ -203,7 +189,11 @@ def placement(folder: Path, cell: str, order: dict[str, Any]) -> None:
 
     try:
         found = found_for(
-            cell_of_record(cell, str(folder / JOB)), PlacementRequest.of(order), folder / JOB, say, progress
+            cell_of_record(job["cell"], str(folder / JOB)),
+            PlacementRequest.of(job["order"]),
+            folder / JOB,
+            say,
+            progress,
         )
     except ConfigError as error:
         raise DataError(f"{error.message}.", do=error.what_to_do, key="zone") from error
@@ -211,7 +201,7 @@ def placement(folder: Path, cell: str, order: dict[str, Any]) -> None:
     replace_file(folder / RESULT, as_json(found.document()))
 
 
-def alignment(folder: Path, order: dict[str, Any], name: str) -> None:
+def alignment(folder: Path, job: Mapping[str, Any]) -> None:
     """Align the streams of the folder, keep their standstills as a data set, draw the picture. Raises DataError."""
     from calib.text import replace_file
     from service.files import as_json
@@ -221,8 +211,95 @@ def alignment(folder: Path, order: dict[str, Any], name: str) -> None:
     from service.results.files.alignment_request import AlignmentRequest
 
     result = aligned_of(
-        folder / ROBOT, folder / TRACKER, AlignmentRequest(**{**order, "tool": tuple(order["tool"])})
+        folder / ROBOT,
+        folder / TRACKER,
+        AlignmentRequest(**{**job["order"], "tool": tuple(job["order"]["tool"])}),
     )
     replace_file(folder / PICTURE, motion_picture(result))
-    kept = keep_dataset(folder.parents[1] / "datasets", lambda at: result.table.write(at / CSV), name)
+    kept = keep_dataset(folder.parents[1] / "datasets", lambda at: result.table.write(at / CSV), job["name"])
     replace_file(folder / RESULT, as_json({**document(result), "dataset_id": kept["id"]}))
+
+
+def watch_plan(folder: Path, job: Mapping[str, Any]) -> None:
+    """Choose check poses in the cell of the job; the plan, with its campaign. Raises DataError, ConfigError."""
+    from acquisition.cell import cell_of_record
+    from calib.errors import DataError
+    from calib.saved import load_model
+    from calib.text import parse_toml, replace_file
+    from drivers.errors import ConfigError
+    from service.files import as_json
+    from service.results.watch_plan import PlannedWatch, WatchPlanRequest
+
+    baseline, targets = folder / job["baseline"]["file"], job["order"]["targets"]
+    asked = WatchPlanRequest(**{**job["order"], "targets": tuple(targets) if targets else None})
+    try:
+        cell = cell_of_record(job["cell"], str(folder / JOB))
+        found = PlannedWatch.of(
+            cell, folder / JOB, load_model(baseline), baseline, asked, lambda step: tell(folder, step)
+        )
+    except ConfigError as error:
+        raise DataError(f"{error.message}.", do=error.what_to_do, key="poses") from error
+    ((_, text),) = found.files(folder / "watch.toml").items()
+    document = found.document() | {"campaign": parse_toml(text, "watch.toml")}
+    replace_file(folder / RESULT, as_json(document))
+
+
+def watch(folder: Path, job: Mapping[str, Any]) -> None:
+    """Judge a data set by the baseline, write the updated model; the verdict. Raises DataError."""
+    from calib.data import read_dataset
+    from calib.saved import load_model
+    from calib.text import replace_file
+    from service.files import as_json
+    from service.results.watched import WatchRequest, WatchResultSummary
+
+    order, baseline = dict(job["order"]), folder / job["baseline"]["file"]
+    means = None
+    if order.pop("average"):
+        means = folder.parents[1] / "watch-means" / f"{job['baseline']['sha256']}.jsonl"
+        means.parent.mkdir(exist_ok=True)
+    asked = WatchRequest(means, folder / MODEL, **order)
+    found = WatchResultSummary.of(
+        read_dataset(Path(job["data"])),
+        load_model(baseline),
+        baseline,
+        asked,
+        lambda step: tell(folder, step),
+    )
+    # A place of the server, and another one every time: the same verdict is to be the same document.
+    document = found.document() | {"updated_model": MODEL if found.updated else None}
+    replace_file(folder / RESULT, as_json(document))
+
+
+def upkeep(folder: Path, job: Mapping[str, Any]) -> None:
+    """Judge how warm the arm is, write the updated model; what was found. Raises DataError."""
+    from calib.data import read_dataset
+    from calib.saved import load_model
+    from calib.text import replace_file
+    from service.files import as_json
+    from service.results.upkept import ThermalUpdateRequest, ThermalUpdateSummary
+
+    baseline = folder / job["baseline"]["file"]
+    asked = ThermalUpdateRequest(folder / MODEL, **job["order"])
+    found = ThermalUpdateSummary.of(
+        read_dataset(Path(job["data"])),
+        load_model(baseline),
+        baseline,
+        asked,
+        lambda step: tell(folder, step),
+    )
+    document = found.document() | {"updated_model": MODEL if found.thermal else None}
+    replace_file(folder / RESULT, as_json(document))
+
+
+_WORK = {
+    "alignment": alignment,
+    "diagnosis": diagnosis,
+    "identification": identification,
+    "placement": placement,
+    "regression": regression,
+    "selection": selection,
+    "upkeep": upkeep,
+    "validation": validation,
+    "watch": watch,
+    "watch_plan": watch_plan,
+}

@@ -28,13 +28,9 @@ from service.http.routes.work import (
     alignment_routes,
     examination_routes,
     job_routes,
-    placement_routes,
     program_routes,
-    regression_routes,
-    selection_routes,
+    result_routes,
     target_routes,
-    validation_routes,
-    watch_routes,
 )
 from service.http.state import Service
 from service.http.wire import problems
@@ -71,16 +67,12 @@ def create_app(settings: ServiceSettings) -> FastAPI:
         plan_routes,
         alignment_routes,
         job_routes,
-        regression_routes,
-        validation_routes,
-        selection_routes,
-        placement_routes,
+        result_routes,
         target_routes,
         program_routes,
         examination_routes,
         deletion_routes,
         history_routes,
-        watch_routes,
     ):
         app.include_router(routes.router, prefix=PREFIX)
     app.include_router(page.router)

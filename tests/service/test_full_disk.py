@@ -41,7 +41,7 @@ def test_a_job_that_cannot_be_kept_waits_nowhere(tmp_path: Path, monkeypatch: py
     with closing(Jobs(tmp_path)) as queue:
         monkeypatch.setattr(jobs, "replace_file", full)
         with pytest.raises(OSError, match="No space"):
-            queue.regress({"id": "d"}, tmp_path / "data.csv", {})
+            queue.add("regression", {"dataset_id": "d", "data": str(tmp_path / "data.csv"), "order": {}})
         assert queue.counts() == {"waiting": 0, "working": 0}
         assert not list((tmp_path / "regressions").iterdir())
 
@@ -62,7 +62,9 @@ def test_a_job_that_cannot_keep_its_outcome_ends_no_other(
     monkeypatch.setattr(jobs, "Workers", lambda *_, **__: FullWorkers())
     with closing(Jobs(tmp_path)) as queue:
         for _ in range(2):
-            own = queue.regress({"id": "d"}, tmp_path / "data.csv", {})["id"]
+            own = queue.add(
+                "regression", {"dataset_id": "d", "data": str(tmp_path / "data.csv"), "order": {}}
+            )["id"]
             while queue.wait("regression", own, 2, PATIENCE_S) < 3:
                 pass
             assert "cut off" in queue.document("regression", own)["problem"]["detail"]

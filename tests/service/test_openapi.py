@@ -198,7 +198,7 @@ def test_results_are_as_described(data: Path, tmp_path: Path) -> None:
                 "both": False,
                 "diagnosed": False,
             }
-            job.regression(data, folder, order)
+            job.regression(folder, {"data": str(data), "order": order})
         else:
             more = {"patch": True, "carry_to": str(data)} if kind == "diagnosis" else {}
             getattr(job, kind)(folder, {"data": str(data), "limits": limits, **more})

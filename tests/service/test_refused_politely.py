@@ -34,4 +34,4 @@ def test_whoever_stops_is_told_what_could_not_be_stopped() -> None:
 def test_the_queue_of_jobs_has_an_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("service.http.work.jobs.MOST_WAITING", 0)
     with closing(Jobs(tmp_path)) as jobs, pytest.raises(Problem, match="Too many jobs"):
-        jobs.add("identification", {"id": "d1", "simulated": True}, tmp_path / "data.csv")
+        jobs.add("identification", {"dataset_id": "d1", "data": str(tmp_path / "data.csv")})

@@ -10,18 +10,16 @@ The folder is the state: a job without an outcome that nobody works on was cut o
 
 from __future__ import annotations
 
-import hashlib
 import queue
 import shutil
 import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from acquisition import Cell, State
+from acquisition import State
 from calib.text import replace_file
 from service import job
 from service.files import as_json
@@ -38,20 +36,14 @@ from service.job_folder import (
     JOB,
     MODEL,
     PICTURE,
-    PRIOR,
     PROBLEM,
     PROGRESS,
     REPORT,
     RESULT,
-    ROBOT,
     STEP,
-    TRACKER,
 )
 from service.json_values import utc_text
 from service.refusals import REFUSALS
-from service.results.cell import placements
-from service.results.files.alignment_request import AlignmentRequest
-from service.results.judgement.acceptance import AcceptanceLimits
 
 MOST_WAITING = 50
 _FOLDERS = {
@@ -86,92 +78,32 @@ class Jobs:
         self._thread.start()
 
     def add(
-        self,
-        kind: str,
-        dataset: dict[str, Any],
-        data: Path,
-        cell: Cell | None = None,
-        limits: AcceptanceLimits | None = None,
-        *,
-        prior: bytes | None = None,
-        **options: Any,
+        self, kind: str, asked: Mapping[str, Any], files: Mapping[str, bytes] | None = None
     ) -> dict[str, Any]:
-        """Put an identification or a diagnosis in the queue; its document. Raises Problem 503 when too many wait.
+        """Put a job in the queue; its document.
 
-        cell: what a diagnosis that is ambiguous proposes to measure next is kept within it; limits: of the error;
-        prior: the document of what robots of the type share; options: as `service.job` takes them.
+        Parameters
+        ----------
+        asked :
+            What `service.job` is told, `dataset_id` among it if the job is one of a data set.
+        files :
+            Content by name of files for the folder of the job.
+
+        Raises
+        ------
+        Problem
+            503: too many jobs wait.
         """
-        asked = {
-            "data": str(data),
-            "cell": None if cell is None else cell.source,
-            "limits": None if limits is None else asdict(limits),
-            **options,
-        }
-        files = {} if prior is None else {PRIOR: prior}
-        return self._add(kind, {"dataset_id": dataset["id"], **asked}, files)
-
-    def regress(self, dataset: dict[str, Any], data: Path, order: dict[str, Any]) -> dict[str, Any]:
-        """Put a regression in the queue, as `add`. order: the options of `regress_command`."""
-        asked = {"dataset_id": dataset["id"], "data": str(data), "order": order}
-        return self._add("regression", asked, {})
-
-    def validate(
-        self, dataset: dict[str, Any], data: Path, model: Path | None, order: dict[str, Any]
-    ) -> dict[str, Any]:
-        """Put a validation in the queue, as `add`. model: None for hold-outs; order: that of `ValidationRequest`."""
-        named = None if model is None else str(model)
-        return self._add(
-            "validation", {"dataset_id": dataset["id"], "data": str(data), "model": named, "order": order}, {}
-        )
-
-    def select(self, cell: Cell, order: dict[str, Any], prior: bytes | None) -> dict[str, Any]:
-        """Put a selection of poses in a cell in the queue, as `add`. order: that of `SelectionRequest`."""
-        files = {} if prior is None else {PRIOR: prior}
-        return self._add("selection", {"dataset_id": "", "cell": cell.source, "order": order}, files)
-
-    def place(self, cell: Cell, order: placements.PlacementRequest) -> dict[str, Any]:
-        """Put a search of placements of the base balls in the queue, as `add`."""
-        return self._add("placement", {"dataset_id": "", "cell": cell.source, "order": asdict(order)}, {})
-
-    def watch(
-        self, kind: str, own: str, content: bytes, dataset_id: str, asked: dict[str, Any]
-    ) -> dict[str, Any]:
-        """Put the plan of a watch, a watch or an upkeep in the queue, as `add`.
-
-        own, content: of the model to judge by; the id of the job that found it, or the hash of its document. asked: as
-        `service.watch_job` takes it.
-        """
-        sha256 = hashlib.sha256(content).hexdigest()  # by which a history knows it
-        file = (
-            f"{sha256[:12]}.json"  # its name in verdicts: the same for the same model, however it was named
-        )
-        about = {"id": own, "sha256": sha256, "file": file}
-        return self._add(kind, {"dataset_id": dataset_id, "baseline": about, **asked}, {file: content})
-
-    def watches(self, kind: str, most: int) -> list[dict[str, Any]]:
-        """The newest plans of watches, watches or upkeeps, newest first, without those whose files are damaged."""
-        folder = self._record / _FOLDERS[kind]
-        names = sorted(
-            (p.name for p in folder.iterdir() if safe_id(p.name) and (p / JOB).is_file()), reverse=True
-        )
-        return readable(names[:most], lambda name: self.document(kind, name))
-
-    def align(self, robot: bytes, tracker: bytes, order: AlignmentRequest, name: str) -> dict[str, Any]:
-        """Put the alignment of two streams in the queue, as `add`. name: that of the data set it will make."""
-        asked = {"dataset_id": "", "name": name, "order": asdict(order)}
-        return self._add("alignment", asked, {ROBOT: robot, TRACKER: tracker})
-
-    def _add(self, kind: str, asked: dict[str, Any], files: Mapping[str, bytes]) -> dict[str, Any]:
         own = new_id()
         folder = self._record / _FOLDERS[kind] / own
-        order = {"id": own, "kind": kind, "created_utc": utc_text(time.time()), **asked}
+        order = {"id": own, "kind": kind, "created_utc": utc_text(time.time()), "dataset_id": "", **asked}
         with self._changed:
             if len(self._waiting) >= MOST_WAITING:
                 raise Problem(503, "Too many jobs are waiting.", "Ask again when some are done.")
             self._waiting.add(folder)
         try:
             folder.mkdir()
-            for file, content in files.items():
+            for file, content in (files or {}).items():
                 (folder / file).write_bytes(content)
             replace_file(folder / JOB, as_json(order))
         except BaseException:
@@ -181,6 +113,14 @@ class Jobs:
             raise
         self._queue.put(folder)
         return self.document(kind, own)
+
+    def newest(self, kind: str, most: int) -> list[dict[str, Any]]:
+        """The newest jobs of a kind, newest first, without those whose files are damaged."""
+        folder = self._record / _FOLDERS[kind]
+        names = sorted(
+            (p.name for p in folder.iterdir() if safe_id(p.name) and (p / JOB).is_file()), reverse=True
+        )
+        return readable(names[:most], lambda name: self.document(kind, name))
 
     def document(self, kind: str, name: str) -> dict[str, Any]:
         """The state of a job. Raises Problem 404."""

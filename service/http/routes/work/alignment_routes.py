@@ -7,17 +7,17 @@ from dataclasses import asdict
 from typing import Annotated, Any
 
 from fastapi import APIRouter, File, Form, UploadFile
-from fastapi.responses import JSONResponse, Response
+from fastapi.responses import JSONResponse
 
 from calib.arm import built_in_robots
 from calib.errors import DataError
 from service.http.routes.json_route import JsonRoute
-from service.http.routes.work.job_routes import REPORT_HEADERS, shown
 from service.http.state import Here
 from service.http.wire.bodies import AlignmentShown
-from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
+from service.http.wire.headers import IdempotencyKey
 from service.http.wire.paths import path_of
 from service.http.work.idempotency import begun
+from service.job_folder import ROBOT, TRACKER
 from service.results.files.alignment_request import (
     FARTHEST_TOOL_MM,
     HOLDOUT,
@@ -119,20 +119,10 @@ def create_alignment(
     streams = robot_csv.file.read(), tracker_csv.file.read()
 
     def work() -> JSONResponse:
-        return begun(ALIGNMENTS, here.jobs.align(*streams, order, name or "alignment"))
+        asked = {"name": name or "alignment", "order": asdict(order)}
+        files: dict[str, bytes] = dict(zip((ROBOT, TRACKER), streams, strict=True))
+        return begun(ALIGNMENTS, here.jobs.add("alignment", asked, files))
 
     # The files count, not the body: its boundaries differ every time it is sent.
     hashes = [hashlib.sha256(part).hexdigest() for part in streams]
     return here.keys.once(idempotency_key, (ALIGNMENTS, asdict(order), name, *hashes), work)
-
-
-@router.get("/alignments/{job_id}", operation_id="getAlignment", response_model=AlignmentShown)
-async def get_alignment(here: Here, job_id: JobId, wait: Wait = 0, after: After = 0) -> JSONResponse:
-    """An alignment; with `wait`, as soon as its version is beyond `after`. Its result is that of `align --json`."""
-    return await shown(here, "alignment", job_id, wait, after)
-
-
-@router.get("/alignments/{job_id}/picture.svg", operation_id="getAlignmentPicture", response_class=Response)
-def get_picture(here: Here, job_id: JobId) -> Response:
-    """The speeds before and after, and the error by speed."""
-    return Response(here.jobs.picture(job_id), media_type="image/svg+xml", headers=REPORT_HEADERS)

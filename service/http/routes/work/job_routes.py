@@ -1,54 +1,365 @@
-"""Identifications, diagnoses and their reports."""
+"""Jobs of the service: a table of what can be asked for, its request, its answer, and how it is put in the queue.
+
+A job is asked for by POST on its collection and looked at by GET with its id; nothing here moves the robot.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import inspect
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from enum import Enum
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
-from fastapi.responses import HTMLResponse, JSONResponse, Response
+from fastapi.responses import JSONResponse, Response
 
+from service import history_calls
 from service.files import as_json
 from service.http.routes.json_route import JsonRoute
+from service.http.routes.work.result_routes import REPORT_HEADERS
 from service.http.state import Here, Service
 from service.http.wire.bodies import (
+    AlignmentShown,
     DiagnosisShown,
     IdentificationShown,
-    JobsShown,
-    ModelShown,
+    PlacementsAsked,
+    PlacementsShown,
+    RegressionAsked,
+    RegressionShown,
+    ResponseBody,
+    SelectionAsked,
+    SelectionShown,
     ToDiagnose,
     ToFit,
     ToIdentify,
+    ValidationAsked,
+    ValidationShown,
 )
-from service.http.wire.headers import After, DatasetId, IdempotencyKey, JobId, Wait
+from service.http.wire.bodies.fields import RequestBody
+from service.http.wire.bodies.jobs import (
+    UpkeepShown,
+    UpkeepsShown,
+    WatchesShown,
+    WatchPlanShown,
+    WatchPlansShown,
+    WatchShown,
+)
+from service.http.wire.bodies.watches import (
+    BaselineReference,
+    ReadingsReference,
+    UpkeepAsked,
+    WatchPlanAsked,
+    WatchRequestBody,
+)
+from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
-from service.http.wire.plan_bodies import ArrowsShown, ResultShown
-from service.http.wire.problems import not_found
-from service.http.work.certifying import certificate_of
+from service.http.wire.problems import Problem, not_found
 from service.http.work.idempotency import begun
+from service.job_folder import PRIOR
 from service.kept_dataset import CSV
+from service.results.cell.placements import PlacementRequest, wanted_of
 
-router = APIRouter(route_class=JsonRoute, tags=["results"])
-# A report is complete in itself; whatever its data say, a browser runs and loads nothing for it.
-REPORT_HEADERS = {
-    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox",
-    "X-Content-Type-Options": "nosniff",
-}
+router = APIRouter(route_class=JsonRoute)
+Limit = Annotated[int, Query(ge=1, le=500, description="Number of them, newest first.", examples=[50])]
+Begin = Callable[[Service, Any], dict[str, Any]]
 
 
-def _add(
-    here: Service, kind: str, collection: str, body: ToFit, key: str, carry_to: str = ""
-) -> JSONResponse:
-    def work() -> JSONResponse:
-        dataset, options = here.datasets.get(body.dataset_id), body.options
-        if carry_to:
-            here.datasets.get(carry_to)  # refused where there is none
-            options |= {"carry_to": str(here.datasets.path(carry_to) / CSV)}
-        path = here.datasets.path(body.dataset_id) / CSV
-        prior = as_json(body.prior).encode() if body.prior else None
-        job = here.jobs.add(kind, dataset, path, here.settings.cell, body.limits, prior=prior, **options)
-        return begun(path_of(collection), job)
+def _readings_of(here: Service, dataset_id: str) -> dict[str, Any]:
+    """What a job on a data set is told of it. Raises Problem 404."""
+    dataset = here.datasets.get(dataset_id)
+    return {"dataset_id": dataset["id"], "data": str(here.datasets.path(dataset["id"]) / CSV)}
 
-    return here.keys.once(key, (collection, body), work)
+
+def _type_file(prior: dict[str, Any]) -> dict[str, bytes]:
+    return {PRIOR: as_json(prior).encode()} if prior else {}
+
+
+def _fit(here: Service, kind: str, body: ToFit, more: dict[str, Any]) -> dict[str, Any]:
+    cell, limits = here.settings.cell, body.limits
+    asked = {
+        "cell": None if cell is None else cell.source,
+        "limits": None if limits is None else asdict(limits),
+        **body.options,
+        **more,
+    }
+    return here.jobs.add(kind, _readings_of(here, body.dataset_id) | asked, _type_file(body.prior))
+
+
+def create_identification(here: Service, body: ToIdentify) -> dict[str, Any]:
+    """Identify the robot of a data set, and hold the error on readings held out to limits where there are some."""
+    return _fit(here, "identification", body, {})
+
+
+def create_diagnosis(here: Service, body: ToDiagnose) -> dict[str, Any]:
+    """Identify the robot of a data set and find what its model lacks.
+
+    The error on readings held out is held to limits where there are some: `result.acceptance`.
+    Where something is ambiguous, `result.follow_up` holds a campaign that decides it, within the cell of this
+    service: POST it to /runs.
+    """
+    other = {"carry_to": _readings_of(here, body.carry_to)["data"]} if body.carry_to else {}
+    return _fit(here, "diagnosis", body, other)
+
+
+def create_regression(here: Service, body: RegressionAsked) -> dict[str, Any]:
+    """Compare MLS-SVR with identification on a data set.
+
+    The model that it is based on is saved with the regression, where that gains; its targets are at /models.
+    """
+    order = {
+        "on": body.on,
+        "kernel": body.kernel,
+        "features": body.features,
+        "level": body.level,
+        "both": body.compare,
+        "diagnosed": body.diagnose,
+    }
+    return here.jobs.add("regression", _readings_of(here, body.dataset_id) | {"order": order})
+
+
+def create_validation(here: Service, body: ValidationAsked) -> dict[str, Any]:
+    """Judge a saved model on a data set; without a model compare kinds of hold-out of the data set."""
+    readings, limits = _readings_of(here, body.dataset_id), body.limits
+    model = str(here.jobs.model_file(body.model_id)) if body.model_id else None
+    if model is None and (limits or body.place or body.everything or body.compare_id or body.point):
+        raise Problem(
+            422,
+            "place, everything, compare_id, point and limits go with a model.",
+            "Give model_id, or leave them out.",
+        )
+    other = None
+    if body.compare_id:
+        other = {"id": body.compare_id, "file": str(here.jobs.model_file(body.compare_id))}
+    order = {
+        "place": body.place,
+        "everything": body.everything,
+        "compare": other,
+        "point": body.point or None,
+        "limits": None if limits is None else asdict(limits),
+    }
+    return here.jobs.add("validation", readings | {"model": model, "order": order})
+
+
+def create_selection(here: Service, body: SelectionAsked) -> dict[str, Any]:
+    """Choose calibration poses; nothing moves. `result.poses_deg` goes into a block with `select = "list"`."""
+    order = {
+        "count": body.count,
+        "candidates": body.candidates,
+        "groups": body.groups,
+        "targets": body.targets or None,
+        "offset_deg": body.offset_deg,
+        "share": body.share,
+        "wanted_u": body.wanted_u_mm or None,
+        "seed": body.seed,
+    }
+    return here.jobs.add("selection", {"cell": here.cell.source, "order": order}, _type_file(body.prior))
+
+
+def create_placements(here: Service, body: PlacementsAsked) -> dict[str, Any]:
+    """Search where the base balls should be, so that the arm reaches most stances; nothing moves."""
+    order = PlacementRequest.of(body.model_dump())
+    wanted_of(order)
+    return here.jobs.add("placement", {"cell": here.cell.source, "order": asdict(order)})
+
+
+def _baseline(here: Service, body: BaselineReference) -> tuple[str, bytes]:
+    """The id and the document of the model that is judged by. Raises Problem 404, DataError."""
+    if body.model_id:
+        return body.model_id, here.jobs.model_file(body.model_id).read_bytes()
+    content = here.history.ask(history_calls.content, body.model_document)
+    if content is None:
+        raise not_found("document", body.model_document)
+    return body.model_document, content
+
+
+def _readings(here: Service, body: ReadingsReference) -> dict[str, Any]:
+    """The data set to judge; that of a run is made of its readings up to now. Raises Problem 404, RecordError."""
+    if body.dataset_id:
+        return here.datasets.get(body.dataset_id)
+    here.book.get(body.run_id)  # a dry run has none
+    return here.workers.call(here.datasets.export, [here.book.path(body.run_id)], "", None)
+
+
+def _watch(here: Service, kind: str, body: BaselineReference, asked: dict[str, Any]) -> dict[str, Any]:
+    own, content = _baseline(here, body)
+    sha256 = hashlib.sha256(content).hexdigest()  # by which a history knows it
+    file = f"{sha256[:12]}.json"  # its name in verdicts: the same for the same model, however it was named
+    about = {"id": own, "sha256": sha256, "file": file}
+    return here.jobs.add(kind, asked | {"baseline": about}, {file: content})
+
+
+def _judge(here: Service, kind: str, body: ReadingsReference, more: dict[str, Any]) -> dict[str, Any]:
+    _baseline(here, body)  # refused before a run is made a data set
+    order = {
+        "rate": body.false_alarms,
+        "missing_allowed": body.allow_missing,
+        "running_s": body.running_s if body.running_s >= 0.0 else None,
+        **more,
+    }
+    own = _readings(here, body)["id"]
+    return _watch(here, kind, body, _readings_of(here, own) | {"order": order})
+
+
+def create_watch_plan(here: Service, body: WatchPlanAsked) -> dict[str, Any]:
+    """Choose check poses in the cell of this service, and say what they will show; nothing moves.
+
+    `result.campaign` visits them: POST it to /runs, then judge the run with POST /watches. Balls that a person touches
+    are planned with 'truepose watch plan --touch'.
+    """
+    order = {
+        "poses": body.poses,
+        "candidates": body.candidates,
+        "targets": body.targets,
+        "offset_deg": body.offset_deg,
+        "both": not body.one_side,
+        "rate": body.false_alarms,
+        "seed": body.seed,
+        "rounds": body.visits,
+        "repeats": body.readings,
+        "frame_known": not body.new_frame,
+    }
+    return _watch(here, "watch_plan", body, {"cell": here.cell.source, "order": order})
+
+
+def create_watch(here: Service, body: WatchRequestBody) -> dict[str, Any]:
+    """Judge readings of check poses by the model of the calibration: is this still the robot that was calibrated?
+
+    Where a cause is known, GET /models/ID with the id of this job is the updated model; targets are corrected with it
+    as with any. The verdict enters the history.
+    """
+    return _judge(here, "watch", body, {"average": body.average, "frame_known": not body.new_frame})
+
+
+def create_upkeep(here: Service, body: UpkeepAsked) -> dict[str, Any]:
+    """Update how warm the arm is by a few readings, between watches; where anything else has changed, nothing is."""
+    return _judge(here, "upkeep", body, {})
+
+
+@dataclass(frozen=True)
+class JobKind:
+    """A kind of job: its name, its collection, the words of its answer, and the tag under which OpenAPI lists it.
+
+    operation: the second half of the operation ids. request and begin: None for jobs that are asked for elsewhere.
+    listed: the answer with the newest, and what they are. picture: what the drawing of the result shows.
+    """
+
+    kind: str
+    collection: str
+    operation: str
+    shown: type[ResponseBody]
+    about: str
+    request: type[RequestBody] | None = None
+    begin: Begin | None = None
+    tag: str = ""
+    listed: tuple[type[ResponseBody], str] | None = None
+    picture: str = ""
+
+
+KINDS = (
+    JobKind(
+        "alignment",
+        "alignments",
+        "Alignment",
+        AlignmentShown,
+        "An alignment{} Its result is that of `align --json`.",
+        picture="The speeds before and after, and the error by speed.",
+    ),
+    JobKind(
+        "identification",
+        "identifications",
+        "Identification",
+        IdentificationShown,
+        "An identification{}",
+        ToIdentify,
+        create_identification,
+        "results",
+    ),
+    JobKind(
+        "diagnosis",
+        "diagnoses",
+        "Diagnosis",
+        DiagnosisShown,
+        "A diagnosis{}",
+        ToDiagnose,
+        create_diagnosis,
+        "results",
+    ),
+    JobKind(
+        "regression",
+        "regressions",
+        "Regression",
+        RegressionShown,
+        "A regression{} Its result is that of `regress --json`.",
+        RegressionAsked,
+        create_regression,
+    ),
+    JobKind(
+        "validation",
+        "validations",
+        "Validation",
+        ValidationShown,
+        "A validation{}",
+        ValidationAsked,
+        create_validation,
+    ),
+    JobKind(
+        "selection",
+        "selections",
+        "Selection",
+        SelectionShown,
+        "A selection{}",
+        SelectionAsked,
+        create_selection,
+    ),
+    JobKind(
+        "placement",
+        "placements",
+        "Placements",
+        PlacementsShown,
+        "A search{} Its result is that of `plan-ballbar --json`.",
+        PlacementsAsked,
+        create_placements,
+        picture="The placements that were found, from above and from the side.",
+    ),
+    JobKind(
+        "watch_plan",
+        "watch-plans",
+        "WatchPlan",
+        WatchPlanShown,
+        "A plan of a watch{}",
+        WatchPlanAsked,
+        create_watch_plan,
+        "watches",
+        (
+            WatchPlansShown,
+            "The newest plans of watches; `baseline.sha256` is the hash of their model in the history.",
+        ),
+    ),
+    JobKind(
+        "watch",
+        "watches",
+        "Watch",
+        WatchShown,
+        "A watch{}",
+        WatchRequestBody,
+        create_watch,
+        "watches",
+        (WatchesShown, "The newest watches that were judged here."),
+    ),
+    JobKind(
+        "upkeep",
+        "upkeeps",
+        "Upkeep",
+        UpkeepShown,
+        "An upkeep{}",
+        UpkeepAsked,
+        create_upkeep,
+        "watches",
+        (UpkeepsShown, "The newest upkeeps that were made here."),
+    ),
+)
 
 
 async def shown(here: Service, kind: str, name: str, wait: int, after: int) -> JSONResponse:
@@ -68,101 +379,78 @@ async def shown(here: Service, kind: str, name: str, wait: int, after: int) -> J
     return JSONResponse(document)
 
 
-@router.post(
-    "/identifications",
-    operation_id="createIdentification",
-    status_code=202,
-    response_model=IdentificationShown,
-)
-def create_identification(here: Here, body: ToIdentify, idempotency_key: IdempotencyKey = "") -> JSONResponse:
-    """Identify the robot of a data set, and hold the error on readings held out to limits where there are some."""
-    return _add(here, "identification", "identifications", body, idempotency_key)
+def _routes(of: JobKind) -> None:
+    """Add the routes of a kind of job."""
+    path, request, begin = f"/{of.collection}", of.request, of.begin
+    tags: list[str | Enum] = [of.tag or of.collection]
+    words = "".join(f" {letter}" if letter.isupper() else letter for letter in of.operation)
+
+    if begin is not None:
+
+        def create(here: Here, body: Any, idempotency_key: IdempotencyKey = "") -> JSONResponse:
+            def work() -> JSONResponse:
+                return begun(path_of(of.collection), begin(here, body))
+
+            return here.keys.once(idempotency_key, (path_of(of.collection), body), work)
+
+        create.__annotations__["body"] = request
+        router.add_api_route(
+            path,
+            create,
+            methods=["POST"],
+            operation_id=f"create{of.operation}",
+            status_code=202,
+            response_model=of.shown,
+            tags=tags,
+            summary=f"Create{words}",
+            description=inspect.cleandoc(begin.__doc__ or ""),
+        )
+    if of.listed is not None:
+        answer, about = of.listed
+        (member,) = answer.model_fields
+
+        def newest(here: Here, limit: Limit = 50) -> JSONResponse:
+            return JSONResponse({member: here.jobs.newest(of.kind, limit)})
+
+        plural = f"{words}es" if words.endswith("ch") else f"{words}s"
+        router.add_api_route(
+            path,
+            newest,
+            operation_id=f"list{plural.replace(' ', '')}",
+            response_model=answer,
+            tags=tags,
+            summary=f"List{plural}",
+            description=about,
+        )
+
+    async def get(here: Here, job_id: JobId, wait: Wait = 0, after: After = 0) -> JSONResponse:
+        return await shown(here, of.kind, job_id, wait, after)
+
+    router.add_api_route(
+        f"{path}/{{job_id}}",
+        get,
+        operation_id=f"get{of.operation}",
+        response_model=of.shown,
+        tags=tags,
+        summary=f"Get{words}",
+        description=of.about.format("; with `wait`, as soon as its version is beyond `after`."),
+    )
+
+    if of.picture:
+
+        def picture(here: Here, job_id: JobId) -> Response:
+            return Response(here.jobs.picture(job_id), media_type="image/svg+xml", headers=REPORT_HEADERS)
+
+        router.add_api_route(
+            f"{path}/{{job_id}}/picture.svg",
+            picture,
+            operation_id=f"get{of.operation}Picture",
+            response_class=Response,
+            tags=tags,
+            summary="Get Picture",
+            description=of.picture,
+        )
 
 
-@router.get("/identifications/{job_id}", operation_id="getIdentification", response_model=IdentificationShown)
-async def get_identification(here: Here, job_id: JobId, wait: Wait = 0, after: After = 0) -> JSONResponse:
-    """An identification; with `wait`, as soon as its version is beyond `after`."""
-    return await shown(here, "identification", job_id, wait, after)
-
-
-@router.post("/diagnoses", operation_id="createDiagnosis", status_code=202, response_model=DiagnosisShown)
-def create_diagnosis(here: Here, body: ToDiagnose, idempotency_key: IdempotencyKey = "") -> JSONResponse:
-    """Identify the robot of a data set and find what its model lacks.
-
-    The error on readings held out is held to limits where there are some: `result.acceptance`.
-    Where something is ambiguous, `result.follow_up` holds a campaign that decides it, within the cell of this
-    service: POST it to /runs.
-    """
-    return _add(here, "diagnosis", "diagnoses", body, idempotency_key, body.carry_to)
-
-
-@router.get("/diagnoses/{job_id}", operation_id="getDiagnosis", response_model=DiagnosisShown)
-async def get_diagnosis(here: Here, job_id: JobId, wait: Wait = 0, after: After = 0) -> JSONResponse:
-    """A diagnosis; with `wait`, as soon as its version is beyond `after`."""
-    return await shown(here, "diagnosis", job_id, wait, after)
-
-
-@router.get("/datasets/{dataset_id}/jobs", operation_id="listDatasetJobs", response_model=JobsShown)
-def list_dataset_jobs(here: Here, dataset_id: DatasetId) -> JSONResponse:
-    """The jobs of a data set: its identifications, diagnoses and regressions, newest first."""
-    here.datasets.get(dataset_id)
-    return JSONResponse({"jobs": here.jobs.of_dataset(dataset_id)})
-
-
-@router.get("/models/{job_id}", operation_id="getModel", response_model=ModelShown)
-def get_model(here: Here, job_id: JobId) -> JSONResponse:
-    """The model that an identification or a diagnosis has found (`truepose-model/1`)."""
-    return JSONResponse(here.jobs.model(job_id))
-
-
-@router.get("/results/{result_id}", operation_id="getResult", response_model=ResultShown)
-def get_result(here: Here, result_id: JobId) -> dict[str, Any]:
-    """A job of any kind, or a closed loop, for whoever has its id alone; `kind` says which of them it is."""
-    kind = here.jobs.kind_of(result_id)
-    if kind is not None:
-        return here.jobs.document(kind, result_id)
-    if result_id not in here.loops.ids():
-        raise not_found("result", result_id)
-    return here.loops.document(result_id) | {"kind": "loop"}
-
-
-@router.get("/results/{job_id}/arrows", operation_id="getArrows", response_model=ArrowsShown)
-def get_arrows(here: Here, job_id: JobId) -> dict[str, Any]:
-    """The errors of an identification or a diagnosis in space, before and after: at most 500 readings, held out."""
-    return here.jobs.arrows(job_id)
-
-
-@router.get("/reports/{job_id}", operation_id="getReport", response_class=HTMLResponse)
-def get_report(here: Here, job_id: JobId) -> HTMLResponse:
-    """The report of an identification, a diagnosis or a validation: one HTML page that loads nothing."""
-    return HTMLResponse(here.jobs.report(job_id), headers=REPORT_HEADERS)
-
-
-def _about(description: str, example: str) -> Any:
-    return Query(max_length=200, description=description, examples=[example])
-
-
-@router.get("/results/{job_id}/certificate.xml", operation_id="getCertificate", response_class=Response)
-def get_certificate(
-    here: Here,
-    job_id: JobId,
-    laboratory: Annotated[str, _about("Who calibrates; left out: not stated.", "Cell 7, ACME")] = "",
-    city: Annotated[str, _about("Where that is.", "Ulm")] = "",
-    country: Annotated[str, _about("Its country, two letters (ISO 3166-1).", "DE")] = "",
-    customer: Annotated[str, _about("For whom.", "ACME")] = "",
-    responsible: Annotated[str, _about("The person who is responsible.", "Anna Ruf")] = "",
-) -> Response:
-    """A digital calibration certificate of an identification or a diagnosis: XML after the schema of the PTB (3.3.0).
-
-    422 where the data set does not say when it was measured. Its number is that of the report.
-    """
-    told = {
-        "laboratory": laboratory,
-        "city": city,
-        "country": country,
-        "customer": customer,
-        "responsible": responsible,
-    }
-    about = {name: text for name, text in told.items() if text}
-    text = here.workers.call(certificate_of, here.jobs.certified(job_id), about)
-    return Response(text, media_type="application/xml", headers={"X-Content-Type-Options": "nosniff"})
+for _kind in KINDS:
+    _routes(_kind)
