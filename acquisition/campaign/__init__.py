@@ -1,4 +1,4 @@
-"""The campaign: which blocks of poses are measured, planned for one cell and checked before anything moves."""
+"""Campaigns: blocks of poses, planned for one cell and checked before anything moves."""
 
 from acquisition.campaign.blocks.block import DECIMALS
 from acquisition.campaign.campaign import Campaign, CampaignTable, campaign_from, read_campaign

@@ -1,7 +1,8 @@
-"""The campaign file `campaign.toml` (`truepose-campaign/1`): what to measure, how often, from which side.
+"""The campaign file `campaign.toml` (`truepose-campaign/1`).
 
-Angles deg, lengths mm, times s (campaign time, which a simulated cell runs `time_scale` times faster). A campaign
-says what; `campaign.blocks` has its kinds of blocks, `campaign.plan` turns it into poses for one cell.
+It states what to measure, how often, and from which side. Angles are in deg, lengths in mm, times in s (campaign
+time, which a simulated cell runs `time_scale` times faster). `campaign.blocks` has the kinds of blocks;
+`campaign.plan` turns a campaign into poses for one cell.
 """
 
 from __future__ import annotations
@@ -58,7 +59,10 @@ class NestCheckTable(Table):
 
 
 def _no_more_than_one_too_many(robot: Any) -> Any:
-    """What names the robot, which has three keys at most: of further ones the first is reported."""
+    """Keep the first four keys of the name of a robot, which has three at most.
+
+    Only the first surplus key is reported.
+    """
     return dict(islice(robot.items(), 4)) if isinstance(robot, Mapping) else robot
 
 
@@ -125,7 +129,7 @@ class CampaignTable(Table):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        """Blocks with what they leave out as the campaign has it."""
+        """Fill in the campaign's values for the keys that its blocks leave out."""
         if not self.block:
             raise refused("block", "is missing.", "A campaign measures at least one [[block]].")
         if self.block[0].new_station:
@@ -154,29 +158,41 @@ class CampaignTable(Table):
         return self._source
 
     def settle_of(self, block: int) -> Settle:
-        """The settling of a visit of the block with this number; records of old have reference poses of none, -1."""
+        """Return the settling of the visits of a block.
+
+        Old records have reference poses without a block, -1; they settle as the campaign states.
+        """
         return self.settle if block < 0 else self.blocks[block].settle
 
     def path_of(self, block: int) -> PathBlock | None:
-        """The path of the block with this number, with how it is recorded; None where the block is no path."""
+        """Return the path block with this number, or None if the block is not a path."""
         found = self.blocks[block] if block >= 0 else None
         return found if isinstance(found, PathBlock) else None
 
     def station_of(self, block: int) -> int:
-        """Number of times that the instrument has been set up anew when the block is measured."""
+        """Return how often the instrument has been set up again before the block is measured."""
         return sum(each.new_station for each in self.blocks[: block + 1])
 
 
 @as_config_error()
 def read_campaign(path: Path) -> Campaign:
-    """Read `campaign.toml`. Raises ConfigError naming file and key."""
+    """Read `campaign.toml`.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be used; the message names file and key.
+    """
     text, table = read_toml(path)
     return campaign_from(table, str(path), beside=path.parent, source=text)
 
 
 @as_config_error()
 def campaign_of_record(source: str, where: str) -> Campaign:
-    """The campaign of a record from its text; poses of files are in the record's plan and not read again."""
+    """Return the campaign of a record from its text.
+
+    Pose files are not read again: their poses are in the plan of the record.
+    """
     return campaign_from(parse_toml(source, where), where, source=source, read_files=False)
 
 
@@ -189,7 +205,26 @@ def campaign_from(
     source: str = "",
     read_files: bool = True,
 ) -> Campaign:
-    """A campaign from a parsed table (a file, or the body of a request). Raises ConfigError."""
+    """Create a campaign from a parsed table (a file, or the body of a request).
+
+    Parameters
+    ----------
+    table
+        The parsed table.
+    file
+        Name of the file in error messages.
+    beside
+        Folder of the pose files that the campaign names. Default: the current folder.
+    source
+        Text that the record keeps. Default: the table as TOML.
+    read_files
+        Whether to read the pose files.
+
+    Raises
+    ------
+    ConfigError
+        The table cannot be used; the message names file and key.
+    """
     campaign = read_table(CampaignTable, table, file, (beside or Path()) if read_files else None)
     campaign._source = source or tomli_w.dumps(table)
     return campaign

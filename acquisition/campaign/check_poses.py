@@ -1,7 +1,8 @@
-"""Poses from which the check poses of a watch are chosen: drawn for points, stances of a ballbar, touches of balls.
+"""Poses from which the check poses of a watch are chosen: random poses, stances and touches.
 
-Each is within the limits and clear, with the side from which every joint arrives; where a pose will be visited from
-the opposite side too, both approach points are. Angles deg.
+Random poses are for points, stances for a ballbar, touches for balls. Each pose is within the limits and clear, with
+the side from which every joint arrives. If a pose is also visited from the opposite side, both approach points are
+clear. Angles in deg.
 """
 
 from __future__ import annotations
@@ -30,19 +31,28 @@ _FRUITLESS = 20  # batches of touches without a pose that is clear
 
 @dataclass(frozen=True)
 class ApproachRule:
-    """The arrival at poses. offset_deg: how long the last move is; both: from sides drawn for each joint, else from
-    below; opposite: whether the opposite sides must be clear too."""
+    """The arrival at poses.
+
+    Attributes
+    ----------
+    offset_deg
+        Length of the last move, deg.
+    both
+        Whether the side is drawn for each joint; otherwise all joints arrive from below.
+    opposite
+        Whether the opposite sides must be clear too.
+    """
 
     offset_deg: float
     both: bool
     opposite: bool = False
 
     def sides(self, shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np.int64]:
-        """(n, N) sides."""
+        """Draw the sides of approach, shape (n, N)."""
         return rng.choice((-1, 1), size=shape) if self.both else np.ones(shape, dtype=np.int64)
 
     def good(self, cell: Cell, joints: Array, sides: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """(n,) poses (n, N) that may be visited so."""
+        """Check which poses (n, N) may be visited with these sides."""
         found = may_visit(cell, joints, joints - sides * self.offset_deg)
         if self.opposite:
             found[found] = may_visit(cell, joints[found], (joints + sides * self.offset_deg)[found])
@@ -57,7 +67,13 @@ def drawn_poses(
     arrival: ApproachRule,
     rng: np.random.Generator,
 ) -> tuple[list[Pose], list[Read]]:
-    """Up to `most` random poses, `fewest` or more, at each of which all targets are read. Raises ConfigError."""
+    """Draw between `fewest` and `most` random poses, at each of which all targets are read.
+
+    Raises
+    ------
+    ConfigError
+        Fewer than `fewest` poses are clear.
+    """
     found = draw_poses(
         cell,
         most,
@@ -80,8 +96,15 @@ def drawn_poses(
 def stance_poses(
     cell: Cell, draws: int, arrival: ApproachRule, rng: np.random.Generator
 ) -> tuple[list[Pose], list[Read]]:
-    """Every stance of the cell's ballbar between its first three balls and targets, in every branch, from `draws`
-    choices of sides each. Raises ConfigError where the arm reaches none."""
+    """Return every stance of the cell's ballbar between its first three balls and targets.
+
+    Each stance comes in every branch and, if `arrival.both`, with `draws` choices of sides.
+
+    Raises
+    ------
+    ConfigError
+        The arm reaches no stance.
+    """
     targets = tuple(cell.tool.targets)[:3]
     site = Site(cell, 0, 0, targets, Approach(offset_deg=-arrival.offset_deg))
     every = HexapodBlock(kind="hexapod", stages=1, configurations="all").visits_at(site)
@@ -96,9 +119,14 @@ def stance_poses(
 def touch_poses(
     cell: Cell, most: int, target: str, balls: Sequence[str], arrival: ApproachRule, rng: np.random.Generator
 ) -> tuple[list[Pose], list[Read]]:
-    """Poses in which a target of the tool sits in balls of the cell, the tool turned anyhow, balls in turn.
+    """Draw poses in which a target of the tool sits in the balls of the cell.
 
-    Raises ConfigError for a ball that the arm does not reach.
+    The tool has any orientation; the balls take turns.
+
+    Raises
+    ------
+    ConfigError
+        The arm does not reach a ball.
     """
     robot = cell.robot.model
     limits = np.array(cell.robot.limits_deg).T

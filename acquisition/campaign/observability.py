@@ -1,8 +1,8 @@
-"""Calibration poses of a cell chosen by observability: candidates drawn at random, the best of them selected.
+"""Calibration poses of a cell chosen by observability: the best of many random candidates.
 
-What a cell would measure (robot, tool, declared noise) becomes a set-up of `calib.selection`; which poses it may
-take and reach is for `campaign.poses`. The sides of approach were drawn with the candidates, so they are as
-independent of the pose as those of random poses.
+The measurements of a cell (robot, tool, declared noise) become a set-up of `calib.selection`; `campaign.poses` decides
+which poses it may take and reach. The sides of approach were drawn with the candidates, so they are as independent of
+the pose as those of random poses.
 """
 
 from __future__ import annotations
@@ -24,7 +24,13 @@ STARTS = 8
 
 
 def setup_of(cell: Cell, targets: Sequence[str], groups: Sequence[str] = DEFAULT_GROUPS) -> Setup:
-    """The setup that the cell would measure with at every pose. Raises KeyError for a target that it does not have."""
+    """Return the measurement set-up of the cell, the same at every pose.
+
+    Raises
+    ------
+    KeyError
+        The cell does not have a target.
+    """
     figures = cell.instrument.noise
     return Setup(
         robot=cell.robot.model,
@@ -47,9 +53,12 @@ def setup_of(cell: Cell, targets: Sequence[str], groups: Sequence[str] = DEFAULT
 def select_poses(
     cell: Cell, drawn: Sequence[Pose], count: int, rng: np.random.Generator, targets: Sequence[str]
 ) -> list[Pose]:
-    """The `count` poses, among those drawn, that determine the base model best, in random order.
+    """Choose the `count` drawn poses that determine the base model best, in random order.
 
-    Raises DataError when `count` cannot carry the base model.
+    Raises
+    ------
+    DataError
+        `count` poses cannot determine the base model.
     """
     setup = setup_of(cell, targets)
     candidates = candidates_of(setup, cell.robot.model_angles([pose.joints_deg for pose in drawn]))

@@ -1,6 +1,7 @@
-"""Placements of the base balls as pictures: the balls, the arm in one pose, every place of the tool that it reaches.
+"""Pictures of placements of the base balls: balls, arm and reached tool places.
 
-One row a placement, from above and from the side; the places of the tool by the branch of shoulder and elbow.
+The arm is in one pose. One row per placement, from above and from the side; the places of the tool by the branch of
+shoulder and elbow.
 """
 
 from __future__ import annotations
@@ -52,7 +53,10 @@ def placement_picture(hexapod: HexapodSurvey, reached: Sequence[ReachResult]) ->
 
 
 def _places(hexapod: HexapodSurvey, reached: ReachResult) -> dict[str, Array]:
-    """Middle of the tool balls, (k, 3) mm, by branch of shoulder and elbow, of those that there are."""
+    """Return the middle of the tool balls, (k, 3) mm, by branch of shoulder and elbow.
+
+    Branches that do not occur are left out.
+    """
     which, branch = np.nonzero(reached.there)
     if not len(which):
         return {}

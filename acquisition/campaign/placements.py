@@ -1,9 +1,9 @@
-"""Placements of the base balls of a ballbar hexapod: which of its stances the arm reaches from each, in which branches.
+"""Placements of the base balls of a ballbar hexapod, and the stances reached from each.
 
-The balls move together: shifted, and turned about a vertical line through their middle. A survey asks for every
-placement which stances the arm reaches within its limits, arm and tool clear of everything, in each of the eight
-branches. A proof of one placement asks more: approach points, straight moves, and that no leg of the ballbar lies in
-the arm. Fixtures that carry a ball move with it. Source: Nubiola, thesis, section 4.2.
+The balls move together: they are shifted, and turned about a vertical line through their middle. A survey finds for
+every placement the stances that the arm reaches within its limits in each of the eight branches, with arm and tool
+clear of everything. A proof of one placement checks more: approach points, straight moves, and that no leg of the
+ballbar passes through the arm. Fixtures that carry a ball move with it. Source: Nubiola, thesis, section 4.2.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class BallPlacement:
     turn_deg: float = 0.0
 
     def pose(self, middle: Array) -> Array:
-        """(4, 4) the motion in the world; `middle` (3,) mm stays in place under the turn."""
+        """Return the motion in the world, (4, 4); `middle` (3,) mm stays in place under the turn."""
         c, s = np.cos(self.turn_deg * DEG), np.sin(self.turn_deg * DEG)
         pose = np.eye(4)
         pose[:2, :2] = [[c, -s], [s, c]]
@@ -52,14 +52,17 @@ class BallPlacement:
 
 @dataclass(frozen=True)
 class ReachResult:
-    """The reach of the arm at a placement: joints (s, 8, N) deg of s stances by branch, NaN where it does not."""
+    """The reach of the arm at a placement.
+
+    The joints (s, 8, N), deg, are those of s stances by branch, NaN if a stance is not reached.
+    """
 
     placement: BallPlacement
     joints_deg: Array
 
     @property
     def there(self) -> Mask:
-        """(s, 8) whether a stance is reached in a branch."""
+        """Whether each stance is reached in each branch, shape (s, 8)."""
         return np.isfinite(self.joints_deg[:, :, 0])
 
     @property
@@ -88,9 +91,12 @@ class ReachResult:
 
 
 class HexapodSurvey:
-    """The ballbar hexapod of a cell, wherever its base balls are: on any three of three or more.
+    """The ballbar hexapod of a cell for any placement of its base balls, on any three of them.
 
-    Raises ValueError for balls that carry no tool.
+    Raises
+    ------
+    ValueError
+        The balls carry no tool.
     """
 
     def __init__(self, cell: Cell, base: Sequence[str], tool: Sequence[str]) -> None:
@@ -106,10 +112,15 @@ class HexapodSurvey:
     def survey(
         self, placements: Sequence[BallPlacement], progress: Callable[[int], None] = lambda _: None
     ) -> list[ReachResult]:
-        """The reach of the arm at each placement; `progress` hears how many are done.
+        """Determine the reach of the arm at each placement.
 
-        Cups are left out here: where they move, a proof takes them along. Raises DataError for a robot without inverse
-        kinematics in closed form.
+        `progress` is called with the number of finished placements. Cups are left out here, because they may move with
+        the balls; `prove` includes them.
+
+        Raises
+        ------
+        DataError
+            The robot has no inverse kinematics in closed form.
         """
         bare = replace(self.cell, fixtures=tuple(f for f in self.cell.fixtures if not self._carries(f)))
         out: list[ReachResult] = []
@@ -125,7 +136,11 @@ class HexapodSurvey:
         return out
 
     def prove(self, reached: ReachResult, offset_deg: float) -> ReachResult:
-        """The placement with what may be driven: approach points `offset_deg` away, moves and home clear, legs free."""
+        """Restrict a placement to the configurations that may be driven.
+
+        Their approach points `offset_deg` away and the moves between pose, approach and home are clear, and the legs
+        pass by the arm.
+        """
         cell = self.moved(reached.placement)
         joints = np.round(reached.joints_deg, DECIMALS)
         which = np.argwhere(reached.there)
@@ -136,8 +151,11 @@ class HexapodSurvey:
         return replace(reached, joints_deg=joints)
 
     def uncertainty(self, reached: Sequence[ReachResult], places: Array) -> Array:
-        """(p,) mm: U of the first tool ball at joint angles `places` (p, N) rad, once six legs of every configuration
-        at every placement were measured (`calib.selection.uncertainty_of`)."""
+        """Predict U of the first tool ball, (p,) mm, at joint angles `places` (p, N) rad.
+
+        The prediction assumes that six legs of every configuration at every placement were measured
+        (`calib.selection.uncertainty_of`).
+        """
         cell = self.cell
         base: dict[str, tuple[float, float, float]] = {}
         joints, tool, anchors = [], list[str](), list[str]()
@@ -164,9 +182,14 @@ class HexapodSurvey:
         )
 
     def places_in(self, centre_mm: Sequence[float], radius_mm: float) -> Array:
-        """(p, N) rad: random postures within the limits whose first tool ball lies in a sphere of the world.
+        """Draw postures whose first tool ball lies in a sphere of the world, (p, N) rad.
 
-        Raises ConfigError where the arm brings the ball nowhere into it.
+        They are within the limits.
+
+        Raises
+        ------
+        ConfigError
+            No drawn posture brings the ball into the sphere.
         """
         robot = self.cell.robot
         low, high = np.array(robot.limits_deg).T
@@ -189,7 +212,10 @@ class HexapodSurvey:
         return replace(self.cell, nests=nests, fixtures=fixtures)
 
     def same_balls(self, placement: BallPlacement) -> tuple[tuple[float, ...], ...]:
-        """The places of the balls, whichever is which: placements that share it reach the same stances."""
+        """Return the ball positions without regard to their names.
+
+        Placements with equal positions reach the same stances.
+        """
         balls = taken(self._balls, placement.pose(self._balls.mean(axis=0)))
         return tuple(sorted(tuple(ball) for ball in np.round(balls, 1).tolist()))
 
@@ -197,7 +223,7 @@ class HexapodSurvey:
         return carries(fixture, self._balls)
 
     def _legs_free(self, cell: Cell, joints_deg: Array, stance: NDArray[np.int64]) -> Mask:
-        """(n,) whether all six legs of each stance pass by the arm up to its wrist."""
+        """Check that all six legs of each stance pass by the arm up to its wrist, mask (n,)."""
         arm = cell.clearance.arm
         near = arm.links < _WRIST
         lines = arm.lines(joints_deg)[:, near]
@@ -214,7 +240,7 @@ class HexapodSurvey:
         return np.all(free >= LEG_RADIUS_MM, axis=(1, 2))
 
     def _flange_at(self, cell: Cell) -> Array:
-        """(s, 4, 4) flange of every stance where the base balls of a moved cell are."""
+        """Return the flange of every stance, (s, 4, 4), for the base balls of a moved cell."""
         balls = np.array([cell.nests[name] for name in self.base])
         turn = _frame(balls) @ _frame(self._balls).T
         pose = np.eye(4)
@@ -224,7 +250,10 @@ class HexapodSurvey:
 
 
 def grid(shifts: Sequence[Sequence[float]], turns: Sequence[float]) -> list[BallPlacement]:
-    """Every combination of shifts along x, y, z, mm, and turns, deg; that of the cell file is always among them."""
+    """Return every combination of shifts along x, y, z, mm, and turns, deg.
+
+    The placement of the cell file is always included.
+    """
     x, y, z = shifts
     found = [
         BallPlacement((float(a), float(b), float(c)), float(t))
@@ -238,7 +267,7 @@ def grid(shifts: Sequence[Sequence[float]], turns: Sequence[float]) -> list[Ball
 
 
 def best_first(reached: Sequence[ReachResult]) -> list[ReachResult]:
-    """The placements by poses, then by configurations; among equals those nearest to the cell file's first."""
+    """Sort the placements by poses, then by configurations, then by nearness to the cell file's."""
     return sorted(
         reached,
         key=lambda r: (
@@ -251,7 +280,7 @@ def best_first(reached: Sequence[ReachResult]) -> list[ReachResult]:
 
 
 def _clear(cell: Cell, joints_deg: Array) -> Mask:
-    """(n, 8) whether arm and tool are clear at joints (n, 8, N); False where there are none."""
+    """Check that arm and tool are clear at joints (n, 8, N); False for branches that are NaN."""
     flat = joints_deg.reshape(-1, joints_deg.shape[2])
     good = np.isfinite(flat[:, 0])
     good[good] = cell.clearance.clear_at(flat[good])
@@ -259,7 +288,7 @@ def _clear(cell: Cell, joints_deg: Array) -> Mask:
 
 
 def _frame(balls: Array) -> Array:
-    """(3, 3) axes of the frame of three balls (3, 3)."""
+    """Return the axes (3, 3) of the frame through three balls (3, 3)."""
     x = balls[1] - balls[0]
     z = np.cross(x, balls[2] - balls[0])
     x, z = x / float(np.linalg.norm(x)), z / float(np.linalg.norm(z))

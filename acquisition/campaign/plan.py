@@ -1,22 +1,20 @@
-"""The plan of a campaign: every visit of the robot to a pose, in the order of the campaign, drawn from its seed.
+"""The plan of a campaign: every visit of the robot to a pose, in order, drawn from the seed.
 
-A visit is the robot at rest in one pose once, where one or more targets are measured; `campaign.blocks` says what a
-block calls for. World nests are visits without joints and come first. A shuffled campaign mixes the poses of its
-blocks; what has an order of its own (sweeps, repeats) stays together. With one SMR every pose is visited once a
-target, all poses of one target together, so that the SMR is moved as seldom as possible. Nothing is mixed across a
-new station of the instrument. Angles deg.
+In a visit the robot is at rest in one pose, and one or more targets are measured. `campaign.blocks` defines the visits
+that a block needs. World nests are visits without joints and come first. A shuffled campaign mixes the poses of its
+blocks; blocks with their own order (sweeps, repeats) stay together. With one SMR every pose is visited once per target,
+all poses of one target together, so that the SMR is moved as seldom as possible. Poses are not mixed across a new
+station of the instrument. Angles in deg.
 
-The check of a whole plan before the first motion: limits, and what arm and tool may not touch.
+The whole plan is checked before the first motion: limits, and contact of arm and tool with obstacles. A pose that
+fails refuses the campaign (exit code 5) and is named; nothing has moved. The approach point is checked like any pose:
+5 deg away from a legal pose it can leave the limits or touch the table. From every pose there must be a clear path to
+the approach point of the next. If poses are driven in another order, the path is checked again before it is driven.
 
-A pose that fails refuses the campaign (exit code 5) and is named; nothing has moved. The approach point is a
-pose like any other: 5 deg beside a legal pose it can leave the limits or touch the table. From every pose there must be
-a clear path to the approach point of the next; what is driven in another order is looked at again before it is driven.
-
-The duration of a campaign from its plan: moves at the cell's speeds, settling, readings, the warm-up before.
-
-A move takes as long as its widest joint or the flange needs, plus what starting and stopping cost. What devices and
-people add is not known beforehand: `seconds_left` scales the plan by how the readings so far came on. Times s of the
-campaign, angles deg, lengths mm.
+The duration of a campaign is estimated from its plan: moves at the cell's speeds, settling, readings and the warm-up.
+A move takes as long as its widest joint or the flange needs, plus the time for starting and stopping. The time that
+devices and people add is not known beforehand: `seconds_left` scales the plan by the progress of the readings so far.
+Times in s of the campaign, angles in deg, lengths in mm.
 """
 
 from __future__ import annotations
@@ -47,11 +45,19 @@ SAMPLES_PER_S = 1000.0
 
 @dataclass(frozen=True)
 class Visit:
-    """The robot at rest in one pose once. `name` is shown to people; joints, sides and approach are empty where the arm
-    takes no part: for a nest, and for distances between two balls of one body, which are of kind `nest` as well.
+    """One visit of the robot to a pose, in which it is at rest.
 
-    base_targets: where distances are measured, the ball on the base to which each of `targets` has its distance.
-    waypoints: of a path, where it goes on to from `joints_deg`, one after the other.
+    Joints, sides and approach are empty if the arm takes no part. This holds for a nest, and for distances between two
+    balls of one body, which are of kind `nest` as well.
+
+    Attributes
+    ----------
+    name
+        Shown to people.
+    base_targets
+        If distances are measured: the ball on the base to which each of `targets` has its distance.
+    waypoints
+        The waypoints of a path after `joints_deg`, in order.
     """
 
     number: int
@@ -68,7 +74,7 @@ class Visit:
 
     @property
     def readings(self) -> list[tuple[str, str | None]]:
-        """Targets with their base targets; these are None where points are measured."""
+        """Targets with their base targets, which are None if points are measured."""
         return list(zip(self.targets, self.base_targets or (None,) * len(self.targets), strict=True))
 
     @property
@@ -78,7 +84,7 @@ class Visit:
 
     @property
     def counted(self) -> bool:
-        """Whether the readings of the visit are what the campaign is for; nests only place the instrument."""
+        """Whether the readings of the visit count as results; nests only locate the instrument."""
         return self.kind == "pose" or self.between_balls
 
     @property
@@ -95,7 +101,13 @@ class Visit:
 
 
 def make_plan(cell: Cell, campaign: Campaign) -> list[Visit]:
-    """Every visit of the campaign, nests first. Raises ConfigError for unknown targets or impossible poses."""
+    """Return every visit of the campaign, nests first.
+
+    Raises
+    ------
+    ConfigError
+        A target is unknown or a pose is impossible.
+    """
     _fits_instrument(cell, campaign)
     visits = []
     if not cell.instrument.declared.measures_lengths:
@@ -120,8 +132,13 @@ def make_plan(cell: Cell, campaign: Campaign) -> list[Visit]:
 
 
 def _fits_instrument(cell: Cell, campaign: Campaign) -> None:
-    """Raises ConfigError for points that a ballbar, or distances that another instrument should measure, and for a path
-    whose devices send no stream."""
+    """Refuse blocks that the devices of the cell cannot measure.
+
+    Raises
+    ------
+    ConfigError
+        A ballbar would measure points, another instrument distances, or the devices of a path send no stream.
+    """
     lengths = cell.instrument.declared.measures_lengths
     silent = [
         f"{role} (driver {section.driver!r})"
@@ -150,7 +167,7 @@ def _fits_instrument(cell: Cell, campaign: Campaign) -> None:
 
 
 def _units(cell: Cell, campaign: Campaign, number: int, taken: tuple[Joints, ...]) -> list[list[Visit]]:
-    """The visits of a block: what must stay together, together. taken: as in its site."""
+    """Return the visits of a block in groups that must stay together; `taken` as in its site."""
     block, site = campaign.blocks[number], replace(site_of(cell, campaign, number), taken=taken)
     visits = [
         Visit(
@@ -173,7 +190,13 @@ def _units(cell: Cell, campaign: Campaign, number: int, taken: tuple[Joints, ...
 
 
 def site_of(cell: Cell, campaign: Campaign, number: int) -> Site:
-    """The site of a block, counted from 0. Raises ConfigError for targets that the cell does not have."""
+    """Return the site of a block, counted from 0.
+
+    Raises
+    ------
+    ConfigError
+        The cell does not have a target of the block.
+    """
     block = campaign.blocks[number]
     return Site(cell, campaign.seed, number, _targets(cell, block, number), block.approach)
 
@@ -189,7 +212,7 @@ def _targets(cell: Cell, block: Block, number: int) -> tuple[str, ...]:
 
 
 def _reference(cell: Cell, campaign: Campaign) -> Visit:
-    """One pose that shows its targets: with one SMR each of them, else the first."""
+    """Draw one pose that shows its targets: all of them with one SMR, otherwise the first."""
     rng = np.random.default_rng([campaign.seed, RandomStream.REFERENCE])
     approach = Approach(offset_deg=campaign.blocks[0].approach.offset_deg)
     targets = tuple(cell.tool.targets)[: None if cell.instrument.one_smr else 1]
@@ -201,7 +224,10 @@ def _reference(cell: Cell, campaign: Campaign) -> Visit:
 
 
 def _with_references(campaign: Campaign, visits: list[Visit], reference: Visit) -> Iterator[Visit]:
-    """The reference pose before the first reading and after every so many; with one SMR, of the target in hand."""
+    """Insert the reference pose at the start and after every `reference_every` readings.
+
+    With one SMR, it measures the current target.
+    """
     targets = reference.targets if len(reference.targets) == 1 else visits[0].targets[:1]
     since = 0
     yield replace(reference, block=visits[0].block, targets=targets)
@@ -225,7 +251,13 @@ def _one_target_each(visits: list[Visit], cell: Cell) -> Iterator[list[Visit]]:
 
 
 def check_plan(cell: Cell, visits: Sequence[Visit]) -> None:
-    """Check every pose of a plan. Raises UnsafePlan naming the first that may not be driven, and why."""
+    """Check every pose of a plan.
+
+    Raises
+    ------
+    UnsafePlan
+        A pose may not be driven; the message names the first one and the reason.
+    """
     stops = [stop for visit in visits if visit.kind == "pose" for stop in visit.stops]
     if not stops:
         return
@@ -316,10 +348,10 @@ class Forecast:
     def seconds_left(
         self, done: int, done_at_start: int = 0, elapsed_s: float = 0.0, share: float = 0.0
     ) -> float:
-        """Seconds left after `done` readings, of which some were done when this execution began `elapsed_s` ago.
+        """Return the seconds left after `done` readings.
 
-        share: of the reading in hand that is over, where that shows: a path says it at every waypoint, also one that is
-        driven again.
+        Of these, `done_at_start` were done when this execution began `elapsed_s` ago. `share` is the finished part of
+        the current reading, if it is known: a path reports it at every waypoint, also when it is driven again.
         """
         last = len(self._done_s) - 1
         done, begun = min(done, last), min(done_at_start, last)
@@ -346,7 +378,10 @@ def _speed(cell: Cell, campaign: Campaign, visit: Visit) -> float:
 
 
 def _moves_s(cell: Cell, path: Array, speed_deg_s: Array) -> Array:
-    """(n - 1,) s along joint angles (n, N) at the speeds (n - 1,) of the leading joint."""
+    """Compute the durations (n - 1,) s of the moves along joint angles (n, N).
+
+    `speed_deg_s` (n - 1,) are the speeds of the leading joint.
+    """
     slides = np.array([kind == "slides" for kind in cell.robot.model.kinds])
     moved = np.abs(np.diff(path, axis=0))
     joints = np.where(slides, 0.0, moved).max(axis=1) / speed_deg_s

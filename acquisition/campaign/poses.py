@@ -1,10 +1,10 @@
-"""Random poses of a cell: uniform within its joint limits, arm and tool clear, approach point included.
+"""Random poses of a cell: uniform within its joint limits, arm and tool clear.
 
-The sides of approach are drawn before the pose is judged, independently of it and of each other, or are the same on
-every joint. The length of the last move is drawn too where a longest is given: moves of one length make a lag behind
-the move look like play. From and to the home of the cell the straight moves are clear (`cell.transit`). Targets
-that declare a normal look at the instrument, at the pose. Joints deg, and mm where they slide: an approach goes over as
-many mm as deg.
+The approach point is clear too. The sides of approach are drawn before the pose is judged, independently of it and of
+each other, or are the same on every joint. If a longest length is given, the length of the last move is drawn too:
+with moves of one length, a lag behind the move looks like backlash. The straight moves from and to the home of the
+cell are clear (`cell.transit`). Targets that declare a normal face the instrument at the pose. Joints in deg, or in mm
+if they slide; an approach covers as many mm as deg.
 """
 
 from __future__ import annotations
@@ -25,8 +25,11 @@ _MOST = 1000  # batches in all
 
 
 class Pose(NamedTuple):
-    """Joint angles, deg, the side from which each joint arrives (+1 from below, -1 from above), and how far away the
-    last move starts on every joint, deg."""
+    """A pose with its approach.
+
+    `sides` states from where each joint arrives (+1 from below, -1 from above). The last move starts `reach_deg` away
+    on every joint.
+    """
 
     joints_deg: tuple[float, ...]
     sides: tuple[int, ...]
@@ -45,12 +48,28 @@ def draw_poses(
     targets: Sequence[str] | None = None,
     fewest: int | None = None,
 ) -> list[Pose]:
-    """Up to `most` poses with their approach, and `fewest` (None: `most`) or more.
+    """Draw random poses with their approach.
 
-    offset_deg: signed offset of the approach point; its sign is the side where not `both`. longest_deg: its length is
-    drawn for each pose between |offset_deg| and this, as far as the limits leave room; None: always |offset_deg|. Pose
-    and approach point q - side x length are within the limits and clear of table, boxes and fixtures; `targets` (None:
-    all of the cell) are seen at the pose. Raises ConfigError when the cell leaves fewer such poses than `fewest`.
+    Pose and approach point q - side x length are within the limits and clear of table, boxes and fixtures.
+
+    Parameters
+    ----------
+    most, fewest
+        Largest and smallest number of poses. Default of `fewest`: `most`.
+    offset_deg
+        Signed offset of the approach point; without `both`, its sign is the side.
+    both
+        Whether the side is drawn for each joint.
+    longest_deg
+        The length of each approach is drawn between |offset_deg| and this, within the limits. Default: always
+        |offset_deg|.
+    targets
+        Targets that must be visible at the pose. Default: all of the cell.
+
+    Raises
+    ------
+    ConfigError
+        The cell leaves fewer than `fewest` such poses.
     """
     fewest = most if fewest is None else fewest
     targets = tuple(cell.tool.targets) if targets is None else targets
@@ -102,7 +121,7 @@ def draw_poses(
 
 
 def too_few(cell: Cell, found: int, needed: int, targets: Sequence[str] | None) -> ConfigError:
-    """The error to raise when random poses are not enough; names the normals where they are the reason."""
+    """Return the error for too few random poses; it names the normals if they are the reason."""
     names = cell.tool.targets if targets is None else targets
     looking = [name for name in names if name in cell.tool.normals]
     seen = (

@@ -1,4 +1,4 @@
-"""The blocks of a campaign, one class a kind: what it reads, and the visits that it makes."""
+"""The blocks of a campaign: one class per kind, with its keys and its visits."""
 
 from __future__ import annotations
 

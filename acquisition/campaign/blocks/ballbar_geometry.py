@@ -1,12 +1,12 @@
-"""`kind = "ballbar_geometry"`: the triangles of the balls, measured by the ballbar itself; the robot takes no part.
+"""Blocks of `kind = "ballbar_geometry"`: the ballbar measures the triangles of the balls.
 
-Every two balls of the tool and every two of the base between which a bar fits are a reading (`cell.bars`): the tool
-triangle with the 150 mm bar, the base triangle with that of 300 mm. They are measured where the block comes in the
-campaign: first, so that the legs are known; once more in a last block, to see whether a cup has moved meanwhile.
-Readings of one bar follow one another.
+The robot takes no part. Every two balls of the tool, and every two of the base, between which a bar fits are a
+reading (`cell.bars`). The tool triangle is measured with the 150 mm bar, the base triangle with the 300 mm bar.
+They are measured at the place of the block in the campaign. A first block measures them before the legs; another block
+at the end shows whether a cup has moved in the meantime. Readings of one bar follow one another.
 
-With `touch_with = "T1"` a person jogs that ball of the tool into every cup between the two triangles (`run.touches`):
-three taught points and three sides say where the cups are. Source: Nubiola, thesis, section 4.2.
+With `touch_with = "T1"` a person jogs that ball of the tool into every cup between the two triangles (`run.touches`).
+The three taught points and the three sides give the positions of the cups. Source: Nubiola, thesis, section 4.2.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ from drivers.errors import ConfigError
 
 
 class BallbarGeometryBlock(Block):
-    """The sides of the triangles of the tool targets and of the balls on the base; the robot takes no part."""
+    """A block that measures the sides of the triangles of tool targets and base balls.
+
+    The robot takes no part.
+    """
 
     of_lengths: ClassVar[bool] = True
 

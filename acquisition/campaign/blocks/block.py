@@ -1,8 +1,9 @@
-"""The common part of a campaign's blocks of every kind: set, targets, approach and settling, and recipe.
+"""The common part of all campaign blocks: set, targets, approach, settling and recipe.
 
 A recipe turns a block into visits of the robot for one cell. A pose is reached over its approach point q - side x
-length (Nubiola, thesis 2.5), the length that of its block or drawn with the pose, or over a point that the recipe
-names. Joints deg, and mm where they slide, rounded to what every controller takes; the rounded values are the record.
+length (Nubiola, thesis 2.5). The length is that of the block, is drawn with the pose, or the recipe names the point.
+Joints are in deg, or in mm if they slide. They are rounded to a resolution that every controller accepts; the record
+holds the rounded values.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ class RandomStream(IntEnum):
 
 
 class ApproachTable(Table):
-    """How the last move to a pose begins: from an approach point that lies off in every joint."""
+    """The last move to a pose: it begins at an approach point that is offset in every joint."""
 
     offset_deg: Annotated[
         float,
@@ -111,24 +112,31 @@ class ApproachTable(Table):
 
     @property
     def side(self) -> int:
-        """+1 from below, -1 from above, where it is one and the same."""
+        """The side of approach if it is the same for all joints: +1 from below, -1 from above."""
         return 1 if self.offset_deg < 0 else -1
 
     @property
     def usual_longest_deg(self) -> float:
-        """Up to which lengths are drawn beside poses that are drawn too."""
+        """The upper limit of the lengths that are drawn together with random poses, deg."""
         shortest = abs(self.offset_deg)
         return self.longest_deg or min(_LONGER * shortest, max(_LONGEST_DEG, shortest))
 
     def point(self, joints_deg: Joints, sides: Iterable[int], reach_deg: float | None = None) -> Joints:
-        """The start of the last move, deg: from below (side +1) it lies below the pose. reach_deg: its own length."""
+        """Return the start of the last move, deg.
+
+        If a joint arrives from below (side +1), its start lies below the pose. `reach_deg` replaces the length of the
+        table.
+        """
         reach = abs(self.offset_deg) if reach_deg is None else reach_deg
         return rounded(q - side * reach for q, side in zip(joints_deg, sides, strict=True))
 
 
 @dataclass(frozen=True)
 class Settle:
-    """The rest of the robot before a reading, s; `check`: until two read-backs in a row agree as well."""
+    """The pause of the robot before a reading, in seconds.
+
+    With `check`, it then also lasts until two consecutive read-backs agree.
+    """
 
     seconds: float
     check: bool
@@ -136,10 +144,19 @@ class Settle:
 
 @dataclass(frozen=True)
 class BlockVisit:
-    """A pose to be visited, before it has its place in the order. `what` names it within its block.
+    """A pose to be visited, before it has its place in the order of the campaign.
 
-    distances: target and ball on the base of each, where a ballbar measures them, or two balls of one body where the
-    arm takes no part (no joints). waypoints: where a path goes on to. readings: of every target, while the arm rests.
+    Attributes
+    ----------
+    what
+        Name of the visit within its block.
+    distances
+        Pairs of a target and a ball on the base, if a ballbar measures them, or of two balls of one body, if the arm
+        takes no part (no joints).
+    waypoints
+        The further waypoints of a path.
+    readings
+        Number of readings of every target while the arm rests.
     """
 
     what: str
@@ -153,9 +170,9 @@ class BlockVisit:
 
 @dataclass(frozen=True)
 class Site:
-    """The site of a block: its cell, its number (from 0), its targets and its approach.
+    """The context of a block: its cell, its number (from 0), its targets and its approach.
 
-    taken: poses of the calibration blocks before a block to judge by, deg.
+    `taken` holds the poses, deg, of the calibration blocks that precede a validation block.
     """
 
     cell: Cell
@@ -190,7 +207,13 @@ class Site:
         return tuple(int(s) for s in self.rng(RandomStream.SIDE).choice((-1, 1), size=joints))
 
     def posture(self, key: str, joints_deg: Joints) -> Joints:
-        """A pose of a file, rounded. Raises ConfigError when it is not one of this robot."""
+        """Round a pose from a file.
+
+        Raises
+        ------
+        ConfigError
+            The pose has another number of joints than the robot.
+        """
         if len(joints_deg) != self.cell.robot.model.joints:
             raise ConfigError(
                 f"block {self.number + 1}, {key} has {len(joints_deg)} joints, "
@@ -200,8 +223,17 @@ class Site:
 
 
 class Block(Table):
-    """One block: what all kinds have. `ordered`: its poses stay together and in order when a campaign is shuffled;
-    `of_lengths`: the kind measures distances; `usual_settle_s`: of this kind unless the block says otherwise."""
+    """A block of a campaign: the base class of all kinds.
+
+    Attributes
+    ----------
+    ordered
+        Whether the poses stay together and in order when a campaign is shuffled.
+    of_lengths
+        Whether the kind measures distances.
+    usual_settle_s
+        Pause of this kind unless the block states another, s; None for the campaign's.
+    """
 
     ordered: ClassVar[bool] = True
     of_lengths: ClassVar[bool] = False
@@ -242,7 +274,7 @@ class Block(Table):
 
     @property
     def lengths(self) -> bool:
-        """Whether it measures distances."""
+        """Whether the block measures distances."""
         return self.of_lengths
 
     @property
@@ -250,7 +282,7 @@ class Block(Table):
         return Settle(self.settle_s, self.settle_check)
 
     def within(self, approach: ApproachTable, settle: Settle, where: str) -> Self:
-        """The block with what it leaves out as the campaign has it."""
+        """Return the block with the campaign's values for all keys that it leaves out."""
         usual = settle.seconds if self.usual_settle_s is None else self.usual_settle_s
         given = self.model_fields_set
         return self.model_copy(
@@ -265,7 +297,13 @@ class Block(Table):
 
     @abstractmethod
     def visits_at(self, site: Site) -> list[BlockVisit]:
-        """Visits of the block in a cell. Raises ConfigError for what this cell cannot do."""
+        """Return the visits of the block in a cell.
+
+        Raises
+        ------
+        ConfigError
+            The block asks for something that this cell cannot do.
+        """
 
 
 def rounded(joints_deg: Iterable[float]) -> Joints:

@@ -1,15 +1,15 @@
-"""`kind = "hexapod"`: the tool on six ballbar legs between three balls on the base and three on the tool.
+"""Blocks of `kind = "hexapod"`: the tool on six ballbar legs between base and tool balls.
 
-Every pose brings six distances, and with them the place and turn of the tool. Poses: all stances of the balls
-(`calib.arm.hexapod`) that the arm reaches within the limits, its approach point included, all legs on the side away
-from the flange. Stances whose leg labels agree follow one another, and of two legs in a row one end of the bar stays
-where it is.
+Every pose gives six distances between three balls on the base and three on the tool, and with them the position and
+orientation of the tool. The poses are all stances of the balls (`calib.arm.hexapod`) that the arm reaches within the
+limits, including the approach point. All legs lie on the side away from the flange. Stances whose leg labels agree
+follow one another, and between two consecutive legs one end of the bar stays in place.
 
-A stance is taken in its first branch of the arm (`one`), in each (`all`), or the branches take turns (`mixed`, as the
-thesis mixes flip and noflip), of those that the block names. Poses to judge by are none that an earlier block
-fits to, and other stances where there are any. A robot misses by millimetres, the bar shows one: with `stages = 2` what
-lies outside its stroke is measured after a calibration by what lies within (`run.second_stage`). Source: Nubiola,
-thesis, sections 4.2 to 4.4.
+A stance is taken in its first branch of the arm (`one`), in each (`all`), or the branches alternate (`mixed`, as the
+thesis mixes flip and noflip); the block may restrict the branches. A validation pose is never one to which an earlier
+block fits, and comes from another stance if possible. A robot misses by millimetres, the stroke of the bar is one.
+With `stages = 2`, the legs outside the stroke are therefore measured after a calibration from those inside
+(`run.second_stage`). Source: Nubiola, thesis, sections 4.2 to 4.4.
 """
 
 from __future__ import annotations
@@ -103,8 +103,11 @@ class HexapodBlock(Block):
         return "" if self.branches is None else f" in {' or '.join(self.branches)}"
 
     def _allowed(self, site: Site, joints_deg: Array, flange: Array) -> tuple[NDArray[np.int64], Array]:
-        """Stance (k,) and joints (k, N), deg, of those that may be driven, of configurations (n, 8, N) at flange poses
-        (n, 4, 4)."""
+        """Select the configurations that may be driven.
+
+        Takes configurations (n, 8, N), deg, at flange poses (n, 4, 4). Returns the stance (k,) and the joints (k, N),
+        deg, of each selected configuration.
+        """
         n, branches, axes = joints_deg.shape
         flat = np.round(joints_deg.reshape(-1, axes), DECIMALS)
         approach = flat - abs(site.approach.offset_deg) * np.array(site.sides())
@@ -134,7 +137,7 @@ class HexapodBlock(Block):
 
 
 def _in_turn(good: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(n, b) one of the branches of every stance, the one that was taken least so far."""
+    """Select one branch of every stance, mask (n, b): the branch that was selected least so far."""
     taken = np.zeros(good.shape[1], dtype=np.int64)
     out = np.zeros_like(good)
     for i in np.flatnonzero(good.any(axis=1)):
@@ -144,7 +147,7 @@ def _in_turn(good: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _spread(some: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Some of the poses, at most so many, evenly spread."""
+    """Select at most `count` of the poses, evenly spread."""
     if count >= len(some):
         return some
     return some[np.round(np.linspace(0, len(some) - 1, count)).astype(int)]

@@ -1,7 +1,7 @@
-"""`kind = "legs"`: given poses at which a ballbar measures given legs, from given sides: the check poses of a watch.
+"""Blocks of `kind = "legs"`: a ballbar measures given legs at given poses, from given sides.
 
-Where a calibrated model chose the poses, their legs lie within the stroke, and there is no second stage. What else is
-true of a hexapod holds here: somebody moves the bar, and the robot leaves when it is off.
+These are the check poses of a watch. If a calibrated model chose the poses, their legs lie within the stroke, and
+there is no second stage. As for a hexapod, a person moves the bar, and the robot leaves when it is off.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ SidesOfPoses = Annotated[
 
 
 def refuse_other_shape(sides: tuple[tuple[int, ...], ...], poses: tuple[tuple[float, ...], ...]) -> None:
-    """Raise what `refused` makes where given sides are not one row a pose."""
+    """Raise the error of `refused` unless the given sides have one row per pose."""
     if sides and [len(row) for row in sides] != [len(row) for row in poses]:
         raise refused("approach_sides", "is not one row a pose.", ASide)
 
 
 class LegsBlock(Block):
-    """Given poses at which a ballbar measures given legs: the check poses of a watch."""
+    """A block in which a ballbar measures given legs at given poses, as in a watch."""
 
     of_lengths: ClassVar[bool] = True
 

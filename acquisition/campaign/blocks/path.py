@@ -1,8 +1,8 @@
-"""`kind = "path"`: the robot drives through waypoints while its joints and the instrument's points are recorded.
+"""Blocks of `kind = "path"`: joints and measured points are recorded while the robot moves.
 
-The path begins in its first waypoint, which is approached and measured as any pose: then the beam holds the target. It
-rests `rest_s` in every waypoint, the first and the last too, because a clock is seen where the robot starts and stops.
-The robot drives at the speeds of its cell file, or more slowly where the block says so.
+The path begins in its first waypoint, which is approached and measured as any pose: then the beam holds the target.
+The robot rests `rest_s` in every waypoint, including the first and the last, because the clocks are synchronised by
+its starts and stops. It drives at the speeds of its cell file, or more slowly if the block states that.
 """
 
 from __future__ import annotations

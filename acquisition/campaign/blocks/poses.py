@@ -1,4 +1,7 @@
-"""`kind = "poses"`: poses of one set, drawn at random, chosen by observability, or given in the file or beside it."""
+"""Blocks of `kind = "poses"`: poses of one set, random, chosen by observability, or given.
+
+Given poses are in the campaign file or in a CSV file in the same folder.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,10 @@ _JOINT = re.compile(r"[je]\d+_(deg|mm)")
 
 
 class Chosen(Block):
-    """A block whose poses are drawn, chosen, or given in the file or beside it."""
+    """A block whose poses are drawn, chosen, or given.
+
+    Given poses are in the campaign file or in a CSV file in the same folder.
+    """
 
     usual_count: ClassVar[int | None] = None
 
@@ -71,7 +77,13 @@ class Chosen(Block):
         return ()
 
     def poses(self, site: Site, longest_deg: float | None) -> list[Pose]:
-        """The poses with their approach; longest_deg: as `campaign.poses.draw_poses`. Raises ConfigError."""
+        """Return the poses with their approach; `longest_deg` as in `campaign.poses.draw_poses`.
+
+        Raises
+        ------
+        ConfigError
+            The cell leaves too few poses, or a given pose is not one of this robot.
+        """
         if self.select not in DRAWN:
             return self._listed(site, longest_deg)
         number = self.number or 0
@@ -107,8 +119,10 @@ class Chosen(Block):
 
 
 class PosesBlock(Chosen):
-    """Each pose once, every target read so often while the arm rests. Last moves to drawn poses are of many lengths;
-    those to given poses, where it is asked."""
+    """A block that visits each pose once and reads every target while the arm rests.
+
+    Last moves to drawn poses have various lengths; those to given poses only if the block requests it.
+    """
 
     ordered: ClassVar[bool] = False
 
@@ -142,8 +156,15 @@ class PosesBlock(Chosen):
 
 @as_config_error()
 def read_poses(path: Path) -> tuple[Joints, ...]:
-    """Poses of a CSV file with columns `j1_deg`, `j2_deg`, ..., or those of its own robot (`e1_mm`) in the order of its
-    joints. Raises ConfigError naming the line."""
+    """Read poses from a CSV file with the columns `j1_deg`, `j2_deg`, ...
+
+    A robot from the user's own file may have other columns (`e1_mm`), in the order of its joints.
+
+    Raises
+    ------
+    ConfigError
+        The file has no such columns or no poses, or a value is not a finite number; the message names the line.
+    """
     lines = rows_of(read_text(path), path)
     names = [name.strip() for name in lines[0][1]] if lines else []
     columns = []

@@ -1,8 +1,8 @@
-"""`kind = "repeat"`: the same few poses visited again and again, each time over the same approach point.
+"""Blocks of `kind = "repeat"`: a few poses visited repeatedly over the same approach points.
 
-ISO 9283:1998 asks for 30 visits of five poses: accuracy and repeatability of each, and of the distances between them,
-for which the poses take turns. With `sides = "both"` the sides are drawn for each pose and stay; poses that two
-blocks list with opposite offsets give the multi-directional variation.
+ISO 9283:1998 requires 30 visits of five poses: accuracy and repeatability of each, and of the distances between them,
+for which the poses alternate. With `sides = "both"` the sides are drawn once for each pose. Poses that two blocks list
+with opposite offsets give the multi-directional variation.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""`kind = "sphere"`: points on a sphere about a taught centre, the ballbar check of a calibrated robot.
+"""Blocks of `kind = "sphere"`: points on a sphere, the ballbar check of a calibrated robot.
 
-The target is in the centre at `centre_deg`; the points lie on the sphere above it, the tool turned as taught.
-Source: Nubiola 2.6.3, a ballbar of 300 mm in some hundred places, 2 s pause and no suppression of backlash: unless
-the block has an `approach` of its own, every point is reached from the one before it, also after an interruption.
-Points follow a spiral of equal areas (Swinbank & Purser 2006), sorted into rings so that moves are short. Lengths mm.
+The target is in the centre at the taught pose `centre_deg`. The points lie on the sphere above it, with the tool in
+the taught orientation. Source: Nubiola 2.6.3, a ballbar of 300 mm in hundreds of places, 2 s pause and no suppression
+of backlash. Unless the block has its own `approach`, every point is therefore reached from the one before it, also
+after an interruption. Points follow a spiral of equal areas (Swinbank & Purser 2006), sorted into rings so that moves
+are short. Lengths in mm.
 """
 
 from __future__ import annotations
@@ -89,7 +90,13 @@ class SphereBlock(Block):
         ]
 
     def _poses(self, site: Site) -> list[Joints]:
-        """Evenly among those that arm and limits allow. Raises ConfigError."""
+        """Select poses evenly among those that the arm and its limits allow.
+
+        Raises
+        ------
+        ConfigError
+            The arm reaches too few points of the sphere.
+        """
         taught = np.array([site.posture("centre_deg", self.centre_deg)])
         found = np.zeros((0, taught.shape[1]))
         tried = self.count
@@ -105,7 +112,10 @@ class SphereBlock(Block):
         return [rounded(row) for row in found[chosen]]
 
     def _reached(self, site: Site, taught: Array, directions: Array) -> Array:
-        """(k, N) deg, in the branch of the taught pose."""
+        """Return the joints (k, N), deg, of the directions that the arm reaches.
+
+        All are in the branch of the taught pose.
+        """
         robot = site.cell.robot
         flange = forward(robot.model, robot.model_angles(taught))
         goals = np.repeat(flange, len(directions), axis=0)
@@ -122,7 +132,10 @@ class SphereBlock(Block):
 
 
 def cap(count: int, above_deg: float) -> Array:
-    """(count, 3) directions evenly over the part of the unit sphere above an elevation, deg, ring by ring."""
+    """Return directions on the unit sphere above an elevation, evenly spread and ring by ring.
+
+    The elevation is in deg, the result has shape (count, 3).
+    """
     least = np.sin(above_deg * DEG)
     k = np.arange(count)
     height = 1.0 - (k + 0.5) / count * (1.0 - least)

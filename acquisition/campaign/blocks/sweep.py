@@ -1,9 +1,10 @@
-"""`kind = "sweep"` and `kind = "circle_point"`: one joint turns step by step while the others do not move.
+"""Blocks of `kind = "sweep"` and `kind = "circle_point"`: one joint turns step by step.
 
-A sweep goes up and down again, which shows the backlash and the tangential error of its joint (Nubiola 2.4.1). Circle
-points turn joints 1, 2 and the last two, one after the other, from one posture: their axes start base and tool
-(Nubiola 2.3; `calib.fit.circle_points` recognises both). Every reading has its approach: the joint that turns comes
-from where the sweep comes, the others from their usual side, so that an interruption changes nothing. Angles deg.
+The other joints do not move. A sweep goes up and down again, which shows the backlash and the tangential error of its
+joint (Nubiola 2.4.1). Circle points turn joints 1, 2 and the last two, one after the other, from one posture. Their
+axes give starting values for base and tool (Nubiola 2.3; `calib.fit.circle_points` recognises both). Every reading has
+its approach, so that an interruption changes nothing: the joint that turns arrives in the direction of the sweep, the
+others from their usual side. Angles in deg.
 """
 
 from __future__ import annotations
@@ -90,7 +91,10 @@ class SweepBlock(Block):
 
 
 class CirclePointBlock(Block):
-    """Several joints turn one after the other about one posture: base and tool are found from the circles."""
+    """A block in which several joints turn, one after the other, about one posture.
+
+    Base and tool are found from the circles.
+    """
 
     kind: Annotated[Literal["circle_point"], told("The kind of block.", "circle_point")]
     set: Set = "calibration"
@@ -108,7 +112,10 @@ class CirclePointBlock(Block):
 
     @property
     def whole_deg(self) -> float:
-        """As far as whole steps go, so that the circle lies in the middle of its posture."""
+        """Width of the arc in whole steps, deg.
+
+        With whole steps the posture lies in the middle of the circle.
+        """
         return float(self.step_deg * np.floor(self.width_deg / self.step_deg + 1e-9))
 
     @model_validator(mode="after")
@@ -133,7 +140,10 @@ class CirclePointBlock(Block):
 
 @dataclass(frozen=True)
 class _Turn:
-    """Angles (k,) of one joint in the order of a sweep; `about`: counted from the posture's own."""
+    """The angles (k,) of one joint in the order of a sweep.
+
+    If `about` is set, they are relative to the angle of the posture.
+    """
 
     joint: int
     angles: Array
@@ -141,7 +151,7 @@ class _Turn:
     about: bool = False
 
     def joints(self, postures: Array) -> Array:
-        """(n, k, N) for postures (n, N)."""
+        """Return the joints (n, k, N) of the sweep from postures (n, N)."""
         out = np.repeat(postures[:, None], len(self.angles), axis=1)
         own = postures[:, None, self.joint - 1] if self.about else 0.0
         out[:, :, self.joint - 1] = own + self.angles
@@ -167,7 +177,13 @@ def _steps(low: float, high: float, step: float) -> Array:
 
 
 def _drawn(site: Site, turns: list[_Turn], usual: tuple[int, ...]) -> Joints:
-    """A random posture from which every pose and approach point is clear and shows the targets. Raises ConfigError."""
+    """Draw a posture from which all poses and approach points are clear and show the targets.
+
+    Raises
+    ------
+    ConfigError
+        No such posture was found.
+    """
     rng = site.rng(RandomStream.POSTURE)
     low, high = np.array(site.cell.robot.limits_deg).T
     for _ in range(_TRIES // _BATCH):
@@ -190,7 +206,10 @@ def _drawn(site: Site, turns: list[_Turn], usual: tuple[int, ...]) -> Joints:
 def _all_good(
     site: Site, turn: _Turn, postures: Array, usual: tuple[int, ...], test: _Test
 ) -> NDArray[np.bool_]:
-    """(n,) whether all poses of the turns from the postures (n, N), with their approach points, pass the test."""
+    """Check that all poses of the turns and their approach points pass the test.
+
+    The result is a mask (n,) of the postures (n, N).
+    """
     poses = turn.joints(postures)
     good = np.ones(len(poses), dtype=bool)
     for sides in turn.sides(usual):
@@ -204,13 +223,19 @@ def _both_allowed(cell: Cell, joints_deg: Array, approach_deg: Array) -> NDArray
 
 
 def _at_all(poses: Array, test: Callable[[Array], NDArray[np.bool_]]) -> NDArray[np.bool_]:
-    """(n,) whether the test holds at all of the poses (n, k, N)."""
+    """Check for each row of the poses (n, k, N) that the test holds at all its poses."""
     n, k, joints = poses.shape
     return np.all(test(poses.reshape(-1, joints)).reshape(n, k), axis=1)
 
 
 def _refuse_joint(site: Site, joint: int) -> None:
-    """Raises ConfigError for a joint that the robot has not, or that does not turn."""
+    """Refuse a joint that the robot does not have or that slides.
+
+    Raises
+    ------
+    ConfigError
+        The joint cannot turn.
+    """
     robot = site.cell.robot.model
     if not 1 <= joint <= robot.joints:
         raise ConfigError(f"block {site.number + 1} turns joint {joint}, the robot has {robot.joints}")
