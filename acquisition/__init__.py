@@ -1,7 +1,7 @@
-"""Measurement campaigns: planned, checked, executed, and kept in a record that survives a crash or a power cut.
+"""Measurement campaigns: planned, checked, executed and recorded.
 
-`read_cell` and `read_campaign` read the files; `Run` executes a campaign on the devices of `open_devices`; `export`
-writes the data set of a record.
+A record survives a crash or a power cut. `read_cell` and `read_campaign` read the files. `Run` executes a campaign on
+the devices of `open_devices`; `export` writes the data set of a record.
 """
 
 from acquisition.campaign import Campaign, CampaignTable, campaign_from, read_campaign

@@ -1,4 +1,4 @@
-"""Errors of a campaign beside those of the devices; same families, same rules (`drivers.errors`)."""
+"""Errors of a campaign, in the same families and by the same rules as `drivers.errors`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from drivers.errors import (
 
 @contextmanager
 def as_config_error(place: str = "") -> Iterator[None]:
-    """Raise the refusal of a file or a plan inside the block as a ConfigError: `place`, then the same sentence."""
+    """Raise a `DataError` of the block as a ConfigError with `place` before its message."""
     try:
         yield
     except DataError as error:
@@ -47,7 +47,10 @@ class RobotInUse(AcquisitionError):
 class OtherIndividual(ConfigError):
     """Another robot or instrument answers than the one the record was measured with.
 
-    serial: the serial number of the one that answers, by which it can be accepted.
+    Attributes
+    ----------
+    serial
+        Serial number of the one that answers; with it, the device can be accepted.
     """
 
     code = 6103
@@ -80,7 +83,7 @@ class UnsafePlan(Refused):
 
 
 class NoClearWay(Refused):
-    """The straight move to a pose, and every other that was tried, touches the table, a keep-out box or a fixture."""
+    """Every path to a pose that was tried touches the table, a keep-out box or a fixture."""
 
     code = 3108
     exit_code = 5
@@ -91,7 +94,7 @@ class NoClearWay(Refused):
 
 
 class Displaced(Refused):
-    """The robot is not where it arrived: it moved while it settled, was measured, or a bar was put on."""
+    """The robot moved after it arrived: while it settled, was measured, or a bar was put on."""
 
     code = 3109
     advice = (
@@ -121,7 +124,7 @@ class TouchedElsewhere(Refused):
 
 
 class CupsDisagree(Refused):
-    """Two cups were touched farther from each other than the ballbar measured, or the sides make no triangle."""
+    """The touched positions of two cups contradict the ballbar, or the sides make no triangle."""
 
     code = 3112
     advice = "Confirm to do it again; skip to go on with what was measured."
@@ -145,7 +148,7 @@ class WronglySeated(Refused):
 
 
 class Misplaced(Unmeasurable):
-    """A target was seen where another one should be, or nowhere near any: the beam found another SMR."""
+    """A target was detected at the place of another, or at none: the beam found another SMR."""
 
     code = 2101
     advice = (
@@ -155,7 +158,7 @@ class Misplaced(Unmeasurable):
 
 
 class NothingNew(NoisyMeasurement):
-    """The instrument shows to the last digit what it showed elsewhere: it is stuck, or its bridge repeats itself."""
+    """The instrument repeats a reading to the last digit: it is stuck, or its bridge repeats."""
 
     code = 2102
     advice = "Look whether the bridge still hears the instrument and a bar moves freely, then repeat the measurement."
@@ -172,7 +175,7 @@ class TurnedOtherwise(Refused):
 
 
 class NothingWhereItShouldBe(Refused):
-    """Not one target of the first readings was had: whether the arm is where the robot file says is not known."""
+    """No target of the first readings was measured: the arm may differ from the robot file."""
 
     code = 3113
     advice = (
@@ -189,7 +192,7 @@ class NotResumed(Refused):
 
 
 class IllegalTransition(Refused):
-    """The campaign cannot go from its state to the one asked for."""
+    """The campaign cannot go from its state to the requested one."""
 
     code = 3105
     advice = "Look at the state of the campaign: a finished one cannot be run again."
@@ -210,7 +213,7 @@ class RecordTaken(StorageError):
 
 
 class ClockJumped(StorageError):
-    """The calendar stepped against the steady clock, so that the times between readings are in doubt."""
+    """The calendar jumped relative to the steady clock; times between readings are in doubt."""
 
     code = 5102
     advice = (
@@ -226,7 +229,10 @@ class DamagedRecord(StorageError):
 
 
 def damaged(path: Path, what: str) -> DamagedRecord:
-    """The refusal of a record whose file is `path`. `what`: the predicate, "is ..." or "holds ..."."""
+    """Return the error for a record whose file is `path`.
+
+    `what` is the predicate, "is ..." or "holds ...".
+    """
     return DamagedRecord(
         f"{path}: {what}",
         command="record",

@@ -1,8 +1,8 @@
-"""A file of the user's as one model: what is read, what is refused and how, and its JSON schema.
+"""A user's file as one model: its keys, its errors and its JSON schema.
 
 A class below `Table` is the only description of a table: its fields have type, limits, default, words and an example.
-`read_table` reads a parsed table by it and refuses with file, key and remedy; the JSON schema of HTTP and of editors
-comes from pydantic.
+`read_table` reads a parsed table according to it; an error names file, key and remedy. The JSON schema of HTTP and of
+editors comes from pydantic.
 """
 
 from __future__ import annotations
@@ -38,8 +38,10 @@ _ADD = "Add it; the unit of a number is in the key's name."
 
 
 def first_of_a_list(schema: Any) -> Any:
-    """A schema of the validator in which every list stops at its first error: to describe a hundred thousand errors
-    holds the interpreter for a second, and the stop of a robot waits as long."""
+    """Return a schema of the validator in which every list stops at its first error.
+
+    To describe a hundred thousand errors would hold the interpreter for a second, and the stop of a robot would wait.
+    """
     if isinstance(schema, dict):
         parts = cast("dict[str, Any]", schema)
         first = {"fail_fast": True} if parts.get("type") in ("list", "tuple") else {}
@@ -63,7 +65,10 @@ class Table(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, values: Any) -> Any:
-        """A file cannot say null, and JSON should not: None stands for what was left out."""
+        """Refuse null and keep at most one unknown key.
+
+        A file cannot contain null, and JSON should not: None stands for a key that was left out.
+        """
         if not isinstance(values, Mapping):
             return values
         null = next((key for key, value in values.items() if value is None), None)
@@ -74,7 +79,7 @@ class Table(BaseModel):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: Any, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """As pydantic makes it, less the nulls, which are refused."""
+        """Return the schema of pydantic without the nulls, which are refused."""
         schema = handler(core)
         for member in handler.resolve_ref_schema(schema).get("properties", {}).values():
             kinds = [each for each in member.get("anyOf", ()) if each != {"type": "null"}]
@@ -87,26 +92,35 @@ class Table(BaseModel):
 
 @dataclass(frozen=True)
 class Remedy:
-    """What to do about a field that is wrong or missing, where its type does not say it."""
+    """The remedy for a field that is wrong or missing, if its type does not imply one."""
 
     wrong: str = ""
     missing: str = ""
 
 
 def told(words: str, example: Any, *, do: str = "", missing: str = "", **limits: Any) -> Any:
-    """The description of a field: words with the unit, an example, what bounds it; do, missing: as of a Remedy."""
+    """Describe a field: words with the unit, an example, and its limits.
+
+    `do` and `missing` are the texts of a `Remedy`.
+    """
     field = Field(description=words, examples=[example], **limits)
     field.metadata.append(Remedy(do, missing))
     return field
 
 
 def no_default(schema: dict[str, Any]) -> None:
-    """Take the default out of a JSON schema: what is left out is inherited, and a client must not fill it in."""
+    """Remove the default from a JSON schema.
+
+    A missing key is inherited, and a client must not fill it in.
+    """
     schema.pop("default", None)
 
 
 def refused(key: str, what: str, do: str) -> PydanticCustomError:
-    """The error that a validator raises. key: below its table; what and do: as of a DataError."""
+    """Return the error that a validator raises.
+
+    The `key` is relative to its table; `what` and `do` are those of a `DataError`.
+    """
     return PydanticCustomError("refused", "{what} {do}", {"key": key, "what": what, "do": do})
 
 
@@ -145,7 +159,18 @@ Model = TypeVar("Model", bound=Table)
 def read_table(
     model: type[Model], table: Mapping[str, Any], file: Path | str, folder: Path | None = None
 ) -> Model:
-    """Read a parsed table. folder: where files that it names are; None: not read. Raises DataError."""
+    """Read a parsed table.
+
+    Parameters
+    ----------
+    folder
+        Folder of the files that the table names; None if they are not read.
+
+    Raises
+    ------
+    DataError
+        The table does not fit the model.
+    """
     try:
         return model.model_validate(table, context={"folder": folder})
     except ValidationError as error:
@@ -249,14 +274,14 @@ def _bounds(field: FieldInfo) -> tuple[float | None, float | None]:
 
 
 def _kind_of(annotation: Any) -> Any:
-    """The plain type below an annotation: float, int, bool, str, tuple, or a Literal."""
+    """Return the plain type below an annotation, such as float, bool, tuple or a Literal."""
     if get_origin(annotation) in (tuple, dict, Literal) or not get_args(annotation):
         return annotation
     return _kind_of(next(each for each in get_args(annotation) if each is not type(None)))
 
 
 def _wanted(field: FieldInfo | None, key: str) -> str:
-    """What a value should be, from its field."""
+    """Return a sentence on the required value of a field."""
     if field is None:
         return ""
     if _remedy(field).wrong:
@@ -285,7 +310,10 @@ def _range(low: float | None, high: float | None) -> str:
 
 
 class OnlyInFiles:
-    """Mark of a key, or of one value of it, that names a file in the same folder; the schema for HTTP omits it."""
+    """Mark of a key, or of one of its values, that names a file in the same folder.
+
+    The schema for HTTP omits it.
+    """
 
     def __init__(self, value: str = "") -> None:
         self._value = value
@@ -300,4 +328,7 @@ class OnlyInFiles:
 
 
 class FileSchema(GenerateJsonSchema):
-    """The JSON schema of a file, for editors: `Model.model_json_schema(schema_generator=FileSchema)`."""
+    """The JSON schema of a file for editors.
+
+    Use `Model.model_json_schema(schema_generator=FileSchema)`.
+    """

@@ -1,4 +1,4 @@
-"""Arm and tool of a cell as capsules that move with the joints, and how far from straight they move.
+"""Arm and tool of a cell as capsules that move with the joints, and bounds of their motion.
 
 While all joints turn in proportion, p(s) of a point bends away from its chord over a share w of the move by at most
 
@@ -7,7 +7,7 @@ While all joints turn in proportion, p(s) of a point bends away from its chord o
 since d2p / dq_i dq_j = z_i x (z_j x (p - o_j)), i <= j, is no longer than the distance of the point from axis j. L_j is
 the largest such distance in any posture, the sum of the lengths of the links between. A joint j that slides moves all
 behind it by its unit vector z_j, which only those before it turn: |dq_j| 2 sum_{i<j} |dq_i| over the i that turn.
-Joints deg, and mm where they slide, lengths mm.
+Joints in deg, or in mm if they slide; lengths in mm.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class CellArm:
     def of(
         cls, robot: Robot, coupling: str, targets: Mapping[str, tuple[float, float, float]], radius_mm: float
     ) -> CellArm:
-        """The arm of `robot` with a tool of so many targets (flange frame)."""
+        """Return the arm of `robot` with a tool that has these targets (flange frame)."""
         tool = (
             Capsule(f"the tool at {name}", robot.joints, (0.0, 0.0, 0.0), point, radius_mm)
             for name, point in targets.items()
@@ -46,7 +46,10 @@ class CellArm:
         return cls(robot, coupling, (*robot.body, *tool))
 
     def lines(self, joints_deg: Array) -> Array:
-        """(n, c, 2, 3) mm: the centre lines of the c capsules at joint angles (n, N) of the controller."""
+        """Compute the centre lines (n, c, 2, 3), mm, of the c capsules.
+
+        The joint angles (n, N) are those of the controller.
+        """
         joints = self.robot.model_angles(np.asarray(joints_deg) * self.robot.joint_units, self.coupling)
         frames = propagate(Chain.of(self.robot), nominal_values(self.robot, joints), BasePoses(), record=())
         out = np.empty((len(self.capsules), 2, 3, len(joints)))
@@ -58,17 +61,20 @@ class CellArm:
 
     @cached_property
     def radii(self) -> Array:
-        """(c,) radii of the capsules, mm."""
+        """Radii of the capsules, shape (c,), mm."""
         return np.array([capsule.radius_mm for capsule in self.capsules])
 
     @cached_property
     def links(self) -> NDArray[np.int64]:
-        """(c,) the link (1-based) with which each capsule moves."""
+        """The link (1-based) with which each capsule moves, shape (c,)."""
         return np.array([capsule.link for capsule in self.capsules])
 
     @cached_property
     def _levers(self) -> Array:
-        """(c, N) mm: farthest that a point of each centre line gets from each axis, 0 for axes behind it."""
+        """Largest distance of each centre line from each axis, shape (c, N), mm.
+
+        It is 0 for the axes behind the capsule.
+        """
         count, dh = self.robot.joints, self.robot.convention == "dh"
         slides = np.array([kind == "slides" for kind in self.robot.kinds])
         ends = np.array([self.robot.lower, self.robot.upper])
@@ -85,7 +91,10 @@ class CellArm:
         return levers
 
     def bends(self, start_deg: Array, goal_deg: Array) -> Array:
-        """(n, c) mm: bound of |p''| over straight moves in joint space from (n, N) to (n, N), s from 0 to 1."""
+        """Bound |p''| over straight moves in joint space, shape (n, c), mm.
+
+        The moves go from (n, N) to (n, N), with s from 0 to 1.
+        """
         units = self.robot.joint_units
         ends = [self.robot.model_angles(np.asarray(q) * units, self.coupling) for q in (start_deg, goal_deg)]
         slides = np.array([kind == "slides" for kind in self.robot.kinds])

@@ -1,32 +1,29 @@
-"""The cell file `cell.toml` (`truepose-cell/1`): which robot, which instrument, where, and what must not be hit.
+"""The cell file `cell.toml` (`truepose-cell/1`): robot, instrument, places, obstacles.
 
-Lengths mm, angles deg, speeds mm/s and deg/s; joints deg, and mm where they slide. Everything is checked here, by file
-and key, so that the rest of the program can believe a `Cell`.
+Lengths are in mm, angles in deg, speeds in mm/s and deg/s; joints in deg, or in mm if they slide. All checks are made
+here and name file and key, so that the rest of the program can rely on a `Cell`.
 
-The test that the instrument is where it was: three nests measured twice, judged by the noise they must have.
-
-Each nest moved by d_i between the two; a reading has the instrument's declared covariance S_i, and seating the
-SMR anew adds u^2 I. If nothing moved,
+**Has the instrument moved?** Three nests are measured twice and judged according to the noise of the readings. Each
+nest moved by d_i between the two; a reading has the instrument's declared covariance S_i, and seating the SMR again
+adds u^2 I. If nothing moved,
 
     T = sum_i d_i^T [2 (S_i + u^2 I)]^-1 d_i
 
-is chi-squared with 3 degrees of freedom a nest. Beyond its `FALSE_ALARM` quantile the instrument has a new
-station and the world frame is made anew; up to it the old one stays, so that noise alone does not move it.
+is chi-squared with 3 degrees of freedom per nest. Beyond its `FALSE_ALARM` quantile the instrument has a new
+station and the world frame is built again. Otherwise the old frame stays, so that noise alone does not move it.
 Source: the usual test for a change with known covariance (Johnson & Wichern, ch. 5).
 
-The lengths to which a ballbar can be built: its body and any of its extension bars, each at most once.
+**Lengths of a ballbar.** A bar has its body and any of its extension bars, each at most once. A QC20-W of 100 mm with
+bars of 50, 150 and 300 mm reads 100, 150, 250, 300 ... 600 mm, plus or minus its stroke. It needs 150 mm along the tool
+triangle, 300 mm along the base triangle and the legs. Source: Nubiola, thesis, section 4.2.
 
-A QC20-W of 100 mm with bars of 50, 150 and 300 mm reads 100, 150, 250, 300 ... 600 mm, give or take its stroke: 150 mm
-along the tool triangle, 300 mm along the base triangle and the legs. Source: Nubiola, thesis, section 4.2.
+**Fixtures** that carry a ball of the base, its cup or its post, are where the ball is. Lengths in mm.
 
-Fixtures that carry a ball of the base, its cup or its post: they are where the ball is. Lengths mm.
-
-The identity of a device against the cell file: its maker and model, as it reports them itself.
-
-Makers write one model in many spellings ("IRB 120-3/0.6", "LR Mate 200iC"); here the name of the robot file must be
-found in what the controller says, whatever signs lie between its letters, and must end there: an IRB 1200 is no IRB
-120. A protocol that reports no model proves nothing, and nothing is held against it. A robot file of the user's own
-may bear any name; there the maker alone counts.
+**Identity of a device.** The maker and model that a device reports are compared with the cell file. Makers write one
+model in many spellings ("IRB 120-3/0.6", "LR Mate 200iC"). The name from the robot file must occur in the report of
+the controller, with any signs between its letters, and must end there: an IRB 1200 is no IRB 120. A protocol that
+reports no model proves nothing, and is not treated as a mismatch. A user's own robot file may have any name; then only
+the maker counts.
 """
 
 from __future__ import annotations
@@ -68,7 +65,10 @@ CARRIES_MM = 30.0  # a fixture that comes so near to the centre of a ball carrie
 
 @dataclass(frozen=True)
 class NoiseFigures:
-    """Declared noise of an instrument, 1 sigma: points mm and ppm of the distance, turns mrad, lengths mm."""
+    """Declared noise of an instrument, 1 sigma.
+
+    Points in mm and in ppm of the distance, rotations in mrad, lengths in mm.
+    """
 
     range_mm: float = 0.010
     range_ppm: float = 2.0
@@ -80,10 +80,16 @@ class NoiseFigures:
 
 @dataclass(frozen=True)
 class InstrumentSection:
-    """The instrument of the cell. `one_smr`: a person moves the only SMR from nest to nest.
+    """The instrument of the cell.
 
-    expected_within_mm: a target seen farther from where the nominal robot has it is not taken for it; options: what
-    only its driver uses.
+    Attributes
+    ----------
+    one_smr
+        Whether a person moves the only SMR from nest to nest.
+    expected_within_mm
+        Largest distance from the nominal place at which a reading counts as its target.
+    options
+        Options that only the driver uses.
     """
 
     name: str
@@ -108,10 +114,16 @@ class InstrumentSection:
 
 @dataclass(frozen=True)
 class ToolSection:
-    """Targets on the tool, flange frame; mass and centre None: as in the robot file.
+    """Targets on the tool, in the flange frame.
 
-    radius_mm: of the capsules from the flange to the targets; u_mm: standard uncertainty of the targets per axis,
-    of those where it is stated.
+    Attributes
+    ----------
+    mass_kg, cog_mm
+        Mass and centre of gravity; None for the values of the robot file.
+    radius_mm
+        Radius of the capsules from the flange to the targets.
+    u_mm
+        Standard uncertainty of the targets per axis, if it is stated.
     """
 
     targets: Mapping[str, Vector]
@@ -124,10 +136,18 @@ class ToolSection:
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell: robot, instrument, tool, nests and obstacles. `source` is the text of its file, kept in the record.
+    """A cell: robot, instrument, tool, nests and obstacles.
 
-    nests_u_mm: standard uncertainty of the nests per axis, of those where it is stated. time_scale and rehearsed,
-    whether prompts confirm themselves, only count simulated.
+    Attributes
+    ----------
+    nests_u_mm
+        Standard uncertainty of the nests per axis, if it is stated.
+    time_scale
+        Speed of a simulated cell; not used for a real one.
+    rehearsed
+        Whether prompts confirm themselves; not used for a real cell.
+    source
+        Text of the cell file, kept in the record.
     """
 
     name: str
@@ -150,7 +170,7 @@ class Cell:
 
     @property
     def unstated(self) -> tuple[str, ...]:
-        """The balls of a ballbar's cell of whose positions its file does not state how well they are known."""
+        """The balls whose position uncertainty the file does not state, if the cell has a ballbar."""
         known = {**self.nests_u_mm, **self.tool.u_mm}
         balls = (*self.nests, *self.tool.targets) if self.instrument.declared.measures_lengths else ()
         return tuple(name for name in balls if name not in known)
@@ -167,14 +187,32 @@ class Cell:
 
 @as_config_error()
 def read_cell(path: Path) -> Cell:
-    """Read `cell.toml`. Raises ConfigError naming file and key."""
+    """Read `cell.toml`.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be used; the message names file and key.
+    """
     text, table = read_toml(path)
     return cell_from(table, str(path), beside=path.parent, source=text)
 
 
 @as_config_error()
 def cell_from(table: Mapping[str, Any], file: str, *, beside: Path | None = None, source: str = "") -> Cell:
-    """A cell from a parsed table. `file` is named in refusals; `beside`: where a robot file is looked for."""
+    """Create a cell from a parsed table.
+
+    Parameters
+    ----------
+    table
+        The parsed table.
+    file
+        Name of the file in error messages.
+    beside
+        Folder of the robot file.
+    source
+        Text that the record keeps. Default: the table as TOML.
+    """
     top = TomlTable(table, file)
     top.text("format", allowed=(FORMAT,))
     top.only(("format", "name", "robot", "instrument", "world", "tool", "fixture", "simulation"))
@@ -211,7 +249,10 @@ def cell_from(table: Mapping[str, Any], file: str, *, beside: Path | None = None
 
 
 def _whole(source: str, table: Mapping[str, Any], file: Mapping[str, Any] | None) -> str:
-    """The text of the cell file with the robot file that it names: a record is read where that file is not."""
+    """Return the text of the cell file together with the robot file that it names.
+
+    A record must be readable without that file.
+    """
     if file is None or "file" in table["robot"]:
         return source or tomli_w.dumps(table)
     if source:  # behind the text, which keeps its comments, where TOML allows that: it adds nothing to robot = { ... }
@@ -224,7 +265,13 @@ def _whole(source: str, table: Mapping[str, Any], file: Mapping[str, Any] | None
 
 @as_config_error()
 def cell_of_record(source: str, where: str) -> Cell:
-    """The cell of a record, from the text stored there. Raises ConfigError."""
+    """Return the cell of a record from the text stored there.
+
+    Raises
+    ------
+    ConfigError
+        The text cannot be used.
+    """
     return cell_from(parse_toml(source, where), where, beside=Path(where).parent, source=source)
 
 
@@ -286,8 +333,15 @@ def _tool(table: TomlTable, nests: Mapping[str, Vector]) -> ToolSection:
 def moved_by(
     before_mm: Mapping[str, Sequence[float]], now_mm: Mapping[str, Sequence[float]], noise: NoiseFigures
 ) -> tuple[float, float] | None:
-    """Distance, mm, by which nests of the same names, both in the instrument's frame, are off (the largest), and T in
-    units of its limit. None within the noise: beyond it they or the instrument moved, and a drift counts as a move."""
+    """Test whether the nests or the instrument have moved between two measurements.
+
+    Both measurements have the same names and are in the instrument's frame. A drift counts as a move.
+
+    Returns
+    -------
+    tuple of float, or None
+        The largest displacement of a nest, mm, and T in units of its limit; None within the noise.
+    """
     names = list(before_mm)
     before = np.array([before_mm[name] for name in names], dtype=np.float64)
     moved = np.array([now_mm[name] for name in names], dtype=np.float64) - before
@@ -298,7 +352,10 @@ def moved_by(
 
 
 def covariance_of(points: NDArray[np.float64], noise: NoiseFigures) -> NDArray[np.float64]:
-    """(n, 3, 3) mm2: of nests (n, 3) in the instrument's frame, read once, the SMR seated anew."""
+    """Compute the covariance (n, 3, 3), mm2, of nests (n, 3) in the instrument's frame.
+
+    Each nest is read once, after the SMR was seated again.
+    """
     tracker = Noise(
         "tracker",
         range_mm=noise.range_mm,
@@ -333,7 +390,10 @@ class Bar:
 
 
 def bars_of(cell: Cell) -> tuple[Bar, ...]:
-    """Every bar that can be built in this cell, the one of the legs first, then by the number of extensions."""
+    """Return every bar that can be built in this cell.
+
+    The one of the legs comes first, then the others by the number of extensions.
+    """
     declared, legs = cell.instrument.declared, cell.instrument.nominal_mm
     kit = [
         Bar(declared.body_mm, some)
@@ -351,7 +411,10 @@ def apart_mm(cell: Cell, one: str, other: str) -> float:
 
 
 def bar_between(cell: Cell, one: str, other: str) -> Bar | None:
-    """The bar that fits between two balls of one body, as well as the cell file knows them; None where none does."""
+    """Return the bar that fits between two balls of one body, or None if none fits.
+
+    The uncertainty of the balls in the cell file is taken into account.
+    """
     apart = apart_mm(cell, one, other)
     known, assumed = {**cell.nests_u_mm, **cell.tool.u_mm}, TAUGHT_MM if one in cell.nests else MADE_MM
     stray = float(np.hypot(known.get(one, assumed), known.get(other, assumed)))
@@ -368,7 +431,7 @@ def bar_for(cell: Cell, target: str, base_target: str) -> Bar:
 
 
 def carries(fixture: Obstacle, balls: Array) -> bool:
-    """Whether a fixture carries one of the balls (n, 3)."""
+    """Check whether a fixture carries one of the balls (n, 3)."""
     points = np.repeat(balls[:, None], 2, axis=1)
     return bool((np.linalg.norm(fixture.towards(points), axis=1) < CARRIES_MM).any())
 
@@ -419,7 +482,10 @@ class OtherDevice(ConfigError):
 
 @dataclass(frozen=True)
 class Match:
-    """`agrees` None: the device does not report enough to say. `text`: what was compared."""
+    """A comparison of a device with the cell file.
+
+    `agrees` is None if the device does not report enough; `text` states the values that were compared.
+    """
 
     agrees: bool | None
     text: str
@@ -442,7 +508,7 @@ def match_robot(cell: Cell, who: Identity) -> Match:
 
 
 def match_instrument(cell: Cell, who: Identity) -> Match:
-    """The maker that the instrument or its bridge reports, against the one that the driver is for."""
+    """Compare the maker that the instrument or its bridge reports with that of the driver."""
     driver = cell.instrument.driver
     wanted, reported = cell.instrument.declared.maker, _plain(who.maker)
     if cell.instrument.declared.by_hand:
@@ -455,14 +521,23 @@ def match_instrument(cell: Cell, who: Identity) -> Match:
 
 
 def check_identity(cell: Cell, role: str, who: Identity) -> None:
-    """Refuse another device before anything moves. `role`: robot or instrument. Raises OtherDevice."""
+    """Refuse another device before anything moves; `role` is robot or instrument.
+
+    Raises
+    ------
+    OtherDevice
+        Maker or model contradict the cell file.
+    """
     match = match_robot(cell, who) if role == "robot" else match_instrument(cell, who)
     if match.agrees is False:
         raise OtherDevice(match.text, device=role, command="identify")
 
 
 def is_model(name: str, maker: str, model: str) -> bool:
-    """Whether a controller's `model` means the robot `name` (with or without its maker in front)."""
+    """Check whether the `model` that a controller reports means the robot `name`.
+
+    The name may have its maker in front.
+    """
     letters = _plain(name).removeprefix(_plain(maker))
     pattern = r"[\W_]*".join(letters)
     return re.search(rf"(?<![a-z0-9]){pattern}(?![a-z0-9])", model.casefold()) is not None

@@ -1,12 +1,12 @@
 """The clearance of straight moves in joint space from all obstacles, at every instant.
 
 A move is halved until each piece is proven clear or found touching. At the middle of a piece the nearest points of a
-capsule and an obstacle give a direction n. The obstacle reaches up to a plane across n and no farther; the ends of the
+capsule and an obstacle give a direction n. The obstacle reaches up to a plane across n and no farther. The ends of the
 capsule lie above that plane at both ends of the piece, and in between at most by its bend (`cell.arm`) lower:
 
     min over ends and both instants of n.p - bend w^2 / 8 - radius - reach(n) >= 0  =>  clear over the whole piece.
 
-No instant is left out and nothing depends on how finely one looks. A move that passes by `NEAREST_MM` or more is
+No instant is left out, and the result does not depend on a step size. A move that passes by `NEAREST_MM` or more is
 found clear; one that comes nearer is refused. Angles deg, lengths mm.
 """
 
@@ -33,7 +33,10 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Contact:
-    """A contact in a move: which part of the arm, what, at which share of the move, and how deep at least, mm."""
+    """A contact of a part of the arm with an obstacle during a move.
+
+    `share` is the share of the move at which it occurs, `depth_mm` its minimum depth, mm.
+    """
 
     part: str
     obstacle: str
@@ -45,13 +48,16 @@ class Contact:
 
     @property
     def during(self) -> str:
-        """The contact in words, for a move."""
+        """The contact as text, for a move."""
         return f"{self} at {percent(self.share)} of the move"
 
 
 @dataclass(frozen=True)
 class Clearance:
-    """The clearance of an arm from its obstacles. `pairs` (c, o): whether capsule i may touch obstacle j."""
+    """The clearance of an arm from its obstacles.
+
+    `pairs` (c, o) states whether capsule i must keep clear of obstacle j.
+    """
 
     arm: CellArm
     obstacles: tuple[Obstacle, ...]
@@ -59,10 +65,11 @@ class Clearance:
 
     @classmethod
     def of(cls, arm: CellArm, obstacles: Sequence[Obstacle]) -> Clearance:
-        """The clearance of all pairs but those of the mounting, and of the links from the elbow on against the foot.
+        """Return the clearance of all pairs that may not touch.
 
-        What a part of the first two links touches at any angles of joints 1 and 2, over the whole range of the robot,
-        is taken for the table, foot or box on which or in which it is mounted.
+        Pairs of the mounting are excluded; the links from the elbow on must also keep clear of the robot's own foot. An
+        obstacle counts as the mounting if a part of the first two links touches it at all angles of joints 1 and 2,
+        over the whole range of the robot. It is then the table, foot or box on which or in which the robot is mounted.
         """
         pairs = np.ones((len(arm.capsules), len(obstacles)), dtype=bool)
         everything = cls(arm, tuple(obstacles), pairs)
@@ -79,7 +86,10 @@ class Clearance:
         return cls(arm, (*obstacles, *feet), pairs)
 
     def distances(self, lines: Array) -> Array:
-        """(n, c, o) mm between capsules with centre lines (n, c, 2, 3) and obstacles; inf where they may touch."""
+        """Compute the distances (n, c, o), mm, between capsules and obstacles.
+
+        The capsules have centre lines (n, c, 2, 3). Pairs that may touch have the distance inf.
+        """
         out = np.full((*lines.shape[:2], len(self.obstacles)), np.inf)
         for o, obstacle in enumerate(self.obstacles):
             which = self.pairs[:, o]
@@ -103,16 +113,19 @@ class Clearance:
         ]
 
     def clear_at(self, joints_deg: Array) -> Mask:
-        """(n,) whether nothing touches in postures (n, N)."""
+        """Check that nothing touches in postures (n, N), mask (n,)."""
         apart = self.distances(self.arm.lines(joints_deg))
         return np.all(apart >= NEAREST_MM, axis=(1, 2))
 
     def clear_between(self, start_deg: Array, goal_deg: Array) -> Mask:
-        """(n,) whether the straight moves from (n, N) to (n, N) are clear, both ends included."""
+        """Check that the straight moves from (n, N) to (n, N) are clear, both ends included."""
         return np.array([contact is None for contact in self.contacts(start_deg, goal_deg)], dtype=bool)
 
     def contacts(self, start_deg: Array, goal_deg: Array) -> list[Contact | None]:
-        """A contact of each straight move from (n, N) to (n, N), both ends included; None where it is clear."""
+        """Return a contact of each straight move from (n, N) to (n, N), or None if it is clear.
+
+        Both ends are included.
+        """
         out: list[Contact | None] = []
         for i in range(0, len(start_deg), _AT_ONCE):
             some = slice(i, i + _AT_ONCE)
@@ -146,7 +159,7 @@ class Clearance:
     def _halves(
         self, pieces: _Pieces, middle: Array, slack: Array
     ) -> tuple[Mask, Mask, list[tuple[int, int, int, float]]]:
-        """The pairs that are still open in the first and in the second half, and those that touch in the middle."""
+        """Return the pairs that are still open in each half, and those that touch in the middle."""
         left, right = np.zeros_like(pieces.open), np.zeros_like(pieces.open)
         touching: list[tuple[int, int, int, float]] = []
         for o, obstacle in enumerate(self.obstacles):
@@ -173,9 +186,10 @@ class Clearance:
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Pieces of moves, all of one length: where they begin, the arm's lines at both ends, and what is still open.
+    """Pieces of moves, all of one length, with the pairs that are not yet decided.
 
-    move, begins (k,); first, last (k, c, 2, 3) mm; open (k, c, o).
+    `move` and `begins` (k,) state the move and the share at which the piece begins; `first` and `last` (k, c, 2, 3) are
+    the lines of the arm at both ends, mm. `open` (k, c, o) marks the undecided pairs.
     """
 
     move: NDArray[np.int64]
@@ -203,12 +217,15 @@ class _Pieces:
 
 
 def _lowest(lines: Array, across: Array) -> Array:
-    """(p,) mm: the lower end of each line (p, 2, 3) along its direction (p, 3)."""
+    """Compute the lower end (p,), mm, of each line (p, 2, 3) along its direction (p, 3)."""
     return np.einsum("pkj,pj->pk", lines, across).min(axis=1)
 
 
 def _stances(arm: CellArm) -> Array:
-    """(n, N) deg: joints 1 and 2 over the whole range of the robot, the others at nought."""
+    """Return postures (n, N), deg, with joints 1 and 2 over the whole range of the robot.
+
+    The other joints are at zero.
+    """
     robot = arm.robot
     first, second = (
         np.linspace(robot.lower[j], robot.upper[j], _STANCES) / robot.joint_units[j] for j in (0, 1)

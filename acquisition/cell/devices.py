@@ -21,15 +21,22 @@ class ManualJogging(Protocol):
         ...
 
     def jog(self, joints_deg: Sequence[float]) -> None:
-        """Jog the arm to there."""
+        """Jog the arm to these joint angles, deg."""
         ...
 
 
 @dataclass(frozen=True)
 class Devices:
-    """The devices of a cell, not yet connected. `operator` None: prompts are answered through `Run.answer` only;
-    `hands` None: whoever confirms has jogged the arm with their own; `person`: who works the devices of a simulated
-    cell that are driven or read by hand.
+    """The devices of a cell, not yet connected.
+
+    Attributes
+    ----------
+    operator
+        Answers prompts; None if only `Run.answer` does.
+    hands
+        Jogs the arm; None if the person who confirms a prompt has jogged it.
+    person
+        Works the devices of a simulated cell that are driven or read by hand.
     """
 
     robot: RobotArm
@@ -49,7 +56,15 @@ def open_devices(
     instrument_url: str | None = None,
     wire: WireSink | None = None,
 ) -> Devices:
-    """Devices of `cell`, at its addresses or at those given (a simulated cell's). Raises ConfigError."""
+    """Open the devices of `cell` without connecting them.
+
+    The URLs of a simulated cell may replace those of the cell file.
+
+    Raises
+    ------
+    ConfigError
+        A driver is unknown or refuses its options.
+    """
     robot = open_robot(
         cell.robot.driver,
         robot_url or cell.robot.url,
@@ -78,6 +93,9 @@ def open_devices(
 
 
 def _reach_mm(cell: Cell) -> float:
-    """Farthest that a target can be from any axis: a driver that caps joint speeds keeps the path's speed with it."""
+    """Compute the largest distance of a target from any axis, mm.
+
+    A driver that caps joint speeds uses it to keep the speed of the path.
+    """
     links = sum(map(math.hypot, cell.robot.model.a, cell.robot.model.d))
     return links + max(math.hypot(*target) for target in cell.tool.targets.values())

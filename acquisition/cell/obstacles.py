@@ -1,8 +1,9 @@
-"""The obstacles of a cell: the table, keep-out boxes and fixtures, convex shapes that arm and tool must not touch.
+"""The obstacles of a cell: convex shapes that arm and tool must not touch.
 
-Every shape answers two questions, batched over straight lines (p, 2, 3) mm from end to end: which of its points and
-which of the line are nearest to each other, and how far it reaches in a direction. The second alone proves that
-something is clear: nothing of a convex shape lies beyond the plane that touches it.
+They are the table, keep-out boxes and fixtures. Every shape answers two questions, batched over straight lines
+(p, 2, 3), mm, from end to end. Which point of the shape and which point of the line are nearest to each other? How far
+does the shape reach in a direction? The second alone proves that something is clear: no part of a convex shape lies
+beyond the plane that touches it.
 """
 
 from __future__ import annotations
@@ -27,11 +28,14 @@ class Obstacle(Protocol):
     def name(self) -> str: ...
 
     def towards(self, lines: Array) -> Array:
-        """(p, 3) from the nearest point of the shape to the nearest of each line (p, 2, 3), mm; 0 where they touch."""
+        """Compute the vectors from the nearest point of the shape to each line (p, 2, 3).
+
+        The result (p, 3) is in mm, and 0 if they touch.
+        """
         ...
 
     def reach(self, directions: Array) -> Array:
-        """(p,) mm: how far the shape reaches along unit vectors (p, 3)."""
+        """Compute how far the shape reaches along unit vectors (p, 3), shape (p,), mm."""
         ...
 
 
@@ -63,10 +67,11 @@ class Box:
     high_mm: Vector
 
     def towards(self, lines: Array) -> Array:
-        """The square of the distance is convex along a line and quadratic between the planes of the box's faces.
+        """Compute the vectors from the nearest point of the box to each line.
 
-        Its slope is therefore looked at where the line crosses these planes; the least distance lies where it
-        changes its sign, between two of them.
+        The square of the distance is convex along a line and quadratic between the planes of the box's faces. Its slope
+        is therefore evaluated where the line crosses these planes; the least distance lies where it changes its sign,
+        between two of them.
         """
         low, high = np.array(self.low_mm), np.array(self.high_mm)
         start, along = lines[:, 0], lines[:, 1] - lines[:, 0]
@@ -94,7 +99,10 @@ class Box:
 
 @dataclass(frozen=True)
 class Post:
-    """A straight bar or post of any direction with round ends: all points within a radius of a line."""
+    """A straight bar or post of any direction with round ends.
+
+    It contains all points within `radius_mm` of a line.
+    """
 
     name: str
     from_mm: Vector
@@ -113,7 +121,7 @@ class Post:
 
 
 def between_lines(lines: Array, others: Array) -> Array:
-    """(p, 3) mm from the nearest point of each of `others` (p, 2, 3) to the nearest of each of `lines` (p, 2, 3).
+    """Compute the shortest vectors (p, 3), mm, from `others` to `lines`, both (p, 2, 3).
 
     Source: Ericson, Real-Time Collision Detection (2005), 5.1.9.
     """
@@ -131,7 +139,13 @@ def between_lines(lines: Array, others: Array) -> Array:
 
 
 def read_keep_out(robot: TomlTable) -> list[Obstacle]:
-    """The boxes of `robot.keep_out`. Raises ConfigError."""
+    """Read the boxes of `robot.keep_out`.
+
+    Raises
+    ------
+    ConfigError
+        A box is not given by its lower and its upper corner.
+    """
     boxes: list[Obstacle] = []
     value = robot.values.get("keep_out", [])
     if not isinstance(value, list | tuple):
@@ -145,7 +159,13 @@ def read_keep_out(robot: TomlTable) -> list[Obstacle]:
 
 
 def read_fixtures(cell: TomlTable) -> list[Obstacle]:
-    """The `[[fixture]]` tables of a cell file, each a box or a post with a name. Raises ConfigError."""
+    """Read the `[[fixture]]` tables of a cell file, each a box or a post with a name.
+
+    Raises
+    ------
+    ConfigError
+        A fixture is incomplete, or two have the same name.
+    """
     fixtures = [_fixture(table) for table in cell.tables("fixture")]
     names = [fixture.name for fixture in fixtures]
     for name in names:

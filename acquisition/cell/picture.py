@@ -1,7 +1,7 @@
-"""Pictures of a cell with base balls as SVG text: seen from above, and from the side with the robot on the left.
+"""Pictures of a cell with base balls as SVG text, from above and from the side.
 
-Parallel projections, in the scale of the picture; the side view looks across the line from the robot to the balls.
-What is drawn is where the nominal robot and the cell file have it. Lengths mm.
+The robot is on the left of the side view. Parallel projections, in the scale of the picture; the side view looks across
+the line from the robot to the balls. Everything is drawn where the nominal robot and the cell file have it. Lengths mm.
 """
 
 from __future__ import annotations
@@ -22,7 +22,15 @@ Pair = tuple[str, str]
 
 
 class CellView:
-    """View. axes (2, 3): directions to the right and upwards; shown (n, 3): points that must be in it."""
+    """One view of a cell.
+
+    Parameters
+    ----------
+    axes
+        Directions to the right and upwards, shape (2, 3).
+    shown
+        Points that must be in the view, shape (n, 3).
+    """
 
     def __init__(self, title: str, axes: Array, shown: Array) -> None:
         self.title, self._axes = title, axes
@@ -34,7 +42,7 @@ class CellView:
         self._parts: list[str] = []
 
     def _at(self, points: Array) -> Array:
-        """(n, 2) pixels of points (n, 3)."""
+        """Project points (n, 3) to pixels (n, 2)."""
         flat = (np.atleast_2d(points) @ self._axes.T - self._middle) * self._scale
         return np.array([0.5 * _WIDTH, 0.5 * (_HEIGHT + _TITLE)]) + flat * [1.0, -1.0]
 
@@ -89,7 +97,10 @@ def as_picture(rows: Sequence[Sequence[CellView]], described: str) -> str:
 
 
 def views(cell: Cell, shown: Array) -> list[CellView]:
-    """The two views, from above and from the side, with room for points (n, 3) and the foot of the robot."""
+    """Return the views from above and from the side.
+
+    They have room for the points (n, 3) and the foot of the robot.
+    """
     outwards = np.mean(list(cell.nests.values()), axis=0) * [1.0, 1.0, 0.0]
     far = float(np.linalg.norm(outwards))
     outwards = outwards / far if far > 1.0 else np.array([1.0, 0.0, 0.0])
@@ -101,9 +112,16 @@ def views(cell: Cell, shown: Array) -> list[CellView]:
 def scene(
     cell: Cell, joints_deg: Sequence[float] | None, legs: Sequence[Pair] = (), now: Pair | None = None
 ) -> str:
-    """The arm in a pose with its legs, base and tool triangle; None: the balls alone.
+    """Draw the arm in a pose with its legs, base and tool triangle.
 
-    legs: (ball of the base, ball of the tool); now: the two balls that a person is asked about.
+    Parameters
+    ----------
+    joints_deg
+        The pose; None draws the balls alone.
+    legs
+        Pairs of a ball of the base and a ball of the tool.
+    now
+        The two balls about which a person is asked.
     """
     places: dict[str, Array] = {name: np.array(place) for name, place in cell.nests.items()}
     lines = np.zeros((0, 2, 3))

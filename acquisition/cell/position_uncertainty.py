@@ -1,12 +1,14 @@
-"""The uncertainty of nests, cups and tool targets in the cell file: one standard deviation per axis, mm.
+"""The uncertainty of nests, cups and tool targets in the cell file.
+
+It is one standard deviation per axis, mm:
 
     [world]                                   [tool]
     u_mm = 0.3                                u_mm = 0.05
     nests_u_mm = { B2 = 0.02 }                targets_u_mm = { T3 = 0.01 }
 
-A data set of distances has such positions as they are known, never as exact: where nobody stated it, a cup counts as
-taught by a robot as it came, and a tool target as turned or milled by drawing. Points see the tool and their frame
-themselves; there a tool target is freed where the cell file says how well it is known.
+A data set of distances uses such positions with their uncertainty, never as exact. If it is not stated, a cup counts as
+taught by a robot as delivered, and a tool target as turned or milled according to a drawing. Measured points determine
+the tool and their frame themselves; there a tool target is freed if the cell file states its uncertainty.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ _MOST_MM = 1000.0
 
 
 def unstated_in_words(names: Sequence[str]) -> str:
-    """A sentence on balls of whose positions the cell file does not say how well they are known."""
+    """Return a sentence on balls whose position uncertainty the cell file does not state."""
     return (
         f"The cell file does not state how well {', '.join(names)} are known: {TAUGHT_MM:g} mm is assumed of a cup, "
         f"{MADE_MM:g} mm of a ball on the tool. State u_mm under [world] and [tool] before the campaign begins."
@@ -32,9 +34,14 @@ def unstated_in_words(names: Sequence[str]) -> str:
 
 
 def stated(table: TomlTable, key: str, names: Collection[str]) -> dict[str, float]:
-    """The uncertainties that a table states, in mm by name: `u_mm` for all of them, or each under `key`.
+    """Return the uncertainties that a table states, in mm by name.
 
-    Zero means exact. Raises ConfigError for a number that cannot be meant, or a name that is not one of `names`.
+    The table has `u_mm` for all of them, or an entry for each under `key`. Zero means exact.
+
+    Raises
+    ------
+    ConfigError
+        A number is not plausible, or a name is not one of `names`.
     """
     own = table.table(key)
     own.only(names)

@@ -1,4 +1,4 @@
-"""Joint angles of the controller that put the nominal robot's flange where it is wanted, branch by branch."""
+"""Joint angles of the controller for a flange pose of the nominal robot, branch by branch."""
 
 from __future__ import annotations
 
@@ -10,11 +10,16 @@ from calib.arm import BRANCHES, inverse_kinematics, within_limits
 
 
 def configurations(cell: Cell, flange: Array, seed_deg: Array | None = None) -> Array:
-    """(n, 8, N) deg for flange poses (n, 4, 4), mm, in the order of `calib.arm.inverse_kinematics.BRANCHES`.
+    """Compute the joint angles (n, 8, N), deg, for flange poses (n, 4, 4), mm.
 
-    The turns within the cell's limits that are nearest to `seed_deg` (N,), default 0; NaN where a branch does not
-    reach or the limits forbid it. An arm with fewer branches has its own first. Raises DataError for a robot without
-    inverse kinematics here.
+    The branches are in the order of `calib.arm.inverse_kinematics.BRANCHES`; an arm with fewer branches has its own
+    first. Of the turns within the cell's limits, those nearest to `seed_deg` (N,), default 0, are taken. A branch that
+    does not reach or that the limits forbid is NaN.
+
+    Raises
+    ------
+    DataError
+        The robot has no inverse kinematics here.
     """
     robot, coupling = cell.robot.model, cell.robot.coupling
     low, high = cell.robot.limits.T

@@ -1,4 +1,4 @@
-"""The `[robot]` table of a cell file: which robot, by which driver, how fast and how far it may go."""
+"""The `[robot]` table of a cell file: the robot, its driver, its speed and its limits."""
 
 from __future__ import annotations
 
@@ -24,13 +24,22 @@ SPEED_CAP_MM_S, SPEED_CAP_DEG_S = 500.0, 20.0  # Nubiola, thesis 2.5: faster mov
 
 @dataclass(frozen=True)
 class RobotSection:
-    """The robot of the cell and how fast and how far it may go. `coupling`: its joint matrix, or `none`.
+    """The robot of the cell and how fast and how far it may go.
 
-    Joints are counted in deg, and in mm where they slide, also where a name ends in `_deg`.
+    Joints are counted in deg, or in mm if they slide, also if a name ends in `_deg`.
 
-    home_deg: a posture over which every pose can be reached, where the cell file has one; options: what only its
-    driver uses; file: the parsed robot file of a robot that is not in the library; absolute_accuracy: whether the
-    controller corrects by its maker's own calibration, "on", "off" or "unknown".
+    Attributes
+    ----------
+    coupling
+        Joint matrix of the robot, or `none`.
+    home_deg
+        A posture over which every pose can be reached; None if the cell file has none.
+    options
+        Options that only the driver uses.
+    file
+        The parsed robot file of a robot that is not in the library.
+    absolute_accuracy
+        Whether the controller corrects with its maker's own calibration: "on", "off" or "unknown".
     """
 
     model: Robot
@@ -51,31 +60,40 @@ class RobotSection:
 
     @property
     def declared(self) -> RobotDriver:
-        """The declaration of its driver. Raises ConfigError for an unknown one."""
+        """The declaration of the driver.
+
+        Raises
+        ------
+        ConfigError
+            The driver is unknown.
+        """
         return robot_driver(self.driver)
 
     def model_angles(self, joints_deg: ArrayLike) -> NDArray[np.float64]:
-        """(n, N) joints of the kinematic model, rad or mm, where the controller counts (n, N) deg or mm."""
+        """Convert joints (n, N) of the controller, deg or mm, to those of the model, rad or mm."""
         counted = np.asarray(joints_deg, dtype=np.float64) * self.model.joint_units
         return self.model.model_angles(counted, self.coupling)
 
     def counted(self, joints: ArrayLike) -> NDArray[np.float64]:
-        """(n, N) deg or mm: what the controller counts at joints (n, N) of the model, rad or mm."""
+        """Convert joints (n, N) of the model, rad or mm, to those of the controller, deg or mm."""
         counted = self.model.controller_angles(np.asarray(joints, dtype=np.float64), self.coupling)
         return counted / self.model.joint_units
 
     @property
     def limits(self) -> NDArray[np.float64]:
-        """(N, 2) limits of the joints as the controller counts them, rad or mm."""
+        """Limits of the joints in the controller's count, shape (N, 2), rad or mm."""
         return np.array(self.limits_deg) * self.model.joint_units[:, None]
 
     def named(self, k: int) -> str:
-        """The joint with index k, from 0, in words: 'joint 3', 'axis e1'."""
+        """Return the joint with index k, from 0, as text: 'joint 3', 'axis e1'."""
         axis = self.model.axes[k]
         return f"joint {axis[1:]}" if axis.startswith("j") else f"axis {axis}"
 
     def said(self, joints_deg: Sequence[float] | NDArray[np.float64], decimals: int | None = None) -> str:
-        """Joints in words, as the controller counts them: '90, 0, -45 deg', or each with its unit where some slide."""
+        """Return joints of the controller as text.
+
+        If no joint slides: '90, 0, -45 deg'. Otherwise each joint has its unit.
+        """
         numbers = [f"{q:g}" if decimals is None else f"{q:.{decimals}f}" for q in joints_deg]
         if not self.model.slides:
             return f"{', '.join(numbers)} deg"
@@ -147,9 +165,9 @@ def read_robot(table: TomlTable, beside: Path | None) -> RobotSection:
 
 
 def _refuse_undriven(table: TomlTable, robot: Robot, driver: str) -> None:
-    """Refuse a robot with joints that its driver does not drive: mm must never be sent where degrees are meant.
+    """Refuse a robot with joints that its driver does not drive.
 
-    A person drives any.
+    Otherwise mm could be sent to a joint that expects degrees. A person can drive any joint.
     """
     try:
         declared = robot_driver(driver)

@@ -1,10 +1,11 @@
-"""The path from one pose to the next: straight in joint space where that is clear, else over the home of the cell.
+"""The path from one pose to the next: straight in joint space, or over the home of the cell.
 
-Controllers drive a joint move with all axes in proportion, so a move is a straight line of joint angles; it is clear
-when arm and tool touch nothing at any instant of it (`cell.clearance`). Home is the `home_deg` of the cell file,
-or else a posture that keeps arm and tool high above the table. Poses that the program draws are such that the straight
-moves between them and home are clear, so there always is one. A robot that is too low already, parked or after an
-interruption, may rise from there, but not go lower. Angles deg.
+Controllers drive a joint move with all axes in proportion, so a move is a straight line of joint angles. It is clear
+when arm and tool touch nothing at any instant of it (`cell.clearance`). If the straight line is not clear, the path
+goes over home. Home is the `home_deg` of the cell file; without one, it is a posture that keeps arm and tool high above
+the table. The program draws poses such that the straight moves between them and home are clear, so a path always
+exists. A robot that is too low already, parked or after an interruption, may rise from there, but not go lower.
+Angles in deg.
 """
 
 from __future__ import annotations
@@ -37,7 +38,13 @@ class Transit:
         self._home = home_of(cell)
 
     def path(self, start_deg: Sequence[float], goal_deg: Sequence[float]) -> list[Joints]:
-        """The poses to go to one after the other; `goal_deg` comes last. Raises NoClearWay."""
+        """Return the poses to go to, one after the other; `goal_deg` is the last.
+
+        Raises
+        ------
+        NoClearWay
+            Neither the straight move nor the way over home is clear.
+        """
         start, goal = np.array([start_deg]), np.array([goal_deg])
         contact = contacts_on_moves(self._cell, start, goal)[0]
         if contact is None:
@@ -55,7 +62,7 @@ class Transit:
 
 
 def home_of(cell: Cell) -> Joints | None:
-    """The home of a cell; None where no posture is clear."""
+    """Return the home of a cell, or None if no posture is clear."""
     if cell.robot.home_deg is not None:
         return cell.robot.home_deg
     low, high = np.array(cell.robot.limits_deg).T
@@ -67,7 +74,10 @@ def home_of(cell: Cell) -> Joints | None:
 
 
 def may_visit(cell: Cell, joints_deg: Array, approach_deg: Array) -> NDArray[np.bool_]:
-    """(n,) poses and their approach points, both (n, N), within limits and clear; so are the moves between and home."""
+    """Check which poses and approach points, both (n, N), are within the limits and clear.
+
+    The moves between them and home must be clear as well.
+    """
     good = is_allowed(cell, joints_deg) & is_allowed(cell, approach_deg)
     home = home_of(cell)
     if home is None:
@@ -81,12 +91,15 @@ def may_visit(cell: Cell, joints_deg: Array, approach_deg: Array) -> NDArray[np.
 
 
 def clear_moves(cell: Cell, start_deg: Array, goal_deg: Array) -> NDArray[np.bool_]:
-    """(n,) whether the straight moves from (n, N) to (n, N) are clear, both ends included."""
+    """Check that the straight moves from (n, N) to (n, N) are clear, both ends included."""
     return np.array([contact is None for contact in contacts_on_moves(cell, start_deg, goal_deg)], dtype=bool)
 
 
 def contacts_on_moves(cell: Cell, start_deg: Array, goal_deg: Array) -> list[Contact | None]:
-    """Contacts of straight moves from (n, N) to (n, N); None where one is clear, or rises from the table."""
+    """Return the contacts of straight moves from (n, N) to (n, N).
+
+    A move that is clear, or that rises from the table, has None.
+    """
     found = cell.clearance.contacts(start_deg, goal_deg)
     for i, contact in enumerate(found):
         if contact is not None and contact.share == 0.0 and _rises(cell.clearance, start_deg[i], goal_deg[i]):
@@ -95,9 +108,9 @@ def contacts_on_moves(cell: Cell, start_deg: Array, goal_deg: Array) -> list[Con
 
 
 def _rises(room: Clearance, start: Array, goal: Array) -> bool:
-    """Whether a move from a pose that is too low only rises from there, a little, and then is clear of everything.
+    """Check whether a move only rises a little from a pose that is too low, and then is clear.
 
-    Only a little: farther on nobody knows what is beside the arm.
+    The rise must be small, because farther on the surroundings of the arm are not known.
     """
     share = np.linspace(0.0, 1.0, _LOOKS)
     path = start + share[:, None] * (goal - start)
@@ -115,7 +128,10 @@ def _rises(room: Clearance, start: Array, goal: Array) -> bool:
 
 
 def _not_lower(room: Clearance, lines: Array) -> Clearance:
-    """The same clearance, but every part of the arm that is too low now, (c, 2, 3), has the table where it is."""
+    """Return the clearance with a lower table for the parts of the arm that are too low now.
+
+    `lines` (c, 2, 3) are those of the arm; each such part has the table at its present height.
+    """
     bottom = lines[:, :, 2].min(axis=1) - room.arm.radii - NEAREST_MM - _SLACK_MM
     is_table = np.array([isinstance(obstacle, FloorObstacle) for obstacle in room.obstacles])
     heights = [obstacle.z_mm for obstacle in room.obstacles if isinstance(obstacle, FloorObstacle)]

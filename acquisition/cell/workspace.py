@@ -1,7 +1,7 @@
-"""The workspace of a cell: where arm and tool may be, and from where the instrument sees a target.
+"""The workspace of a cell: allowed places of arm and tool, and visibility of targets.
 
-Arm and tool are capsules (`cell.arm`) that keep clear of table, boxes and fixtures (`cell.clearance`). A
-target whose normal the cell declares is seen within the cone that the instrument accepts. Lengths mm, angles deg.
+Arm and tool are capsules (`cell.arm`) that keep clear of table, boxes and fixtures (`cell.clearance`). A target whose
+normal the cell declares is visible within the cone that the instrument accepts. Lengths mm, angles deg.
 """
 
 from __future__ import annotations
@@ -20,34 +20,40 @@ _UPPER_ARM = 2  # the link before the elbow
 
 
 def targets_at(cell: Cell, joints_deg: Array) -> Array:
-    """(n, m, 3) mm: where the m targets are in the world for joint angles (n, N) of the controller, nominal robot."""
+    """Compute the positions of the m targets in the world for the nominal robot.
+
+    The joint angles (n, N) are those of the controller; the result is (n, m, 3) in mm.
+    """
     poses = forward(cell.robot.model, cell.robot.model_angles(joints_deg))
     targets = np.array(list(cell.tool.targets.values()))
     return np.einsum("nij,mj->nmi", poses[:, :3, :3], targets) + poses[:, None, :3, 3]
 
 
 def lowest_of(cell: Cell, joints_deg: Array) -> Array:
-    """(n,) mm: height of the lowest point of arm and tool from the elbow on, at joint angles (n, N)."""
+    """Compute the height (n,), mm, of the lowest point of arm and tool at joint angles (n, N).
+
+    Only the links from the elbow on count.
+    """
     arm = cell.clearance.arm
     bottom = arm.lines(joints_deg)[:, :, :, 2].min(axis=2) - arm.radii
     return bottom[:, arm.links > _UPPER_ARM].min(axis=1)
 
 
 def within_limits(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
-    """(n,) whether joint angles (n, N) are within the limits of the cell."""
+    """Check that joint angles (n, N) are within the limits of the cell."""
     low, high = np.array(cell.robot.limits_deg).T
     return np.all((joints_deg >= low) & (joints_deg <= high), axis=1)
 
 
 def is_allowed(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
-    """(n,) joint angles (n, N) within the limits, arm and tool clear of table, boxes and fixtures."""
+    """Check that joint angles (n, N) are within the limits, and arm and tool clear."""
     good = within_limits(cell, joints_deg)
     good[good] = cell.clearance.clear_at(joints_deg[good])
     return good
 
 
 def facing(cell: Cell, joints_deg: Array, targets: Sequence[str]) -> NDArray[np.bool_]:
-    """(n,) whether those of `targets` that have a normal look at the instrument, within its cone."""
+    """Check that `targets` with a normal face the instrument, within its cone, mask (n,)."""
     poses = forward(cell.robot.model, cell.robot.model_angles(joints_deg))
     least = np.cos(cell.instrument.declared.cone_deg * DEG)
     seen = np.ones(len(poses), dtype=bool)

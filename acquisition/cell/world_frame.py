@@ -1,7 +1,7 @@
-"""The world frame from three nests on the table: built by 3-2-1, once the nests agree with the cell file.
+"""The world frame from three nests on the table, built by 3-2-1.
 
-The same frame is built from the nests as measured (tracker frame) and as the cell file has them (world frame); the
-mathematics is that of `calib.arm.world_frame`.
+The nests must agree with the cell file. The same frame is built from the nests as measured (tracker frame) and as in
+the cell file (world frame); the mathematics is that of `calib.arm.world_frame`.
 """
 
 from __future__ import annotations
@@ -25,10 +25,16 @@ def from_nests(
     nominal_mm: Mapping[str, ArrayLike],
     u_mm: Mapping[str, float] | None = None,
 ) -> WorldFrame:
-    """The transform from the first three nests of `nominal_mm`, each measured in the tracker's frame.
+    """Compute the transform from the first three nests of `nominal_mm`.
 
-    u_mm: standard uncertainty of nominal positions per axis, where it is stated. Raises NestsDisagree when a distance
-    between two of them is off by more than 1 mm, or four standard deviations where these are more.
+    Each is measured in the tracker's frame. `u_mm` is the standard uncertainty of nominal positions per axis, if
+    stated.
+
+    Raises
+    ------
+    NestsDisagree
+        A distance between two nests is off by more than 1 mm, or by more than four standard deviations if that is
+        larger.
     """
     known = u_mm or {}
     names = list(nominal_mm)[:3]

@@ -1,7 +1,7 @@
-"""`examine`: reach every device of a cell, read-only, and write down what prevents a campaign.
+"""`examine`: query every device of a cell, read-only, and report obstacles to a campaign.
 
-Robot, instrument and computer are examined at the same time, each to its end even where another fails. Nothing is
-armed, moved or set. While a campaign of this computer moves the robot its devices are left in peace.
+Robot, instrument and computer are examined at the same time, each to its end even if another fails. Nothing is armed,
+moved or set. While a campaign of this computer moves the robot, its devices are not queried.
 """
 
 from __future__ import annotations
@@ -35,10 +35,16 @@ def examine(
     simulated: bool = False,
     progress: Callable[[str], None] = lambda step: None,
 ) -> Examination:
-    """Everything that can be found out about the cell now. `record`: where its records are to be made.
+    """Examine the cell: its robot, instrument and computer.
 
-    simulated: the devices are simulators, whose clocks run as fast as the cell file says.
-    progress: hears what is asked next; from several threads.
+    Parameters
+    ----------
+    record
+        Folder for the records.
+    simulated
+        Whether the devices are simulators, whose clocks run at the speed in the cell file.
+    progress
+        Called with the next step; from several threads.
     """
     begun, calendar = time.monotonic(), time.time()
     charts = [Chart(name, progress) for name in ("robot", "instrument", "computer")]

@@ -1,13 +1,12 @@
-"""The computer beside the cell: its calendar, its SQLite, room for the record, who else moves the robot, who answers.
+"""The computer of the cell: calendar, SQLite, disk space, processor share, other users of the robot.
 
 SQLite 3.7.0 to 3.51.2 can damage a write-ahead log that two connections write and reset at once (sqlite.org, "The
 WAL-reset bug", 2026-03-13). A record has one writer, so it is safe from that; a database browser on it is not.
 
-The share of a busy computer that this program gets: a stop waits for the processor as everything does.
-
-Linux shares the processor out by session first (autogroup), and within one by niceness. A program may lower what it
-was given, but not raise it without the system's permission, and the session is also that of the user's other programs:
-so it is said, and left as it is (docs/decisions/0108).
+A busy computer must give this program enough of its processor: a stop has to wait for the processor too. Linux shares
+the processor out by session first (autogroup), and within one by niceness. A program may lower its own priority, but
+not raise it without the system's permission, and the session also belongs to the user's other programs. A low priority
+is therefore reported and left unchanged (docs/decisions/0108).
 """
 
 from __future__ import annotations
@@ -39,7 +38,10 @@ REMEDY = "Start it in a session of its own without nice, as a service of the sys
 
 
 def examine_computer(cell: Cell, chart: Chart, record: Path) -> None:
-    """Examine the computer, into `chart`. record: the folder in which records are to be made."""
+    """Examine the computer; the findings go into `chart`.
+
+    `record` is the folder for the records.
+    """
     _calendar(chart)
     _sqlite(chart)
     _room(chart, record)
@@ -77,7 +79,7 @@ def _priority(chart: Chart) -> None:
 
 
 def _room(chart: Chart, record: Path) -> None:
-    """A file is written and taken away again, in the folder or in the one in which it would be made."""
+    """Check the disk: write a file in the folder of the records, or its nearest parent, and remove it."""
     folder = record.absolute()
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
@@ -138,7 +140,10 @@ def _serial_port(chart: Chart, role: str, port: str) -> None:
 
 
 def low_priority() -> str:
-    """A phrase that names what has a lower priority than other programs, the session or the program; empty if none."""
+    """Return a phrase that names what has a lower priority than other programs.
+
+    This can be the session or the program; the phrase is empty if neither has.
+    """
     found = None
     with suppress(OSError):
         found = re.search(r" nice (\d+)", _SESSION.read_text("ascii"))
@@ -149,6 +154,6 @@ def low_priority() -> str:
 
 
 def note_low_priority() -> None:
-    """Write it to the log of whoever is about to move a robot, where it is so."""
+    """Log a warning before a robot is moved if this program has a low priority."""
     if behind := low_priority():
         _LOG.warning("%s: %s. %s", behind, WHY, REMEDY)

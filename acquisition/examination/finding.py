@@ -1,7 +1,7 @@
-"""The findings of an examination: one finding a check, with what was found and what to do about it.
+"""The findings of an examination: one per check, with its observation and its remedy.
 
 ok     as it should be
-note   a campaign can run; somebody should know
+note   a campaign can run, but a person should know
 fault  a campaign would be refused or could not be trusted; `code` and `error` are those of `drivers.errors`
 """
 
@@ -24,7 +24,10 @@ _WORST_FIRST = (UNSAFE, WRONG_CELL, NOT_AVAILABLE, FAILED)
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """`device`: robot, instrument or computer. `check`: a stable name within it."""
+    """The result of one check.
+
+    `device` is robot, instrument or computer; `check` is a stable name within the device.
+    """
 
     device: str
     check: str
@@ -42,8 +45,13 @@ class CheckResult:
 
 
 class Chart:
-    """The findings of one device, in the order in which they were made. `progress` hears what is asked next. `again`:
-    whether the device can be asked more after a link broke; nothing can until it is set."""
+    """The findings of one device, in order.
+
+    Attributes
+    ----------
+    again
+        Returns whether the device can be queried further after a link broke; False until it is set.
+    """
 
     def __init__(self, device: str, progress: Listener) -> None:
         self.device = device
@@ -76,8 +84,13 @@ class Chart:
         )
 
     def ask(self, check: str, question: Callable[[], _T]) -> _T | None:
-        """The answer, or None after writing down why there is none. Raises LinkError, written down as well, where the
-        device cannot be asked more."""
+        """Return the answer of a question, or None after recording why there is none.
+
+        Raises
+        ------
+        LinkError
+            The link broke and the device cannot be queried further; the error is recorded as well.
+        """
         self.begin(check)
         try:
             return question()
@@ -116,11 +129,14 @@ class Examination:
 
     @property
     def notes(self) -> list[CheckResult]:
-        """The notes: what somebody should know."""
+        """The notes: observations that a person should know."""
         return [finding for finding in self.findings if finding.level == "note"]
 
     @property
     def exit_code(self) -> int:
-        """Unsafe before a wrong cell file before a missing device before a full disk; 0 when healthy."""
+        """Exit code of the worst fault; 0 without faults.
+
+        An unsafe cell comes before a wrong cell file, then a missing device, then a full disk.
+        """
         found = {fault.exit_code for fault in self.faults}
         return next((code for code in _WORST_FIRST if code in found), HEALTHY)

@@ -1,7 +1,7 @@
-"""The instrument: who answers, is it ready or still warming, its weather, clock, battery, and what it measures with.
+"""The examination of the instrument: identity, readiness, weather, clock, battery, targets.
 
-Nothing is armed, pointed or set. A tracker's reflector is set when it is armed and not before: which SMR sits
-in which nest is for a person to see.
+Nothing is armed, pointed or set. A tracker's reflector is set when it is armed and not before. A person must check
+which SMR sits in which nest.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def _bar(chart: Chart, calibrated_mm: float, nominal_mm: float, stroke_mm: float
 
 
 def _bodies(cell: Cell, chart: Chart, details: Details) -> None:
-    """A camera knows bodies by their names: those of the tool and of the nests must be among them."""
+    """Check that a camera knows the bodies of the tool and of the nests by name."""
     unknown = [name for name in (*cell.tool.targets, *cell.nests) if name not in details.bodies]
     reference, needed = details.reference
     found = details.bodies.get(reference, 0)

@@ -1,12 +1,11 @@
-"""The questions to every device alike: does it answer, who is it, and what does its clock say?
+"""The questions to all devices: does the device answer, what is it, and what is its time?
 
-Nothing is armed, moved or set; connecting greets, and nothing more.
+Nothing is armed, moved or set; connecting only greets.
 
-A device's clock against the steady clock of this computer: does it run, and at which rate?
-
-The moment at which the device looked at its clock lies somewhere between question and answer; half of that time is
-the uncertainty. Two readings half a second apart show a clock that is stopped, or that counts in other units than it
-says; they cannot show a slow crystal. Seconds.
+A device's clock is compared with the steady clock of this computer: does it run, and at which rate? The moment at
+which the device read its clock lies between question and answer; half of that interval is the uncertainty. Two
+readings half a second apart show a clock that is stopped, or that counts in other units than it states. They cannot
+show a slow crystal. Times in s.
 """
 
 from __future__ import annotations
@@ -30,7 +29,10 @@ _OFFSET_S = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """The place of a device: where it is looked for, and how fast its clock should run: 1, but for simulators."""
+    """The address of a device, and the rate at which its clock should run.
+
+    The rate is 1 except for simulators.
+    """
 
     name: str
     simulated: bool = False
@@ -67,7 +69,13 @@ def examine_device(
 
 
 def _meet(device: Device, chart: Chart, place: Place, match: Callable[[Identity], Match]) -> bool:
-    """Connect and compare with the cell file; whether there is more to ask. Raises LinkError."""
+    """Connect, compare the device with the cell file, and return whether more can be asked.
+
+    Raises
+    ------
+    LinkError
+        The link broke and the device cannot be queried further.
+    """
     begun = time.monotonic()
     try:
         chart.begin("link")
@@ -122,7 +130,13 @@ def _compare(chart: Chart, who: Identity, match: Match) -> None:
 
 
 def read_clock(clock_s: Callable[[], float | None], chart: Chart) -> ClockReading | None:
-    """A reading of the device's clock; None where it does not report one. Raises LinkError."""
+    """Read the device's clock, or return None if it does not report one.
+
+    Raises
+    ------
+    LinkError
+        The link broke and the device cannot be queried further.
+    """
     asked, utc = time.monotonic(), time.time()
     device_s = chart.ask("clock", clock_s)
     return None if device_s is None else ClockReading(device_s, asked, time.monotonic(), utc)
@@ -131,7 +145,13 @@ def read_clock(clock_s: Callable[[], float | None], chart: Chart) -> ClockReadin
 def compare_clocks(
     clock_s: Callable[[], float | None], chart: Chart, first: ClockReading | None, time_scale: float
 ) -> bool:
-    """A second reading, APART_S after the first; whether there was one to compare. Raises LinkError."""
+    """Read the clock again, APART_S after the first reading, and return whether both exist.
+
+    Raises
+    ------
+    LinkError
+        The link broke and the device cannot be queried further.
+    """
     if first is None:
         return False
     time.sleep(max(0.0, first.answered_s + APART_S - time.monotonic()))
@@ -143,7 +163,10 @@ def compare_clocks(
 
 @dataclass(frozen=True, slots=True)
 class ClockReading:
-    """`device_s` was read between `asked_s` and `answered_s`, both of `time.monotonic`; `utc_s`: the calendar then."""
+    """A reading of a device's clock.
+
+    `device_s` was read between `asked_s` and `answered_s`, both of `time.monotonic`; `utc_s` is the calendar time then.
+    """
 
     device_s: float
     asked_s: float
@@ -157,7 +180,7 @@ class ClockReading:
 
 
 def rate_of(first: ClockReading, second: ClockReading) -> tuple[float, float]:
-    """Device seconds a second, and how far that may be off."""
+    """Compute the rate of the device's clock, device seconds per second, and its uncertainty."""
     apart = second.at_s - first.at_s
     spread = 0.5 * (first.answered_s - first.asked_s + second.answered_s - second.asked_s)
     rate = (second.device_s - first.device_s) / apart
@@ -165,7 +188,10 @@ def rate_of(first: ClockReading, second: ClockReading) -> tuple[float, float]:
 
 
 def examine_clock(chart: Chart, first: ClockReading, second: ClockReading, time_scale: float) -> None:
-    """Hold a clock against the calendar. time_scale: the rate at which it should run, 1 but for simulators."""
+    """Compare a clock with the calendar.
+
+    `time_scale` is the rate at which it should run, 1 except for simulators.
+    """
     rate, spread = rate_of(first, second)
     shown = f"{rate:.3f} +- {spread:.3f} s a second"
     if second.device_s <= first.device_s:

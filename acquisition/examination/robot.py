@@ -1,7 +1,7 @@
-"""The robot: who answers, is it the one of the cell file, could it move, can it be stopped, where is it?
+"""The examination of the robot: identity, readiness to move, stop, and position.
 
-Nothing is armed, moved or set. What its protocol does not report is said in one line, so that silence is not taken for
-good news.
+Nothing is armed, moved or set. Facts that the protocol does not report are listed in one line, so that their absence is
+not read as good news.
 """
 
 from __future__ import annotations
@@ -109,7 +109,10 @@ def _geometry(cell: Cell, chart: Chart, nominal: DhNumbers) -> None:
 
 
 def _position(cell: Cell, chart: Chart, joints_deg: Sequence[float]) -> None:
-    """The posture must be one that this robot can take: else the robot or its joint matrix is another one."""
+    """Check that this robot can take the posture.
+
+    Otherwise it is another robot, or its joint matrix is another one.
+    """
     robot = cell.robot.model
     shown = cell.robot.said(joints_deg, 2) if len(joints_deg) == robot.joints else ""
     joints = np.array(joints_deg)
@@ -169,7 +172,10 @@ def _motion(chart: Chart, status: RobotStatus, moved_deg: float) -> None:
 
 
 def _warmth(chart: Chart, details: Details) -> None:
-    """The motor temperatures where they are reported; whether the arm is warm, the readings of a campaign show."""
+    """Report the motor temperatures if they are known.
+
+    Whether the arm is warm is decided by the readings of a campaign.
+    """
     if details.temperatures_c:
         low, high = (f"{of(details.temperatures_c):.0f}" for of in (min, max))
         chart.ok("warm_up", f"joints at {low if low == high else f'{low} to {high}'} degC")

@@ -1,4 +1,4 @@
-"""The closed loop: measure, find what the model lacks, drive corrected targets, measure where the robot lands."""
+"""The closed loop: measure, find unmodelled errors, drive corrected targets, measure again."""
 
 from acquisition.loop import rehearsal
 from acquisition.loop.follow_up_campaign import campaign_table, campaign_text, fits, in_cell

@@ -1,8 +1,8 @@
-"""A campaign that follows an ambiguous diagnosis: poses that distinguish its rivals, as far as a cell can take them.
+"""A campaign that follows an ambiguous diagnosis: poses that distinguish its rivals.
 
-Candidates are drawn as the poses of every campaign are, clear of table and boxes with their approach points, short
-and long last moves from either side; `calib.diagnose.follow_up` chooses among them. The campaign file states every
-pose; poses that share a target and an approach are one block, since the format states these by block. Angles deg.
+Candidates are drawn as the poses of every campaign are, clear of table and boxes with their approach points, with short
+and long last moves from both sides. `calib.diagnose.follow_up` chooses among them. The campaign file states every
+pose; poses that share a target and an approach are one block, since the format states these by block. Angles in deg.
 """
 
 from __future__ import annotations
@@ -28,16 +28,23 @@ _SETTINGS: dict[str, Any] = {"settle_s": 4.0, "samples": 100, "retries": 2}
 
 
 def in_cell(cell: Cell, found: IdentificationFit, rivals: Rivals) -> FollowUp:
-    """The poses that separate rivals best among those that the cell can take.
+    """Choose the poses that separate rivals best among those that the cell can take.
 
-    Raises DataError when robot or targets of the data are not those of the cell, ConfigError when hardly any pose is
-    clear.
+    Raises
+    ------
+    DataError
+        Robot or targets of the data are not those of the cell.
+    ConfigError
+        Hardly any pose is clear.
     """
     return separating(found, rivals, candidates_in(cell, found))
 
 
 def candidates_in(cell: Cell, found: IdentificationFit) -> Conditions:
-    """Visits that the cell can make: its targets, short and long approaches, both sides, a share of each."""
+    """Draw visits that the cell can make.
+
+    They have its targets, short and long approaches from both sides, an equal share of each.
+    """
     names = _targets(cell, found)
     rng = np.random.default_rng(0)
     low, high = np.array(cell.robot.limits_deg).T
@@ -68,7 +75,7 @@ def candidates_in(cell: Cell, found: IdentificationFit) -> Conditions:
 
 
 def fits(cell: Cell, found: IdentificationFit) -> bool:
-    """Whether robot and targets of the data are those of the cell."""
+    """Check that robot and targets of the data are those of the cell."""
     known = found.model.targets[found.readings.conditions.series_names[-1]]
     return cell.robot.model.name == found.model.robot.name and set(known) <= set(cell.tool.targets)
 
@@ -92,7 +99,10 @@ def _targets(cell: Cell, found: IdentificationFit) -> list[str]:
 
 
 def campaign_table(follow_up: FollowUp, like: Campaign | None = None) -> dict[str, Any]:
-    """The campaign of some follow-up poses, as `campaign.toml` has it; settle time, samples, retries as in `like`."""
+    """Return the table of `campaign.toml` for follow-up poses.
+
+    Settle time, samples and retries are those of `like`.
+    """
     settings = (
         _SETTINGS
         if like is None
@@ -123,9 +133,10 @@ def campaign_table(follow_up: FollowUp, like: Campaign | None = None) -> dict[st
 
 
 def campaign_text(follow_up: FollowUp, cell: Cell | None = None) -> str:
-    """The text of `campaign.toml`, with what its poses are expected to distinguish, and what none can, as comments.
+    """Return the text of `campaign.toml` for follow-up poses.
 
-    cell: in which the poses were chosen, None where only the robot's own limits were known.
+    Comments state which rivals the poses are expected to distinguish and which no pose can. `cell` is the cell for
+    which the poses were chosen; None if only the robot's own limits were known.
     """
     table = campaign_table(follow_up)
     comments = [

@@ -1,4 +1,4 @@
-"""The closed loop: measure, find what the model lacks, correct targets, drive them, measure where the robot lands.
+"""The closed loop: measure, find unmodelled errors, correct new targets, verify them.
 
     campaign 1 -> data set -> diagnosis -> corrected targets of new poses -> campaign 2 -> verification
                              | ambiguous                                ^
@@ -6,13 +6,11 @@
                follow-up poses -> campaign -> data sets merged -> diagnosis
 
 Every step is a function of the one before; `close_loop` runs them. The same clock serves all campaigns, so that a
-drift goes on where it was. Corrections hold for an approach from one side, and for the time and the air temperature
-at which the targets will be measured; where the model follows these, every pose is corrected just before it is driven.
+drift continues where it was.
 
-Corrected targets for one cell: what a diagnosis says to command, where the cell can take it, and as a campaign.
-
-Corrections hold for an approach from one side, and for the time and the air temperature at which they are measured.
-Angles deg.
+The corrected targets are the joints that a diagnosis commands, if the cell can take them. A correction is valid for an
+approach from one side, and for the time and the air temperature of its measurement. If the model follows time or
+temperature, every pose is corrected just before it is driven. Angles in deg.
 """
 
 from __future__ import annotations
@@ -85,17 +83,26 @@ def here(function: Callable[..., Any], *args: object) -> Any:
 
 
 def diagnosed(data: Path, say: Say = lambda step: None) -> DiagnosisFit:
-    """The diagnosis of a data set. Raises DataError."""
+    """Diagnose a data set.
+
+    Raises
+    ------
+    DataError
+        The data cannot be used.
+    """
     return diagnose(read_dataset(data), progress=say)
 
 
 def new_run(record: Path, cell: Cell, campaign: Campaign, simulated: bool) -> Run:
-    """A campaign of the loop in a record of its own. Raises as `Run.create`."""
+    """Create a campaign of the loop in its own record, with the errors of `Run.create`."""
     return Run.create(record, cell, campaign, simulated=simulated)
 
 
 class LoopEnded(Exception):
-    """A campaign of the loop was paused, stopped or failed. `outcome` says how; its record can be resumed."""
+    """A campaign of the loop was paused, stopped or failed.
+
+    `outcome` has the state and the reason; the record can be resumed.
+    """
 
     def __init__(self, outcome: ExecutionOutcome) -> None:
         super().__init__(outcome.reason)
@@ -106,11 +113,24 @@ class LoopEnded(Exception):
 class Equipment:
     """The equipment of a loop.
 
-    guard is entered around every execution and listen hears its events; lease says by whose leave it moves. create
-    makes the record of a campaign, given where the loop would have it. resumed is asked when a campaign was paused:
-    it waits for a person, who resumes the run; False ends the loop. compute calls functions of a module that take
-    seconds, diagnose makes the diagnosis, which takes minutes, and foresee begins the forecast of a campaign: in
-    another process, where somebody has to be heard.
+    Attributes
+    ----------
+    guard
+        Context that is entered around every execution.
+    listen
+        Returns a listener for the events of a run.
+    lease
+        Returns the lease under which the robot moves.
+    create
+        Creates the record of a campaign at the folder that the loop proposes.
+    resumed
+        Called when a campaign was paused; it waits for a person, who resumes the run. False ends the loop.
+    compute
+        Calls functions of a module that take seconds; in another process if a person must be served meanwhile.
+    diagnose
+        Makes the diagnosis, which takes minutes; in another process likewise.
+    foresee
+        Begins the forecast of a campaign; in another process likewise.
     """
 
     cell: Cell
@@ -137,7 +157,10 @@ class MeasuredCampaign:
 
 @dataclass(frozen=True)
 class Targets:
-    """Wanted and corrected joint angles (k, N), deg, row by row; and why others were refused."""
+    """Target and corrected joint angles, both (k, N), deg, row by row.
+
+    `refused` lists the reasons why others were refused.
+    """
 
     wanted: Array
     corrected: Array
@@ -146,7 +169,7 @@ class Targets:
 
 @dataclass(frozen=True)
 class FollowUpResult:
-    """The middle step: what was ambiguous, the poses that were to settle it, and how many readings they brought."""
+    """The result of a follow-up: the ambiguous diagnosis, the poses, and their number of readings."""
 
     before: DiagnosisFit
     poses: FollowUp
@@ -155,7 +178,10 @@ class FollowUpResult:
 
 @dataclass(frozen=True)
 class LoopResult:
-    """The results of a loop. followed_up: None where nothing was ambiguous, or no pose would have helped."""
+    """The results of a loop.
+
+    `followed_up` is None if the diagnosis was not ambiguous, or no pose would have helped.
+    """
 
     data: Path
     diagnosis: DiagnosisFit
@@ -167,12 +193,20 @@ class LoopResult:
 def close_loop(
     equipment: Equipment, campaign: Campaign, folder: Path, *, poses: int = 20, say: Say = lambda step: None
 ) -> LoopResult:
-    """Run the whole loop; records in `folder`/campaign1, campaign2, ...; data set in `folder`/data.csv.
+    """Run the whole loop.
 
-    Follow-up poses are recorded in `folder`/campaign_follow_up; data.csv then holds both, data1.csv the first alone.
-    poses: how many new poses verify the correction. Raises LoopEnded when a campaign ends early, DataError when
-    the readings cannot be used or the model is worse than the nominal robot on those held out, ConfigError or
-    UnsafePlan before anything moves.
+    The records are in `folder`/campaign1, campaign2, ..., the data set is `folder`/data.csv. Follow-up poses are
+    recorded in `folder`/campaign_follow_up; data.csv then holds both campaigns, data1.csv the first alone. The
+    correction is verified at `poses` new poses.
+
+    Raises
+    ------
+    LoopEnded
+        A campaign ended early.
+    DataError
+        The readings cannot be used, or on held-out readings the model is worse than the nominal robot.
+    ConfigError, UnsafePlan
+        The loop is refused before anything moves.
     """
     check_loop(equipment.cell)
     say("campaign 1: calibration and validation poses")
@@ -199,7 +233,13 @@ def close_loop(
 
 
 def check_loop(cell: Cell) -> None:
-    """Check that a loop is possible in a cell. Raises ConfigError where its instrument shows no landing."""
+    """Check that a loop is possible in a cell.
+
+    Raises
+    ------
+    ConfigError
+        The instrument measures distances, which do not show where the robot lands.
+    """
     if cell.instrument.declared.measures_lengths:
         raise ConfigError(
             f"the loop needs an instrument that measures points, the {cell.instrument.name} measures distances: "
@@ -208,9 +248,14 @@ def check_loop(cell: Cell) -> None:
 
 
 def follow_up_of(cell: Cell, diagnosis: DiagnosisFit) -> FollowUp | None:
-    """The poses of a cell that distinguish the rivals of a diagnosis; None where there are none, or no pose helps.
+    """Choose the poses of a cell that distinguish the rivals of a diagnosis.
 
-    Raises ConfigError when hardly any pose is clear.
+    Returns None if there are no rivals, or no pose helps.
+
+    Raises
+    ------
+    ConfigError
+        Hardly any pose is clear.
     """
     if diagnosis.follow_up is None:
         return None
@@ -219,7 +264,10 @@ def follow_up_of(cell: Cell, diagnosis: DiagnosisFit) -> FollowUp | None:
 
 
 def join(cell: Cell, first: MeasuredCampaign, later: MeasuredCampaign, folder: Path) -> Path:
-    """Join a first campaign and its follow-up in one data set, `folder`/data.csv; data1.csv keeps the first alone."""
+    """Join a first campaign and its follow-up in one data set, `folder`/data.csv.
+
+    The file data1.csv keeps the first campaign alone.
+    """
     world = world_of(first.record)
     alone, added = table_of(first.record), table_of(later.record)
     alone.write(folder / "data1.csv")
@@ -240,7 +288,14 @@ def measure(
 ) -> MeasuredCampaign:
     """Measure one campaign from beginning to end, with the robot and the instrument of `like`.
 
-    Raises LoopEnded, ConfigError, UnsafePlan, RecordError.
+    Raises
+    ------
+    LoopEnded
+        The campaign did not succeed.
+    ConfigError, UnsafePlan
+        The campaign does not fit the cell or its devices.
+    RecordError
+        The record cannot be written.
     """
     with equipment.create(record, equipment.cell, campaign, equipment.simulated) as run:
         if like is not None:
@@ -277,9 +332,9 @@ def verify(
     followed_up: FollowUpResult | None,
     poses: int,
 ) -> LoopResult:
-    """Drive corrected targets of new poses, and the same uncorrected, and judge where the robot landed.
+    """Drive corrected targets of new poses, and the same uncorrected, and judge the landings.
 
-    first: the campaign whose world frame and clock count; last: the one measured last.
+    `first` is the campaign that defines the world frame and the clock; `last` is the one measured last.
     """
     dataset, final = diagnosis.dataset, diagnosis.final
     usual = StatedConditions(loads=dataset.header.loads, gravity=dataset.header.gravity)
@@ -343,9 +398,15 @@ def _judged(
 def new_targets(
     cell: Cell, seed: int, diagnosis: DiagnosisFit, stated: StatedConditions, poses: int
 ) -> tuple[Array, list[str]]:
-    """Joint angles (k, N), deg, of random new poses whose correction can be driven, and why others cannot.
+    """Draw new poses whose correction can be driven.
 
-    stated: the conditions at which they will be measured. Raises UnsafePlan when not one can.
+    `stated` are the conditions at which they will be measured. Returns their joint angles (k, N), deg, and the reasons
+    why others were refused.
+
+    Raises
+    ------
+    UnsafePlan
+        No pose can be corrected.
     """
     rng = np.random.default_rng([seed, _NEW_POSES])
     drawn = draw_poses(cell, 2 * poses, rng, APPROACH_DEG, both=False, decimals=DECIMALS)
@@ -365,9 +426,10 @@ def new_targets(
 def conditions_soon(
     equipment: Equipment, dataset: Dataset, first: MeasuredCampaign, last: MeasuredCampaign
 ) -> StatedConditions:
-    """The conditions at which the next targets will be measured, judged by the campaign before, `last`.
+    """Predict the conditions at which the next targets will be measured.
 
-    Time on the clock of campaign 1; air temperature by the trend of the last readings.
+    The time is on the clock of campaign 1. The air temperature follows the trend of the last readings of `last`, the
+    campaign before.
     """
     lead_s = first_reading_s(last.record)
     soon_s = equipment.clock.now() + lead_s
@@ -383,9 +445,10 @@ def conditions_soon(
 
 
 def correction(cell: Cell, diagnosis: DiagnosisFit, goals_deg: Array, stated: StatedConditions) -> Correction:
-    """Corrections of joint targets (n, N), deg or mm, within the cell's limits with room for the approach.
+    """Correct joint targets (n, N), deg or mm, within the cell's limits.
 
-    Targets and corrected joints are the controller's; the sides of `stated` are replaced by those of the approach.
+    The limits leave space for the approach. Targets and corrected joints are the controller's; the sides of `stated`
+    are replaced by those of the approach.
     """
     robot, limits = cell.robot, np.array(cell.robot.limits_deg)
     units = cell.robot.model.joint_units
@@ -405,37 +468,42 @@ def correction(cell: Cell, diagnosis: DiagnosisFit, goals_deg: Array, stated: St
 
 
 def _used(diagnosis: DiagnosisFit, coupling: str) -> Usable:
-    """The model that corrects, as a saved one would: without terms that follow what only the campaign knew."""
+    """Return the model that corrects, in the form of a saved one.
+
+    It has no terms for quantities that were only known during the campaign.
+    """
     final = diagnosis.final
     return usable(final.model, final.estimate, final.covariance, StatedConditions(), coupling=coupling)
 
 
 def _landing(model: ModelStructure, stated: StatedConditions) -> str:
-    """The frame that is brought to its nominal place: the flange, and every target on it.
+    """Choose the frame that is brought to its nominal place: the flange, and every target on it.
 
-    An arm of fewer than six joints cannot correct every tilt of the flange: there it is the target, where it is the
-    only one.
+    An arm of fewer than six joints cannot correct every tilt of the flange. If it has only one target, the frame is
+    then that target.
     """
     names = tuple(model.targets[series_of(model, stated)])
     return names[0] if model.robot.joints < 6 and len(names) == 1 else FLANGE
 
 
 def _approached(robot: RobotSection, stated: StatedConditions) -> StatedConditions:
-    """Conditions with the last moves of the model's joints when every joint of the controller comes from
-    `APPROACH_DEG`."""
+    """Return the conditions of the approach, with the last moves of the model's joints.
+
+    Every joint of the controller arrives from `APPROACH_DEG`.
+    """
     zero = np.zeros((1, robot.model.joints))
     moves = (robot.model_angles(zero) - robot.model_angles(zero + APPROACH_DEG))[0]
     return replace(stated, side=tuple(np.sign(moves)), approach=tuple(np.abs(moves)))
 
 
 def clear(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
-    """(n,) whether arm and tool are clear at the targets, their approach points, and on the moves from and to home."""
+    """Check that targets, their approach points, and the moves from and to home are clear."""
     joints = np.nan_to_num(joints_deg)
     return may_visit(cell, joints, joints + APPROACH_DEG)
 
 
 def follows_conditions(dataset: Dataset, diagnosis: DiagnosisFit, goals_deg: Array) -> bool:
-    """Whether the corrected joints depend on time or temperature more than a little."""
+    """Check whether the corrected joints depend noticeably on time or temperature."""
     header = dataset.header
     final = _used(diagnosis, header.coupling)
     series = next(iter(final.model.targets))
@@ -452,7 +520,10 @@ def follows_conditions(dataset: Dataset, diagnosis: DiagnosisFit, goals_deg: Arr
 
 
 def campaign_of(like: Campaign, corrected_deg: Array, wanted_deg: Array) -> Campaign:
-    """Corrected targets first, then the same uncorrected; settle time, samples and retries as in `like`."""
+    """Create a campaign of the corrected targets, followed by the same uncorrected.
+
+    Settle time, samples and retries are those of `like`.
+    """
     return campaign_from(
         {
             "format": FORMAT,

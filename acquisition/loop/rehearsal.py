@@ -1,7 +1,7 @@
-"""A rehearsal of the loop: cell and campaign of the demo, an ABB IRB 120 and a FARO ION with three SMRs, simulated.
+"""A rehearsal of the loop in the simulated demo cell.
 
-Both files are written beside the results, so that `truepose campaign run` can repeat the first half by hand.
-Lengths mm, angles deg, times s.
+The cell has an ABB IRB 120 and a FARO ION with three SMRs. Cell and campaign file are written to the folder of the
+results, so that `truepose campaign run` can repeat the first half by hand. Lengths mm, angles deg, times s.
 """
 
 from __future__ import annotations
@@ -66,7 +66,10 @@ _DRIVERS = CELL["robot"]["driver"], CELL["instrument"]["driver"]
 
 
 def campaign_table(seed: int, calibration: int = CALIBRATION, validation: int = VALIDATION) -> dict[str, Any]:
-    """The campaign: calibration and validation poses in random order, approached from both sides."""
+    """Return the table of the campaign.
+
+    Its calibration and validation poses are in random order and approached from both sides.
+    """
     blocks = [("calibration", calibration), ("validation", validation)]
     return {
         "format": "truepose-campaign/1",
@@ -83,7 +86,13 @@ def campaign_table(seed: int, calibration: int = CALIBRATION, validation: int = 
 
 
 def narrow_block(cell: Cell, seed: int, count: int) -> dict[str, Any]:
-    """A block of so many calibration poses in the middle of the joint ranges. Raises ConfigError."""
+    """Create a block of `count` calibration poses in the middle of the joint ranges.
+
+    Raises
+    ------
+    ConfigError
+        Too few such poses are clear.
+    """
     low, high = np.array(cell.robot.limits_deg).T
     middle, half = 0.5 * (low + high), 0.5 * NARROW * (high - low)
     limits = tuple(zip((middle - half).tolist(), (middle + half).tolist(), strict=True))
@@ -107,9 +116,20 @@ def write_files(
 ) -> tuple[Cell, Campaign]:
     """Write OUT/cell.toml and OUT/campaign.toml and read them back.
 
-    seconds_per_reading: times the readings it is the length of the session over which the simulator's drifts grow
-    and its air swings. narrow: the calibration poses keep to the middle of the joint ranges.
-    Raises ConfigError, UnsafePlan, OSError.
+    Parameters
+    ----------
+    seconds_per_reading
+        Multiplied by the number of readings, it is the length of the session over which the simulator's drifts grow and
+        its air temperature varies, s.
+    narrow
+        Whether the calibration poses keep to the middle of the joint ranges.
+
+    Raises
+    ------
+    ConfigError, UnsafePlan
+        The cell cannot take the poses.
+    OSError
+        A file cannot be written.
     """
     out.mkdir(parents=True, exist_ok=True)
     campaign_file, cell_file = out / "campaign.toml", out / "cell.toml"
@@ -155,13 +175,22 @@ def wire_logs(out: Path) -> Iterator[WireSink]:
 
 
 def open_wired(cell: Cell, ports: Mapping[str, int], wire: WireSink) -> Devices:
-    """The devices of the demo's cell at the simulators' ports. Raises ConfigError."""
+    """Open the devices of the demo's cell at the simulators' ports.
+
+    Raises
+    ------
+    ConfigError
+        A driver refuses its options.
+    """
     robot, instrument = (f"tcp://127.0.0.1:{ports[name]}" for name in _DRIVERS)
     return open_devices(cell, robot_url=robot, instrument_url=instrument, wire=wire)
 
 
 def targets_csv(targets: Targets, robot: Robot) -> str:
-    """Wanted and corrected joints of the verified poses as the controller counts them, deg or mm."""
+    """Return target and corrected joints of the verified poses as CSV.
+
+    They are counted as by the controller, in deg or mm.
+    """
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     wanted = [f"wanted{column.removeprefix('j')}" for column in robot.joint_columns]
