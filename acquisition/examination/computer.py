@@ -1,12 +1,12 @@
-"""The computer of the cell: calendar, SQLite, disk space, processor share, other users of the robot.
+"""The computer of the cell: calendar, SQLite, disk space, priority, and who uses the robot.
 
 SQLite 3.7.0 to 3.51.2 can damage a write-ahead log that two connections write and reset at once (sqlite.org, "The
-WAL-reset bug", 2026-03-13). A record has one writer, so it is safe from that; a database browser on it is not.
+WAL-reset bug", 2026-03-13). A record has one writer, which avoids this; a database browser on it does not.
 
-A busy computer must give this program enough of its processor: a stop has to wait for the processor too. Linux shares
-the processor out by session first (autogroup), and within one by niceness. A program may lower its own priority, but
-not raise it without the system's permission, and the session also belongs to the user's other programs. A low priority
-is therefore reported and left unchanged (docs/decisions/0108).
+A busy computer must give this program enough of its processor, because a stop has to wait for the processor too. Linux
+shares the processor out by session first (autogroup), and within one by niceness. A program may lower its own priority,
+but not raise it without the system's permission, and the session also belongs to the user's other programs. A low
+priority is therefore only reported, and not changed (docs/decisions/0108).
 """
 
 from __future__ import annotations
@@ -79,7 +79,10 @@ def _priority(chart: Chart) -> None:
 
 
 def _room(chart: Chart, record: Path) -> None:
-    """Check the disk: write a file in the folder of the records, or its nearest parent, and remove it."""
+    """Check the disk: write a file and remove it again.
+
+    The file is in the folder of the records, or in its nearest existing parent.
+    """
     folder = record.absolute()
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent

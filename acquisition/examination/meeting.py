@@ -1,4 +1,4 @@
-"""The questions to all devices: does the device answer, what is it, and what is its time?
+"""The questions to all devices: does the device answer, who is it, and is its clock right?
 
 Nothing is armed, moved or set; connecting only greets.
 

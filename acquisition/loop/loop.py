@@ -169,7 +169,7 @@ class Targets:
 
 @dataclass(frozen=True)
 class FollowUpResult:
-    """The result of a follow-up: the ambiguous diagnosis, the poses, and their number of readings."""
+    """The result of a follow-up: the ambiguous diagnosis, the poses, the number of readings."""
 
     before: DiagnosisFit
     poses: FollowUp

@@ -1,4 +1,4 @@
-"""The record of a campaign: durable, sealed row by row, and what is read from it."""
+"""The record of a campaign: durable, sealed row by row, with functions that read it."""
 
 from acquisition.record.database import FILE, sha256_of
 from acquisition.record.device_serials import DeviceAcceptance, individual_of

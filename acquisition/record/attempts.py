@@ -29,7 +29,10 @@ class Attempts:
         return self._begin("arrive", visit.number, None, None)
 
     def begin_reading(self, planned: PlannedReading, arrival: int | None) -> int:
-        """The instrument is about to measure. `arrival`: the good arrival it relies on; None for a nest."""
+        """Record that the instrument is about to measure.
+
+        `arrival` is the good arrival on which the reading relies; None for a nest.
+        """
         return self._begin("measure", planned.visit.number, planned.id, arrival)
 
     def _begin(self, kind: str, visit: int, pose: int | None, arrival: int | None) -> int:
@@ -56,9 +59,10 @@ class Attempts:
         world: WorldFrame | None,
         as_planned: Sequence[float] | None = None,
     ) -> None:
-        """A good reading: durable, and the planned reading done, when this returns. `world`: once it is known.
+        """Record a good reading; it is durable, and the planned reading done, when this returns.
 
-        as_planned (3,), mm, world: the point as it would be at the joints that were planned (`run.checks.expected`).
+        `world` is the world frame if it is known. `as_planned` (3,), mm, world, is the point as it would be at the
+        planned joints (`run.checks.expected`).
         """
         data: dict[str, Any] = {
             "attempt": attempt,
@@ -115,7 +119,10 @@ class Attempts:
             self._store.change_state(db, State.WAITING, prompt.text)
 
     def answered(self, prompt_id: str, answer: str, by: str, reason: str = "", typed: str = "") -> None:
-        """The answer, with which the campaign goes on; or VOID. What was typed beside it is kept as it was typed."""
+        """Record the answer to a prompt, with which the campaign continues; or VOID.
+
+        A typed value is kept as it was typed.
+        """
         with self._store.changing() as db:
             db.execute(
                 "UPDATE prompt SET answer = ?, answered_by = ?, reason = ?, answered_utc = ? "

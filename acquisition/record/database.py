@@ -1,13 +1,13 @@
 """The database of a record: one SQLite file, one writing connection, one owner.
 
-WAL with `synchronous=FULL`: what is committed survives a power cut (measured: with NORMAL 300 of 300 commits
-were lost, with FULL none). One connection behind one lock, because SQLite up to 3.51.2 can corrupt a WAL that
-two connections write and checkpoint at once. A second connection only reads: whoever looks at a run, or has stopped
-it, does not wait for the disk that a change is being written to. The owner lock is a file beside the record, taken
-before any device is touched: two sequencers on one record would both move the robot.
+WAL with `synchronous=FULL`: a commit survives a power cut. (Measured with NORMAL: 300 of 300 commits were lost, with
+FULL none.) There is one connection behind one lock, because SQLite up to 3.51.2 can corrupt a WAL that two connections
+write and checkpoint at once. A second connection only reads, so that a client that views a run, or has stopped it, does
+not wait while a change is written to the disk. The owner lock is a file in the folder of the record. It is taken before
+any device is touched, because two sequencers on one record would both move the robot.
 
-A file that is not what it was (cut short, overwritten, another program's) is refused as a DamagedRecord, in the one
-place where errors of SQLite are translated; nothing is written to it, `record.rescue` works on a copy.
+A file that was cut short, overwritten or replaced by another program's is refused as a DamagedRecord, in the one place
+where errors of SQLite are translated. Nothing is written to it; `record.rescue` works on a copy.
 """
 
 from __future__ import annotations
@@ -42,13 +42,24 @@ _MISSING = (
 
 
 class Database:
-    """The file of one record. `writer` False: reads only, beside the owner, in any program.
+    """The file of one record.
 
-    A file of another version is refused, and stays as it is.
+    Without `writer`, any program can read it while the owner writes. A file of another version is refused, and is not
+    changed.
     """
 
     def __init__(self, folder: Path, *, writer: bool, new: bool = False) -> None:
-        """Open the file of a record in `folder`, or make it (`new`). Raises RecordInUse, RecordError, StorageError."""
+        """Open the file of a record in `folder`, or create it (`new`).
+
+        Raises
+        ------
+        RecordInUse
+            Another program runs this campaign.
+        RecordError
+            There is no record, or already one if `new`.
+        StorageError
+            The file cannot be read or written.
+        """
         self.path = folder / FILE
         self._lock, self._reading = threading.RLock(), threading.Lock()
         self._within: int | None = None  # the thread whose transaction is open
@@ -115,7 +126,13 @@ class Database:
             refuse_version(self.path, UNSEALED)
 
     def script(self, text: str) -> None:
-        """Run several statements. Raises StorageError."""
+        """Run several statements.
+
+        Raises
+        ------
+        StorageError
+            SQLite reports an error.
+        """
         try:
             self._connection.executescript(text)
         except sqlite3.Error as error:
@@ -123,7 +140,15 @@ class Database:
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
-        """A transaction, durable whole or not at all; one within another is part of it. Raises StorageError."""
+        """Open a transaction, which becomes durable as a whole or not at all.
+
+        A transaction within another is part of it.
+
+        Raises
+        ------
+        StorageError
+            SQLite reports an error, or the file was removed, replaced or cut.
+        """
         with self._lock:
             within = self._within is not None
             try:
@@ -145,7 +170,7 @@ class Database:
                     self._within = None
 
     def _seen(self) -> dict[Path, os.stat_result | None]:
-        """What the system tells of the file and of its journal, by path; None for one that is not there."""
+        """Return the system's status of the file and of its journal by path; None if one is missing."""
         found: dict[Path, os.stat_result | None] = {}
         for path in (self.path, self.path.with_name(f"{FILE}-wal")):
             try:
@@ -155,9 +180,9 @@ class Database:
         return found
 
     def _must_be_there(self) -> None:
-        """Raise StorageError where the file is no longer that of its path: what is written would be lost with it.
+        """Raise StorageError if the file is no longer that of its path.
 
-        SQLite itself makes neither file shorter while one program writes it.
+        Changes would be lost with it. SQLite itself makes neither file shorter while one program writes it.
         """
         now = self._seen()
         for path, before in self._files.items():
@@ -171,7 +196,15 @@ class Database:
         self._files = now
 
     def query(self, sql: str, values: Sequence[Any] = ()) -> list[sqlite3.Row]:
-        """All rows of a question; within a transaction of this thread, as it has left them. Raises StorageError."""
+        """Return all rows of a query.
+
+        Within a transaction of this thread, they include its changes.
+
+        Raises
+        ------
+        StorageError
+            SQLite reports an error.
+        """
         inside = self._within == threading.get_ident()
         with self._lock if inside else self._reading:
             try:
@@ -192,7 +225,17 @@ class Database:
 
 
 def own(folder: Path, *, new: bool) -> FileLock:
-    """The lock of a record's owner. Raises RecordInUse, RecordError, StorageError."""
+    """Take the lock of a record's owner.
+
+    Raises
+    ------
+    RecordInUse
+        Another program runs this campaign.
+    RecordError
+        There is no record.
+    StorageError
+        The folder cannot be written.
+    """
     try:
         if new:
             folder.mkdir(parents=True, exist_ok=True)
@@ -208,7 +251,10 @@ def own(folder: Path, *, new: bool) -> FileLock:
 
 
 def is_owned(folder: Path) -> bool:
-    """Whether a program runs the campaign of this record, judged by its lock, which is taken for a moment."""
+    """Check whether a program runs the campaign of this record.
+
+    For this, the lock of the record is taken for a moment.
+    """
     if not (folder / LOCK).exists():  # a copy without it: nothing is written to it
         return False
     try:
@@ -219,9 +265,9 @@ def is_owned(folder: Path) -> bool:
 
 
 def sha256_of(folder: Path) -> str:
-    """SHA-256 of a record's database in hexadecimal, its journal applied; empty where it cannot be read.
+    """Return the SHA-256 of a record's database in hexadecimal, with its journal applied.
 
-    SQLite reads it, into memory, and not this program: see `_look_at`.
+    The text is empty if the database cannot be read. SQLite reads it into memory, not this program: see `_look_at`.
     """
     path = folder / FILE
     with suppress(StorageError, sqlite3.Error):
@@ -232,11 +278,17 @@ def sha256_of(folder: Path) -> str:
 
 
 def _look_at(path: Path) -> bool:
-    """Whether there is a file. Before SQLite sees it, which would throw away the journal beside an empty one.
+    """Check whether there is a file before SQLite opens it.
 
-    The file is not opened for it: POSIX gives up every lock that a process has on a file when the process closes it
-    anywhere, and a second look at a record would take the journal from under its owner.
-    Raises DamagedRecord, StorageError.
+    SQLite would discard the journal of an empty file. This function does not open the file. Under POSIX a process loses
+    every lock on a file when it closes any of its handles, so that a check would take the journal from its owner.
+
+    Raises
+    ------
+    DamagedRecord
+        The path is a folder, or the file is empty and its journal is not.
+    StorageError
+        The file cannot be read.
     """
     try:
         found = path.stat()
@@ -288,7 +340,7 @@ def _remove(path: Path) -> None:
 
 
 def _harm(before: os.stat_result, now: os.stat_result | None) -> str:
-    """What somebody has done to a file that was there before; empty: nothing."""
+    """Return a verb phrase for the damage to a file since `before`, or an empty text."""
     if now is None:
         return "was removed or moved"
     if (before.st_dev, before.st_ino) != (now.st_dev, now.st_ino):
@@ -297,7 +349,10 @@ def _harm(before: os.stat_result, now: os.stat_result | None) -> str:
 
 
 def _sync(folder: Path) -> None:
-    """The name of a new file is only durable with its folder (POSIX; other systems do it by themselves)."""
+    """Make the name of a new file durable by syncing its folder.
+
+    Only POSIX needs this; other systems do it by themselves.
+    """
     if os.name == "posix":
         handle = os.open(folder, os.O_RDONLY)
         try:

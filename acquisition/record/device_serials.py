@@ -1,10 +1,10 @@
-"""The individual robot and instrument of a record: maker, model and serial number, as they report them themselves.
+"""The robot and the instrument of a record: maker, model and serial number.
 
-They are written down when they are first met, before anything moves, and compared at every connection from then on:
-a robot may be exchanged while the cable is out, and its errors are its own. Another one is refused unless a person
-accepts it by its serial number, and says why; that is kept, and readings of each pair of robot and instrument are a
-series of their own (`series_of`). What a device does not report proves nothing; once reported it is written down.
-Software may be brought up to date, and is not compared.
+The devices report these themselves. They are recorded at the first connection, before anything moves, and compared at
+every later connection. A robot may be exchanged while the cable is out, and every robot has its own errors. Another
+device is refused unless a person accepts it by its serial number and gives a reason. The reason is kept, and readings
+of each pair of robot and instrument are a separate series (`series_of`). A fact that a device does not report proves
+nothing; once it is reported, it is recorded. Software may be updated, and is not compared.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ _COMPARED = ("maker", "model", "serial")
 
 @dataclass(frozen=True)
 class DeviceAcceptance:
-    """A person accepts another device than the record's. `serial`: its model, where it reports no serial number."""
+    """A person's decision to accept another device than the record's.
+
+    `serial` is its serial number, or its model if it reports none.
+    """
 
     serial: str
     reason: str
@@ -40,13 +43,16 @@ class DeviceAcceptance:
             )
 
     def names(self, who: Identity | Individual) -> bool:
-        """Whether this name or serial number means this device."""
+        """Check that this serial number or model means the device."""
         return _plain(self.serial) == _plain(who.serial or who.model)
 
 
 @dataclass(frozen=True)
 class Individual:
-    """One robot or instrument. `reason`: why it was accepted beside another one, empty for the first."""
+    """One robot or instrument.
+
+    `reason` states why it was accepted although the record has another; it is empty for the first.
+    """
 
     role: str
     maker: str
@@ -59,12 +65,18 @@ class Individual:
 
     @classmethod
     def of(cls, role: str, who: Identity, accepted: DeviceAcceptance | None = None) -> Individual:
-        """The device that reported `who`; accepted: by whom and why, where it stands beside another."""
+        """Return the device that reported `who`.
+
+        `accepted` states by whom and why it was accepted, if the record has another one.
+        """
         by, reason = ("", "") if accepted is None else (accepted.by, accepted.reason)
         return cls(role, who.maker, who.model, who.serial, who.firmware, who.protocol, by, reason)
 
     def is_other_than(self, who: Identity | Individual) -> bool:
-        """Whether both report something and it differs; a serial number may be the alias of the other."""
+        """Check whether both report something and it differs.
+
+        A serial number may equal the alias of the other.
+        """
         if isinstance(who, Identity) and who.alias and _plain(who.alias) == _plain(self.serial):
             who = replace(who, serial=self.serial)
         mine, its = ([_plain(getattr(each, name)) for name in _COMPARED] for each in (self, who))
@@ -82,7 +94,7 @@ class Individual:
             )
 
     def why(self) -> str:
-        """A clause that says why a device was accepted beside another."""
+        """Return a clause with the reason why a device was accepted although the record has another."""
         by = f" by {self.accepted_by}" if self.accepted_by else ""
         return f"{self.role} {self} was accepted{by} beside another: {self.reason}"
 
@@ -113,12 +125,20 @@ class Individuals:
                 self._write(Individual(**asdict(each) | {"accepted_by": "", "reason": ""}))
 
     def need(self, individual: Individual) -> None:
-        """Allow motion with this device alone, whatever a person accepts: a model of it will judge the readings."""
+        """Allow motion with this device only, even if a person accepts another.
+
+        A model of this device will judge the readings.
+        """
         self._store.add_event("device_needed", **asdict(individual))
 
     def met(self, role: str, who: Identity, accepted: DeviceAcceptance | None) -> None:
-        """A device has been connected. Raises OtherIndividual where it is neither the record's nor accepted, or not the
-        one that is needed."""
+        """Compare a device that has just been connected with the record, and note it.
+
+        Raises
+        ------
+        OtherIndividual
+            It is neither the record's nor accepted, or not the one that is needed.
+        """
         for needed in map(individual_of, self._store.data_of_events("device_needed")):
             if needed.role == role:
                 needed.refuse_other(who)
@@ -151,7 +171,7 @@ class Individuals:
             )
 
     def _told_both(self, role: str, known: Individual, who: Identity) -> bool:
-        """Whether the serial number of `known` and the alias of `who` were once told together."""
+        """Check whether the serial of `known` and the alias of `who` were once reported together."""
         names = known.serial, who.alias
         told = self._store.data_of_events("connected")
         return all(names) and any(
@@ -183,7 +203,15 @@ class Individuals:
 
 
 def individuals_of(record: Path) -> dict[str, Individual]:
-    """Robot and instrument that a record met last, by role. Raises RecordError, StorageError."""
+    """Return the robot and instrument that a record met last, by role.
+
+    Raises
+    ------
+    RecordError
+        There is no record.
+    StorageError
+        The record cannot be read.
+    """
     store = RecordStore.open(record, writer=False)
     try:
         return Individuals(store).now()
@@ -192,19 +220,22 @@ def individuals_of(record: Path) -> dict[str, Individual]:
 
 
 def series_of(robot: Individual | None, instrument: Individual | None) -> str:
-    """The name of the series that readings of these two belong to: their serial numbers, as far as reported."""
+    """Return the name of the series of these two devices: their serial numbers, if reported."""
     names = ((each.serial or each.model) if each else "" for each in (robot, instrument))
     return "+".join(re.sub(r"[^\w.-]+", "-", name) or role for name, role in zip(names, ROLES, strict=True))
 
 
 def series_among(names: Iterable[str], devices: Mapping[str, Individual]) -> str:
-    """The series whose frames place the readings of these devices: their own where it is there, else the first."""
+    """Choose the series whose frames locate the readings of these devices.
+
+    It is their own if it exists, otherwise the first.
+    """
     known, own = list(names), series_of(*map(devices.get, ROLES))
     return own if own in known else known[0]
 
 
 def header_table(individual: Individual, of_series: str) -> dict[str, str]:
-    """The `[[device]]` table of a data set's header; what is not known is left out."""
+    """Return the `[[device]]` table of a data set's header, without unknown values."""
     return {name: text for name, text in (asdict(individual) | {"series": of_series}).items() if text}
 
 

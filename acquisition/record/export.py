@@ -1,15 +1,17 @@
-"""The data set of a record: `OUT.csv` and `OUT.toml` (`truepose-dataset/1`), each written whole or not at all.
+"""The data set of a record: `OUT.csv` and `OUT.toml` (`truepose-dataset/1`).
 
-Points and turns in the world frame of the nests, or distances to the balls on the base; angles as commanded, with the
-approach point before them and the side of approach; the controller's read-back beside them. Readings that were given
-up stay in the file as `rejected:REASON` without a point, those that were measured again with theirs. `station` counts
-the places of the instrument, where it had several. `[[device]]` in the header names robot and instrument; where there
-were several of either, each pair is a series of its own. What their wires could not see stands there as `unprotected`.
-Distances between two balls of one body have no joints.
-A record in which a row no longer agrees with its checksum is refused. `export_events` writes what happened as JSON
-lines.
+Each file is written completely or not at all. The data set has:
 
-The data set of a record in memory: the cells as they are written, and what the header says of all of them.
+- points and orientations in the world frame of the nests, or distances to the balls on the base
+- joints as commanded, with the approach point before them and the side of approach, and the controller's read-back
+- abandoned readings as `rejected:REASON` without a point, and replaced readings with their point
+- `station`, which counts the places of the instrument, if there were several
+- `[[device]]` in the header, which lists robot and instrument; if there were several, each pair is a separate series
+- `unprotected`, the errors that the protocols of the devices could not detect
+
+Distances between two balls of one body have no joints. A record in which a row no longer agrees with its checksum is
+refused. `export_events` writes the events of a record as JSON lines. `DataTable` is a data set in memory: the cells as
+they are written, and the header.
 """
 
 from __future__ import annotations
@@ -58,9 +60,18 @@ _MEASURED = "SELECT min(began_utc), max(ended_utc) FROM attempt WHERE kind = 'me
 
 
 def export_events(record_dir: Path, out: Path) -> int:
-    """Write every event of a record, oldest first, one JSON object a line. Returns how many.
+    """Write every event of a record, oldest first, one JSON object per line.
 
-    Raises RecordError, StorageError, OSError.
+    Returns the number of events.
+
+    Raises
+    ------
+    RecordError
+        There is no record, or it is damaged.
+    StorageError
+        The record cannot be read.
+    OSError
+        The file cannot be written.
     """
     store = RecordStore.open(record_dir, writer=False)
     try:
@@ -76,15 +87,30 @@ def export_events(record_dir: Path, out: Path) -> int:
 
 
 def export(record_dir: Path, out: Path) -> Path:
-    """Write the data set of a record, finished or not. Returns the path of its CSV.
+    """Write the data set of a record, finished or not, and return the path of its CSV.
 
-    Raises RecordError (no record, or no reading in it), StorageError, OSError.
+    Raises
+    ------
+    RecordError
+        There is no record, or no reading in it.
+    StorageError
+        The record cannot be read.
+    OSError
+        A file cannot be written.
     """
     return table_of(record_dir).write(out)
 
 
 def table_of(record_dir: Path) -> DataTable:
-    """The data set of a record, finished or not. Raises RecordError (no record, or no reading in it), StorageError."""
+    """Return the data set of a record, finished or not.
+
+    Raises
+    ------
+    RecordError
+        There is no record, or no reading in it.
+    StorageError
+        The record cannot be read.
+    """
     with RecordStore.reading(record_dir) as store:
         simulated = bool(store.campaign["simulated"])
         rows, spans = readings_of(store), spans_of(store)
@@ -127,7 +153,10 @@ def planned_header(cell: Cell) -> dict[str, Any]:
 def _series(
     rows: list[Reading], individuals: dict[int, Individual]
 ) -> tuple[list[str], list[dict[str, str]]]:
-    """The series of each row, which its robot and instrument make, and the devices of every series."""
+    """Return the series of each row, and the devices of all series.
+
+    Robot and instrument of a row determine its series.
+    """
     # a row from before devices were written down was measured with the first
     first = {role: next((n for n, each in individuals.items() if each.role == role), 0) for role in ROLES}
     devices = [
@@ -174,7 +203,10 @@ def _columns(rows: list[Reading], series: list[str], cell: Cell) -> dict[str, li
 
 
 def _balls(rows: list[Reading], cell: Cell) -> dict[str, list[str]]:
-    """The columns that say where distances end; `other_target`: the second ball of one body (`calib.data.spans`)."""
+    """Return the columns for the second ends of distances.
+
+    `other_target` is the second ball of one body (`calib.data.spans`).
+    """
     legs = [row.joints != () for row in rows]
     base = [
         row.base_target if leg else row.target * (row.target in cell.nests)
@@ -187,7 +219,7 @@ def _balls(rows: list[Reading], cell: Cell) -> dict[str, list[str]]:
 
 
 def _spread(names: list[str], rows: Sequence[Numbers | None], decimals: int) -> dict[str, list[str]]:
-    """A column a number; empty where a row has none."""
+    """Return one column per number; a cell is empty if its row has none."""
     return {name: [_text(row[k] if row else None, decimals) for row in rows] for k, name in enumerate(names)}
 
 
@@ -203,7 +235,10 @@ def _text(value: float | None, decimals: int) -> str:
 
 
 def noise_table(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
-    """The table [noise] of a header, for points that are measured from a station (mm, in their frame)."""
+    """Return the [noise] table of a header.
+
+    `station_mm` is the station from which points are measured, mm, in their frame.
+    """
     noise = cell.instrument.noise
     slides = {"repeatability_mm": cell.robot.repeatability_mm} if cell.robot.model.slides else {}
     robot = {"repeatability_deg": cell.robot.repeatability_deg, **slides}
@@ -224,10 +259,10 @@ def noise_table(cell: Cell, station_mm: tuple[float, ...]) -> dict[str, Any]:
 
 
 def _known(cell: Cell, touched: Mapping[str, Vector]) -> dict[str, Any]:
-    """Places of the nests that define the frame, or of the balls to which distances were measured, and how well they
-    and the tool are known.
+    """Return the known places of a header, with their uncertainty.
 
-    touched: those that the robot has touched, known as well as a robot as it came knows a place.
+    These are the nests that define the frame, or the balls to which distances were measured, and the tool. The robot
+    has touched the balls in `touched`, so that their uncertainty is that of a robot as delivered.
     """
     if not cell.instrument.declared.measures_lengths:
         nests = {"nests": {name: list(point) for name, point in cell.nests.items()}} if cell.nests else {}
@@ -279,9 +314,9 @@ def _header(
 
 @dataclass(frozen=True)
 class DataTable:
-    """Columns named as the data-set format names them (all of one length), and the table of the header.
+    """The columns of a data set, all of one length, and the table of its header.
 
-    name: the record, as refusals name it.
+    The columns have the names of the data-set format. `name` is the record, as error messages name it.
     """
 
     name: str
@@ -296,14 +331,28 @@ class DataTable:
         ]
 
     def dataset(self) -> Dataset:
-        """The data set for a calibration. Raises DataError as for its files, which need not have been written."""
+        """Return the data set for a calibration; its files need not have been written.
+
+        Raises
+        ------
+        DataError
+            The data set cannot be used, as if its files were read.
+        """
         path, table = Path(self.name) / "data.csv", self._as_written
         lines = list(enumerate(zip(*self.columns.values(), strict=True), start=2))  # below the names
         cells = TextTable(path, list(self.columns), lines, hashlib.sha256(table.text.encode()).hexdigest())
         return dataset_of(cells, header_of(self.header, path.with_suffix(".toml"), table.header))
 
     def write(self, out: Path) -> Path:
-        """Write `OUT.csv` and `OUT.toml`, each whole or not at all. Returns the path of the CSV. Raises OSError."""
+        """Write `OUT.csv` and `OUT.toml`, each completely or not at all.
+
+        Returns the path of the CSV.
+
+        Raises
+        ------
+        OSError
+            A file cannot be written.
+        """
         out = out.with_suffix(".csv")
         self._as_written.write(out)
         return out

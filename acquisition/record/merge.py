@@ -1,13 +1,12 @@
-"""Several campaigns of one cell as one data set: one clock, one world frame, every reading with an id of its own.
+"""Several campaigns of one cell as one data set, with one clock, one frame and new ids.
 
-The instrument has not been moved between them, so its readings stay in the world frame of the first campaign, as in
-`record.verification`: the nests measured again would add their own noise to every point. Where the nests show
-that it did move, a campaign's own frame holds. Sets stay what they were: validation rows never enter a fit.
+If the instrument was not moved between them, its readings stay in the world frame of the first campaign, as in
+`record.verification`. The nests measured again would add their own noise to every point. If the nests show that it did
+move, a campaign keeps its own frame. Sets are kept: validation rows never enter a fit.
 
-The series of several data sets brought into one: a pair of one robot and one instrument each.
-
-The robot of a data set is one, because its errors are its own: another one is refused unless somebody accepts it. The
-instrument may be another one. Where a device does not report who it is, it is taken for the one of the first data set.
+Each pair of one robot and one instrument is a series of the whole. The robot of a data set is one, because every robot
+has its own errors. Another one is refused unless a person accepts it. The instrument may be another one. A device that
+does not report its identity is assumed to be that of the first data set.
 """
 
 from __future__ import annotations
@@ -54,8 +53,11 @@ Pair = dict[str, Individual]  # by role; what is not known is left out
 
 @dataclass(frozen=True)
 class CampaignPart:
-    """A later campaign: its data set, by how much later than the first its clock began, s, and the world
-    frame its points were exported in; None where the instrument was moved, and that frame is the one that holds."""
+    """A later campaign of a merged data set.
+
+    Its clock began `later_s` seconds after the first. `own` is the world frame in which its points were exported. It is
+    None if the instrument was moved; then that frame is kept.
+    """
 
     data: DataTable
     later_s: float
@@ -63,10 +65,21 @@ class CampaignPart:
 
 
 def export_together(records: Sequence[Path], out: Path, accepted: DeviceAcceptance | None = None) -> Path:
-    """Write the data set of several records of one cell, the first of which has the clock and the world frame.
+    """Write the data set of several records of one cell.
 
-    The calendar says how much later each of the others began. accepted: another robot, as in `merge`.
-    Raises RecordError, OtherIndividual, StorageError, OSError.
+    The first record has the clock and the world frame. The calendar states how much later the others began. `accepted`
+    accepts another robot, as in `merge`.
+
+    Raises
+    ------
+    RecordError
+        The records do not belong together, or one has no reading.
+    OtherIndividual
+        Another robot was not accepted.
+    StorageError
+        A record cannot be read.
+    OSError
+        A file cannot be written.
     """
     first, *others = records
     whole, *added = [table_of(record) for record in records]
@@ -91,9 +104,15 @@ def frame_of_part(
     nests_mm: Mapping[str, Sequence[float]],
     devices: Mapping[str, Individual],
 ) -> WorldFrame | None:
-    """World frame of a later record; None where its nests show that the instrument was moved, or it is another one.
+    """Return the world frame of a later record, or None if the instrument changed.
 
-    devices: those of the record whose frame is `world`. Raises RecordError.
+    It changed if the nests show that it was moved, or if it is another one. `devices` are those of the record whose
+    frame is `world`.
+
+    Raises
+    ------
+    RecordError
+        The record has no reading of a pose.
     """
     seen = read_landings(record)
     return seen.own if frame_holds(seen, world, nests_mm, devices) else None
@@ -116,11 +135,22 @@ def merge(
     parts: Sequence[CampaignPart],
     accepted: DeviceAcceptance | None = None,
 ) -> DataTable:
-    """One data set: the rows of `first` and of all `parts`, points in the frame `world`.
+    """Merge the rows of `first` and of all `parts` into one data set.
 
-    Ids of the parts get the number of their campaign in front (2-17). Readings of each pair of robot and instrument
-    are a series. accepted: another robot than that of `first`, which is refused otherwise.
-    Raises RecordError where a part comes from another kind of robot, tool or instrument, OtherIndividual.
+    The points are in the frame `world`. Ids of the parts are preceded by the number of their campaign (2-17). Readings
+    of each pair of robot and instrument are a series.
+
+    Parameters
+    ----------
+    accepted
+        Another robot than that of `first`; without it, another robot is refused.
+
+    Raises
+    ------
+    RecordError
+        A part comes from another kind of robot, tool or instrument.
+    OtherIndividual
+        A part comes from another robot that was not accepted.
     """
     header = first.header
     series = SeriesOfSets(header, first.name, accepted)
@@ -154,7 +184,7 @@ def merge(
 
 
 def _measured(occasions: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:
-    """The times at which the first of the parts began and the last ended, everybody who worked on them, how many."""
+    """Return the first beginning, the last end, all operators and the number of campaigns."""
     known = [each for each in occasions if each]
     if not known:
         return {}
@@ -186,15 +216,21 @@ def _brought(part: CampaignPart, number: int, world: WorldFrame) -> list[dict[st
 
 
 def _setup(header: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings that must be the same: all but the individual devices, what their wires could not see, how well
-    positions are known, and where the instrument stands, which every campaign finds by its own nests."""
+    """Return the settings that must be the same in all parts.
+
+    These exclude the individual devices, undetected errors of their protocols, position uncertainties, and the station
+    of the instrument, which every campaign finds from its own nests.
+    """
     table = {key: value for key, value in header.items() if key not in _OF_A_CAMPAIGN}
     table["noise"] = {key: value for key, value in header["noise"].items() if key != "station_mm"}
     return table
 
 
 class SeriesOfSets:
-    """The series of the data sets joined so far, from their headers. `accepted`: another robot than the first's."""
+    """The series of the data sets joined so far, from their headers.
+
+    `accepted` accepts another robot than the first's.
+    """
 
     def __init__(self, header: Mapping[str, Any], name: str, accepted: DeviceAcceptance | None) -> None:
         self._first, self._accepted = name, accepted
@@ -202,7 +238,13 @@ class SeriesOfSets:
         self._names: dict[str, str] = {}  # of series: in the data set joined last -> in the whole
 
     def join(self, header: Mapping[str, Any], name: str) -> None:
-        """Add a data set. Raises OtherIndividual."""
+        """Add a data set.
+
+        Raises
+        ------
+        OtherIndividual
+            It comes from another robot that was not accepted.
+        """
         first = next(iter(self._pairs.values()))
         self._names = {}
         for own, pair in _pairs_of(header).items():

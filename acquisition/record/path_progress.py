@@ -1,4 +1,4 @@
-"""The progress of a path: how much of it is driven, and what a program that ended in the middle of it has kept."""
+"""The progress of a path: its finished share, and the samples of an interrupted program."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from acquisition.record.database import Database
 
 
 def share_of_path(database: Database, last: dict[str, Any] | None) -> float:
-    """Share of the path in hand that is driven, 0 to 1, by the last waypoint noted; 0 where no path is in hand."""
+    """Return the finished share of the current path, 0 to 1, according to the last waypoint.
+
+    It is 0 if no path is being driven.
+    """
     if last is None or last["of"] < 2:
         return 0.0
     rows = database.query("SELECT status FROM attempt WHERE id = ?", (last["attempt"],))
@@ -17,9 +20,10 @@ def share_of_path(database: Database, last: dict[str, Any] | None) -> float:
 
 
 def streams_kept(db: sqlite3.Connection, attempt: int) -> dict[str, Any]:
-    """`streams` by role: samples kept, lost ones counted, the device's clock at the last, and when it came, campaign s.
+    """Return the state of the streams of an attempt by role, or nothing if it has none.
 
-    Empty for an attempt without streams.
+    The state has the number of samples kept, the number lost, the device's clock at the last, and its arrival, campaign
+    s.
     """
     rows = db.execute(
         "SELECT role, sum(samples), sum(lost), max(until_t_s), max(arrived_t_s) FROM chunk WHERE attempt = ? "

@@ -1,11 +1,11 @@
-"""The one reader of a record: what was measured at the poses of its plan, one frozen row a reading.
+"""The readings of a record at the poses of its plan, one frozen row per reading.
 
-Data set, verification and drift are functions of these rows. Lengths mm, angles deg, times s on the record's clock.
+All other code reads them here: data set, verification and drift are functions of these rows. Lengths mm, angles deg,
+times s on the record's clock.
 
-Drift seen live: how far the reference pose is now from where it was first, and the most it has ever been.
-
-In the world frame; with one SMR each target is compared with its own first reading. What was measured while warming
-up, or put aside, does not count. Lengths mm.
+The drift is the distance of the reference pose from its first reading, now and at its largest, in the world frame. With
+one SMR each target is compared with its own first reading. Readings of the warm-up, or that were put aside, do not
+count. Lengths in mm.
 """
 
 from __future__ import annotations
@@ -40,13 +40,31 @@ ORDER BY attempt.id
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One reading of a target at a pose, or the last attempt at one that was given up. What is not known is None.
+    """One reading of a target at a pose, or the last attempt at an abandoned one.
 
-    point: in the instrument's own frame, world: in the frame of the nests, turn: the quaternion in that frame, scalar
-    first. joints, approach: as commanded, the joints of a robot that is driven by hand as a person said that it shows
-    them; reached: the controller's read-back; sides: from which the joints came.
-    arrival: number of the arrival on which it relies: those of one share where the robot came to rest. robot,
-    instrument: their numbers in the record. counts: it was measured, and not measured again; else `reason`.
+    Unknown values are None.
+
+    Attributes
+    ----------
+    arrival
+        Number of the arrival on which it relies; readings with the same number share one approach of the robot.
+    joints, approach
+        Joints as commanded, and those of the approach point. The joints of a robot that is driven by hand are those
+        that a person reported.
+    sides
+        Sides from which the joints came.
+    reached
+        The controller's read-back.
+    point
+        The point in the instrument's own frame, mm.
+    world
+        The point in the frame of the nests, mm.
+    turn
+        The orientation in that frame, a quaternion, scalar first.
+    robot, instrument
+        Numbers of the devices in the record.
+    counts
+        Whether it was measured, and not measured again; otherwise `reason` states why.
     """
 
     id: int
@@ -74,7 +92,13 @@ class Reading:
 
 
 def readings_of(store: RecordStore, set_name: str | None = None) -> list[Reading]:
-    """Every reading of a record, in the order of measuring; of one set where it is named. Raises StorageError."""
+    """Return every reading of a record, or of one set, in the order of measuring.
+
+    Raises
+    ------
+    StorageError
+        The record cannot be read.
+    """
     return [
         _reading(row, by_hand=store.driven_by_hand)
         for row in store.database.query(_ROWS.format(which=_AT_POSES), (set_name,))
@@ -82,14 +106,27 @@ def readings_of(store: RecordStore, set_name: str | None = None) -> list[Reading
 
 
 def spans_of(store: RecordStore) -> list[Reading]:
-    """Every distance between two balls of one body, in the order of measuring; no joints. Raises StorageError."""
+    """Return every distance between two balls of one body, in the order of measuring.
+
+    They have no joints.
+
+    Raises
+    ------
+    StorageError
+        The record cannot be read.
+    """
     return [_reading(row) for row in store.database.query(_ROWS.format(which=_BETWEEN), (None,))]
 
 
 def touches_of(store: RecordStore) -> list[Reading]:
-    """Every touch of a cup by a ball of the tool, in the order of measuring: `reached` is where.
+    """Return every touch of a cup by a ball of the tool, in the order of measuring.
 
-    Raises StorageError.
+    The joints of the touch are in `reached`.
+
+    Raises
+    ------
+    StorageError
+        The record cannot be read.
     """
     return [_reading(row) for row in store.database.query(_ROWS.format(which=_TOUCHES), (None,))]
 
@@ -128,7 +165,10 @@ def _reading(row: sqlite3.Row, *, by_hand: bool = False) -> Reading:
 
 @dataclass(frozen=True)
 class ReferenceDrift:
-    """The drift in `readings` reference readings: `now_mm` (x, y, z) of the last, its length `off_mm`, the largest."""
+    """The drift in `readings` reference readings.
+
+    `now_mm` is the displacement (x, y, z) of the last, `off_mm` its length, and `most_mm` the largest length.
+    """
 
     readings: int
     now_mm: tuple[float, float, float]

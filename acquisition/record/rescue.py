@@ -1,15 +1,15 @@
-"""A new record of what can be read of a damaged one, and a sentence on everything that was lost.
+"""A new record from the readable rows of a damaged one, and a sentence on every loss.
 
-The damaged record is read row by row, from a copy, believing only what agrees with its checksum. A page that is lost
-takes its rows along and ends a question that meets it; then every row is asked for by its number. A journal (`-wal`)
-may hold the latest readings, or be of another record: the copy is read with it and without, and the one with more good
-readings counts. A file of which only the start was overwritten is given a new header: the rest of its first page says
-which tables there are.
+The damaged record is read row by row, from a copy. Only rows that agree with their checksum count as good. A lost page
+takes its rows along and ends a query that meets it; then every row is requested by its number. A journal (`-wal`) may
+hold the latest readings, or be of another record. The copy is therefore read with and without it, and the result with
+more good readings is used. A file of which only the start was overwritten is given a new header: the rest of its first
+page lists the tables.
 
-What is saved is copied as it is, with its checksums. A reading that no longer agrees with its own stays as a failed
-attempt without its values, so that the data set names it as `rejected:damaged`; its planned reading, as every one whose
-reading is gone, is given up for that reason. Nothing is measured again by itself. What the damage may have unsaid is
-not believed: a reading whose successor is lost is left out, and a campaign that was going on is paused.
+Good rows are copied as they are, with their checksums. A reading that no longer agrees with its own stays as a failed
+attempt without its values, so that the data set has it as `rejected:damaged`. Its planned reading, as every one whose
+reading is lost, is abandoned for that reason. Nothing is measured again automatically. Facts that the damage may have
+revoked are not used: a reading whose successor is lost is left out, and a campaign that was running is paused.
 """
 
 from __future__ import annotations
@@ -43,10 +43,18 @@ _ROWS_A_PAGE = 50  # more than any of its rows leave room for
 
 @dataclass(frozen=True)
 class Salvage:
-    """The rows of every table that could be read; damaged: those of them that do not agree with their checksum.
+    """The rows of every table that could be read.
 
-    lost: how many rows could not be read, by table; None where nothing says. campaign: None where it cannot be
-    believed; without cell and plan a number means nothing.
+    Attributes
+    ----------
+    campaign
+        The campaign; None if it cannot be trusted. Without cell and plan a number has no meaning.
+    rows
+        The rows by table.
+    damaged
+        Those of them that do not agree with their checksum.
+    lost
+        Number of rows that could not be read, by table; None if it is not known.
     """
 
     campaign: Row | None
@@ -75,7 +83,7 @@ class Salvage:
 
     @property
     def measured(self) -> int:
-        """Number of readings of poses that there once were, as far as plan and attempts say."""
+        """Number of readings of poses that once existed, according to plan and attempts."""
         planned = {
             row["id"]
             for row in self.rows.get("pose", ())
@@ -90,9 +98,14 @@ class Salvage:
 
 
 def salvage(folder: Path) -> Salvage:
-    """Read what can be read of the record in a folder.
+    """Read the intact rows of the record in a folder.
 
-    Raises StorageError where not even its bytes can be, RecordError for a record of another version.
+    Raises
+    ------
+    StorageError
+        Not even the bytes of the file can be read.
+    RecordError
+        The record has another version.
     """
     path = folder / FILE
     journal = path.with_name(f"{FILE}-wal")
@@ -117,7 +130,7 @@ def salvage(folder: Path) -> Salvage:
 
 
 def _mend_header(copy: Path) -> None:
-    """The first 100 bytes as SQLite writes them, where they are not: the rest of the file may be whole.
+    """Write the first 100 bytes of a SQLite file if they are damaged; the rest may be intact.
 
     Source: "Database File Format", section 1.3, sqlite.org/fileformat.html.
     """
@@ -160,7 +173,10 @@ def _read(copy: Path, path: Path) -> Salvage:
 
 
 def _rows(db: sqlite3.Connection, table: str, most: int) -> tuple[list[Row], int | None]:
-    """The rows of a table that can be read, and how many cannot. `most`: more than it can have."""
+    """Return the readable rows of a table, and the number of the others.
+
+    `most` is more than the number of rows that the table can have.
+    """
     try:
         return [dict(row) for row in db.execute(f"SELECT * FROM {table} ORDER BY rowid")], 0
     except sqlite3.Error:
@@ -209,7 +225,10 @@ _NAMES = {
 
 @dataclass(frozen=True)
 class Rescue:
-    """The outcome of a rescue: how many readings were saved of how many, and what was lost, in sentences."""
+    """The result of a rescue.
+
+    `saved` of `measured` readings were saved; `lost` has a sentence on each loss.
+    """
 
     saved: int
     measured: int
@@ -217,10 +236,22 @@ class Rescue:
 
 
 def rescue(record: Path, out: Path) -> Rescue:
-    """Save what can be read into `out`: a new record in a new folder, or a data set where it ends in .csv.
+    """Save the readable part of a record in `out`.
 
-    Raises RecordInUse, RecordError (`out` holds something, or there is no record), DamagedRecord (its campaign is
-    lost), StorageError, OSError.
+    This is a new record in a new folder, or a data set if the name ends in .csv.
+
+    Raises
+    ------
+    RecordInUse
+        Another program runs the campaign.
+    RecordError
+        `out` is not empty, or there is no record.
+    DamagedRecord
+        The campaign itself is lost.
+    StorageError
+        The record cannot be read.
+    OSError
+        A file cannot be written.
     """
     if not record.is_dir():
         raise RecordError(f"{record}: there is no record")
@@ -323,7 +354,7 @@ def _given_up(pose: Row, campaign: Row) -> Row:
 
 
 def _insert(db: sqlite3.Connection, table: str, row: Row) -> bool:
-    """Whether the row is one that a record may have."""
+    """Insert a row, and return False if the constraints of a record forbid it."""
     names = [name for _, name, *_ in db.execute(f"PRAGMA table_info({table})") if name in row]
     try:
         db.execute(
@@ -360,7 +391,7 @@ def _losses(found: Salvage, copied: dict[str, int]) -> tuple[str, ...]:
 
 
 def _end(db: sqlite3.Connection, campaign: Row, lost: Sequence[str]) -> None:
-    """The state it had, but that nothing goes on by itself."""
+    """Set the state that the campaign had, or PAUSED if it was active."""
     known = {state.value for state in State} - {state.value for state in State if state.active}
     state = campaign["state"] if campaign["state"] in known else State.PAUSED.value
     reason = f"Rescued: {'; '.join(lost) or 'nothing was lost'}."

@@ -9,21 +9,22 @@
     chunk      append-only: less than a second of one stream of an attempt at a path
     device     the individual robots and instruments it was measured with; `reason`: why another one was accepted
 
-What was planned, asked, ordered, attempted and reported never changes and is never deleted: triggers refuse it, so
-that neither a fault of this program nor a careless hand rewrites a measurement. A reading that is not trusted any
-more stays, and its row of `pose` names the one that is measured in its place. An attempt of kind `arrive` is one
-approach; each `measure` of a pose names the arrival it relies on. A point has its coordinates, a pose its turn as
-well (`rot_*`: unit quaternion, instrument's frame), a distance its `length_mm` to `pose.base_target`.
-`checksum`: see `record.seal`; `campaign.unsealed_*` is 0 but in a record that an early program carried over from a
-version without checksums, which is refused.
+Plan, prompts, commands, attempts and events never change and are never deleted. Triggers refuse it, so that neither a
+fault of this program nor a careless user can rewrite a measurement. A reading that is no longer trusted stays, and its
+row of `pose` names the one that is measured in its place. An attempt of kind `arrive` is one approach; each `measure`
+of a pose names the arrival on which it relies. A point has its coordinates, a pose its orientation as well (`rot_*`:
+unit quaternion, instrument's frame), a distance its `length_mm` to `pose.base_target`. For `checksum` see
+`record.seal`. `campaign.unsealed_*` is 0, except in a record that an early program converted from a version without
+checksums; that is refused.
 
-`pose.waypoints`: where a path goes on to from the pose of its row, a JSON list of joints; NULL for a pose. A chunk
-holds `samples` samples from number `first` (from 0) of its stream on, as little-endian doubles: device clock (s),
-arrival (s of the campaign), how many were lost before this one, 1 where it is doubted, then joints (deg) of the robot
-or x, y, z (mm, own frame) of the instrument. `lost`: before any of them; `until_t_s`: device clock of the last. The
-last chunk of an attempt says where its stream ends, and the attempt whether that is the end of the path.
-`campaign.owner` is the program that may write; `station` counts the places where the instrument was. Angles deg,
-lengths mm, times s: `utc` since 1970, `t_s` since the start of the campaign. Joints are JSON lists.
+`pose.waypoints` has the further waypoints of a path as a JSON list of joints; NULL for a pose. A chunk holds `samples`
+samples from number `first` (from 0) of its stream on, as little-endian doubles. Their columns are the device clock (s),
+the arrival (s of the campaign), the number lost before this one, and 1 if it is doubted. Then follow the joints (deg)
+of the robot or x, y, z (mm, own frame) of the instrument. `lost` is the number lost before any of them, `until_t_s` the
+device clock of the last. The last chunk of an attempt marks the end of its stream, and the attempt states whether that
+is the end of the path. `campaign.owner` is the program that may write; `station` counts the places of the instrument.
+Angles are in deg, lengths in mm, times in s: `utc` since 1970, `t_s` since the start of the campaign. Joints are JSON
+lists.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""The checksum that a row of a record carries over everything else in it, so that damage on the disk is seen.
+"""The checksum of a row of a record, which reveals damage on the disk.
 
-SQLite finds a page that is no page any more; a number that was changed within one it gives out as it is. A sum covers
-names and values of all columns that are not empty, the table and the id of the campaign: a row of another record is
-refused as well. BLAKE2b, 8 bytes: it is against accidents, not against forgery.
+SQLite detects a damaged page structure, but returns a number that was changed within a page as it is. The checksum
+covers names and values of all columns that are not empty, the table and the id of the campaign: a row of another
+record is refused as well. BLAKE2b, 8 bytes: it protects against accidents, not against forgery.
 
-Sealed are the plan (`pose`), what was attempted once it is closed (`attempt`), the devices, and of the campaign what
-it was begun with and its world frame.
+Sealed are the plan (`pose`), each attempt once it is closed (`attempt`), the devices, and from the campaign its
+initial settings and its world frame.
 """
 
 from __future__ import annotations
@@ -52,7 +52,10 @@ class Disagreement:
 
 
 def checksum(campaign: str, table: str, row: Mapping[str, Any]) -> str:
-    """16 hexadecimal digits over a row of `table` in the record of the campaign with this id."""
+    """Compute the checksum, 16 hexadecimal digits, of a row of `table`.
+
+    `campaign` is the id of the campaign of the record.
+    """
     parts = [campaign, table]
     for name in sorted(row):
         value = row[name]
@@ -70,17 +73,17 @@ def checksum(campaign: str, table: str, row: Mapping[str, Any]) -> str:
 
 
 def checksum_of_campaign(row: Mapping[str, Any]) -> str:
-    """Checksum of the row `campaign`: the state of a campaign may change, what it was begun with may not."""
+    """Compute the checksum of the row `campaign` without its state, which may change."""
     return checksum(row["id"], "campaign", {name: row[name] for name in _OF_CAMPAIGN})
 
 
 def campaign_agrees(row: Mapping[str, Any]) -> bool:
-    """Whether a campaign agrees with its checksum."""
+    """Check that a campaign agrees with its checksum."""
     return row["checksum"] == checksum_of_campaign(row)
 
 
 def agrees(campaign: Mapping[str, Any], table: str, row: Mapping[str, Any]) -> bool:
-    """Whether a row agrees with its checksum; an attempt gets its own when it is closed."""
+    """Check that a row agrees with its checksum; an attempt gets its own when it is closed."""
     if table == "attempt" and row["status"] == "open":
         return True
     return row["checksum"] == checksum(campaign["id"], table, row)
@@ -93,7 +96,7 @@ class Seals:
         self._campaign = ""  # its id, once it is known
 
     def campaign(self, db: sqlite3.Connection) -> None:
-        """Seal the campaign anew: what it was begun with, or its world frame, is new."""
+        """Seal the campaign again after its initial settings or its world frame were written."""
         row = dict(db.execute("SELECT * FROM campaign").fetchone())
         db.execute("UPDATE campaign SET checksum = ?", (checksum_of_campaign(row),))
 
@@ -103,7 +106,10 @@ class Seals:
         db.execute(f"UPDATE {table} SET checksum = ? WHERE id = ?", (self._sum(db, table, values), number))
 
     def close(self, db: sqlite3.Connection, attempt: int, **values: Any) -> None:
-        """Write the outcome of an attempt, and the sum, in one statement: a closed attempt never changes again."""
+        """Write the outcome of an attempt and its checksum in one statement.
+
+        A closed attempt never changes again.
+        """
         row = dict(db.execute("SELECT * FROM attempt WHERE id = ?", (attempt,)).fetchone()) | values
         values["checksum"] = self._sum(db, "attempt", row)
         assignments = ", ".join(f"{name} = ?" for name in values)
@@ -116,7 +122,13 @@ class Seals:
 
 
 def disagreements(database: Database) -> Iterator[Disagreement]:
-    """Every row of a record that is not what it was. Raises StorageError where rows cannot even be read."""
+    """Find every row of a record that does not agree with its checksum.
+
+    Raises
+    ------
+    StorageError
+        Rows cannot even be read.
+    """
     campaign = dict(database.query("SELECT * FROM campaign")[0])
     if not campaign_agrees(campaign):
         yield Disagreement("campaign", 1)
@@ -135,7 +147,13 @@ def disagreements(database: Database) -> Iterator[Disagreement]:
 
 
 def check(database: Database) -> None:
-    """The file is whole and every row is what it was. Raises DamagedRecord naming the rows."""
+    """Verify the database file and the checksum of every row.
+
+    Raises
+    ------
+    DamagedRecord
+        The file is damaged, or a row does not match its checksum; the message names the first one.
+    """
     found = database.query("PRAGMA quick_check(1)")[0][0]
     if found != "ok":
         raise damaged(database.path, f"is damaged ({' '.join(found.split())})")

@@ -35,7 +35,10 @@ class State(Enum):
 
     @property
     def final(self) -> bool:
-        """Whether no state follows. `stopped` does not count: a person may resume it, the record is whole."""
+        """Whether no state follows.
+
+        `stopped` is not final: a person may resume the campaign, because its record is complete.
+        """
         return self in (State.SUCCEEDED, State.FAILED)
 
 
@@ -53,6 +56,12 @@ TRANSITIONS: Mapping[State, frozenset[State]] = {
 
 
 def check_transition(old: State, new: State) -> None:
-    """Check a change of state. Raises IllegalTransition unless the table allows it."""
+    """Check a change of state.
+
+    Raises
+    ------
+    IllegalTransition
+        The table does not allow it.
+    """
     if new not in TRANSITIONS[old]:
         raise IllegalTransition(f"a campaign that is {old.value} cannot become {new.value}")

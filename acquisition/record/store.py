@@ -40,10 +40,17 @@ _STATES = frozenset(state.value for state in State)
 
 
 class RecordStore:
-    """The one writer of a record. Thread-safe. `moment` gives the time of what is written; `changes`: how many it made.
+    """The only writer of a record. Thread-safe.
 
-    Every change makes sure that this program still is the record's owner: should the lock fail (a network disk, a
-    deleted lock file), the program that came first is refused from then on instead of mixing its readings in.
+    Every change makes sure that this program is still the record's owner. The lock can fail on a network disk, or if
+    its file was deleted. Then the program that came first is refused from then on instead of mixing its readings in.
+
+    Attributes
+    ----------
+    moment
+        Returns the time for new entries.
+    changes
+        Number of changes made.
     """
 
     def __init__(self, database: Database) -> None:
@@ -61,7 +68,17 @@ class RecordStore:
     def create(
         cls, folder: Path, name: str, cell: str, campaign: str, visits: Sequence[Visit], *, simulated: bool
     ) -> RecordStore:
-        """A new record, in state `ready`. Raises RecordError where there is one, RecordInUse, StorageError."""
+        """Create a new record, in state `ready`.
+
+        Raises
+        ------
+        RecordError
+            There is a record already.
+        RecordInUse
+            Another program runs it.
+        StorageError
+            The file cannot be written.
+        """
         store = cls(Database(folder, writer=True, new=True))
         with store.changing() as db:
             db.execute(
@@ -77,11 +94,22 @@ class RecordStore:
 
     @classmethod
     def open(cls, folder: Path, *, writer: bool = True) -> RecordStore:
-        """An existing record. A record that is to be written is checked first: every row agrees with its checksum.
+        """Open an existing record.
 
-        Looked through without the right to write: whoever may write brings a journal into the file when they close it,
-        also one that is of another record.
-        Raises RecordError, RecordInUse, StorageError, DamagedRecord.
+        If it will be written, every row is first compared with its checksum. This first pass does not open it for
+        writing, because a writing connection applies a journal to the file when it is closed, even the journal of
+        another record.
+
+        Raises
+        ------
+        RecordError
+            There is no record, or it has another version.
+        RecordInUse
+            Another program runs it.
+        StorageError
+            The file cannot be read or written.
+        DamagedRecord
+            The file or a row is damaged.
         """
         if writer:
             with cls.reading(folder):
@@ -173,7 +201,7 @@ class RecordStore:
         return [self._data_of(row["data"]) for row in rows]
 
     def _data_of(self, text: str) -> dict[str, Any]:
-        """The data of an event, which has no checksum of its own."""
+        """Return the data of an event, which has no separate checksum."""
         try:
             return json.loads(text)
         except ValueError as error:
@@ -185,7 +213,7 @@ class RecordStore:
         return self.database.query("SELECT coalesce(max(id), 0) FROM event")[0][0]
 
     def wait_beyond(self, version: int, seconds: float) -> int:
-        """The version, waiting up to so many seconds on the wall for one beyond `version`."""
+        """Wait up to `seconds` of real time for a version beyond `version`, and return the version."""
         with self._changed:
             self._changed.wait_for(lambda: self.version > version, seconds)
         return self.version
@@ -207,7 +235,13 @@ class RecordStore:
 
     @property
     def campaign(self) -> sqlite3.Row:
-        """The row of the campaign. Raises DamagedRecord where it is not what was begun."""
+        """The row of the campaign.
+
+        Raises
+        ------
+        DamagedRecord
+            The row does not agree with its checksum, or its state does not exist.
+        """
         row = self.database.query("SELECT * FROM campaign")[0]
         if not seal.campaign_agrees(dict(row)):
             raise damaged(self.database.path, "holds a cell or a campaign that is not what it was begun with")
@@ -220,14 +254,28 @@ class RecordStore:
         return State(self.campaign["state"])
 
     def change_state(self, db: sqlite3.Connection, new: State, reason: str) -> None:
-        """Change the state, within a change of the record. Raises IllegalTransition."""
+        """Change the state, within a change of the record.
+
+        Raises
+        ------
+        IllegalTransition
+            The table of states does not allow it.
+        """
         old = State(db.execute("SELECT state FROM campaign").fetchone()[0])
         check_transition(old, new)
         db.execute("UPDATE campaign SET state = ?, reason = ?", (new.value, reason))
         self.note(db, "state", state=new.value, code=new.code, reason=reason)
 
     def become(self, new: State, reason: str = "") -> None:
-        """Change the state. Raises IllegalTransition, StorageError."""
+        """Change the state.
+
+        Raises
+        ------
+        IllegalTransition
+            The table of states does not allow it.
+        StorageError
+            The record cannot be written.
+        """
         with self.changing() as db:
             self.change_state(db, new, reason)
 
@@ -238,7 +286,10 @@ class RecordStore:
             self.change_state(db, State.RUNNING, "")
 
     def recover(self) -> None:
-        """Recover after a crash: open attempts are marked, open prompts void, the campaign is paused."""
+        """Recover after a crash.
+
+        Open attempts are marked as died, open prompts become void, and an active campaign is paused.
+        """
         with self.changing() as db:
             for row in db.execute(
                 "SELECT id, kind, visit, pose FROM attempt WHERE status = 'open'"
@@ -251,7 +302,7 @@ class RecordStore:
                 self.change_state(db, State.PAUSED, LEFT_BEHIND)
 
     def command(self, verb: str, by: str, key: str | None = None) -> bool:
-        """Note what somebody asked for; False when this idempotency key was seen before."""
+        """Record a command of a person or client; False if its idempotency key was used before."""
         with self.changing() as db:
             if key is not None and db.execute("SELECT 1 FROM command WHERE key = ?", (key,)).fetchone():
                 return False
@@ -269,7 +320,10 @@ class RecordStore:
         return self._planned("TRUE ORDER BY visit, id", ())
 
     def left(self, status: str, *, nests: bool = False) -> list[PlannedReading]:
-        """The readings with this status in the first visit that has one, of nests or of all else; empty: none has."""
+        """Return the readings with this status in the first visit that has one.
+
+        The visit is one of nests, or one of all others. The list is empty if there is none.
+        """
         kind = _OF_NESTS if nests else COUNTED
         same_visit = (
             f"{kind} AND visit = (SELECT visit FROM pose WHERE {kind} AND status = ? AND replaced_by IS NULL "
@@ -289,7 +343,7 @@ class RecordStore:
         return {row[0]: row[1] for row in rows}
 
     def mark(self, pose: int, status: str, reason: str) -> None:
-        """A planned reading is put off (`deferred`) or given up (`skipped`)."""
+        """Record that a planned reading is postponed (`deferred`) or abandoned (`skipped`)."""
         with self.changing() as db:
             self.set_status(db, pose, status, reason)
             self.note(db, status, pose=pose, reason=reason)
@@ -300,7 +354,10 @@ class RecordStore:
         self.seals.row(db, "pose", pose)
 
     def measure_again(self, poses: Sequence[int], reason: str) -> None:
-        """Readings that are not trusted stay in the record, out of use; others are planned in their place."""
+        """Plan new readings in place of readings that are not trusted.
+
+        The old ones stay in the record, but are not used.
+        """
         if not poses:
             return
         with self.changing() as db:
@@ -308,9 +365,9 @@ class RecordStore:
             self.note(db, "measure_again", poses=list(poses), replaced_by=again, reason=reason)
 
     def replan(self, planned: Sequence[PlannedReading], visit: Visit) -> None:
-        """Readings of one visit that are not to be had there are planned in another, which has the same of them.
+        """Plan readings of one visit in another visit, because the first cannot provide them.
 
-        The other may bear the number of the one, if nothing was attempted there.
+        The new visit has the same readings. It may have the number of the old one if nothing was attempted there.
         """
         wanted = [(each.target, each.base_target) for each in planned]
         visit = replace(
@@ -356,12 +413,18 @@ class RecordStore:
 
     @cached_property
     def driven_by_hand(self) -> bool:
-        """Whether a person drives the robot: the joints that they said it shows are those that were commanded."""
+        """Whether a person drives the robot; the joints that they report then count as commanded."""
         return self.cell.robot.declared.by_hand
 
     @cached_property
     def cell(self) -> Cell:
-        """The cell that the campaign was begun with. Raises ConfigError."""
+        """The cell with which the campaign was begun.
+
+        Raises
+        ------
+        ConfigError
+            The stored text cannot be used.
+        """
         return cell_of_record(self.campaign["cell"], str(self.database.path))
 
     @property
@@ -377,7 +440,7 @@ class RecordStore:
         return None if nests is None else {name: tuple(point) for name, point in nests.items()}
 
     def set_world(self, world: WorldFrame, nests_mm: Mapping[str, Point], *, new_station: bool) -> None:
-        """Readings from now on are turned into the world by it. `new_station`: the instrument has moved."""
+        """Set the world frame of all later readings; `new_station` if the instrument has moved."""
         table = json.loads(world.as_json()) | {"nests_mm": nests_mm}
         with self.changing() as db:
             db.execute(
@@ -396,7 +459,7 @@ class RecordStore:
         return {row[0]: (row[1], row[2], row[3]) for row in rows}
 
     def measure_nests_again(self, reason: str) -> None:
-        """Measure every nest once more that was measured."""
+        """Plan every nest that was measured again."""
         nests = self._planned(f"{_OF_NESTS} AND status = 'measured' ORDER BY id", ())
         self.measure_again([each.id for each in nests], reason)
 
@@ -413,7 +476,10 @@ class PlannedReading:
 
 
 def planned_of(rows: Iterable[sqlite3.Row]) -> list[PlannedReading]:
-    """The planned readings of rows of `pose`; those of one visit follow one another and share it."""
+    """Return the planned readings of rows of `pose`.
+
+    The rows of one visit follow one another; their readings share it.
+    """
     out: list[PlannedReading] = []
     for _, group in groupby(rows, key=lambda row: row["visit"]):
         readings = list(group)
@@ -449,7 +515,10 @@ class Event:
 
 @dataclass(frozen=True)
 class EventTime:
-    """Now: on the calendar (s since 1970) and in the campaign (s; None before its start)."""
+    """The current time.
+
+    `utc` is the calendar time, s since 1970; `t_s` is the campaign time, s, None before its start.
+    """
 
     utc: float
     t_s: float | None = None

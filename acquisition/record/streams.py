@@ -1,7 +1,7 @@
-"""The streams of a record: what robot and instrument sent while the robot drove along a path, in sealed chunks.
+"""The streams of a record: samples of robot and instrument along a path, in sealed chunks.
 
-Each chunk is one durable transaction: a crash loses what came after the last of them, less than a second, and the
-record says where each stream ends. `export_streams` writes the two files that `truepose align` reads.
+Each chunk is one durable transaction: a crash loses the samples after the last of them, less than a second, and the
+record marks the end of each stream. `export_streams` writes the two files that `truepose align` reads.
 """
 
 from __future__ import annotations
@@ -34,7 +34,10 @@ WHERE pose.waypoints IS NOT NULL AND pose.replaced_by IS NULL ORDER BY pose.id
 
 @dataclass(frozen=True, slots=True)
 class Arrived:
-    """A sample as it is kept. device_t_s: its device's clock; arrived_t_s: campaign time, s; lost: samples before."""
+    """A sample of a stream in its stored form.
+
+    `device_t_s` is its device's clock, `arrived_t_s` the campaign time, s; `lost` samples are missing before it.
+    """
 
     device_t_s: float
     arrived_t_s: float
@@ -45,7 +48,11 @@ class Arrived:
 
 @dataclass(frozen=True)
 class RecordedStream:
-    """A stream of m samples: device_t_s, arrived_t_s (m,) s, lost, doubted (m,), values (m, k) deg or mm."""
+    """A stream of m samples.
+
+    `device_t_s` and `arrived_t_s` are in s; `lost` and `doubted` are those of each sample, all (m,). `values` (m, k)
+    are in deg or mm.
+    """
 
     device_t_s: NDArray[np.float64]
     arrived_t_s: NDArray[np.float64]
@@ -56,7 +63,10 @@ class RecordedStream:
 
 @dataclass(frozen=True)
 class ExportedPath:
-    """The two files of one path. complete: the robot reached its last waypoint; target: the one that was followed."""
+    """The two files of one path.
+
+    `complete` states whether the robot reached its last waypoint; `target` is the target that was followed.
+    """
 
     name: str
     target: str
@@ -68,9 +78,14 @@ class ExportedPath:
 
 
 def append(store: RecordStore, attempt: int, parts: Sequence[tuple[str, int, Sequence[Arrived]]]) -> None:
-    """Chunks of an attempt, all in one transaction; each is (role, number of its first sample, samples).
+    """Write chunks of an attempt, all in one transaction that is durable when this returns.
 
-    Durable when this returns. Raises StorageError.
+    Each part is (role, number of its first sample, samples).
+
+    Raises
+    ------
+    StorageError
+        The record cannot be written.
     """
     with store.changing() as db:
         for role, first, samples in parts:
@@ -88,7 +103,13 @@ def append(store: RecordStore, attempt: int, parts: Sequence[tuple[str, int, Seq
 
 
 def read_stream(store: RecordStore, attempt: int, role: str) -> RecordedStream:
-    """The stream of one role in an attempt, as far as it goes. Raises RecordError where there is nothing."""
+    """Return the stream of one role in an attempt, up to its last sample.
+
+    Raises
+    ------
+    RecordError
+        There are no samples.
+    """
     rows = store.database.query(
         "SELECT samples, data FROM chunk WHERE attempt = ? AND role = ? ORDER BY first", (attempt, role)
     )
@@ -103,11 +124,21 @@ def read_stream(store: RecordStore, attempt: int, role: str) -> RecordedStream:
 def export_streams(
     record_dir: Path, out: Path, permit: Callable[[Sequence[Path]], object] = lambda files: None
 ) -> tuple[Cell, list[ExportedPath]]:
-    """Write OUT_robot.csv, OUT_tracker.csv and its noise, OUT_tracker.toml, of the path of a record.
+    """Write the streams of the paths of a record.
 
-    Numbered where it has several. Of a path that was never completed the last attempt, as far as it goes. A sample of
-    the robot that is doubted is left out and leaves a gap, one of the tracker has its status. permit: called with all
-    files before any is written. Raises RecordError, StorageError, OSError, and what `permit` raises.
+    The files are OUT_robot.csv, OUT_tracker.csv and its noise, OUT_tracker.toml; they are numbered if the record has
+    several paths. For a path that was never completed, the last attempt is exported up to its last sample. A doubted
+    sample of the robot is left out and leaves a gap; one of the tracker has its status. `permit` is called with all
+    files before any is written, and may raise.
+
+    Raises
+    ------
+    RecordError
+        The record has no streams.
+    StorageError
+        The record cannot be read.
+    OSError
+        A file cannot be written.
     """
     with RecordStore.reading(record_dir) as store:
         cell = cell_of_record(store.campaign["cell"], str(store.database.path))

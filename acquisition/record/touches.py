@@ -1,10 +1,10 @@
-"""Cups of the base at the places where the robot touched them: three taught points, and three distances by the ballbar.
+"""Cups of the base at the places where the robot touched them, with three measured sides.
 
-A person jogs a ball of the tool into every cup; the nominal robot says where the ball then is. Those points carry the
-errors of the robot, the shape of their triangle is known to a micrometre: the triangle of the measured sides is laid
-over them (`calib.arm.with_sides`). The cups are then where the robot believes them to be, as are its poses, so that it
-meets the stances of the legs nearer than by any other knowledge of them. Source: Nubiola, thesis, section 4.2, (4.10)
-to (4.12). Lengths mm.
+A person jogs a ball of the tool into every cup; the nominal robot gives the position of the ball. These points have the
+errors of the robot, while the ballbar determines the shape of their triangle to a micrometre. The triangle of the
+measured sides is therefore fitted to the points (`calib.arm.with_sides`). The cups are then where the robot believes
+them to be. The same errors are in its poses, so that it reaches the stances of the legs more closely than with any
+other knowledge of the cups. Source: Nubiola, thesis, section 4.2, (4.10) to (4.12). Lengths in mm.
 """
 
 from __future__ import annotations
@@ -33,9 +33,16 @@ Pair = tuple[str, str]
 
 @dataclass(frozen=True)
 class Taught:
-    """The cups as touched, by name. sides_mm: of the first three, as far as the bar measured them.
+    """The cups as touched, by name.
 
-    readings: numbers of the attempts that it comes from; poses, side_poses: planned readings of each touch and side.
+    Attributes
+    ----------
+    sides_mm
+        Sides of the triangle of the first three, if the bar measured them.
+    readings
+        Numbers of the attempts from which it was created.
+    poses, side_poses
+        Planned readings of each touch and of each side.
     """
 
     touched_mm: Mapping[str, Vector]
@@ -51,7 +58,7 @@ class Taught:
 
     @property
     def sides(self) -> tuple[float, float, float] | None:
-        """The sides d12, d23, d31 of the triangle, mm; None where one of them was not measured."""
+        """The sides d12, d23, d31 of the triangle, mm; None if one of them was not measured."""
         one, two, three = self.corners
         of = self.sides_mm.get
         d12, d23, d31 = of((one, two)), of((two, three)), of((one, three))
@@ -59,7 +66,15 @@ class Taught:
 
     @cached_property
     def nests_mm(self) -> dict[str, Vector]:
-        """Places of the cups. Raises DataError for sides that make no triangle, ValueError for touches in a line."""
+        """Places of the cups, mm.
+
+        Raises
+        ------
+        DataError
+            The sides make no triangle.
+        ValueError
+            The touched points lie on a line.
+        """
         if self.sides is None:
             return dict(self.touched_mm)
         found = with_sides(self._touched, self.sides)
@@ -67,9 +82,9 @@ class Taught:
 
     @property
     def frame(self) -> WorldFrame | None:
-        """The robot in the frame of the cups: origin in the first, x to the second, z normal; None without sides.
+        """The robot in the frame of the cups, or None without sides.
 
-        Raises as `nests_mm`.
+        The origin is in the first cup, x points to the second, z is normal. Errors are those of `nests_mm`.
         """
         return None if self.sides is None else of_base_points(self._touched, self.sides)
 
@@ -85,7 +100,10 @@ class Taught:
 
     @property
     def accused(self) -> tuple[str, ...]:
-        """The cups that were touched elsewhere: the one that all disagreements share, else all that take part."""
+        """The cups that were probably touched in the wrong place.
+
+        It is the one cup that all disagreements share; if there is none, all that take part.
+        """
         pairs = list(self.disagreements)
         if not pairs:
             return ()
@@ -98,22 +116,33 @@ class Taught:
 
 
 def is_touch(cell: Cell, planned: PlannedReading) -> bool:
-    """Whether a planned reading is a ball of the tool in a cup of the base, to which a person jogs the arm."""
+    """Check whether a person must jog a ball of the tool into a cup for this planned reading."""
     visit = planned.visit
     return visit.kind == "nest" and planned.target in cell.tool.targets and planned.base_target in cell.nests
 
 
 def block_of_touches(store: RecordStore, cell: Cell) -> list[PlannedReading]:
-    """The planned readings of the first block with touches: touches and sides. Raises StorageError."""
+    """Return the planned touches and sides of the first block with touches.
+
+    Raises
+    ------
+    StorageError
+        The record cannot be read.
+    """
     plan = [planned for planned in store.plan() if planned.visit.kind == "nest"]
     first = min((each.visit.block for each in plan if is_touch(cell, each)), default=None)
     return [each for each in plan if each.visit.block == first]
 
 
 def taught_of(store: RecordStore, cell: Cell) -> Taught | None:
-    """The cups as they were touched last, with the sides measured in the same block; None before all are.
+    """Return the cups as touched last, or None before the first three are touched.
 
-    Raises StorageError.
+    The sides are those measured in the same block.
+
+    Raises
+    ------
+    StorageError
+        The record cannot be read.
     """
     of_block = {planned.id for planned in block_of_touches(store, cell)}
     rows = {row.base_target: row for row in touches_of(store) if row.counts and row.pose in of_block}

@@ -1,11 +1,11 @@
-"""The landings of the robot: the readings of a second campaign in the world frame of the first.
+"""The landings of the robot: readings of a second campaign in the world frame of the first.
 
-The instrument has not been moved between the two, so its readings stay in the world frame of campaign 1, whose
-noise the identified base already holds; a frame from the nests measured again would add its own noise, some 0.05 mm
-at the tool. What the instrument itself does (drift, scale) is taken out with the model, on the clock of campaign 1.
-Only where the nests show that the instrument did move are its readings tied to the nests measured again.
+The instrument has not been moved between the two, so its readings stay in the world frame of campaign 1. The identified
+base already contains the noise of that frame; a frame from the nests measured again would add its own, about 0.05 mm
+at the tool. Effects of the instrument (drift, scale) are removed with the model, on the clock of campaign 1. Only if
+the nests show that the instrument did move, its readings are tied to the nests measured again.
 
-floor: the RMS distance that a perfect correction would show, from the declared noise of the instrument and the
+The floor is the RMS distance that a perfect correction would show, from the declared noise of the instrument and the
 robot's repeatability, sqrt(mean trace(C_tracker + J C_joints J')).
 """
 
@@ -39,10 +39,22 @@ _MOST_CHANGE_K = 1.0  # the air of a hall does not change faster; a line through
 
 @dataclass(frozen=True)
 class Landings:
-    """Readings of driven targets: points (n, 3) mm in the instrument's frame, and how the robot was driven there.
+    """Readings of driven targets.
 
-    driven_deg (n, N): joints as commanded; joints, previous (n, N): model angles of these and of their approach points,
-    rad; time (n,) s on the record's own clock; own, nests: its world frame and nests, as the instrument saw them.
+    Attributes
+    ----------
+    driven_deg
+        Joints as commanded, shape (n, N).
+    joints, previous
+        Model angles of these and of their approach points, shape (n, N), rad.
+    points
+        Points in the instrument's frame, shape (n, 3), mm.
+    time
+        Times on the record's own clock, shape (n,), s.
+    own, nests
+        World frame of the record and its nests in the instrument's frame.
+    devices
+        Robot and instrument by role.
     """
 
     driven_deg: Array
@@ -59,7 +71,10 @@ class Landings:
 
 @dataclass(frozen=True)
 class Verification:
-    """The verification of corrected targets, by the distances to the wanted points, mm, of all targets of all poses."""
+    """The verification of corrected targets.
+
+    The statistics are those of the distances to the required points, mm, over all targets of all poses.
+    """
 
     uncorrected: ErrorStatistics | None  # the same poses, driven as the nominal robot would
     verified: ErrorStatistics
@@ -77,7 +92,13 @@ class Verification:
 
 
 def read_landings(record: Path) -> Landings:
-    """The readings of poses of a record. Raises RecordError."""
+    """Return the readings of poses of a record.
+
+    Raises
+    ------
+    RecordError
+        The record has no reading of a pose yet.
+    """
     with RecordStore.reading(record) as store:
         rows = [row for row in readings_of(store) if row.counts]
         world, nests = store.world, store.nests_mm()
@@ -101,7 +122,13 @@ def read_landings(record: Path) -> Landings:
 
 
 def first_reading_s(record: Path) -> float:
-    """Time to the middle of the first pose's readings, s, from the first nest on. Raises RecordError."""
+    """Return the time from the first nest to the middle of the first pose's readings, s.
+
+    Raises
+    ------
+    RecordError
+        There is no record.
+    """
     with RecordStore.reading(record) as store:
         begin = store.database.query("SELECT min(began_t_s) FROM attempt")[0][0]
         first = store.database.query(
@@ -112,9 +139,15 @@ def first_reading_s(record: Path) -> float:
 
 
 def expected_temperature(record: Path, at_s: float, window_s: float) -> float:
-    """Air temperature, degC, to be expected at `at_s` on the record's clock; NaN where none was recorded.
+    """Predict the air temperature, degC, at `at_s` on the record's clock.
 
-    A line through the readings of the last `window_s`; the last reading where there are too few. Raises RecordError.
+    It is NaN if none was recorded. The prediction is a line through the readings of the last `window_s`, or the last
+    reading if there are too few.
+
+    Raises
+    ------
+    RecordError
+        There is no record.
     """
     with RecordStore.reading(record) as store:
         rows = store.database.query(
@@ -133,7 +166,13 @@ def expected_temperature(record: Path, at_s: float, window_s: float) -> float:
 
 
 def world_of(record: Path) -> WorldFrame:
-    """The world frame of a record. Raises RecordError, also for a record that has none yet."""
+    """Return the world frame of a record.
+
+    Raises
+    ------
+    RecordError
+        There is no record, or it has no world frame yet.
+    """
     store = RecordStore.open(record, writer=False)
     try:
         world = store.world
@@ -145,7 +184,10 @@ def world_of(record: Path) -> WorldFrame:
 
 
 def nests_off(landings: Landings, world: WorldFrame, nests_mm: Mapping[str, Sequence[float]]) -> float:
-    """Largest distance, mm, between a nest measured again, in the frame `world`, and where that frame has it."""
+    """Return the largest distance, mm, of a nest measured again from its place.
+
+    The nests are compared in the frame `world`.
+    """
     return max(
         float(np.linalg.norm(world.to_world(point) - np.asarray(nests_mm[name], dtype=np.float64)))
         for name, point in landings.nests.items()
@@ -158,10 +200,10 @@ def frame_holds(
     nests_mm: Mapping[str, Sequence[float]],
     devices: Mapping[str, Individual],
 ) -> bool:
-    """Whether the frame `world`, found with `devices`, holds for later landings; where it does not, their own does.
+    """Check whether the frame `world`, found with `devices`, is valid for later landings.
 
-    It does not where the nests show that somebody moved the instrument, or it is another one. A drift is allowed, which
-    the model takes out; within one record it is not (`cell.station`).
+    It is not if the nests show that a person moved the instrument, or if it is another one; then the later frame must
+    be used. A drift is allowed, because the model removes it; within one record it is not (`cell.station`).
     """
     mine, other = landings.devices.get("instrument"), devices.get("instrument")
     another = mine is not None and other is not None and mine.is_other_than(other)
@@ -177,9 +219,10 @@ def landed_points(
     *,
     holds: bool,
 ) -> Array:
-    """(n, 3) mm: where the targets are in the world, the instrument's own effects taken out.
+    """Compute the positions (n, 3), mm, of the targets in the world.
 
-    world: frame of campaign 1; later_s: how much later the record's clock began; holds: from `frame_holds`.
+    Effects of the instrument are removed. `world` is the frame of campaign 1, the record's clock began `later_s`
+    seconds after the first, and `holds` is the result of `frame_holds`.
     """
     if not holds:
         return landings.own.to_world(landings.points)
@@ -204,7 +247,10 @@ def conditions_of(landings: Landings, model: ModelStructure, later_s: float) -> 
 
 
 def floor_of(dataset: Dataset, found: IdentificationFit, conditions: Conditions) -> float:
-    """RMS distance, mm, that a perfect correction would show under these conditions (3D, all readings)."""
+    """Compute the RMS distance, mm, that a perfect correction would show under these conditions.
+
+    It is the 3D distance over all readings.
+    """
     noise = dataset.header.noise
     robot = found.model.robot
     frames = BoundModel(found.model, conditions).frames(found.estimate, robot.joint_slots)
@@ -216,7 +262,10 @@ def floor_of(dataset: Dataset, found: IdentificationFit, conditions: Conditions)
 
 @dataclass(frozen=True)
 class JudgedLandings:
-    """Distances (n,) mm to the wanted points of some landings, and whether each was driven corrected."""
+    """Distances (n,), mm, of landings from the required points.
+
+    `corrected` states whether each was driven corrected.
+    """
 
     distances: Array
     corrected: NDArray[np.bool_]
@@ -234,10 +283,10 @@ def judge(
     later_s: float,
     devices: Mapping[str, Individual],
 ) -> JudgedLandings:
-    """Compare landings with where the nominal robot would have put the targets.
+    """Compare landings with the positions of the targets on the nominal robot.
 
-    wanted: driven joints -> wanted joints, deg, both as commanded; joints that are not in it were driven as wanted.
-    devices: those of campaign 1, of which `world` is the frame.
+    `wanted` maps driven joints to target joints, deg, both as commanded; joints without an entry were driven
+    uncorrected. `devices` are those of campaign 1, whose frame is `world`.
     """
     holds = frame_holds(landings, world, cell.nests, devices)
     points = landed_points(landings, world, found.model, found.estimate, later_s, holds=holds)
@@ -253,7 +302,10 @@ def judge(
 
 
 def nominal_points(cell: Cell, joints_deg: Array, names: Sequence[str]) -> Array:
-    """(n, 3) mm: where the nominal robot of a cell puts target `names[i]` at joints (n, N) deg, row i."""
+    """Compute where the nominal robot of a cell puts target `names[i]` at row i of the joints.
+
+    The joints (n, N) are in deg, the result (n, 3) in mm.
+    """
     at = targets_at(cell, joints_deg)
     known = list(cell.tool.targets)
     return at[np.arange(len(at)), [known.index(name) for name in names]]
@@ -266,7 +318,13 @@ def verification_of(
     approach: str,
     accepted: Sequence[str] = (),
 ) -> Verification:
-    """All batches together. Raises ValueError when nothing was driven corrected."""
+    """Combine all batches.
+
+    Raises
+    ------
+    ValueError
+        No corrected target was measured.
+    """
     distances = np.concatenate([j.distances for j in judged])
     corrected = np.concatenate([j.corrected for j in judged])
     floors = np.concatenate([j.floor_mm for j in judged])
