@@ -60,7 +60,7 @@ class Reading:
     world
         The point in the frame of the nests, mm.
     turn
-        The orientation in that frame, a quaternion, scalar first.
+        The orientation in the frame of the nests, a quaternion, scalar first.
     robot, instrument
         Numbers of the devices in the record.
     counts

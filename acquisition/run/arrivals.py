@@ -1,7 +1,7 @@
-"""Arrivals: the robot goes into the pose of a visit and settles, and is looked for there before a reading.
+"""Arrivals: the robot goes to the pose of a visit, settles, and is checked there.
 
-What its controller reads back is held against the pose that the record will say. A robot that is driven by hand
-stands where it stands, and the record says that.
+The read-back of its controller is compared with the pose that the record will have. A robot that is driven by hand is
+not compared: the record has the joints at which it is.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ DISPLACED_DEG = 0.02  # above what servos hold and the coarsest controller reads
 
 @dataclass(frozen=True)
 class Arrival:
-    """The robot is in the pose of a visit; the attempt that brought it there, and the joints read back, deg."""
+    """The arrival of the robot in the pose of a visit.
+
+    It has the attempt that brought the robot there, and the joints read back, deg.
+    """
 
     visit: int
     attempt: int
@@ -34,9 +37,10 @@ class Arrival:
 
 
 class Arrivals:
-    """The arrivals of one execution. `transit`: the paths between poses; a cup that is touched moves what they avoid.
+    """The arrivals of one execution.
 
-    by_hand: a person drives the robot.
+    `transit` has the paths between poses; it is replaced when a touched cup moves an obstacle. `by_hand` states whether
+    a person drives the robot.
     """
 
     def __init__(
@@ -58,10 +62,17 @@ class Arrivals:
         self.transit = transit
 
     def go(self, planned: PlannedReading) -> tuple[Arrival, int | None]:
-        """Go to the pose over its approach point and settle: the arrival, and the attempt at the reading.
+        """Go to the pose over its approach point and settle.
 
-        The attempt is None where a person has to put the ballbar on before. Raises what moving raises, NoClearWay,
-        NotReached.
+        Returns the arrival and the attempt at the reading. The attempt is None if a person first has to put the ballbar
+        on. All errors of a move are passed on.
+
+        Raises
+        ------
+        NoClearWay
+            No path to the approach point is clear.
+        NotReached
+            The robot is not in the pose.
         """
         visit = planned.visit
         path = self.transit.path(self._rig.joints_at_rest_deg(), visit.approach_deg)
@@ -85,9 +96,14 @@ class Arrivals:
             return Arrival(visit.number, arrival, reached.joints_deg), attempt
 
     def check_not_displaced(self, arrival: Arrival) -> None:
-        """Check that the robot still stands where it arrived: a brake may slip, a person may jog it. Raises Displaced.
+        """Check that the robot is still where it arrived: a brake may slip, a person may jog it.
 
         The joint angles of a robot driven by hand are those that the person reports.
+
+        Raises
+        ------
+        Displaced
+            A joint has turned since the arrival.
         """
         if self._by_hand:
             return
@@ -96,14 +112,23 @@ class Arrivals:
             raise Displaced(f"a joint was turned by {off:.3f} deg since the robot arrived", device="robot")
 
     def stands(self, planned: PlannedReading, arrival: Arrival | None) -> tuple[float, ...]:
-        """The joints, deg, at which a target is expected: as planned; of a robot driven by hand, as its person says."""
+        """Return the joints, deg, at which a target is expected.
+
+        They are those of the plan, or for a robot driven by hand those that its person reports.
+        """
         return arrival.read_deg if self._by_hand and arrival is not None else planned.visit.joints_deg
 
     def _refuse_elsewhere(self, visit: Visit, reached: JointReading) -> None:
-        """Refuse to file a reading under angles that the robot does not read back, whatever its driver believes.
+        """Refuse an arrival at joints that differ from those of the visit.
 
-        Raises NotReached. The drivers hold a move to less (decision 0016); here it is what the record will say. Of a
-        robot that is driven by hand the record says where it stood.
+        The drivers apply tighter limits to a move (decision 0016); this check protects the record, independently of the
+        driver. It is skipped for a robot that is driven by hand, because then the record has the joints at which it
+        was.
+
+        Raises
+        ------
+        NotReached
+            A joint is read back too far from its target.
         """
         if self._by_hand:
             return

@@ -1,7 +1,7 @@
-"""The one clock of a campaign: seconds of the campaign, which on a simulated cell run faster than the wall's.
+"""The clock of a campaign, which runs faster than real time on a simulated cell.
 
-Injected everywhere, so that a settle time costs nothing in a test and a drift has its right size in a
-rehearsal. Seconds.
+It is injected everywhere, so that a settle time costs nothing in a test and a drift has its right size in a rehearsal.
+Times in s.
 """
 
 from __future__ import annotations
@@ -12,7 +12,10 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """Campaign time. `now` never goes back; `utc` is the calendar, which may jump and is only noted down."""
+    """Campaign time.
+
+    `now` never goes back; `utc` is the calendar, which may jump and is only recorded.
+    """
 
     @property
     def time_scale(self) -> float: ...
@@ -30,7 +33,7 @@ class ScaledClock:
 
     @property
     def time_scale(self) -> float:
-        """Campaign seconds a second on the wall."""
+        """Campaign seconds per real second."""
         return self._time_scale
 
     def now(self) -> float:
@@ -42,5 +45,5 @@ class ScaledClock:
         return time.time()
 
     def wait(self, seconds: float, wake: threading.Event) -> bool:
-        """Wait so many campaign seconds; True when `wake` was set before they passed."""
+        """Wait for `seconds` of campaign time; True if `wake` was set before they passed."""
         return wake.wait(max(0.0, seconds) / self._time_scale)

@@ -1,6 +1,7 @@
-"""The duration of a run, reckoned from the plan in its record: at once, or in another process while it begins.
+"""The duration of a run, calculated from the plan in its record.
 
-Reading a plan of 5,000 poses takes 0.3 s of the interpreter, which a service shares with the thread that stops a robot.
+The calculation is made at once, or in another process while the run begins. To read a plan of 5,000 poses takes 0.3 s
+of the interpreter, which a service shares with the thread that stops a robot.
 """
 
 from __future__ import annotations
@@ -19,9 +20,14 @@ Foresee = Callable[[Path], Future[Forecast]]
 
 
 def forecast_of(record_dir: Path) -> Forecast:
-    """The forecast of the whole plan of a record, which another program may be writing.
+    """Forecast the whole plan of a record, which another program may be writing.
 
-    Raises RecordError, StorageError.
+    Raises
+    ------
+    RecordError
+        There is no record.
+    StorageError
+        The record cannot be read.
     """
     store = RecordStore.open(record_dir, writer=False)
     try:

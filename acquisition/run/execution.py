@@ -1,4 +1,4 @@
-"""The execution of a run: what it has only while devices are in use."""
+"""The execution of a run: the objects that exist only while devices are in use."""
 
 from __future__ import annotations
 

@@ -21,12 +21,13 @@ CLOSED = "The terminal was closed."
 
 @contextmanager
 def pausing_on_interrupt(run: Run, tell: Callable[[str], None] = lambda _: None) -> Iterator[None]:
-    """While the block runs, in the main thread, SIGINT, SIGTERM and SIGHUP are orders to the run.
+    """Treat SIGINT, SIGTERM and SIGHUP as orders to the run while the block runs.
 
-    tell: takes, from another thread, the sentence of what a stop did not reach: the robot may go on for long.
+    The block must run in the main thread. `tell` is called from another thread with a sentence on each device that a
+    stop did not reach, because the robot may go on for long.
 
     A handler runs only when the main thread runs again, and that may just have begun to wait for a person, or for an
-    hour of warming up. So a thread listens: to the byte that the interpreter itself writes at every signal.
+    hour of warming up. A thread therefore listens to the byte that the interpreter itself writes at every signal.
     """
     ear, bell = socket.socketpair()
     bell.setblocking(False)

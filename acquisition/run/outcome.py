@@ -12,7 +12,10 @@ from drivers.errors import AcquisitionError
 
 @dataclass(frozen=True)
 class ExecutionOutcome:
-    """The outcome of an execution. `error` None: done, or as somebody asked."""
+    """The result of an execution.
+
+    `error` is None if the run finished, or ended on request.
+    """
 
     state: State
     reason: str
@@ -20,14 +23,17 @@ class ExecutionOutcome:
 
     @property
     def exit_code(self) -> int:
-        """The exit code of the command line: 0 done, the error's own, 130 paused or stopped by a person, 1 failed."""
+        """Exit code of the command line.
+
+        It is 0 if done, that of the error, 130 if paused or stopped by a person, 1 if failed.
+        """
         if self.error is not None:
             return self.error.exit_code
         return {State.SUCCEEDED: 0, State.PAUSED: 130, State.STOPPED: 130}.get(self.state, 1)
 
 
 def verdict_of(store: RecordStore) -> tuple[State, str]:
-    """The state in which a campaign ends of which nothing is left, and the reason that is shown with it."""
+    """Return the final state of a campaign without open readings, and the reason to show."""
     counts = store.counts()
     if not counts.get("measured"):
         return State.FAILED, "Not one pose could be measured."
@@ -43,7 +49,10 @@ def verdict_of(store: RecordStore) -> tuple[State, str]:
 
 
 def not_resumed(state: State, message: str, command: str) -> NotResumed:
-    """The refusal of `command` in this state; `message` where the state has no words of its own for it."""
+    """Return the error for `command` in this state.
+
+    `message` is used if the state has no special text for it.
+    """
     if state is State.SUCCEEDED:
         return NotResumed(
             "the campaign is finished; nothing to resume",

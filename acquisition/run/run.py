@@ -1,4 +1,4 @@
-"""One run of a campaign: the interface on which command line, HTTP service and closed loop are built.
+"""One run of a campaign: the interface for command line, HTTP service and closed loop.
 
     run = Run.create(folder, cell, campaign)          # or Run.open(folder): comes back paused after a crash
     outcome = run.execute(open_devices(cell), on_event=show)
@@ -50,7 +50,15 @@ LEAST_FREE_BYTES = 50_000_000
 
 
 def checked_plan(cell: Cell, campaign: Campaign) -> list[Visit]:
-    """Rehearse what a campaign would do in this cell, without a record: a dry run. Raises ConfigError, UnsafePlan."""
+    """Plan and check a campaign in this cell without a record: a dry run.
+
+    Raises
+    ------
+    ConfigError
+        The campaign does not fit the cell.
+    UnsafePlan
+        A pose or move is not clear.
+    """
     visits = make_plan(cell, campaign)
     check_plan(cell, visits)
     return visits
@@ -83,10 +91,21 @@ class Run:
         name: str = "",
         visits: Sequence[Visit] | None = None,
     ) -> Run:
-        """Plan, check everything, and make the record. Nothing moves, no device is touched.
+        """Plan, check everything, and create the record. Nothing moves, no device is touched.
 
-        visits: what `checked_plan` gave for this cell and campaign, where it was made before; None: make it now.
-        Raises ConfigError, UnsafePlan, RecordError, RecordInUse, StorageError.
+        Parameters
+        ----------
+        visits
+            Result of an earlier `checked_plan` for this cell and campaign. Default: plan now.
+
+        Raises
+        ------
+        ConfigError, UnsafePlan
+            The campaign does not fit the cell, or may not be driven.
+        RecordError, RecordInUse
+            There is a record already, or another program runs it.
+        StorageError
+            The record cannot be written.
         """
         store = RecordStore.create(
             record_dir,
@@ -103,9 +122,14 @@ class Run:
 
     @classmethod
     def open(cls, record_dir: Path) -> Run:
-        """An existing record; one that was running when its program ended is paused now.
+        """Open an existing record; a run that was active when its program ended is now paused.
 
-        Raises RecordError, RecordInUse, StorageError.
+        Raises
+        ------
+        RecordError, RecordInUse
+            There is no record, or another program runs it.
+        StorageError
+            The record cannot be read.
         """
         store = RecordStore.open(record_dir)
         try:
@@ -118,11 +142,14 @@ class Run:
             raise
 
     def expect(self, individuals: Sequence[Individual]) -> None:
-        """The robot and the instrument of another record are to answer in this one, which has not begun yet."""
+        """Require the robot and the instrument of another record, before this one begins."""
         Individuals(self._store).expect(individuals)
 
     def need(self, individual: Individual) -> None:
-        """Move with this robot, or this instrument, alone, in whatever program: a model of it is to judge."""
+        """Allow motion only with this robot or instrument, in all programs.
+
+        A model of it will judge the readings.
+        """
         Individuals(self._store).need(individual)
 
     def individuals(self) -> list[Individual]:
@@ -149,12 +176,26 @@ class Run:
         lease: LeaseDeadline | None = None,
         foresee: Foresee = at_once,
     ) -> ExecutionOutcome:
-        """Take the readings that are missing; blocks. `clock` None: real, or scaled for a simulated run.
+        """Take the missing readings, and block until the run ends.
 
-        lease: of an owner who beats; when it ends, the robot comes to rest and the run is paused. None: the caller
-        lives as long as this call. foresee: begins the forecast, from which status takes the time that is left.
-        Raises RobotInUse, NotResumed where nobody resumed it, StorageError where the record cannot even be
-        started; later errors of devices and record are in the outcome.
+        Parameters
+        ----------
+        clock
+            Default: real time, scaled for a simulated run.
+        lease
+            Lease of an owner who beats. When it ends, the robot comes to rest and the run is paused. Default: the
+            caller lives as long as this call.
+        foresee
+            Begins the forecast, from which the status takes the remaining time.
+
+        Raises
+        ------
+        RobotInUse
+            Another campaign moves the robot.
+        NotResumed
+            The run is paused and was not resumed.
+        StorageError
+            The record cannot even be started; later errors of devices and record are in the outcome.
         """
         simulated = bool(self._store.campaign["simulated"])
         clock = clock or ScaledClock(self.cell.time_scale if simulated else 1.0)
@@ -246,7 +287,10 @@ class Run:
             raise StorageError(f"{self.folder}: less than {LEAST_FREE_BYTES // 1_000_000} MB free")
 
     def _moments(self, clock: Clock) -> Callable[[], EventTime]:
-        """The time of the campaign, which goes on through a pause. The calendar is asked once: its jumps do no harm."""
+        """Return the function for the campaign time, which continues through a pause.
+
+        The calendar is read once, so that its jumps do no harm.
+        """
         row = self._store.campaign
         since = 0.0 if row["started_utc"] is None else clock.utc() - row["started_utc"]
         last = self._store.database.query("SELECT coalesce(max(t_s), 0) FROM event")[0][0]
@@ -254,10 +298,18 @@ class Run:
         return lambda: EventTime(clock.utc(), base + clock.now())
 
     def _met(self, met: ConnectedDevice) -> None:
-        """Warn before anything moves: a robot that no program can stop needs a hand at its button.
+        """Check a connected device before anything moves, and note it.
 
-        Raises OtherDevice where it is not the device of the cell file, OtherIndividual where it is not that of the
-        record or not the one that is needed, RobotInUse.
+        A warning is recorded for a robot that no program can stop: a person must be at its button.
+
+        Raises
+        ------
+        OtherDevice
+            It is not the device of the cell file.
+        OtherIndividual
+            It is not that of the record, or not the one that is needed.
+        RobotInUse
+            Another campaign moves the robot.
         """
         self._store.add_event(
             "connected",
@@ -282,9 +334,9 @@ class Run:
     def pause(
         self, by: str = "", key: str | None = None, reason: str = ON_REQUEST, *, at_once: bool = False
     ) -> None:
-        """End after the reading in hand; `at_once`: after the move or measurement in hand.
+        """End after the current reading; with `at_once`, after the current move or measurement.
 
-        `key`: an idempotency key; the second time nothing happens.
+        A second call with the same idempotency key `key` does nothing.
         """
         try:
             new = self._store.command("pause", by, key)
@@ -297,10 +349,16 @@ class Run:
                 execution.control.rest(reason) if at_once else execution.control.pause(reason)
 
     def restation(self, by: str = "", reason: str = "", key: str | None = None) -> None:
-        """The instrument is moved: its nests are measured again before the next pose, or on resuming.
+        """Report that the instrument is moved: its nests are measured again.
 
-        Of a running campaign the operator is asked first to set the instrument up; readings taken before the order
-        keep the world frame they had. `key`: an idempotency key. Raises NotResumed for a campaign that has ended.
+        They are measured before the next pose, or on resuming. In a running campaign the operator is asked first to set
+        the instrument up; readings taken before the order keep their world frame. A second call with the same
+        idempotency key `key` does nothing.
+
+        Raises
+        ------
+        NotResumed
+            The campaign has ended, or its instrument has no station.
         """
         if self.cell.instrument.declared.measures_lengths:
             raise NotResumed(
@@ -324,9 +382,14 @@ class Run:
             execution.control.new_station(reason)
 
     def resume(self, by: str = "", key: str | None = None, accepted: DeviceAcceptance | None = None) -> None:
-        """Allow the next `execute` of a paused or stopped run to move. Raises NotResumed in other states.
+        """Allow the next `execute` of a paused or stopped run to move.
 
-        accepted: another robot or instrument than the record's, in that execution.
+        `accepted` accepts another robot or instrument than the record's, for that execution.
+
+        Raises
+        ------
+        NotResumed
+            The run is in another state.
         """
         with self._store.changing() as db:  # both or none
             if not self._store.command("resume", by, key):
@@ -340,10 +403,16 @@ class Run:
             self._resumed, self._accepted = True, accepted
 
     def stop(self, by: str = "", key: str | None = None) -> list[AcquisitionError]:
-        """Halt the robot now and end the run. Returns what could not be stopped: use the button, it says which.
+        """Halt the robot now and end the run.
 
-        Nothing waits for the record while the robot moves (`run.noting`). A run that its record has brought to rest
-        stays paused for that reason. Raises StorageError for any other run at rest that cannot be ended.
+        Returns the errors of devices that could not be stopped; then use the button that they name. Nothing waits for
+        the record while the robot moves (`run.noting`). If the record has brought a run to rest, the run stays paused
+        for that reason.
+
+        Raises
+        ------
+        StorageError
+            Any other run at rest cannot be ended.
         """
         with self._mutex:
             execution = self._execution
@@ -373,7 +442,13 @@ class Run:
         return [] if execution is None else execution.rig.halt()
 
     def answer(self, prompt_id: str, answer: Answer, by: str = "", reason: str = "", typed: str = "") -> None:
-        """Answer the prompt that is being asked; `reason` and what was `typed` are kept. Raises UnknownPrompt."""
+        """Answer the current prompt; `reason` and `typed` are kept.
+
+        Raises
+        ------
+        UnknownPrompt
+            The prompt is not being asked, or the answer does not fit it.
+        """
         with self._mutex:
             execution = self._execution
         if execution is None:
@@ -406,5 +481,5 @@ class Run:
         return self._store.events(after, limit)
 
     def wait(self, after: int, seconds: float) -> int:
-        """The version, waiting up to so many seconds for one beyond `after`."""
+        """Wait up to `seconds` for a version beyond `after`, and return the version."""
         return self._store.wait_beyond(after, seconds)

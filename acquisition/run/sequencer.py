@@ -1,20 +1,21 @@
-"""The sequencer: nests, then every visit of the plan - approach, settle, measure, one durable reading at a time.
+"""The sequencer: nests, then every visit of the plan, one durable reading at a time.
 
-Robot and instrument are met first, unarmed: what is dead or somebody else's is known before the warm-up.
+A visit is approach, settle, measure. Robot and instrument are connected before the warm-up, but not armed, so that a
+device that does not answer, or that belongs to another cell, is reported before the wait.
 
-What it does about an error is a function of its class (`drivers.errors`):
+Its reaction to an error depends on the class (`drivers.errors`):
 
     LinkError      connect, arm and approach again; after `LINK_TRIES` in a row: pause
     Unmeasurable   approach again and retry; then put off, come back at the end, then skip
     Refused        ask the operator: confirm tries again, skip leaves the reading out
     SafetyStop, StorageError, NoOperator and all others: pause
 
-Any interruption voids the approach, a prompt too, for which people walk up to the robot: a reading is only taken
-after an arrival with nothing in between, and only kept where the robot still stands as it arrived. A ballbar is put on
-while the robot is in the pose, and it stays there for all its distances. What lies outside the stroke of the bar is put
-off to a second stage, for which the robot is calibrated by what lay within (`run.second_stage`). A redo puts the last
-reading aside and measures it again at once. A calendar that steps pauses: the times of the record come from the steady
-clock, which does not count while a computer sleeps; on resuming they catch up with the calendar and never go back.
+Any interruption voids the approach, also a prompt, for which people walk up to the robot. A reading is only taken after
+an arrival with nothing in between, and only kept if the robot has not moved since. A ballbar is put on while the robot
+is in the pose, and the robot stays there for all its distances. Legs outside the stroke of the bar are deferred to a
+second stage, for which the robot is calibrated from those within (`run.second_stage`). A redo puts the last reading
+aside and measures it again at once. If the calendar steps, the run pauses: the times of the record come from the steady
+clock, which does not count while a computer sleeps. On resuming they catch up with the calendar and never go back.
 """
 
 from __future__ import annotations
@@ -110,7 +111,15 @@ class Sequencer:
         self._seen = False  # whether any target was found about where the robot file has it
 
     def run(self) -> None:
-        """Take the readings that are missing. Raises Pausing, Stopping, and the errors that pause a campaign."""
+        """Take the missing readings.
+
+        Raises
+        ------
+        Pausing, Stopping
+            The run must pause or stop.
+        AcquisitionError
+            An error pauses the campaign.
+        """
         self._calendar.look()
         self._insist(self._rig.meet)
         self._warm_up()
@@ -132,7 +141,10 @@ class Sequencer:
         self._nests.measure(reason, aim=aim)
 
     def _warm_up(self) -> None:
-        """Wait for the warm-up, in every execution: a cell that is resumed next morning has cooled down."""
+        """Wait for the warm-up, in every execution.
+
+        A cell that is resumed next morning has cooled down.
+        """
         if self._campaign.warm_up_s > 0.0:
             now_s = self._store.moment().t_s or 0.0
             self._store.add_event("warm_up", until_t_s=now_s + self._campaign.warm_up_s)
@@ -148,7 +160,7 @@ class Sequencer:
     # -- one reading --------------------------------------------------------------------------------------
 
     def _next(self, planned: PlannedReading, *, last: bool) -> None:
-        """Make one try, unless others were planned before it: what comes next is then asked anew."""
+        """Make one try, unless others were planned before it; the next one is then requested again."""
         self._control.check()
         if not self._touches.wanted(planned):
             self._touches.leave()
@@ -160,7 +172,7 @@ class Sequencer:
             self._arrival = None
 
     def _try(self, planned: PlannedReading, *, last: bool) -> None:
-        """Make one try at a reading. `last`: give it up for good when it cannot be had."""
+        """Make one try at a reading; with `last`, skip it for good if it is not obtained."""
         self._control.check()
         self._calendar.look()
         arrival, self._arrival = self._arrival, None  # only what ends well below leaves the approach valid
@@ -214,7 +226,10 @@ class Sequencer:
                 self._ask(doubt, pause=True)
 
     def _measure(self, planned: PlannedReading, attempt: int, arrival: Arrival | None) -> str | None:
-        """Keep a reading; a question about it to a person, where it does not go with those before it."""
+        """Measure and keep a reading.
+
+        Returns a question to a person if it contradicts earlier readings, or None.
+        """
         try:
             if planned.base_target is not None:
                 reading: Reading = self._length(planned, planned.base_target)
@@ -245,7 +260,13 @@ class Sequencer:
         return None
 
     def _length(self, planned: PlannedReading, base_target: str) -> LengthReading:
-        """Measured length of a leg. Raises OtherBalls for what cannot be the leg."""
+        """Measure the length of a leg.
+
+        Raises
+        ------
+        OtherBalls
+            The length cannot be that of the leg.
+        """
         try:
             reading = self._rig.measure_length(planned.target, base_target, self._campaign.samples)
         except OutOfRange:
@@ -257,7 +278,13 @@ class Sequencer:
         return reading
 
     def _point(self, planned: PlannedReading, arrival: Arrival | None) -> PointReading:
-        """Measured point of a target. Raises Misplaced, WronglySeated, TurnedOtherwise for what cannot be it."""
+        """Measure the point of a target.
+
+        Raises
+        ------
+        Misplaced, WronglySeated, TurnedOtherwise
+            The point or its orientation cannot be that of the target.
+        """
         if self._nests.world is None or arrival is None:
             return self._rig.measure(planned.target, self._campaign.samples, self._nests.near_mm(planned))
         stands = self._arrivals.stands(planned, arrival)
@@ -277,9 +304,10 @@ class Sequencer:
         return answer
 
     def _zero(self, planned: PlannedReading) -> bool:
-        """The zero of the bar that a reading needs, which goes into every later one; whether the reading may be tried.
+        """Read the zero of the bar that a reading needs; it applies to every later reading.
 
-        A person who skips it keeps the old one, unless it is another bar, which has none: then the reading is left out.
+        Returns whether the reading may be tried. A person who skips this keeps the old zero. Another bar has none; its
+        reading is then left out.
         """
         bar = self._bar_of(planned)
         another = bar != self._bar
@@ -331,7 +359,7 @@ class Sequencer:
         self._control.wait(back_off_s * self._clock.time_scale)
 
     def _refuse_again(self, error: AcquisitionError) -> Answer:
-        """Ask what to do about it. Raises the error when that was done often enough."""
+        """Ask about a refusal, or raise its error after too many repetitions."""
         self._control.check_stop()  # a stop makes devices refuse
         self._refusals += 1
         if self._refusals > self._campaign.retries + 1:
@@ -359,7 +387,15 @@ class Sequencer:
         self._tries = self._refusals = 0
 
     def _consult(self, error: AcquisitionError) -> Answer:
-        """Ask whether to go on. Raises Stopping for abort, NoOperator, Pausing."""
+        """Ask whether to continue.
+
+        Raises
+        ------
+        Stopping
+            The answer is abort.
+        NoOperator, Pausing
+            There is no answer.
+        """
         return self._ask(error.sentence)
 
     def _answer(self, text: str, picture: PromptPicture) -> Answer:
@@ -373,7 +409,15 @@ class Sequencer:
         *,
         pause: bool = False,
     ) -> Answer:
-        """The answer; a redo is done with here. Raises Stopping for abort, NoOperator, Pausing."""
+        """Ask a person, carry out a redo, and return the answer.
+
+        Raises
+        ------
+        Stopping
+            The answer is abort.
+        NoOperator, Pausing
+            There is no answer.
+        """
         self._arrival = None
         self._rig.may_have_moved()
         again, picture = (
@@ -383,9 +427,14 @@ class Sequencer:
         return self._obeyed(self._desk.ask(text, picture, redo=bool(again), pause=pause), again).answer
 
     def _obeyed(self, given: PromptAnswer, again: Sequence[int]) -> PromptAnswer:
-        """An answer, with what it orders beside the question done; again: what a redo measures once more.
+        """Carry out the order in an answer; a redo measures the readings `again`.
 
-        Raises Stopping for abort, Pausing for pause.
+        Raises
+        ------
+        Stopping
+            The answer is abort.
+        Pausing
+            The answer is pause.
         """
         if given.answer is Answer.PAUSE:
             self._control.pause(given.reason or ON_REQUEST)
@@ -401,10 +450,18 @@ class Sequencer:
         return given
 
     def _by_person(self, text: str, entry: TypedEntry, picture: str) -> str:
-        """The entry that a person types when a manual device asks for it. It counts as an act of the device, so the
-        approach of the pose still holds.
+        """Return the entry that a person types when a manual device asks for it.
 
-        Raises LeftOut for skip and redo, Stopping for abort, NoOperator, Pausing.
+        It counts as an act of the device, so the approach of the pose stays valid.
+
+        Raises
+        ------
+        LeftOut
+            The answer is skip or redo.
+        Stopping
+            The answer is abort.
+        NoOperator, Pausing
+            There is no answer.
         """
         given = self._desk.ask(text, PromptPicture(picture), redo=bool(self._last), entry=entry)
         self._obeyed(given, self._last)

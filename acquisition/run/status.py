@@ -1,4 +1,4 @@
-"""The state of a run as people and programs see it (the contract's fields)."""
+"""The status of a run for people and programs, with the fields of the contract."""
 
 from __future__ import annotations
 
@@ -19,11 +19,19 @@ from acquisition.run.clock import Clock
 
 @dataclass(frozen=True)
 class RunStatus:
-    """`done` of `total` readings of robot poses (skipped ones count as done); `seconds_left` on the wall.
+    """The status of a run.
 
-    drift: of the reference pose (`record.drift`); None before its second reading.
-    path: the last waypoint that a path reached, of how many, with the samples and the lost ones of both streams so far;
-    None without a path.
+    Attributes
+    ----------
+    done, total
+        Numbers of readings of robot poses; skipped ones count as done.
+    seconds_left
+        Remaining real time, s.
+    drift
+        Drift of the reference pose (`record.drift`); None before its second reading.
+    path
+        The last waypoint that a path reached, their number, and the samples and lost samples of both streams so far;
+        None without a path.
     """
 
     id: str
@@ -55,8 +63,10 @@ class Pace:
         self._since = clock.now()
 
     def seconds_left(self, done: int, share: float) -> float | None:
-        """Seconds on the wall, `share` of the reading in hand being over; None until there is a forecast, or where none
-        could be made."""
+        """Return the remaining real time, s, when `share` of the current reading is over.
+
+        It is None before the forecast is ready, or if none could be made.
+        """
         if not self._forecast.done() or self._forecast.exception() is not None:
             return None
         elapsed = self._clock.now() - self._since
@@ -64,7 +74,10 @@ class Pace:
 
 
 def status_of(store: RecordStore, pace: Pace | None = None, trouble: str | None = None) -> RunStatus:
-    """The status of a run. pace: None where it does not execute; trouble: why the record could not take a pause."""
+    """Return the status of a run.
+
+    `pace` is None if it does not execute; `trouble` is the reason why the record could not take a pause.
+    """
     row, counts = store.campaign, store.counts()
     state = State.PAUSED if trouble else State(row["state"])
     skipped = counts.get("skipped", 0)
@@ -90,9 +103,16 @@ def status_of(store: RecordStore, pace: Pace | None = None, trouble: str | None 
 
 
 def read_status(record_dir: Path) -> RunStatus:
-    """The state of a record that another program may be running. One that a killed program left behind is paused.
+    """Return the status of a record that another program may be running.
 
-    Raises RecordError, StorageError.
+    A run that a killed program left behind is paused.
+
+    Raises
+    ------
+    RecordError
+        There is no record.
+    StorageError
+        The record cannot be read.
     """
     store = RecordStore.open(record_dir, writer=False)
     try:

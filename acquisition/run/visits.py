@@ -1,7 +1,8 @@
-"""The visits of a plan that a person wants measured again, or leaves out, while a run goes on or is paused.
+"""Visits of a plan that a person orders to be measured again, or left out.
 
-What is measured again stays in the record, out of use, and is planned once more in its place; a visit that is left out
-is skipped with its reason. The sequencer asks the record what comes next, so both hold from the next reading on.
+The run may be active or paused. Readings that are replaced stay in the record, but are not used; new ones are planned
+in their place. A visit that is left out is skipped with its reason. The sequencer asks the record for the next reading,
+so both orders take effect from the next reading on.
 """
 
 from __future__ import annotations
@@ -21,11 +22,23 @@ class Visits:
         self._store = store
 
     def again(self, number: int, by: str, reason: str) -> int:
-        """Plan the measured and skipped readings of a visit once more. Raises NotResumed for a run that has ended."""
+        """Plan the measured and skipped readings of a visit again.
+
+        Raises
+        ------
+        NotResumed
+            The run has ended.
+        """
         return self._order("measure again", number, by, reason, _DONE, self._plan_again)
 
     def leave_out(self, number: int, by: str, reason: str) -> int:
-        """Skip the readings of a visit that are not measured yet. Raises NotResumed for a run that has ended."""
+        """Skip the readings of a visit that are not measured yet.
+
+        Raises
+        ------
+        NotResumed
+            The run has ended.
+        """
         return self._order("leave out", number, by, reason, _OPEN, self._skip)
 
     def _order(

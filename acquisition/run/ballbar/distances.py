@@ -1,4 +1,6 @@
-"""Is a distance what it was asked for? A ballbar shows a good reading wherever it is put, so others have to say.
+"""Checks that a distance belongs to the requested balls.
+
+A ballbar gives a good reading between any two balls, so the reading is checked by other means:
 
     a leg after stage 1    the model of stage 1 says how long it must be: the bar on other balls, or a cup that moved
     two balls of one body  must read what they read before: a cup or a ball that moved
@@ -52,7 +54,10 @@ class BallbarChecks:
         return self._store.database.path.parent / STAGE_1
 
     def expected(self, planned: PlannedReading) -> tuple[float, float] | None:
-        """The length expected of a leg and its tolerance, mm; None before stage 2, and for a reading that is no leg."""
+        """Return the expected length of a leg and its tolerance, mm.
+
+        The result is None before stage 2, and for a reading that is not a leg.
+        """
         if planned.base_target is None or not planned.visit.joints_deg or not self.path.is_file():
             return None
         saved, rms_mm = self._stage
@@ -69,7 +74,13 @@ class BallbarChecks:
         return float(np.linalg.norm(point - ball)), max(LEAST_MM, SIGMAS * rms_mm)
 
     def refuse_others(self, planned: PlannedReading, length_mm: float | None) -> None:
-        """Check the length of a leg, None: out of stroke. Raises OtherBalls where it is not as long as it must be."""
+        """Check the length of a leg; None means out of stroke.
+
+        Raises
+        ------
+        OtherBalls
+            The length is not the expected one.
+        """
         found = self.expected(planned)
         if found is None:
             return
@@ -87,7 +98,10 @@ class BallbarChecks:
             )
 
     def moved(self, planned: PlannedReading) -> str | None:
-        """A sentence where a distance between two balls of one body has changed since it was measured first."""
+        """Return a warning if a distance between two balls of one body has changed.
+
+        It is compared with the first measurement.
+        """
         lengths: dict[tuple[str, str], list[float]] = {}
         for row in spans_of(self._store):
             if row.counts and row.length_mm is not None and row.base_target is not None:

@@ -1,11 +1,11 @@
-"""The second stage of a ballbar campaign: what was out of the bar's stroke, at joints corrected by what was not.
+"""The second stage of a ballbar campaign: legs out of stroke, at corrected joints.
 
     stage 1 -> distances within the stroke -> identification -> corrected joints for the poses of the others -> stage 2
 
-A robot misses its poses by millimetres and the bar shows one. The model of stage 1 need not be good: it brings the
-tool near enough for the bar to show the rest. Nothing of it enters the data set, which has the joints as commanded. It
-is kept in the folder of the record, `stage1.json`, to say how long the legs of stage 2 must be
-(`run.ballbar.distances`), and to be compared with the final one: the thesis found it the better for front/up.
+A robot misses its poses by millimetres, and the stroke of the bar is one. The model of stage 1 need not be good: it
+brings the tool near enough for the bar to measure the other legs. The model does not enter the data set, which has the
+joints as commanded. It is kept in the folder of the record, `stage1.json`, to predict the lengths of the legs of
+stage 2 (`run.ballbar.distances`), and to be compared with the final one: the thesis found it better for front/up.
 Source: Nubiola, thesis, section 4.4.
 """
 
@@ -40,7 +40,10 @@ _LAST_ERROR = "SELECT error_code FROM attempt WHERE pose = ? AND status = 'faile
 
 
 class SecondStage:
-    """The second stage of one record. `placed`: the cell with its cups where they were touched."""
+    """The second stage of one record.
+
+    `placed` returns the cell with its cups where they were touched.
+    """
 
     def __init__(
         self, store: RecordStore, cell: Cell, campaign: Campaign, placed: Callable[[], Cell] | None = None
@@ -55,9 +58,14 @@ class SecondStage:
         }
 
     def plan(self) -> None:
-        """Plan the readings that were out of stroke once more, at corrected joints. Raises StorageError.
+        """Plan the readings that were out of stroke again, at corrected joints.
 
-        Where the readings cannot carry a model, or a corrected pose may not be driven, they stay as they were.
+        They stay as they were if the readings cannot determine a model, or a corrected pose may not be driven.
+
+        Raises
+        ------
+        StorageError
+            The record cannot be written.
         """
         left = self._out_of_stroke()
         if not left:
@@ -103,14 +111,22 @@ class SecondStage:
         return identify(table_of(self._store.database.path.parent).dataset())
 
     def _keep(self, fitted: IdentificationFit) -> None:
-        """The model of stage 1. Raises DataError for a fit that did not converge, StorageError."""
+        """Save the model of stage 1.
+
+        Raises
+        ------
+        DataError
+            The fit did not converge.
+        StorageError
+            The file cannot be written.
+        """
         try:
             save_model(self._store.database.path.parent / STAGE_1, fitted)
         except OSError as error:
             raise StorageError(f"{STAGE_1}: {error.strerror or error}") from error
 
     def _corrected(self, fitted: IdentificationFit, visits: list[Visit]) -> Array:
-        """(k, N) deg, NaN for a pose that may not be driven."""
+        """Compute the corrected joints (k, N), deg; NaN for a pose that may not be driven."""
         robot = self._cell.robot
         goals = np.array([visit.joints_deg for visit in visits])
         series = series_among(fitted.model.targets, Individuals(self._store).now())

@@ -1,10 +1,11 @@
-"""The base of a ballbar hexapod placed where the robot touched it: the poses still to come are planned anew.
+"""New poses of a ballbar hexapod after the robot has touched the cups of its base.
 
     touches -> three taught points -> laid over by the measured triangle -> stances of the legs -> joints, checked
 
-Where touches and sides disagree by more than a robot errs, the cup that all of it accuses is named and touched again.
-A pose keeps its place in the plan, its legs and its branch; one that may not be driven from where the cups
-are is left out. Whatever was attempted stays as it was. Source: Nubiola, thesis, section 4.2. Lengths mm, angles deg.
+If touches and sides disagree by more than the error of a robot, the cup that all disagreements share is named and
+touched again. A pose keeps its place in the plan, its legs and its branch. A pose that may not be driven from the
+touched cups is left out. Readings that were attempted stay as they were. Source: Nubiola, thesis, section 4.2.
+Lengths mm, angles deg.
 """
 
 from __future__ import annotations
@@ -38,7 +39,10 @@ _LAST = "SELECT json_extract(data, '$.readings') FROM event WHERE kind = 'taught
 
 
 class Placing:
-    """The placing of one execution. consult: ask a person about an error; retries: how often anew."""
+    """The placing of the base in one execution.
+
+    `consult` asks a person about an error.
+    """
 
     def __init__(
         self,
@@ -62,9 +66,14 @@ class Placing:
         return with_nests(self._cell, taught.nests_mm)
 
     def look(self) -> bool:
-        """Plan anew when all touches and sides are there that are to be had; whether the plan has changed.
+        """Plan the poses again once all available touches and sides are measured.
 
-        Raises CupsDisagree where they still do after a few times, and what a question to a person raises.
+        Returns whether the plan has changed. Errors of a question to a person are passed on.
+
+        Raises
+        ------
+        CupsDisagree
+            Touches and sides still disagree after several repetitions.
         """
         last = self._store.database.query(_MEASURED)[0][0]
         if last == self._looked:
@@ -104,7 +113,13 @@ class Placing:
         return any(each.status == "planned" for each in block_of_touches(self._store, self._cell))
 
     def _doubted(self, taught: Taught) -> bool:
-        """Whether something is to be done again. Raises CupsDisagree."""
+        """Check whether touches or sides must be measured again.
+
+        Raises
+        ------
+        CupsDisagree
+            They still disagree after several repetitions, or no pose can be planned from them.
+        """
         impossible = False
         try:
             _ = taught.nests_mm
@@ -127,7 +142,10 @@ class Placing:
         return True
 
     def _plan(self, there: Cell) -> tuple[int, int]:
-        """Plan the poses anew for the cell `there`: how many were planned, and how many were left out."""
+        """Plan the poses again for the cell `there`.
+
+        Returns the numbers of poses that were planned and left out.
+        """
         visits: dict[int, list[PlannedReading]] = {}
         for planned in self._store.plan():
             if planned.visit.kind == "pose":
@@ -160,7 +178,10 @@ class Placing:
         recipe: HexapodBlock | SphereBlock,
         groups: Sequence[Sequence[PlannedReading]],
     ) -> list[BlockVisit | None]:
-        """The visits planned anew: for each the pose with the same legs in the same branch, from where the cups are."""
+        """Find for each pose the one with the same legs in the same branch in the moved cell.
+
+        None replaces a pose that is not reached.
+        """
         site = site_of(there, self._campaign, number)
         try:
             if isinstance(recipe, HexapodBlock):
@@ -179,7 +200,13 @@ class Placing:
         ]
 
     def _centre(self, there: Cell, recipe: SphereBlock) -> Joints:
-        """The centre of a sphere moved with its cup. Raises ConfigError where the arm does not reach it."""
+        """Return the centre of a sphere, moved with its cup.
+
+        Raises
+        ------
+        ConfigError
+            The arm does not reach it.
+        """
         robot, base = self._cell.robot, recipe.base or ""
         taught = np.array([recipe.centre_deg])
         flange = forward(robot.model, robot.model_angles(taught))

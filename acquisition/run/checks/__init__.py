@@ -1,1 +1,1 @@
-"""Checks beside the readings: warm-up, nests, the target seen, the computer's calendar."""
+"""Checks in addition to the readings: warm-up, nests, measured target, calendar."""

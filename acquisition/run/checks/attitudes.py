@@ -1,8 +1,8 @@
-"""The check that a pose is turned as the robot is: a body keeps its place on the tool, and so its turn.
+"""Check that the measured orientation of a body agrees with that of the robot.
 
-A bridge that sends the scalar of its quaternions last, the turn the other way round, or that of the pose before, gives
-points that are good and turns that are not. Where a body sits on the tool nobody has said; it is what the first poses
-agree on. The nominal robot turns its tool to within a degree or so.
+A bridge may send the scalar of its quaternions last, the inverse rotation, or that of the pose before. Its points are
+then good and its orientations wrong. The orientation of a body on the tool is not known in advance, but constant: the
+first poses determine it. The nominal robot orients its tool to within about a degree.
 """
 
 from __future__ import annotations
@@ -31,7 +31,13 @@ class Attitudes:
     def refuse_another(
         self, reading: PointReading, world: WorldFrame | None, joints_deg: Sequence[float]
     ) -> None:
-        """Check the turn of a pose where the robot stands, deg. Raises TurnedOtherwise."""
+        """Check the orientation of a pose at the joints of the robot, deg.
+
+        Raises
+        ------
+        TurnedOtherwise
+            The body is turned against the robot.
+        """
         if world is None or not isinstance(reading, PoseReading):
             return
         pose = forward(self._cell.robot.model, self._cell.robot.model_angles([joints_deg]))[0]

@@ -1,4 +1,7 @@
-"""The calendar watched against the steady clock: when it steps, the computer slept or its clock was set."""
+"""The calendar compared with the steady clock.
+
+A step means that the computer slept or its clock was set.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,13 @@ class Calendar:
         self._looked: tuple[float, float] | None = None  # calendar and steady clock, s on the wall
 
     def look(self) -> None:
-        """Look at both clocks. Raises ClockJumped when the calendar stepped since the last look."""
+        """Compare both clocks.
+
+        Raises
+        ------
+        ClockJumped
+            The calendar stepped since the last comparison.
+        """
         calendar, steady = self._clock.utc(), self._clock.now() / self._clock.time_scale
         before, self._looked = self._looked or (calendar, steady), (calendar, steady)
         passed = steady - before[1]

@@ -1,4 +1,4 @@
-"""Gates of a campaign, asked before every reading of a pose: is the arm warm, and is the instrument still where it was?
+"""The gates before every reading of a pose: is the arm warm, and is the instrument in place?
 
     warm-up      the first visit, the reference pose, is measured until its last readings lie close together; those
                  before stay in the record, out of use. Again in every execution: the arm may have cooled down
@@ -9,7 +9,7 @@
     new station  before the first reading of a block that asks for it, or when somebody says that the instrument is
                  moved, it is set up anew
 
-What is measured anew, the sequencer measures: the gates only say when. Lengths mm, times s.
+The sequencer makes these measurements; the gates only request them. Lengths mm, times s.
 """
 
 from __future__ import annotations
@@ -35,18 +35,31 @@ WHERE attempt.kind = 'measure' AND attempt.status = 'good' AND pose.kind = 'pose
 
 @dataclass(frozen=True)
 class Zeroing:
-    """The ballbar in its calibrator. `another`: whether a reading needs another bar than the one that is built; `read`:
-    build it and read its zero, False where the reading cannot be had then."""
+    """The ballbar in its calibrator.
+
+    Attributes
+    ----------
+    another
+        Returns whether a reading needs another bar than the one that is built.
+    read
+        Builds the bar and reads its zero; False if the reading is then not available.
+    """
 
     another: Callable[[PlannedReading], bool]
     read: Callable[[PlannedReading], bool]
 
 
 class Gates:
-    """The checks before an execution goes on.
+    """The checks before an execution continues.
 
-    wait: so many seconds; ask: put a question to a person, with the readings that its redo measures again and the name
-    of a picture; measure_nests: all of them again, aimed at where they were with `aim` False.
+    Parameters
+    ----------
+    wait
+        Waits for a number of seconds.
+    ask
+        Asks a person, with the readings that a redo measures again and the name of a picture.
+    measure_nests
+        Measures all nests again; with `aim` False, the beam is sent to where they were.
     """
 
     def __init__(
@@ -75,9 +88,18 @@ class Gates:
         self._points: list[Sequence[float]] = []  # of the first visit, in this execution
 
     def open_for(self, planned: PlannedReading) -> bool:
-        """Whether this reading may be tried; False when others were planned before it.
+        """Check whether this reading may be tried; False if others were planned before it.
 
-        Raises Pausing, Stopping, NoOperator, StorageError, and what measuring nests raises.
+        Errors of measuring nests are passed on.
+
+        Raises
+        ------
+        Pausing, Stopping
+            The run must pause or stop.
+        NoOperator
+            A question cannot be asked.
+        StorageError
+            The record cannot be written.
         """
         self._set_up_for(planned)
         self._set_up_where_it_is_now()
@@ -104,7 +126,10 @@ class Gates:
             self._points.append(world_mm)
 
     def _zero_is_old(self, planned: PlannedReading) -> bool:
-        """Whether the zero is read again. In every new execution it is: nobody knows how long the bar lay about."""
+        """Check whether the zero must be read again.
+
+        It is read in every new execution, because the bar may have been moved since.
+        """
         if self._since_zero is None or self._since_zero >= self._campaign.zero_every:
             return True
         return planned.visit.kind == "pose" and self._block not in (None, planned.visit.block)
@@ -124,7 +149,10 @@ class Gates:
             self._station = station
 
     def _set_up_where_it_is_now(self) -> None:
-        """Ordered in mid-campaign (`Run.restation`); the order may come before the instrument is touched."""
+        """Have the instrument set up again if `Run.restation` ordered it during the campaign.
+
+        The order may come before the instrument is touched.
+        """
         if (reason := self._control.take_new_station()) is None:
             return
         self._ask("Set up the instrument where it is to be, then confirm: the nests are measured there.")
@@ -150,7 +178,10 @@ class Gates:
         self.ask_about_nests()
 
     def ask_about_nests(self) -> None:
-        """Ask what becomes of readings before a check whose nests had moved; again, if a pause cut the question off."""
+        """Ask for a decision on readings before a check whose nests had moved.
+
+        A question that was cut off by a pause is asked again.
+        """
         moved = [each for each in self._store.data_of_events("nests_checked") if "nest" in each]
         for each in moved[len(self._store.data_of_events("nests_judged")) :]:
             standing = {

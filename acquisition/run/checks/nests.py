@@ -1,8 +1,8 @@
-"""The nests on the table, measured until they agree with the cell file: they place the instrument in the world.
+"""The nests on the table, which locate the instrument in the world.
 
-The frame of a record stays while its nests have not moved beyond the noise (`cell.station`); else the
-instrument has a new station, and its readings go through a new frame from then on. A ballbar has none: the balls on
-the base are the world.
+They are measured until they agree with the cell file. The frame of a record stays while its nests have not moved beyond
+the noise (`cell.station`). Otherwise the instrument has a new station, and its readings go through a new frame from
+then on. A ballbar has no station: the balls on the base are the world.
 """
 
 from __future__ import annotations
@@ -20,9 +20,19 @@ from calib.fit import judge_points
 
 
 class Nests:
-    """The nests of one execution. `world`: None until they are measured, and for a ballbar.
+    """The nests of one execution.
 
-    try_at: one try at a nest; consult: ask a person about an error.
+    Attributes
+    ----------
+    world
+        The world frame; None until the nests are measured, and for a ballbar.
+
+    Parameters
+    ----------
+    try_at
+        Makes one try at a nest.
+    consult
+        Asks a person about an error.
     """
 
     def __init__(
@@ -40,15 +50,18 @@ class Nests:
         self._where_mm: Mapping[str, Sequence[float]] = {}
 
     def near_mm(self, planned: PlannedReading) -> Sequence[float] | None:
-        """The point (3,) mm, tracker frame, to which the beam is sent for a nest; None where a person aims it or the
-        tracker finds the nest by its name."""
+        """Return the point (3,), mm, tracker frame, to which the beam is sent for a nest.
+
+        It is None if a person aims the beam or the tracker finds the nest by its name.
+        """
         return self._where_mm.get(planned.target) if planned.visit.kind == "nest" else None
 
     def measure(self, reason: str, *, aim: bool = True) -> None:
-        """Measure all nests, anew where they were measured before: three seen from two stations would make no frame.
+        """Measure all nests, including those measured before.
 
-        aim: not where they were last, for the instrument may stand elsewhere; a person aims one that knows no names.
-        Raises what a try and the question to a person raise.
+        Three nests measured from two stations would make no frame. With `aim`, the beam is not sent to their last
+        places, because the instrument may have been moved; a person aims a tracker that knows no names. Errors of a try
+        and of the question to a person are passed on.
         """
         self.world = None
         if self._cell.instrument.declared.measures_lengths:
@@ -67,7 +80,7 @@ class Nests:
                 self._consult(error)
 
     def _settled_world(self) -> WorldFrame:
-        """The frame of the record while the nests have not moved; else, or the first time, theirs."""
+        """Return the frame of the record if the nests have not moved, otherwise a new one."""
         nests = self._store.nests_mm()
         found = world_frame.from_nests(nests, self._cell.nests, self._cell.nests_u_mm)
         kept = self._store.world
@@ -82,7 +95,10 @@ class Nests:
         return found
 
     def _doubt(self, nests: Mapping[str, Sequence[float]]) -> None:
-        """Say which nest is not where the cell file states, where it states how well all of them are known."""
+        """Report each nest that is not where the cell file states.
+
+        This needs the uncertainties of all nests in the cell file.
+        """
         names = list(self._cell.nests)[:3]
         u_mm = [self._cell.nests_u_mm.get(name, 0.0) for name in names]
         if min(u_mm) <= 0.0:
@@ -97,7 +113,10 @@ class Nests:
                 self._store.add_event("nest_doubted", nest=name, text=judged.in_words(f"Nest {name}", u))
 
     def _nests_of(self, world: WorldFrame) -> Mapping[str, Sequence[float]]:
-        """The nests as they were measured; for a record of version 1, where they ought to have been."""
+        """Return the nests as they were measured.
+
+        A record of version 1 has only their nominal places.
+        """
         nominal = {
             name: tuple(world.to_tracker(self._cell.nests[name])) for name in list(self._cell.nests)[:3]
         }

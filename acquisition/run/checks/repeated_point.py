@@ -1,7 +1,8 @@
-"""The check that the instrument saw the target asked for, by its place, which the nominal robot gives.
+"""Checks that the instrument measured the requested target, and measured it again.
 
-A tracker that locked on the neighbouring SMR, an SMR in the wrong nest and a body under another's name all answer
-with good readings of the wrong thing. The nominal robot is off by millimetres, targets are centimetres apart.
+A tracker that locked on the neighbouring SMR, an SMR in the wrong nest, and a body under another's name all give good
+readings of the wrong object. The nominal robot gives the place of the target: it is off by millimetres, and targets are
+centimetres apart.
 """
 
 from __future__ import annotations
@@ -20,7 +21,10 @@ _SURELY_MOVED_MM = 0.5  # by the nominal robot, which knows a step of some milli
 
 
 class Expectation:
-    """The expected places of the cell's targets where the robot stands, deg; `targets_mm` (m, 3), world."""
+    """The expected places of the cell's targets at the joints of the robot, deg.
+
+    The places `targets_mm` (m, 3) are in the world frame.
+    """
 
     def __init__(self, cell: Cell, planned: PlannedReading, joints_deg: Sequence[float]) -> None:
         self._cell = cell
@@ -30,11 +34,19 @@ class Expectation:
 
     @property
     def world_mm(self) -> Array:
-        """(3,) the target that is to be measured."""
+        """The expected place of the target to be measured, shape (3,)."""
         return self._targets_mm[self._names.index(self._target)]
 
     def refuse_another(self, reading: PointReading, world_mm: Array) -> None:
-        """Check the place of a point (3,). Raises Misplaced; WronglySeated where a person seats the SMR."""
+        """Check the place of a point (3,).
+
+        Raises
+        ------
+        WronglySeated
+            It is not the target, and a person seats the only SMR.
+        Misplaced
+            It is not the target.
+        """
         off = np.linalg.norm(self._targets_mm - world_mm, axis=1)
         from_target = float(off[self._names.index(self._target)])
         limit = self._cell.instrument.expected_within_mm
@@ -57,15 +69,26 @@ class Expectation:
 
 
 class RepeatedPointCheck:
-    """The check that the instrument measured anew: a target that has moved is never seen in the same place to the last
-    digit. A bridge that sends its last point again under a new time would go unseen where steps are small."""
+    """A check for a bridge that sends its last point again.
+
+    A target that has moved never reads the same to the last digit. Without this check, a bridge that repeats a point
+    with a new time would not be noticed if the steps are small.
+    """
 
     def __init__(self) -> None:
         self._last: dict[str, tuple[tuple[float, float, float], Array]] = {}  # of each target
         self._last_length: tuple[float, tuple[object, ...]] | None = None
 
     def refuse_again(self, reading: PointReading, expected_mm: Array) -> None:
-        """`expected_mm` (3,), world: where the target should be. Raises NothingNew."""
+        """Refuse a reading that repeats the last point of a target that has moved.
+
+        `expected_mm` (3,) is the expected place of the target in the world frame.
+
+        Raises
+        ------
+        NothingNew
+            The point equals the last one, but the target should have moved.
+        """
         last_mm, last_expected_mm = self._last.get(reading.target, (None, expected_mm))
         if reading.xyz_mm == last_mm:
             moved_mm = float(np.linalg.norm(expected_mm - last_expected_mm))
@@ -79,9 +102,15 @@ class RepeatedPointCheck:
         self._last[reading.target] = reading.xyz_mm, expected_mm
 
     def refuse_length_again(self, reading: LengthReading, planned: PlannedReading) -> None:
-        """Two legs, or one in two poses, show the sensor at different places. Raises NothingNew.
+        """Refuse a length that repeats the sensor reading of another leg or pose.
 
-        Sides of a triangle may be made alike, and are held against what they were (`BallbarChecks.moved`).
+        Two legs, or one in two poses, have different sensor readings. Sides of a triangle may have equal lengths; they
+        are compared with their first reading (`BallbarChecks.moved`).
+
+        Raises
+        ------
+        NothingNew
+            The sensor shows the same value to the last digit.
         """
         if planned.visit.between_balls:
             return
@@ -100,7 +129,10 @@ class RepeatedPointCheck:
 def as_planned(
     cell: Cell, planned: PlannedReading, stands_deg: Sequence[float], world_mm: Array
 ) -> list[float]:
-    """(3,) a point as it would be at the joints that were planned, by the nominal robot; it stands at others."""
+    """Convert a point (3,) to the joints that were planned, according to the nominal robot.
+
+    It was measured at other joints, `stands_deg`.
+    """
     if tuple(stands_deg) == tuple(planned.visit.joints_deg):
         return world_mm.tolist()
     there, here = (Expectation(cell, planned, q) for q in (planned.visit.joints_deg, stands_deg))

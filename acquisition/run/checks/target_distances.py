@@ -1,8 +1,8 @@
-"""Targets of one tool keep their distances, whatever the robot does and wherever the instrument stands.
+"""Check that the distances between the targets of a tool stay constant.
 
-The nominal robot says to millimetres where a target is. Two targets that are measured while it rests say to hundredths
-how far they are apart: an SMR of another size, one that was knocked out of its seat, a tracker that is set to another
-reflector between the two.
+The nominal robot predicts a target to millimetres. Two targets measured while it rests give their distance to
+hundredths. A changed distance shows an SMR of another size, a displaced SMR, or a tracker that was set to another
+reflector in between.
 """
 
 from __future__ import annotations
@@ -29,9 +29,10 @@ class TargetDistanceCheck:
                 self._off(reading.visit, reading.target, at)
 
     def changed(self, planned: PlannedReading, target: str, at: Sequence[float] | Array) -> str | None:
-        """A sentence where targets are not as far apart as when both were measured first, every time that they are not.
+        """Return a warning if targets are not as far apart as in their first measurement.
 
-        at: (3,) where the target is now, mm, in a frame that is the same for the whole visit.
+        It is returned each time. `at` (3,) is the current position of the target, mm, in a frame that is fixed during
+        the visit.
         """
         off = self._off(planned.visit.number, target, at)
         if not off:

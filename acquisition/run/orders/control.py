@@ -21,7 +21,7 @@ class Pausing(Exception):
 
 
 class Stopping(Exception):
-    """The order that unwinds the sequencer to its end."""
+    """Exception that unwinds the sequencer to its end."""
 
 
 class Control:
@@ -43,7 +43,7 @@ class Control:
 
     @property
     def asked(self) -> bool:
-        """Whether a pause or a stop was asked for."""
+        """Whether a pause or a stop was requested."""
         return self._any.is_set()
 
     def watch(self, watcher: Callable[[], None]) -> None:
@@ -51,14 +51,14 @@ class Control:
         self._watchers.append(watcher)
 
     def pause(self, reason: str = ON_REQUEST) -> None:
-        """Pause after the reading in hand. The first reason counts."""
+        """Pause after the current reading. The first reason counts."""
         if not self._any.is_set():
             self._reason = reason
         self._any.set()
         self._notify()
 
     def rest(self, reason: str) -> None:
-        """Nobody is responsible for the robot any more: the current move ends, and nothing else begins."""
+        """End the current move and begin nothing more, because no one is responsible for the robot."""
         if not self._any.is_set():
             self._reason = reason
         self._now.set()
@@ -77,7 +77,7 @@ class Control:
             self._station = reason
 
     def take_new_station(self) -> str | None:
-        """The reason to measure the nests now, which is forgotten with this call; None where there is none."""
+        """Return the reason to measure the nests now, and forget it; None if there is none."""
         with self._mutex:
             reason, self._station = self._station, None
             return reason
@@ -87,20 +87,44 @@ class Control:
             watcher()
 
     def check(self) -> None:
-        """Check whether the run is to end. Raises Stopping or Pausing."""
+        """Check whether the run must end.
+
+        Raises
+        ------
+        Stopping
+            A stop was requested.
+        Pausing
+            A pause was requested.
+        """
         self.check_stop()
         if self._any.is_set():
             raise Pausing(self._reason)
 
     def check_stop(self) -> None:
-        """Look for a stop, before and after every act of a device. Raises Stopping, and Pausing to come to rest."""
+        """Check for a stop, before and after every act of a device.
+
+        Raises
+        ------
+        Stopping
+            A stop was requested.
+        Pausing
+            The robot must come to rest.
+        """
         if self._stop.is_set():
             raise Stopping
         if self._now.is_set():
             raise Pausing(self._reason)
 
     def wait(self, seconds: float) -> None:
-        """Campaign seconds. Raises Stopping or Pausing when asked meanwhile."""
+        """Wait for `seconds` of campaign time.
+
+        Raises
+        ------
+        Stopping
+            A stop was requested meanwhile.
+        Pausing
+            A pause was requested meanwhile.
+        """
         self._clock.wait(seconds, self._any)
         self.check()
 

@@ -1,7 +1,7 @@
-"""The lease of a run: the robot moves only while the one who answers for it is there.
+"""The lease of a run: the robot moves only while the person or client responsible is there.
 
-A `LeaseDeadline` is for an owner who can fall silent without the program ending (a page, a cell PC): it beats, and
-when it does not, the campaign pauses at the end of the move or measurement under way. Stopping needs none.
+A `LeaseDeadline` is for an owner who can fall silent without the program ending (a page, a cell PC). The owner sends
+beats. When they stop, the campaign pauses at the end of the current move or measurement. Stopping needs no lease.
 """
 
 from __future__ import annotations
@@ -14,7 +14,10 @@ from acquisition.run.clock import Clock, ScaledClock
 
 
 class LeaseDeadline:
-    """Ends `seconds` after the last beat, on the steady clock: a calendar that jumps does it no harm."""
+    """A deadline `seconds` after the last beat of its owner.
+
+    It uses the steady clock, so that a calendar that jumps does no harm.
+    """
 
     def __init__(self, owner: str, seconds: float, clock: Clock | None = None) -> None:
         self.owner = owner
@@ -23,7 +26,7 @@ class LeaseDeadline:
         self.beat(seconds)
 
     def beat(self, seconds: float | None = None) -> None:
-        """The owner is there, and will be heard of again within so many seconds. From any thread."""
+        """Record that the owner is there, and will beat again within `seconds`. From any thread."""
         self.seconds = self.seconds if seconds is None else seconds
         self._ends = self._clock.now() + self.seconds
         for heard in tuple(self._heard):
@@ -36,7 +39,10 @@ class LeaseDeadline:
 
     @contextmanager
     def watched(self, lapsed: Callable[[], None]) -> Iterator[None]:
-        """Call `lapsed` once, in a thread of its own, if it ends within the block; at once if it has ended."""
+        """Call `lapsed` once, in a separate thread, if the lease ends within the block.
+
+        If it has ended before, `lapsed` is called at once.
+        """
         if self.left_s <= 0.0:
             lapsed()
             yield

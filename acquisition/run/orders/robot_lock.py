@@ -1,12 +1,12 @@
-"""The lock on a robot: one campaign at a time, on this computer, in whatever record and whatever program.
+"""The lock on a robot: one campaign at a time on this computer, for all programs.
 
-A robot is locked by where it is (`drivers.endpoint`: however its address is written), before it is connected, and by
-its maker and serial number once it has reported them, before it is armed: two addresses of one controller are one
+A robot is locked by its address (`drivers.endpoint`: in any spelling) before it is connected. Once it has reported
+maker and serial number, it is locked by these before it is armed, because two addresses of one controller are one
 robot. A controller that reports no serial number is known by its address alone. Stopping needs neither lock.
 
-On Linux the lock is a name in the kernel (an abstract socket), the same for every user and every service whatever
-folders they see, which ends with its process and which nobody can delete. Elsewhere it is a file in the one folder
-that all users share, and is looked at again before the robot is armed.
+On Linux the lock is a name in the kernel (an abstract socket). It is the same for every user and every service,
+independently of the folders that they can see; it ends with its process, and no one can delete it. Elsewhere it is a
+file in the one folder that all users share, and is checked again before the robot is armed.
 """
 
 from __future__ import annotations
@@ -38,7 +38,15 @@ class Mover:
         self._stack = ExitStack()
 
     def __enter__(self) -> Mover:
-        """Lock the address. Raises RobotInUse where another campaign holds it, ConfigError."""
+        """Lock the address.
+
+        Raises
+        ------
+        RobotInUse
+            Another campaign has the lock.
+        ConfigError
+            The address is not valid.
+        """
         with self._stack as locked:
             for endpoint in sorted(endpoints(self._url)):
                 self._hold(locked, endpoint, f"at {self._url}")
@@ -48,7 +56,10 @@ class Mover:
     def met(self, who: Identity) -> None:
         """Lock the robot that answered as well, before it is armed.
 
-        Raises RobotInUse where another campaign holds it, and where a lock that was taken is gone.
+        Raises
+        ------
+        RobotInUse
+            Another campaign has the lock, or a lock that was taken is gone.
         """
         if not all(still() for still in self._held.values()):
             raise RobotInUse(
@@ -82,7 +93,7 @@ def _lock_in_kernel(stack: ExitStack, digest: str, where: str) -> Callable[[], b
 
 
 def _holder(address: bytes) -> str:
-    """The process that holds a lock, as the system tells it; "" where it does not."""
+    """Return the process that has a lock, as reported by the system, or an empty text."""
     with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asks:
         asks.setblocking(False)
         asks.connect(address)
@@ -94,7 +105,7 @@ def _holder(address: bytes) -> str:
 
 
 def _folder() -> Path:
-    """The folder that every user of this computer shares and may write, whatever their settings."""
+    """Return the folder that every user of this computer can write, independently of settings."""
     if os.name == "nt":
         return Path(os.environ.get("PROGRAMDATA", r"C:\ProgramData")) / "TruePose"
     return Path("/var/tmp/truepose")

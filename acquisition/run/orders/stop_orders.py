@@ -1,7 +1,7 @@
-"""Orders to stop, written to the record while the order goes to the robot: a disk may take longer than both.
+"""Orders to stop, written to the record while the order goes to the robot.
 
-The thread that ends the run waits for what is being written, so the record says who stopped it before it says that it
-is stopped. What could not be written is tried once more then.
+The disk may take longer than the robot. The thread that ends the run waits for these entries, so that the record names
+the person who stopped it before it has the stopped state. An entry that could not be written is tried again then.
 """
 
 from __future__ import annotations
@@ -13,7 +13,10 @@ from acquisition.record.store import RecordStore
 
 
 class StopOrders:
-    """The orders of one execution. `begin` and `finish` exclude each other: their caller holds a lock."""
+    """The orders to stop one execution.
+
+    `begin` and `finish` exclude each other: their caller holds a lock.
+    """
 
     def __init__(self, store: RecordStore) -> None:
         self._store = store
@@ -21,7 +24,7 @@ class StopOrders:
         self._left: list[tuple[str, str | None]] = []
 
     def begin(self, by: str, key: str | None) -> None:
-        """Write, in a thread of its own, that `by` has asked for a stop, under this idempotency key."""
+        """Write, in a separate thread, that `by` has requested a stop, with this idempotency key."""
         thread = threading.Thread(target=self._note, args=(by, key), name="noting")
         self._threads.append(thread)
         thread.start()
@@ -33,7 +36,13 @@ class StopOrders:
             self._left.append((by, key))
 
     def finish(self) -> None:
-        """Return once every order is durable. Raises StorageError where the record still cannot be written."""
+        """Wait until every order is durable.
+
+        Raises
+        ------
+        StorageError
+            The record still cannot be written.
+        """
         for thread in self._threads:
             thread.join()
         for by, key in self._left:

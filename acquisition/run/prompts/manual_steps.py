@@ -1,12 +1,12 @@
-"""The handiwork of a person before a reading: seat the only SMR, aim the tracker, put the ballbar between its balls.
+"""The manual steps before a reading: seat the only SMR, aim the tracker, attach the ballbar.
 
     one SMR    asked before the approach: people at the robot void it, so it is made after they have gone
     aim        at the nests, where the tracker's interface knows no names (emScon)
     ballbar    asked while the robot is in the pose: with the bar on it there is no approach, it would tear the
                bar off. The robot leaves a pose only after somebody has said that the bar is off
 
-What a person says is checked by what the instrument then sees (`run.checks.expected`; the stroke of the bar). Which
-of it still holds is only known within one execution: a new one asks again.
+The confirmation of a person is checked with the next reading (`run.checks.expected`; the stroke of the bar). The
+present set-up is only known within one execution: a new one asks again.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ from drivers.interfaces import Answer
 
 
 class ManualSteps:
-    """The manual work of one execution. ask: put a question to a person; lost: the beam cannot be sent to a nest."""
+    """The manual steps of one execution.
+
+    `ask` asks a person; `lost` returns whether the beam cannot be sent to a nest.
+    """
 
     def __init__(self, cell: Cell, ask: Ask, lost: Callable[[PlannedReading], bool]) -> None:
         self._ask, self._lost = ask, lost
@@ -34,12 +37,12 @@ class ManualSteps:
         self._free = False  # nothing hangs on the robot
 
     def doubt(self) -> None:
-        """Ask again for everything that a person has set up: somebody may have changed it."""
+        """Ask again for everything that a person has set up, because it may have been changed."""
         self._seated = self._spanned = None
         self._free = False
 
     def seat(self, planned: PlannedReading) -> Answer:
-        """The SMR is in the nest of the reading, where there is only one SMR."""
+        """Have the SMR seated in the nest of the reading, if there is only one SMR."""
         if not self._one_smr or self._seated == planned.target:
             return Answer.CONFIRM
         seat = PromptPicture(f"seat/{planned.target}")

@@ -1,4 +1,4 @@
-"""The picture beside a prompt, in the two forms in which people see one."""
+"""The picture of a prompt, in the two forms for a page and for a terminal."""
 
 from __future__ import annotations
 
@@ -10,11 +10,16 @@ from drivers.interfaces import Answer
 
 @dataclass(frozen=True)
 class PromptPicture:
-    """One picture.
+    """A picture of a prompt.
 
-    name: what the page draws by itself, from the cell that it shows anyway: `seat/NEST`, `aim/NEST`, `moved/NEST`,
-    `off`, `span/BASE/TOOL`, `calibrator`. Record and interface keep the name. None: the page has words alone.
-    drawing: SVG, for a person at a terminal, which draws nothing: a file beside the record that a browser shows.
+    Attributes
+    ----------
+    name
+        A picture that the page draws from the cell: `seat/NEST`, `aim/NEST`, `moved/NEST`, `off`, `span/BASE/TOOL`,
+        `calibrator`. Record and interface keep the name. None: the page has only the text.
+    drawing
+        SVG for a person at a terminal, which cannot draw. It is written to a file in the folder of the record, which a
+        browser shows.
     """
 
     name: str | None = None

@@ -1,7 +1,7 @@
-"""The desk at which the operator is asked: prompts are rows of the record, answered on a terminal or by HTTP.
+"""The prompts to the operator: rows of the record, answered on a terminal or by HTTP.
 
-Whoever answers first counts. The operator device is asked in a thread of its own, because a person may take an
-hour and a stop may not wait; when the campaign stops waiting, the prompt is void and the thread is left alone.
+The first answer counts. The operator device is asked in a separate thread, because a person may take an hour and a stop
+may not wait. When the campaign stops waiting, the prompt is void and the thread is abandoned.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CHOICES = (Answer.CONFIRM, Answer.SKIP, Answer.ABORT)
 
 @dataclass(frozen=True)
 class PromptAnswer:
-    """An answer: by whom, why, and what was typed beside it."""
+    """An answer with its author, its reason, and the typed values."""
 
     answer: Answer
     by: str
@@ -36,8 +36,15 @@ class PromptAnswer:
 
 
 class PromptQueue:
-    """The desk asks one prompt at a time. `picture`: the file for drawings, shown to a person at a terminal; `person`:
-    who answers prompts with an entry, None: the operator."""
+    """The prompts to a person, one at a time.
+
+    Parameters
+    ----------
+    picture
+        File for drawings, shown to a person at a terminal.
+    person
+        Answers prompts with an entry. Default: the operator.
+    """
 
     def __init__(
         self,
@@ -72,10 +79,23 @@ class PromptQueue:
         pause: bool = False,
         entry: TypedEntry | None = None,
     ) -> PromptAnswer:
-        """Wait for a person. `redo`: the last reading may be asked for once more; `pause`: the run may be paused;
-        `entry`: numbers that they type.
+        """Ask a person and wait for the answer; ABORT is returned like any answer.
 
-        Raises NoOperator, Pausing, Stopping; ABORT is returned like any answer.
+        Parameters
+        ----------
+        redo
+            Whether the person may request the last reading again.
+        pause
+            Whether the person may pause the run.
+        entry
+            Numbers that the person types.
+
+        Raises
+        ------
+        NoOperator
+            There is no person to answer.
+        Pausing, Stopping
+            The run must pause or stop.
         """
         choices = (*CHOICES, *[Answer.REDO] * redo, *[Answer.PAUSE] * pause)
         prompt = Prompt(uuid.uuid4().hex[:12], text, choices, picture.name, entry)
@@ -103,7 +123,13 @@ class PromptQueue:
         return answer
 
     def answer(self, prompt_id: str, answer: Answer, by: str, reason: str = "", typed: str = "") -> None:
-        """A person answers, from any thread. Raises UnknownPrompt for a prompt that is not being asked."""
+        """Answer the current prompt, from any thread.
+
+        Raises
+        ------
+        UnknownPrompt
+            The prompt is not being asked, or the answer does not fit it.
+        """
         with self._changed:
             pending = self._pending
             if pending is None or pending.id != prompt_id or self._answer is not None:
@@ -133,7 +159,10 @@ class PromptQueue:
                 self._changed.notify_all()
 
     def _withdraw(self, prompt: Prompt) -> None:
-        """Let a page that still shows the prompt know that it is over; a terminal keeps waiting for its line."""
+        """Inform a page that still shows the prompt that it is over.
+
+        A terminal keeps waiting for its line.
+        """
         operator, asker = self._operator, self._asker
         if not isinstance(operator, RemoteOperator) or asker is None:
             return

@@ -1,8 +1,8 @@
-"""Cups of the base taught by the robot: a person jogs a ball of the tool into each, and the joints are read.
+"""Cups of the base taught by the robot: a person jogs a ball of the tool into each.
 
-The robot is not armed meanwhile. A touch is an arrival without a command, and a distance of zero between the two balls.
-The nominal robot errs by millimetres and cups stand far from each other, so it says which ball sits in which
-cup. Angles deg, lengths mm. Source: Nubiola, thesis, section 4.2.
+The joints are then read; the robot is not armed meanwhile. A touch is an arrival without a command, and a distance of
+zero between the two balls. The nominal robot errs by millimetres and cups are far from each other, so its joints show
+which ball sits in which cup. Angles deg, lengths mm. Source: Nubiola, thesis, section 4.2.
 """
 
 from __future__ import annotations
@@ -32,7 +32,10 @@ _TURNS = 24  # about the vertical, in which a posture over a cup is looked for
 
 
 class Touches:
-    """The touches of one execution. `ask`: put a question to a person."""
+    """The touches of one execution.
+
+    `ask` asks a person.
+    """
 
     def __init__(self, cell: Cell, attempts: Attempts, rig: DevicePair, ask: Ask) -> None:
         self._cell = cell
@@ -42,13 +45,18 @@ class Touches:
         self._sits: tuple[str, str] | None = None  # ball of the tool, and the cup in which it sits
 
     def wanted(self, planned: PlannedReading) -> bool:
-        """Whether a planned reading is a touch."""
+        """Check whether a planned reading is a touch."""
         return is_touch(self._cell, planned)
 
     def take(self, planned: PlannedReading) -> Answer:
-        """Have it done and read the joints: what the person answered, CONFIRM when it is on record.
+        """Have the ball placed in the cup and read the joints.
 
-        Raises TouchedElsewhere for another ball or another cup, and what the robot raises.
+        Returns the answer of the person, CONFIRM when the touch is recorded. Errors of the robot are passed on.
+
+        Raises
+        ------
+        TouchedElsewhere
+            The joints show another ball or another cup.
         """
         ball, cup = planned.target, planned.base_target or ""
         near = posture_at(self._cell, ball, cup)
@@ -108,8 +116,13 @@ class Touches:
         return (robot.model_angles(joints_deg[None])[0] / robot.model.joint_units).tolist()
 
     def _refuse_elsewhere(self, ball: str, cup: str, reached: JointReading) -> None:
-        """Raises TouchedElsewhere where the nominal robot has another ball, or another cup, nearer than `WITHIN_MM`, or
-        none."""
+        """Refuse a touch that is not within `WITHIN_MM` according to the nominal robot.
+
+        Raises
+        ------
+        TouchedElsewhere
+            The ball is not near the cup; the message names the pair that is, if any.
+        """
         cell = self._cell
         balls = targets_at(cell, np.array([reached.joints_deg]))[0]
         apart = np.linalg.norm(balls[:, None] - np.array(list(cell.nests.values())), axis=2)
@@ -129,7 +142,10 @@ class Touches:
 
 
 def posture_at(cell: Cell, ball: str, cup: str) -> Array | None:
-    """(N,) deg: a posture with a ball of the tool in a cup, the flange level above it; None where none is reached."""
+    """Return a posture with a ball of the tool in a cup and the flange level above it.
+
+    It has shape (N,), deg, and is None if the arm reaches none.
+    """
     turns = np.arange(_TURNS) * 2.0 * np.pi / _TURNS
     flange = np.zeros((_TURNS, 4, 4))
     c, s = np.cos(turns), np.sin(turns)

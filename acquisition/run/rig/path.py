@@ -1,7 +1,7 @@
 """A path: the robot drives through its waypoints while both streams are recorded.
 
-A pause ends it after the motion in hand, a stop or an error in the middle of it; the streams are closed, and what they
-hold stays in the record under an attempt that is not good. The next attempt drives the path from its beginning.
+A pause ends it after the current motion, a stop or an error in the middle of it. The streams are closed, and their
+samples stay in the record under an attempt that is not good. The next attempt drives the path from its beginning.
 """
 
 from __future__ import annotations
@@ -29,7 +29,15 @@ class PathDrive:
         self._transit = transit
 
     def drive(self, planned: PlannedReading, attempt: int) -> None:
-        """The robot goes from the first waypoint to the last. Raises Pausing, Stopping, AcquisitionError."""
+        """Drive the robot from the first waypoint to the last.
+
+        Raises
+        ------
+        Pausing, Stopping
+            The run must pause or stop.
+        AcquisitionError
+            A device failed.
+        """
         path = self._campaign.path_of(planned.visit.block)
         assert path is not None, "only a path has waypoints"
         waypoints = planned.visit.waypoints

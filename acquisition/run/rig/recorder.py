@@ -1,8 +1,8 @@
-"""Two streams recorded side by side: a thread reads each device, another one writes what came, chunk by chunk.
+"""Two streams recorded in parallel: a thread reads each device, another writes the samples.
 
-Every sample keeps the device's clock and the campaign time at which it arrived here. One that is missing is counted
-before the next: by the device's own numbers where it counts, else by its clock, at the rate that was asked for. What
-waits to be written is less than `CHUNK_S` old on the wall; nothing is thrown away when the disk is slow.
+Every sample keeps the device's clock and the campaign time at which it arrived here. A missing sample is counted before
+the next: from the device's own numbers if it has them, otherwise from its clock at the requested rate. Samples that
+wait to be written are less than `CHUNK_S` of real time old; none is dropped when the disk is slow.
 """
 
 from __future__ import annotations
@@ -29,7 +29,10 @@ _LATE = 1.5  # periods after which a sample is missing
 
 @dataclass
 class Feed:
-    """The stream of one device. `taken` samples so far, `lost` beside them."""
+    """The stream of one device.
+
+    `taken` is the number of samples so far, `lost` that of missing ones.
+    """
 
     role: str
     rate_hz: float
@@ -62,7 +65,7 @@ class Feed:
 
 
 class Recorder:
-    """The streams of one attempt at a path, from entering the block until it is left. `rates_hz` by role."""
+    """The streams of one attempt at a path, while the block is open; `rates_hz` by role."""
 
     def __init__(
         self, store: RecordStore, attempt: int, rig: DevicePair, rates_hz: Mapping[str, float]
@@ -95,13 +98,27 @@ class Recorder:
             self._raise_first(errors)
 
     def wait_until_both_flow(self) -> None:
-        """Wait for the first sample of both streams. Raises TargetNotSeen, and what a stream raised."""
+        """Wait for the first sample of both streams. Errors of a stream are passed on.
+
+        Raises
+        ------
+        TargetNotSeen
+            A stream has no sample.
+        """
         for feed in self.feeds.values():
             feed.flows.wait(SILENT_S)
         self.look()
 
     def look(self) -> None:
-        """Whether both still flow. Raises TargetNotSeen, LinkError, StorageError."""
+        """Check that both streams still flow.
+
+        Raises
+        ------
+        TargetNotSeen
+            A device has sent no sample for a while.
+        LinkError, StorageError
+            A stream or the writing of its samples failed.
+        """
         self._raise_first(self._errors())
         now = time.monotonic()
         for feed in self.feeds.values():

@@ -1,7 +1,7 @@
-"""Robot and instrument as the sequencer uses them: it knows which of them must be connected or armed anew.
+"""Connect, arm and disarm the robot and the instrument for the sequencer.
 
-The drivers' rules: after a LinkError connect and arm; any error of a commanded robot disarms it. A device is
-only ever armed for the move to an approach, so that nothing moves without one.
+After a `LinkError`, the device is connected and armed again; any error of a commanded robot disarms it. A device is
+armed only for the move to an approach point, so that nothing moves without one.
 """
 
 from __future__ import annotations
@@ -39,9 +39,14 @@ PRESS = "Press the emergency stop: the program does not reach the robot, which m
 
 @dataclass(frozen=True)
 class ConnectedDevice:
-    """A device that has just been connected. `read_deg`: where the robot is; None for the instrument.
+    """A device that has just been connected.
 
-    `weakness`: what its wire cannot see (`drivers.interfaces.ReportsWeakness`).
+    Attributes
+    ----------
+    read_deg
+        Joint angles of the robot; None for the instrument.
+    weakness
+        Errors that its protocol cannot detect; see `drivers.interfaces.ReportsWeakness`.
     """
 
     role: str
@@ -74,7 +79,15 @@ class DevicePair:
         self._endings = 0  # connections to be ended, asked for and not yet seen to
 
     def meet(self) -> None:
-        """Connect the devices that are not connected; nothing is armed. Raises AcquisitionError, Stopping."""
+        """Connect the devices that are not connected, without arming them.
+
+        Raises
+        ------
+        AcquisitionError
+            A device failed, or is another one.
+        Stopping
+            A stop was requested.
+        """
         for role, device in self._both():
             with self.using(role):
                 if role not in self._connected:
@@ -94,7 +107,15 @@ class DevicePair:
             self._control.check_stop()
 
     def look(self) -> None:
-        """Make sure that both still answer; what they say is for their arming. Raises LinkError, and as `meet`."""
+        """Check that both devices still answer.
+
+        Their status is not judged here; it is judged when they are armed. Errors are those of `meet`, and:
+
+        Raises
+        ------
+        LinkError
+            A device does not answer.
+        """
         self.meet()
         robot, instrument = self._devices.robot, self._devices.instrument
         for role, status in (("robot", robot.status), ("instrument", instrument.status)):
@@ -107,7 +128,15 @@ class DevicePair:
                 continue  # an open gate ends no warm-up
 
     def make_ready(self) -> None:
-        """Connect and arm the devices that are not yet. Raises AcquisitionError, Stopping."""
+        """Connect and arm the devices that are not ready.
+
+        Raises
+        ------
+        AcquisitionError
+            A device failed, or refuses to be armed.
+        Stopping
+            A stop was requested.
+        """
         self.meet()
         for role, device in self._both():
             with self.using(role):
@@ -121,7 +150,15 @@ class DevicePair:
         return ("robot", self._devices.robot), ("instrument", self._devices.instrument)
 
     def move(self, joints_deg: Sequence[float]) -> JointReading:
-        """Go there and come to rest. Raises AcquisitionError, Stopping."""
+        """Move the robot to these joints and wait until it is at rest.
+
+        Raises
+        ------
+        AcquisitionError
+            The move failed.
+        Stopping
+            A stop was requested.
+        """
         return self._driven(lambda: self._devices.robot.move_to(joints_deg))
 
     def _driven(self, move: Callable[[], JointReading]) -> JointReading:
@@ -145,9 +182,16 @@ class DevicePair:
         return reached
 
     def go(self, path_deg: Sequence[Sequence[float]], joints_deg: Sequence[float]) -> JointReading:
-        """Go over postures to the last one and come to rest there; a prompt shows a person the whole path.
+        """Move over postures to the last one and come to rest there.
 
-        Raises AcquisitionError, Stopping.
+        A prompt shows a person the whole path.
+
+        Raises
+        ------
+        AcquisitionError
+            The move failed.
+        Stopping
+            A stop was requested.
         """
         robot = self._devices.robot
         if isinstance(robot, HandGuided):
@@ -163,13 +207,29 @@ class DevicePair:
                 device.attend(ask)
 
     def joints_at_rest_deg(self) -> tuple[float, ...]:
-        """Joint angles now, deg; a robot that may be moving is waited for. Raises AcquisitionError, Stopping."""
+        """Return the present joint angles, deg; wait for a robot that may be moving.
+
+        Raises
+        ------
+        AcquisitionError
+            The robot failed, or does not come to rest.
+        Stopping
+            A stop was requested.
+        """
         if self._at_rest:
             return self.position().joints_deg
         return self.at_rest().joints_deg
 
     def let_go(self) -> None:
-        """The robot is connected and not armed: a person jogs it. Raises AcquisitionError, Stopping."""
+        """Connect the robot and disarm it, so that a person can jog it.
+
+        Raises
+        ------
+        AcquisitionError
+            The robot failed.
+        Stopping
+            A stop was requested.
+        """
         self.meet()
         with self.using("robot"):
             self._devices.robot.disarm()
@@ -182,50 +242,97 @@ class DevicePair:
         return self._devices.hands
 
     def at_rest(self) -> JointReading:
-        """The joints that the robot reads back once it has come to rest. Raises AcquisitionError, Stopping."""
+        """Return the joints that the robot reads back once it has come to rest.
+
+        Raises
+        ------
+        AcquisitionError
+            The robot failed, or does not come to rest.
+        Stopping
+            A stop was requested.
+        """
         reading = until_still(self.position, self._control.settle)
         self.adrift = False
         return reading
 
     def may_have_moved(self) -> None:
-        """Note that somebody may have jogged the robot, or be at it."""
+        """Note that a person may have jogged the robot, or may be near it."""
         self._at_rest = False
 
     def position(self) -> JointReading:
-        """The joint angles that the robot reads back. Raises AcquisitionError."""
+        """Return the joint angles that the robot reads back.
+
+        Raises
+        ------
+        AcquisitionError
+            The robot failed.
+        """
         with self.using("robot"):
             return self._devices.robot.position()
 
     def measure(self, target: str, samples: int, near_mm: Sequence[float] | None) -> PointReading:
-        """A whole measurement. Raises AcquisitionError, Stopping."""
+        """Make a complete measurement of a point.
+
+        Raises
+        ------
+        AcquisitionError
+            The measurement failed.
+        Stopping
+            A stop was requested.
+        """
         self._control.check_stop()
         with self.using("instrument"):
             meter = cast(PointMeter, self._devices.instrument)  # of a cell that measures points
             return meter.measure(target, samples=samples, near_mm=near_mm)
 
     def measure_length(self, target: str, base_target: str, samples: int) -> LengthReading:
-        """A whole measurement of a distance. Raises AcquisitionError, Stopping."""
+        """Make a complete measurement of a distance.
+
+        Raises
+        ------
+        AcquisitionError
+            The measurement failed.
+        Stopping
+            A stop was requested.
+        """
         self._control.check_stop()
         with self.using("instrument"):
             return self._length_meter.measure(target, base_target=base_target, samples=samples)
 
     def build(self, nominal_mm: float) -> None:
-        """The ballbar has been built to another length: armed anew, it is held against its calibration."""
+        """Note that the ballbar has been built to another length.
+
+        It is disarmed; arming it again compares the length with its calibration.
+        """
         self._length_meter.build(nominal_mm)
         self._armed.discard("instrument")
 
     def zero(self) -> float:
-        """The sensor's zero, mm, while it is in its calibrator. Raises AcquisitionError, Stopping."""
+        """Read the sensor's zero, mm, while it is in its calibrator.
+
+        Raises
+        ------
+        AcquisitionError
+            The reading failed.
+        Stopping
+            A stop was requested.
+        """
         self._control.check_stop()
         with self.using("instrument"):
             return self._length_meter.zero()
 
     def stream(self, role: str, rate_hz: float) -> AbstractContextManager[Iterator[Sample | None]]:
-        """The stream of one device; what it raises is to be raised within `using`, by the thread that commands."""
+        """Return the stream of one device.
+
+        Its errors must be raised within `using`, by the thread that commands.
+        """
         return cast(Streaming, dict(self._both())[role]).stream(rate_hz)
 
     def at_speed(self, speed_deg_s: float | None) -> AbstractContextManager[None]:
-        """The leading joint is no faster until the block ends; None: as fast as the cell allows."""
+        """Limit the speed of the leading joint until the block ends.
+
+        With None, the limit is that of the cell.
+        """
         return (
             nullcontext()
             if speed_deg_s is None
@@ -255,9 +362,10 @@ class DevicePair:
             raise
 
     def halt(self) -> list[AcquisitionError]:
-        """Robot and instrument stop now; from any thread. Returns what could not be stopped and may be going on.
+        """Stop robot and instrument now, from any thread.
 
-        Both at the same time: a robot whose link is down takes seconds to be given up.
+        Returns the errors of devices that could not be stopped and may continue. Both are stopped at the same time: it
+        takes seconds until a robot whose link is down is abandoned.
         """
         with self._halting:
             self._halts += 1
@@ -292,7 +400,10 @@ class DevicePair:
         return problems
 
     def release(self) -> None:
-        """Disarm and disconnect both, once a stop under way has been heard: it uses the same connections."""
+        """Disarm and disconnect both, after a stop that is under way.
+
+        The stop uses the same connections.
+        """
         with self._halting:
             self._halting.wait_for(lambda: not self._halts)
             self._released = True
@@ -301,8 +412,8 @@ class DevicePair:
     def _let_go(self) -> None:
         """Disarm and disconnect both.
 
-        A thread that wants it while another is at it leaves it to that one, which then does it once more: a stop is
-        not to wait for a device that is slow to let go.
+        If another thread is already doing so, it repeats the work for this one. A stop must not wait for a device that
+        is slow to disconnect.
         """
         with self._halting:
             self._endings += 1
@@ -323,7 +434,10 @@ class DevicePair:
 
 
 def _not_stopped(role: str, error: AcquisitionError, *, lost: bool) -> AcquisitionError:
-    """The error with what a person has to do now: that the program will connect again stops nothing."""
+    """Return the error with the action that the person must take now.
+
+    That the program will connect again stops nothing.
+    """
     if role != "robot":
         return error
     if isinstance(error, LinkError):

@@ -1,6 +1,6 @@
-"""The settle check: the arm is at rest when two read-backs in a row agree within the resolution of the reply.
+"""The settle check: two consecutive read-backs agree within the resolution of the reply.
 
-For controllers that report the end of a move before the arm has come to rest.
+It is for controllers that report the end of a move before the arm has come to rest.
 """
 
 from __future__ import annotations
@@ -15,7 +15,15 @@ TRIES = 20
 
 
 def until_still(position: Callable[[], JointReading], wait: Callable[[float], None]) -> JointReading:
-    """The read-back of the arm at rest. Raises NoisyMeasurement when it does not come to rest, and what these raise."""
+    """Wait until the arm is at rest and return its read-back.
+
+    Errors of the arguments are passed on.
+
+    Raises
+    ------
+    NoisyMeasurement
+        The arm does not come to rest.
+    """
     before, apart = position(), 0.0
     for _ in range(TRIES):
         wait(EVERY_S)

@@ -9,7 +9,10 @@ from drivers.errors import AcquisitionError
 
 
 def with_unheard(reason: str, unheard: Sequence[AcquisitionError]) -> str:
-    """The reason with what the last stop did not reach: the emergency stop before all, and nothing twice."""
+    """Add the devices that the last stop did not reach to the reason.
+
+    The advice to press the emergency stop comes first. Nothing is repeated.
+    """
     remedies = dict.fromkeys(each.what_to_do for each in unheard)
     now = [PRESS] if PRESS in remedies else []
     told = dict.fromkeys(each.what_happened for each in unheard if each.message not in reason)
