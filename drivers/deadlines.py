@@ -7,8 +7,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class InstrumentDeadlines:
-    """A measurement may take its samples' time + `measure_margin_s`; `takeover_s`: until a server notices that its
-    last client is gone; `init_s`: for an initialisation, `point_s` for pointing at a target.
+    """Named waits in seconds.
+
+    A measurement may take its samples' time + `measure_margin_s`.
+
+    Attributes
+    ----------
+    takeover_s
+        Time in which a server notices that its last client is gone.
+    init_s
+        For an initialisation.
+    point_s
+        For pointing at a target.
     """
 
     connect_s: float = 3.0

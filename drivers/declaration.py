@@ -1,4 +1,4 @@
-"""The declaration of a driver: what other packages have to know of it, so that none of them names it.
+"""The declaration of a driver, so that no other package needs to name a driver.
 
 Each maker's folder has one file `declaration.py` with the declarations of its drivers; `drivers.registry` lists them.
 """
@@ -26,9 +26,14 @@ def _no_clock(device: Any) -> float | None:
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """A number that the cell file has for one driver, mm unless its key says otherwise.
+    """A number in the cell file for one driver, mm unless its key states otherwise.
 
-    needed: the file must have it; default: what the driver takes without it, None where that depends.
+    Attributes
+    ----------
+    needed
+        Whether the file must have it.
+    default
+        Value that the driver uses without it; None if that depends.
     """
 
     key: str
@@ -49,14 +54,25 @@ class TextOption:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotDriver:
-    """A driver of robots: one protocol or dialect. `make` takes URL, speeds and limits of the cell, and a wire log.
+    """A driver of robots: one protocol or dialect.
 
-    joints: how many it drives, all of which turn; a cell with another robot is refused before anything connects.
-    takes_reach: `make` takes `reach_mm` as well, and keeps the speed of the path with it.
-    details: what a connected robot says of itself beyond the status that it has just answered; raises LinkError.
-    clock_s: the controller's own clock, None where the protocol does not say; raises LinkError.
-    streams: its joints can be recorded while it moves (`drivers.interfaces.Streaming`).
-    by_hand: a person drives it, at no address: what they say it shows is what was commanded.
+    Attributes
+    ----------
+    make
+        Creates the driver from URL, speeds and limits of the cell, and a wire log.
+    joints
+        Number of joints that it drives, all of which turn; a cell with another robot is refused before anything
+        connects.
+    takes_reach
+        Whether `make` takes `reach_mm` as well, to keep the speed of the path.
+    details
+        Returns details of a connected robot in addition to the given status; may raise LinkError.
+    clock_s
+        Returns the controller's own clock, None if the protocol does not report it; may raise LinkError.
+    streams
+        Whether its joints can be recorded while it moves (`drivers.interfaces.Streaming`).
+    by_hand
+        Whether a person drives it, without an address: the joints that they report count as commanded.
     """
 
     name: str
@@ -72,15 +88,32 @@ class RobotDriver:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentDriver:
-    """A driver of instruments of one maker. `make` takes the URL, `options` of the cell file, and a wire log.
+    """A driver of instruments of one maker.
 
-    instrument: its name in data sets. cone_deg: the largest angle between a target's normal and the direction to the
-    instrument. stroke_mm: of a ballbar, to either side; None for an instrument that measures points. finds_by_name:
-    it finds a target by its name, before the world is known. needs_weather: its wavelength depends on the air.
-    body_mm, extensions_mm: of a ballbar without extension bars, and of these.
-    by_hand: a person reads it, at no address. takes_within: `make` takes `within_mm` as well, how far a point may be
-    from where it should be. unreported: what its protocol does not say, and a person has to look at. details,
-    clock_s, streams: as for a `RobotDriver`.
+    Attributes
+    ----------
+    instrument
+        Its name in data sets.
+    make
+        Creates the driver from the URL, `options` of the cell file, and a wire log.
+    by_hand
+        Whether a person reads it, without an address.
+    takes_within
+        Whether `make` takes `within_mm` as well, the largest distance of a point from its expected place.
+    cone_deg
+        Largest angle between a target's normal and the direction to the instrument.
+    stroke_mm
+        Stroke of a ballbar, to either side; None for an instrument that measures points.
+    body_mm, extensions_mm
+        Length of a ballbar without extension bars, and lengths of these.
+    finds_by_name
+        Whether it finds a target by its name, before the world is known.
+    needs_weather
+        Whether its wavelength depends on the air.
+    unreported
+        Facts that its protocol does not report and that a person must check.
+    details, clock_s, streams
+        As for a `RobotDriver`.
     """
 
     name: str

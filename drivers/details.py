@@ -1,7 +1,7 @@
-"""Details of a device beyond its common status, read without arming it.
+"""Details of a device in addition to its common status, read without arming it.
 
-Each protocol has something of its own; a driver's declaration says how to ask for it. For `truepose doctor`; a
-campaign needs none of it.
+Each protocol has its own; a driver's declaration has the function that reads them. They are for `truepose doctor`; a
+campaign needs none of them.
 """
 
 from __future__ import annotations
@@ -15,12 +15,24 @@ from drivers.errors import AcquisitionError
 
 @dataclass(frozen=True, slots=True)
 class Details:
-    """The details of a device; None or empty where its protocol does not say.
+    """The details of a device; None or empty if its protocol does not report them.
 
-    `trouble`: why it could not move now; `temperatures_c`: of the joints; `speed_share`: of the speed slider, 1 is
-    full; `nominal`: DH numbers that the controller calculates with; `bar_mm`: calibrated length of the ballbar as it
-    is built together; `bodies`: reflective targets of each; `reference`: the body on the robot's foot among them, and
-    how many targets it needs.
+    Attributes
+    ----------
+    trouble
+        Reason why it could not move now.
+    temperatures_c
+        Temperatures of the joints.
+    speed_share
+        Position of the speed slider; 1 is full speed.
+    nominal
+        DH numbers with which the controller calculates.
+    bar_mm
+        Calibrated length of the ballbar as it is built.
+    bodies
+        Number of reflective targets of each body.
+    reference
+        The body on the robot's foot among them, and the number of targets that it needs.
     """
 
     trouble: AcquisitionError | None = None

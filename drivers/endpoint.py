@@ -16,10 +16,15 @@ _LOOPBACK = "loopback"
 
 
 def endpoints(url: str) -> frozenset[str]:
-    """The `IP:port` of every address that the host name of a URL has, or the real path of a serial device.
+    """Return the `IP:port` of every address of the host in a URL, or that of a serial device.
 
-    All loopback addresses, IPv4 or IPv6, count as one: `localhost` may be any of them. A name that
-    cannot be resolved now is kept as it is. Raises ConfigError for what is no address.
+    The address of a serial device is its real path. All loopback addresses, IPv4 or IPv6, count as one: `localhost` may
+    be any of them. A name that cannot be resolved now is kept as it is.
+
+    Raises
+    ------
+    ConfigError
+        The URL is not an address.
     """
     if "://" not in url:
         return frozenset({os.path.realpath(url)})

@@ -10,9 +10,14 @@ from drivers.errors import ConfigError
 
 
 def installed(group: str, name: str) -> Iterator[Any]:
-    """The members of the lists of that name (`DRIVERS`, say) in the modules of a group of entry points.
+    """Yield the members of the lists named `name` in the modules of a group of entry points.
 
-    Raises ConfigError for a package that cannot be loaded.
+    Such a name is `DRIVERS`, for example.
+
+    Raises
+    ------
+    ConfigError
+        A package cannot be loaded.
     """
     for point in entry_points(group=group):
         yield from _list_in(point, name)

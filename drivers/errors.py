@@ -1,4 +1,4 @@
-"""Errors of devices, sorted by what the sequencer does about them.
+"""Errors of devices, grouped according to the reaction of the sequencer.
 
     LinkError      1xxx   reconnect, approach again, retry
     Unmeasurable   2xxx   retry, then skip the pose
@@ -8,9 +8,8 @@
     ConfigError    6xxx   refuse to start
     NoOperator     7xxx   nobody there to answer a prompt: end with exit code 4
 
-The numeric codes are part of the record (database, HTTP, reports) and never change their meaning.
-Every error names the device, the command that was under way and the raw reply, and says to the operator
-in one sentence what to do.
+The numeric codes are part of the record (database, HTTP, reports) and never change their meaning. Every error names the
+device, the command that was under way and the raw reply, and tells the operator in one sentence what to do.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ _ROLES = ("", "robot", "instrument", "operator")
 
 
 class ErrorPlace(TypedDict, total=False):
-    """The place of an error: the device, the command that was under way, the raw reply."""
+    """The origin of an error: the device, the command that was under way, the raw reply."""
 
     device: str
     command: str
@@ -31,7 +30,7 @@ class ErrorPlace(TypedDict, total=False):
 
 
 class AcquisitionError(Exception):
-    """The base class of all errors of devices and of the campaign; code catches its subclasses only."""
+    """The base class of all device and campaign errors; code catches only its subclasses."""
 
     code: ClassVar[int] = 0
     exit_code: ClassVar[int] = 1
@@ -65,13 +64,16 @@ class AcquisitionError(Exception):
 
     @property
     def sentence(self) -> str:
-        """The error in words, for the person at the cell: what happened to which device, and what to do."""
+        """The error as text for the person at the cell: device, problem and remedy."""
         return f"{self.what_happened} {self.what_to_do}"
 
     @property
     def what_happened(self) -> str:
-        """A sentence, with the name of the device in front where it does not have it; errors of the campaign speak of
-        the robot and the instrument by what is wrong with them."""
+        """The problem as a sentence that names the device.
+
+        The name is put in front if the message does not have it. An error of the campaign has only a role as its device
+        (robot, instrument or operator), and gets no prefix.
+        """
         named = self.device in _ROLES or self.device.casefold() in self.message.casefold()
         end = "" if self.message.endswith("?") else "."
         return f"{'' if named else f'{self.device}: '}{self.message.rstrip('.')}{end}"
@@ -91,7 +93,10 @@ class AcquisitionError(Exception):
 
 @contextmanager
 def naming(device: str, command: str) -> Iterator[None]:
-    """An error raised inside that names no device is one of `device`, during `command` unless it says another."""
+    """Complete errors inside the block that name no device.
+
+    They get `device`, and `command` unless they have another one.
+    """
     try:
         yield
     except AcquisitionError as error:
@@ -143,7 +148,7 @@ class BeamBroken(Unmeasurable):
 
 
 class TargetNotSeen(Unmeasurable):
-    """The target was lost, not found, or is not in the nest that was asked for."""
+    """The target was lost, not found, or is not in the requested nest."""
 
     code = 2002
     advice = "Check that the SMR is seated and faces the instrument, then repeat the measurement."
@@ -171,7 +176,7 @@ class Refused(AcquisitionError):
 
 
 class NotArmed(Refused):
-    """Motion was asked for without arming first, or after something disarmed the device."""
+    """Motion was requested without arming first, or after the device was disarmed."""
 
     code = 3001
     advice = "Check that the cell is clear, then arm the device again."
@@ -239,19 +244,22 @@ class NotReached(Refused):
 
 
 class CommandRefused(Refused):
-    """The device answered with an error of its own that has no better class here."""
+    """The device answered with an error that has no better class here."""
 
     code = 3009
 
 
 class LeftOut(Refused):
-    """A person skipped a reading that they were asked for, or wants the previous reading again."""
+    """A person skipped a requested reading, or repeats the previous reading."""
 
     code = 3010
     advice = "The reading is left out; it can be measured again later."
 
     def __init__(self, message: str, *, again: bool = False, **where: Unpack[ErrorPlace]) -> None:
-        """`again`: the reading is not left out; the previous one is measured again first."""
+        """Create the error.
+
+        With `again`, the reading is not left out; the previous one is measured again first.
+        """
         super().__init__(message, **where)
         self.again = again
 

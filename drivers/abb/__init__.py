@@ -1,1 +1,1 @@
-"""ABB IRC5: RAPID sockets (`drivers.abb.arm`) and ROS-Industrial's simple_message (`drivers.abb.simple`)."""
+"""ABB IRC5 over RAPID sockets (`drivers.abb.arm`) or simple_message (`drivers.abb.simple`)."""

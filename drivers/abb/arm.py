@@ -1,15 +1,15 @@
-"""ABB IRC5 through RAPID sockets: the open_abb text dialect, and our superset of it.
+"""ABB IRC5 over RAPID sockets: the open_abb text dialect, and our superset of it.
 
 open_abb (robotics/open_abb `RAPID/SERVER.mod`, TCP 5000): request `<code> <p1> ... <pn> #`, reply
-`<code> <ok> <data>` without terminator. It answers a move after the move, reads joints back to 0.01 deg, and
-cannot be stopped: `can_stop` is False. Its answers carry no number, so every question is followed by a ping: whatever
-a late or doubled answer left on the wire then meets the wrong code and closes the link. A damaged target moves the
-robot, and only the read-back shows it: `weakness` says so.
+`<code> <ok> <data>` without terminator. It answers a move after the move, reads joints back to 0.01 deg, and cannot be
+stopped: `can_stop` is False. Its answers carry no number, so every question is followed by a ping. A late or doubled
+answer left on the wire then meets the wrong code and closes the link. A damaged target moves the robot, and only the
+read-back shows it, as `weakness` states.
 
-`robot_side/CALSRV.mod` is our own program, detected by asking 200 (`drivers.abb.calsrv`): replies end with ` #` LF,
-echo a sequence number, give five decimals; a target is shown back before it moves the robot; a second task on the next
-port (5001) answers while the robot moves or is in an emergency stop, and stops it. Nothing here was tried on a
-controller yet.
+`robot_side/CALSRV.mod` is our own program, detected by asking 200 (`drivers.abb.calsrv`). Its replies end with ` #` LF,
+echo a sequence number and give five decimals. A target is shown back before it moves the robot. A second task on the
+next port (5001) answers while the robot moves or is in an emergency stop, and stops it. Neither dialect has been tried
+on a controller yet.
 """
 
 from __future__ import annotations
@@ -57,9 +57,14 @@ _WEAKNESS = (
 
 
 class AbbArm:
-    """The driver of an ABB robot. Methods block; `stop` and `status` use the background connection where there is one.
+    """The driver of an ABB robot.
 
-    `hold_deg`: how far from its target a servo may hold a joint (`drivers.read_back`).
+    Methods block; `stop` and `status` use the background connection if there is one.
+
+    Parameters
+    ----------
+    hold_deg
+        Largest distance from its target at which a servo may hold a joint (`drivers.read_back`).
     """
 
     unverified_on_hardware = True
@@ -127,7 +132,13 @@ class AbbArm:
         return "calsrv" if self._superset else "open_abb"
 
     def connect(self) -> None:
-        """Open, ping, probe for CALSRV, read the joints. Nothing moves. Raises LinkError."""
+        """Open, ping, probe for CALSRV, read the joints. Nothing moves.
+
+        Raises
+        ------
+        LinkError
+            The connection failed, or an answer is not that of a known program.
+        """
         first, self._warned = not self._warned, True
         if first:
             _LOG.warning("%s: this ABB driver is unverified on hardware", self.name)
@@ -181,9 +192,17 @@ class AbbArm:
                 self._calsrv.raise_if_unfit(self._calsrv.status(), "connect")
 
     def identify(self) -> Identity:
-        """Serial number, RobotWare and type. Raises LinkError, CommandRefused.
+        """Return serial number, RobotWare and type.
 
-        Asked until two answers agree, as for positions, because a record refuses another robot by its serial number.
+        They are read until two answers agree, as for positions, because a record refuses another robot by its serial
+        number.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        CommandRefused
+            The controller refused the question.
         """
         found = self._asked_who()
         for _ in range(_MOST_LOOKS):
@@ -203,7 +222,14 @@ class AbbArm:
     def arm(self) -> None:
         """Check the controller, set speed, stop points and watchdog; allow motion.
 
-        Raises LinkError, SafetyStop, WrongMode.
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        SafetyStop
+            The emergency stop is pressed.
+        WrongMode
+            The controller is not in automatic mode, or its motors are off.
         """
         with self._main.lock:
             if self._superset:
@@ -227,10 +253,18 @@ class AbbArm:
     # -- motion -------------------------------------------------------------------------------------------
 
     def move_to(self, joints_deg: Sequence[float]) -> JointReading:
-        """Go to these joint angles, wait until the robot is at rest, read back.
+        """Move to these joint angles, wait until the robot is at rest, read back.
 
-        Raises NotArmed, JointLimit (nothing moves), LinkError (outcome unknown), SafetyStop, WrongMode,
-        MotionStopped, NotReached.
+        Raises
+        ------
+        NotArmed, JointLimit
+            Nothing moves.
+        LinkError
+            The connection failed, and the position of the robot is unknown.
+        SafetyStop, WrongMode, MotionStopped
+            The robot was stopped on its way.
+        NotReached
+            The robot is not at its target.
         """
         target = tuple(float(q) for q in joints_deg)
         self._caps.check(target)
@@ -255,7 +289,10 @@ class AbbArm:
         return reached
 
     def _stock_move(self, target: tuple[float, ...], seconds: float) -> None:
-        """A stopped task never answers, nor in an emergency stop; the log distinguishes it from a dead link."""
+        """Move with the stock dialect, and detect a stopped program.
+
+        A stopped task never answers, nor does it in an emergency stop; the log distinguishes it from a dead link.
+        """
         try:
             self._main.ask(2, target, deadline="move_s", seconds=seconds)
         except LinkTimeout as error:
@@ -273,9 +310,15 @@ class AbbArm:
             ) from error
 
     def position(self) -> JointReading:
-        """Joint angles as the controller reads them back now. Raises LinkError.
+        """Return the joint angles that the controller reads back now.
 
-        Asked until two answers agree, because neither dialect has a checksum; the last one if the robot moves.
+        They are read until two answers agree, because neither dialect has a checksum. If the robot moves, the last
+        answer is returned.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
         """
         reading = self._read_back()
         for _ in range(_MOST_LOOKS):
@@ -294,7 +337,15 @@ class AbbArm:
         return JointReading(joints, 10.0**-DECIMALS, raw)
 
     def stop(self) -> None:
-        """Halt the robot now and disarm. From any thread. Raises CannotStop (stock dialect), LinkError."""
+        """Halt the robot now and disarm. From any thread.
+
+        Raises
+        ------
+        CannotStop
+            The controller runs the stock dialect.
+        LinkError
+            The stop was not answered.
+        """
         self._armed = False
         self._stopped.set()
         if not self._superset:
@@ -302,7 +353,13 @@ class AbbArm:
         self._calsrv.stop()
 
     def status(self) -> RobotStatus:
-        """State of the controller; in the stock dialect only that it answers. Raises LinkError."""
+        """Return the state of the controller; in the stock dialect only that it answers.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         if not self._superset:
             self._main.ping()
             return RobotStatus("unknown", None, None, None)
@@ -311,7 +368,17 @@ class AbbArm:
     # -- checks -------------------------------------------------------------------------------------------
 
     def _settled(self, target: tuple[float, ...]) -> JointReading:
-        """The reading of a robot that is at the target. Raises NotReached, MotionStopped, LinkError."""
+        """Wait until the robot is at the target and return its reading.
+
+        Raises
+        ------
+        NotReached
+            It is still away from the target after `settle_s`.
+        MotionStopped
+            It was stopped.
+        LinkError
+            The connection failed.
+        """
         end = self._clock() + self.deadlines.settle_s
         while not is_there(reached := self.position(), target, self._hold_deg):
             if self._clock() >= end:

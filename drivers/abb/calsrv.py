@@ -1,4 +1,6 @@
-"""CALSRV, our own program on an ABB controller (`drivers/abb/robot_side`): numbered questions, and a move in two steps.
+"""CALSRV, our own program on an ABB controller: numbered questions, and a move in two steps.
+
+The program is in `drivers/abb/robot_side`.
 
     201 <seq> j1..j6 #          201 1 <seq> j1..j6 #       the target as the controller understood it; nothing moves
     209 <seq> <sum> #           209 1 <seq> #              go, answered when the robot is there
@@ -52,7 +54,10 @@ _REFUSALS: Mapping[int, tuple[type[AcquisitionError], str]] = {
 
 
 def sum_of(request: bytes) -> int:
-    """Fletcher's checksum of a request, modulo 251 so that it fits a RAPID num; any single wrong byte changes it."""
+    """Compute Fletcher's checksum of a request, modulo 251 so that it fits a RAPID num.
+
+    Any single wrong byte changes it.
+    """
     low = high = 0
     for byte in request:
         low = (low + byte) % 251
@@ -61,7 +66,10 @@ def sum_of(request: bytes) -> int:
 
 
 class CalSrv:
-    """Both connections to a controller that runs CALSRV: `main` moves the robot, `back` answers during a move."""
+    """Both connections to a controller that runs CALSRV.
+
+    `main` moves the robot, `back` answers during a move.
+    """
 
     def __init__(self, main: AbbConversation, back: AbbConversation, name: str) -> None:
         self._main = main
@@ -69,32 +77,64 @@ class CalSrv:
         self._name = name
 
     def set_conditions(self, watchdog_ms: int, speed: Sequence[float]) -> None:
-        """Watchdog (ms) and speeds (mm/s, deg/s) of all moves from now on. Raises LinkError."""
+        """Set the watchdog (ms) and the speeds (mm/s, deg/s) of all later moves.
+
+        Raises
+        ------
+        LinkError
+            The connection failed, or the controller shows other values.
+        """
         wanted = (watchdog_ms, *(round(value, 1) for value in speed))
         answer = self._ask(self._main, CONDITIONS, wanted)
         self._compare(CONDITIONS, self._numbers(CONDITIONS, answer), wanted, 1e-3, answer.raw)
 
     def show(self, target: Sequence[float]) -> int:
-        """Send a target, and compare what the controller shows back; returns the checksum that starts the move.
+        """Send a target, compare it with the echo, and return the checksum that starts the move.
 
-        Nothing moves. Raises LinkError, JointLimit, CommandRefused.
+        Nothing moves.
+
+        Raises
+        ------
+        LinkError
+            The connection failed, or the controller shows another target.
+        JointLimit, CommandRefused
+            The controller refused the target.
         """
         answer = self._ask(self._main, SET, tuple(float(q) for q in target))
         self._compare(SET, self.joints_of(SET, answer), target, _ECHO_DEG, answer.raw)
         return sum_of(answer.request)
 
     def go(self, proof: int, seconds: float, meanwhile: Callable[[], None]) -> None:
-        """Start the move to the target that was sent; returns when the robot is there. Raises LinkError,
-        CommandRefused."""
+        """Start the move to the target that was sent, and wait until the robot is there.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        CommandRefused
+            The controller refused to start, or the move ended early.
+        """
         self._ask(self._main, GO, (proof,), deadline="move_s", seconds=seconds, meanwhile=meanwhile)
 
     def joints(self) -> tuple[tuple[float, ...], bytes]:
-        """Joint angles (deg) as read back now, and the reply. Raises LinkError."""
+        """Return the joint angles (deg) as read back now, and the reply.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         answer = self._ask(self._main, JOINTS_NOW)
         return self.joints_of(JOINTS_NOW, answer), answer.raw
 
     def stop(self) -> None:
-        """Halt the robot. Raises LinkError."""
+        """Halt the robot.
+
+        Raises
+        ------
+        LinkError
+            The stop was not answered, also not on a new connection.
+        """
         with self._back.lock:
             stop_s = self._back.deadlines.stop_s
             try:
@@ -104,7 +144,13 @@ class CalSrv:
                 self._ask(self._back, STOP, deadline="stop_s", seconds=stop_s)
 
     def status(self) -> RobotStatus:
-        """State of the controller, from the background task. Raises LinkError."""
+        """Return the state of the controller, from the background task.
+
+        Raises
+        ------
+        LinkError
+            The connection failed, or the state is out of range.
+        """
         answer = self._ask(self._back, STATE, deadline="stop_s", seconds=self._back.deadlines.stop_s)
         fields, raw = answer.fields, answer.raw
         if len(fields) != 6 or not all(re.fullmatch(rb"\d{1,5}", field) for field in fields):
@@ -117,7 +163,17 @@ class CalSrv:
         )
 
     def raise_if_unfit(self, status: RobotStatus, command: str) -> None:
-        """Check what a status says. Raises EmergencyStop, WrongMode, and in a move EnableLost."""
+        """Check that the status allows motion.
+
+        Raises
+        ------
+        EmergencyStop
+            The emergency stop is pressed.
+        WrongMode
+            The mode is not automatic, or the motors are off before a move.
+        EnableLost
+            The motors are off during a move.
+        """
         if status.emergency_stop:
             raise EmergencyStop("emergency stop pressed", device=self._name, command=command, raw=status.raw)
         if status.mode not in ("auto", "reduced"):
@@ -136,7 +192,13 @@ class CalSrv:
     # -- answers ------------------------------------------------------------------------------------------
 
     def joints_of(self, code: int, answer: Numbered) -> tuple[float, ...]:
-        """The six joint angles of an answer (deg). Raises ProtocolError."""
+        """Return the six joint angles of an answer (deg).
+
+        Raises
+        ------
+        ProtocolError
+            The answer has another form.
+        """
         if len(answer.fields) != JOINTS or not all(_JOINT.fullmatch(each) for each in answer.fields):
             raise self._damaged("not six joints of at most five decimals", code, answer.raw)
         return tuple(float(field) for field in answer.fields)
@@ -160,7 +222,7 @@ class CalSrv:
     def _ask(
         self, talk: AbbConversation, code: int, values: Sequence[float] = (), **waiting: Unpack[Waiting]
     ) -> Numbered:
-        """The answer to a numbered question; raises a refusal as its error class."""
+        """Ask a numbered question and return the answer, or raise a refusal as its error class."""
         answer = talk.ask_numbered(code, values, **waiting)
         if answer.errno:
             raise self._refusal(answer, code)

@@ -1,8 +1,8 @@
 """Questions and answers of the two ABB dialects over one connection.
 
-open_abb: request `<code> <p1> ... <pn> #`, answer `<code> <ok> <data>` without end mark or number; it is
-complete when it has exactly its form. Every question is followed by a ping: whatever a late or doubled answer
-left on the wire then meets the wrong code and closes the link.
+open_abb: request `<code> <p1> ... <pn> #`, answer `<code> <ok> <data>` without end mark or number. An answer is
+complete when it has exactly its form. Every question is followed by a ping: a late or doubled answer left on the wire
+then meets the wrong code and closes the link.
 
 CALSRV, codes from 200 on: `<code> 1 <seq> <data> #` LF, or `<code> 0 <errno> <seq> #` LF when refused.
 """
@@ -32,9 +32,10 @@ _NUMBERED = re.compile(rb"(\d{3}) ([01])((?: -?\d+(?:\.\d+)?)+)")
 
 @dataclass(frozen=True, slots=True)
 class AbbDeadlines:
-    """Named waits in seconds. A move may take `move_factor` x its predicted time + `move_margin_s`.
+    """Named waits in seconds.
 
-    `settle_s`: from the reported end of a move to a read-back at its target, looked at every `gap_s`.
+    A move may take `move_factor` x its predicted time + `move_margin_s`. `settle_s` is the time from the reported end
+    of a move to a read-back at its target, which is checked every `gap_s`.
     """
 
     connect_s: float = 3.0
@@ -51,7 +52,10 @@ class AbbDeadlines:
 
 @dataclass(frozen=True, slots=True)
 class Numbered:
-    """An answer of CALSRV to `request`: `errno` 0 and data fields, or the number of a refusal."""
+    """An answer of CALSRV to `request`.
+
+    `errno` is 0 with data fields, or the number of a refusal.
+    """
 
     errno: int
     fields: tuple[bytes, ...]
@@ -60,7 +64,13 @@ class Numbered:
 
 
 def parse_numbered(raw: bytes, code: int, number: int) -> Numbered:
-    """A line without its ` #` LF. Raises ProtocolError unless it answers exactly this question."""
+    """Parse a line without its ` #` LF.
+
+    Raises
+    ------
+    ProtocolError
+        The line is not an answer to exactly this question.
+    """
     found = _NUMBERED.fullmatch(raw)
     if not found or int(found[1]) != code:
         raise ProtocolError("answer to another question, or not an answer", raw=raw)
@@ -84,8 +94,11 @@ class AbbConversation:
         self._numbers = itertools.cycle(range(1, 10000))  # four digits keep a reply within 80 characters
 
     def ping(self, *, again: bool = False) -> None:
-        """Send a ping and wait for its answer. `again`: servers before open_abb's pull request 15 lose the first
-        answer of a connection."""
+        """Send a ping and wait for its answer.
+
+        With `again`, it is sent twice if needed: servers before open_abb's pull request 15 lose the first answer of a
+        connection.
+        """
         ask = (b"0 #", b"0 ", _PING, "ping_s", self.deadlines.ping_s)
         with self.lock, self.link.question("0"):
             try:
@@ -96,7 +109,15 @@ class AbbConversation:
                 self._exchange(*ask)
 
     def probe(self) -> bool:
-        """Whether CALSRV answers here. Raises LinkError; ProtocolError for another version of it."""
+        """Check whether CALSRV answers here.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        ProtocolError
+            The controller runs another version of CALSRV.
+        """
         with self.lock, self.link.question("200"):
             found = self._exchange(b"200 #", b"200 ", _PROBE, "ping_s", self.deadlines.ping_s)
             if found[1] is None:
@@ -122,10 +143,21 @@ class AbbConversation:
         quiet_s: float = 0.0,
         sure: re.Pattern[bytes] | None = None,
     ) -> re.Match[bytes]:
-        """The data of the answer to an open_abb question, which a ping follows; `complete`: the form of the answer.
+        """Ask an open_abb question, followed by a ping, and return the data of its answer.
 
-        `quiet_s` and `sure` say when one without a recognisable end has ended (`drivers.link`).
-        Raises LinkError, CommandRefused.
+        Parameters
+        ----------
+        complete
+            Form of the complete answer.
+        quiet_s, sure
+            Determine the end of an answer without a recognisable end (`drivers.link`).
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        CommandRefused
+            The controller answered 0.
         """
         head = b"%d " % code
         pattern = complete or re.compile(rb"%d (?:0 |1 ())" % code)
@@ -150,7 +182,13 @@ class AbbConversation:
         seconds: float | None = None,
         meanwhile: Callable[[], None] | None = None,
     ) -> Numbered:
-        """The answer of CALSRV to one question, which may be a refusal. Raises LinkError."""
+        """Ask CALSRV one question and return its answer, which may be a refusal.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         limit = self.deadlines.reply_s if seconds is None else seconds
         command = str(code)
         with self.lock:
@@ -166,9 +204,14 @@ class AbbConversation:
                     return replace(parse_numbered(raw, code, number), request=request)
 
     def log_joints(self) -> tuple[float, ...]:
-        """Joint angles (deg) from the stream that a stock controller pushes on its log port.
+        """Return the joint angles (deg) from the stream on the log port of a stock controller.
 
-        Records have no end mark, each begins with `#`: `# 1 <date> <time> <t> j1..j6`. Raises LinkError.
+        Records have no end mark, each begins with `#`: `# 1 <date> <time> <t> j1..j6`.
+
+        Raises
+        ------
+        LinkError
+            The connection failed, or the stream has no joints.
         """
         with self.lock, self.link.question("log", unread_allowed=True):
             for _ in range(_LOG_RECORDS):

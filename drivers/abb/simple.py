@@ -1,23 +1,26 @@
-"""ABB IRC5 that runs ROS-Industrial's abb_driver: `simple_message`, TCP 11000 for motion and 11002 for states.
+"""ABB IRC5 with ROS-Industrial's abb_driver: `simple_message` over TCP.
 
-The state port is two above that of the address, or `tcp://192.168.125.1:11000?state=12002`. Packets are in
-`drivers.abb.simple_packets`, the states in `drivers.abb.simple_stream`. What follows from the protocol:
+TCP 11000 is for motion and 11002 for states. The state port is two above that of the address, or
+`tcp://192.168.125.1:11000?state=12002`. Packets are in `drivers.abb.simple_packets`, the states in
+`drivers.abb.simple_stream`. The protocol has these consequences:
 
-- A trajectory is acknowledged when it was received, never when it was carried out. A move has ended when two states
-  in a row say that the robot does not move and agree with each other and with the target.
-- A point nearer than 0.1 deg is skipped when it is the first of its trajectory. So each has two: where the robot
-  is, and the target. External axes are ordered to stay where they are.
-- Angles are float32 radians: 1.4e-5 deg at 180 deg, in what is sent and in what is read. Speed is sent as a duration.
-- The server accepts a second client but does not read from it; what it sent is carried out when the first client
-  disconnects. So `connect` sends a stop, which moves nothing, and no point is sent before that stop was answered.
+- A trajectory is acknowledged when it was received, never when it was carried out. A move has ended when two
+  consecutive states report that the robot does not move and agree with each other and with the target.
+- A point nearer than 0.1 deg is skipped when it is the first of its trajectory. Each trajectory therefore has two: the
+  present joints, and the target. External axes are ordered to stay where they are.
+- Angles are float32 radians, sent and received: 1.4e-5 deg at 180 deg. Speed is sent as a duration.
+- The server accepts a second client but does not read from it; it carries out that client's messages when the first
+  client disconnects. `connect` therefore sends a stop, which moves nothing, and no point is sent before that stop was
+  answered.
 - The stop (sequence -4) is read while the robot moves, hence `can_stop`. There is no watchdog: a robot whose client
-  is gone finishes its move. Whenever a move does not end well the driver says stop, over a fresh connection if need be.
-- Nothing has a checksum. Where the robot is, and where a trajectory begins, is accepted from three consecutive
+  is gone finishes its move. Whenever a move does not end well the driver sends a stop, over a new connection if needed.
+- Nothing has a checksum. The position of the robot, and the start of a trajectory, are accepted from three consecutive
   states that agree; at the end of a move from two that agree with the target. Two alone do not suffice: two damaged
   states can agree, if both joints are near 0 and each lost a bit of its exponent. A point that is damaged on its way
-  moves the robot, which only the read-back shows. `weakness` says so.
+  moves the robot, which only the read-back shows, as `weakness` states.
 
-Angles are those that the controller counts; some ABB arms couple joints 2 and 3. Nothing was tried on a controller.
+Angles are those that the controller counts; some ABB arms couple joints 2 and 3. The driver has not been tried on a
+controller.
 """
 
 from __future__ import annotations
@@ -58,10 +61,14 @@ _SILENT = "Check that all three ROS programs run on the controller and that no o
 
 
 class AbbSimpleArm:
-    """The driver of an ABB robot that runs abb_driver. Methods block; `stop` and `status` may be called from any
-    thread.
+    """The driver of an ABB robot that runs abb_driver.
 
-    `hold_deg`: how far from its target a servo may hold a joint (`drivers.read_back`).
+    Methods block; `stop` and `status` may be called from any thread.
+
+    Parameters
+    ----------
+    hold_deg
+        Largest distance from its target at which a servo may hold a joint (`drivers.read_back`).
     """
 
     unverified_on_hardware = True
@@ -115,9 +122,16 @@ class AbbSimpleArm:
         return _WEAKNESS
 
     def connect(self) -> None:
-        """Open both ports, see a state, have a stop answered. Nothing moves. Raises LinkError.
+        """Connect to the state and motion servers without moving the robot.
 
-        A robot that another client controls ends in LinkTimeout: it accepts and does not answer.
+        Waits for one state and for the answer to a stop.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        LinkTimeout
+            No answer, for example because another client controls the robot: the server accepts and does not answer.
         """
         if not self._warned:
             self._warned = True
@@ -146,7 +160,13 @@ class AbbSimpleArm:
         self._stream.close()
 
     def identify(self) -> Identity:
-        """The identity; simple_message reports no serial number or type. Raises LinkError."""
+        """Return the identity; simple_message reports no serial number or type.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         self.position()
         return Identity("ABB", "", "", "", "simple_message")
 
@@ -155,7 +175,18 @@ class AbbSimpleArm:
     def arm(self) -> None:
         """Check the controller; allow motion.
 
-        Raises LinkError, SafetyStop, WrongMode, NotReady (the motion program does not run), Busy (it moves).
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        SafetyStop
+            The emergency stop is pressed.
+        WrongMode
+            The controller is not in automatic mode, or its motors are off.
+        NotReady
+            The motion program does not run.
+        Busy
+            The robot moves.
         """
         with self._lock:
             raise_if_unfit(self._state_at_rest("arm"), self.name, "arm")
@@ -171,10 +202,20 @@ class AbbSimpleArm:
     # -- motion -------------------------------------------------------------------------------------------
 
     def move_to(self, joints_deg: Sequence[float]) -> JointReading:
-        """Go to these joint angles, wait until the robot is at rest, read back.
+        """Move to these joint angles, wait until the robot is at rest, read back.
 
-        Raises NotArmed, JointLimit (nothing moves), LinkError (outcome unknown: the robot is ordered to stop),
-        SafetyStop, WrongMode, MotionStopped, NotReached, Busy (another program moves the robot).
+        Raises
+        ------
+        NotArmed, JointLimit
+            Nothing moves.
+        LinkError
+            The connection failed, and the position of the robot is unknown; it is ordered to stop.
+        SafetyStop, WrongMode, MotionStopped
+            The robot was stopped on its way.
+        NotReached
+            The robot is not at its target.
+        Busy
+            Another program moves the robot.
         """
         target = tuple(float(q) for q in joints_deg)
         self._caps.check(target)
@@ -194,9 +235,10 @@ class AbbSimpleArm:
         return _reading(reached)
 
     def _arrival(self, here: AbbState, target: Sequence[float], seconds: float) -> AbbState:
-        """The state of a robot that is at the target, confirmed by the state before.
+        """Wait for the state of a robot at the target, confirmed by the state before.
 
-        Of a move shorter than what a servo may be off the states before it look like its end: it is given its time.
+        If the move is shorter than the permitted deviation of a servo, states before it look like its end. The
+        predicted time of the move must then pass first.
         """
         begin = self._clock()
         credible = begin + seconds if is_there(_reading(here), target, self._hold_deg) else begin
@@ -228,15 +270,30 @@ class AbbSimpleArm:
                 )
 
     def position(self) -> JointReading:
-        """The joint angles read back, from three consecutive states that agree. Raises LinkError, Busy (still
-        moving)."""
+        """Return the joint angles from three consecutive states that agree.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        Busy
+            The robot is still moving.
+        """
         return _reading(self._state_at_rest("position"))
 
     def _state_at_rest(self, command: str) -> AbbState:
         return self._confirmed(command, _is_at_rest)
 
     def _confirmed(self, command: str, good: Callable[[AbbState, AbbState], bool]) -> AbbState:
-        """The last of three consecutive states that agree. Raises LinkError, Busy."""
+        """Return the last of three consecutive states that agree.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        Busy
+            The states do not agree within `settle_s`.
+        """
         end = self._clock() + self.deadlines.settle_s
         number, before = self._stream.following(self._stream.count, command)
         alike = 1
@@ -250,13 +307,25 @@ class AbbSimpleArm:
             before = now
 
     def stop(self) -> None:
-        """Halt the robot now and disarm. From any thread. Raises LinkError."""
+        """Halt the robot now and disarm. From any thread.
+
+        Raises
+        ------
+        LinkError
+            The stop was not answered.
+        """
         self._armed = False
         self._motion.stopped.set()
         self._motion.halt()
 
     def status(self) -> RobotStatus:
-        """State of the controller. Raises LinkError."""
+        """Return the state of the controller.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         now = self._confirmed("status", lambda before, now: True)
         flags = now.flags
         return RobotStatus(
@@ -271,13 +340,13 @@ class AbbSimpleArm:
     # -- checks -------------------------------------------------------------------------------------------
 
     def _duration(self, here: AbbState, target: Sequence[float]) -> float:
-        """The duration of a move, s, at which neither the joints nor the tool exceed their speed limits."""
+        """Compute the shortest duration of a move, s, within the speed limits of joints and tool."""
         turns = [abs(a - b) for a, b in zip(here.joints_deg, target, strict=True)]
         return self._caps.seconds(turns) + _RAMP_S
 
 
 def _is_at_rest(before: AbbState, now: AbbState) -> bool:
-    """Whether two consecutive states show a robot at rest."""
+    """Check whether two consecutive states show a robot at rest."""
     external = zip(before.external, now.external, strict=True)
     return (
         now.flags.moving is False

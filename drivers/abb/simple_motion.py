@@ -1,8 +1,8 @@
-"""The motion server of abb_driver (TCP 11000): one point and its reply at a time, and a stop that gets through.
+"""The motion server of abb_driver (TCP 11000): a point and its reply at a time, and a stop.
 
-The server accepts a second client but does not read from it; what it sent is carried out when the first client
-disconnects. So a connection counts as open when a stop was answered on it; a stop moves nothing and discards what an
-earlier client sent.
+The server accepts a second client but does not read from it; it carries out that client's messages when the first
+client disconnects. A connection therefore counts as open when a stop was answered on it. A stop moves nothing and
+discards the points of an earlier client.
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ _NOWHERE = (0.0,) * JOINTS, (0.0,) * 4, 0.0  # a stop carries no point
 
 
 def patiently(open_: Callable[[], None], takeover_s: float, clock: Callable[[], float]) -> None:
-    """Open, and retry for a while: the server restarts when it notices that its last client has disconnected."""
+    """Open, and retry for `takeover_s`.
+
+    The server restarts when it notices that its last client has disconnected.
+    """
     end = clock() + takeover_s
     while True:
         try:
@@ -34,7 +37,10 @@ def patiently(open_: Callable[[], None], takeover_s: float, clock: Callable[[], 
 
 
 class MotionServer:
-    """The connection to the motion server: one point at a time, from any thread. `stopped`: a stop since arming."""
+    """The connection to the motion server: one point at a time, from any thread.
+
+    `stopped` is set by a stop since the arming.
+    """
 
     def __init__(self, link: TcpLink, deadlines: AbbSimpleDeadlines) -> None:
         self.deadlines = deadlines
@@ -47,7 +53,13 @@ class MotionServer:
         return self._link.is_open
 
     def open(self, command: str = "connect") -> None:
-        """Connect and have a stop answered. Raises LinkError."""
+        """Connect and wait for the answer to a stop.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         stopping = command == "stop"
         connect_s = self.deadlines.stop_s if stopping else self.deadlines.connect_s
 
@@ -63,7 +75,13 @@ class MotionServer:
         self._link.close()
 
     def halt(self) -> None:
-        """Send a stop, on a new connection if this one is lost. Raises LinkError."""
+        """Send a stop, on a new connection if this one is lost.
+
+        Raises
+        ------
+        LinkError
+            The stop was not answered.
+        """
         with self._saying:
             try:
                 self.say(STOP, *_NOWHERE, "stop")
@@ -88,7 +106,14 @@ class MotionServer:
     ) -> None:
         """Send one point and wait for its reply.
 
-        Raises LinkError, CommandRefused, MotionStopped (the last point of a trajectory after a stop: not sent).
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        CommandRefused
+            The controller answered FAILURE.
+        MotionStopped
+            The last point of a trajectory was not sent, because of a stop.
         """
         limits = self.deadlines
         name, seconds = ("stop_s", limits.stop_s) if command == "stop" else ("reply_s", limits.reply_s)

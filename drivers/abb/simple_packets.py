@@ -1,4 +1,6 @@
-"""Messages of ROS-Industrial's `simple_message` as its abb_driver packs them on an IRC5: little-endian.
+"""Messages of ROS-Industrial's `simple_message` as its abb_driver packs them on an IRC5.
+
+They are little-endian:
 
     u32 length of what follows | i32 type | i32 communication | i32 reply | body
     JOINT (10)            length 56   i32 0, 10 f32: six joints rad, four external axes m
@@ -7,7 +9,7 @@
     STATUS (13)           length 40   7 i32: drives, e-stop, error code, in error, in motion, mode, motion possible
 
 Source: ros-industrial/abb_driver, `rapid/ROS_messages.sys`, `ROS_motionServer.mod` and `ROS_stateServer.mod`. No
-message has a number, a time or a checksum; `drivers.abb.simple` decides what is accepted.
+message has a number, a time or a checksum; `drivers.abb.simple` decides whether it is accepted.
 """
 
 from __future__ import annotations
@@ -43,7 +45,7 @@ _MODES = {-1: "unknown", 1: "manual", 2: "auto"}
 
 @dataclass(frozen=True, slots=True)
 class Flags:
-    """The state of the controller as STATUS has it; None: the controller does not know."""
+    """The controller state in a STATUS message; None if the controller does not know."""
 
     mode: str
     motors_on: bool | None
@@ -75,7 +77,13 @@ class AbbState:
 
 
 def parse_state(raw: bytes) -> AbbState:
-    """The state in a JOINT and a STATUS, STATE_SIZE bytes. Raises ProtocolError."""
+    """Parse a JOINT and a STATUS message, STATE_SIZE bytes.
+
+    Raises
+    ------
+    ProtocolError
+        The bytes are not these messages, or a value is out of range.
+    """
     if len(raw) != STATE_SIZE:
         raise ProtocolError("joints and status of a wrong length", raw=raw)
     values = _STATE.unpack(raw)
@@ -109,7 +117,13 @@ def encode_point(
 
 
 def parse_reply(raw: bytes) -> bool:
-    """Whether the controller took a JOINT_TRAJ_PT. Raises ProtocolError for anything but its reply."""
+    """Check whether the controller accepted a JOINT_TRAJ_PT.
+
+    Raises
+    ------
+    ProtocolError
+        The message is not the reply to it.
+    """
     if len(raw) != ANSWER_SIZE:
         raise ProtocolError("reply of a wrong length", raw=raw)
     length, kind, communication, reply = _ANSWER.unpack(raw)
@@ -119,9 +133,20 @@ def parse_reply(raw: bytes) -> bool:
 
 
 def raise_if_unfit(state: AbbState, device: str, command: str) -> None:
-    """Check a state. Raises EmergencyStop, WrongMode, and in a move EnableLost and ProtectiveStop, before one NotReady.
+    """Check that a state allows motion.
 
-    A state that the controller does not know counts as bad.
+    A value that the controller does not know counts as bad.
+
+    Raises
+    ------
+    EmergencyStop
+        The emergency stop is pressed.
+    WrongMode
+        The mode is not automatic, or the motors are off before a move.
+    EnableLost, ProtectiveStop
+        The motors went off, or motion became impossible, during a move.
+    NotReady
+        Motion is not possible before a move.
     """
     flags, where, moving = state.flags, {"device": device, "command": command}, command == "move_to"
     if flags.emergency_stop:

@@ -1,9 +1,9 @@
-"""The states that an abb_driver controller pushes unasked, ten a second (TCP 11002), kept fresh by a thread.
+"""The states that an abb_driver controller sends by itself, ten per second (TCP 11002).
 
-Left unread for minutes, such a stream fills the buffers between, and what is then read is minutes old. So a thread
-reads it all the time and keeps the last state only; a question waits for states that come after it was asked. Any
-fault ends the thread, closes the link and is what the next question meets. The wire log gets the states that
-were used; all of them would be 20 MB an hour.
+A thread reads them all the time and keeps only the last one. If the stream were left unread for minutes, it would fill
+the buffers, and the next state read would be minutes old. A question waits for states that come after it was asked. Any
+fault ends the thread, closes the link and is raised by the next question. The wire log gets only the states that were
+used; all of them would be 20 MB per hour.
 """
 
 from __future__ import annotations
@@ -18,10 +18,18 @@ from drivers.link import TcpLink, WireSink
 
 @dataclass(frozen=True, slots=True)
 class AbbSimpleDeadlines:
-    """Named waits in seconds. A move may take `move_factor` x the time asked for + `move_margin_s`.
+    """Named waits in seconds.
 
-    `takeover_s`: how long a server may take to notice that its last client is gone; `settle_s`: until three states
-    agree on a robot at rest; `still_s`: a robot that rests so long in mid-move has been stopped.
+    A move may take `move_factor` x the requested time + `move_margin_s`.
+
+    Attributes
+    ----------
+    takeover_s
+        Time in which a server notices that its last client is gone.
+    settle_s
+        Time until three states agree on a robot at rest.
+    still_s
+        A robot that rests for this time during a move has been stopped.
     """
 
     connect_s: float = 3.0
@@ -36,9 +44,9 @@ class AbbSimpleDeadlines:
 
 
 class StateStream:
-    """The newest state of one controller. `following` may be asked from any thread.
+    """The newest state of one controller.
 
-    `wire` gets only the states that were asked for.
+    `following` may be called from any thread. `wire` gets only the states that were requested.
     """
 
     def __init__(self, link: TcpLink, deadlines: AbbSimpleDeadlines, wire: WireSink | None) -> None:
@@ -51,7 +59,13 @@ class StateStream:
         self._fault: LinkError | None = _closed()
 
     def open(self) -> None:
-        """Connect and see a first state. Raises LinkError."""
+        """Connect and wait for a first state.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         self.close()
         self._link.open(connect_s=self.deadlines.connect_s)
         with self._news:
@@ -75,7 +89,13 @@ class StateStream:
         return self._count
 
     def following(self, number: int, command: str) -> tuple[int, AbbState]:
-        """The newest state, as soon as its number is greater than `number`; its number. Raises LinkError."""
+        """Wait for a state with a number greater than `number`; return the newest with its number.
+
+        Raises
+        ------
+        LinkError
+            The stream failed, or no state came in time.
+        """
         end = self._link.clock() + self.deadlines.reply_s
         with self._news:
             while self._count <= number or self._state is None:

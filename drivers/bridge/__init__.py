@@ -1,1 +1,4 @@
-"""MBP/1, the line protocol of the bridges to vendors' libraries, for instruments of all makers (docs/bridge.md)."""
+"""MBP/1, the line protocol of the bridges to vendors' libraries (docs/bridge.md).
+
+It serves instruments of all makers.
+"""

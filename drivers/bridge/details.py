@@ -1,4 +1,4 @@
-"""Details that a bridge gives of its instrument beyond the common status: its clock (PING) and battery (STATUS)."""
+"""Details that a bridge reports beyond the status: clock (PING) and battery (STATUS)."""
 
 from __future__ import annotations
 
@@ -18,12 +18,24 @@ class Bridged(Protocol):
 
 
 def battery_of(device: Bridged, status: InstrumentStatus) -> Details:
-    """The battery, where the bridge says it with its status. Raises LinkError."""
+    """Return the battery charge, if the bridge reports it with its status.
+
+    Raises
+    ------
+    LinkError
+        The connection failed.
+    """
     return Details(battery_percent=_number_of(device, mbp.parse(status.raw), "batt"))
 
 
 def clock_of(device: Bridged) -> float | None:
-    """The instrument's own clock, s. Raises LinkError."""
+    """Return the instrument's own clock, s.
+
+    Raises
+    ------
+    LinkError
+        The connection failed.
+    """
     return _number_of(device, device.session.ask("PING", {}), "t")
 
 

@@ -1,14 +1,15 @@
-"""MBP/1, the Metrology Bridge Protocol: lines between a driver and a bridge to a vendor's library.
+"""MBP/1, the Metrology Bridge Protocol: lines between a driver and a bridge.
+
+The bridge uses a vendor's library.
 
     request   <seq> <CMD> [k=v ...]*crc          ack      <seq> ACK eta=<s>
     answer    <seq> OK [k=v ...]  |  <seq> ERR code=<n> text="..." retry=<0|1>
     event     ! <n> <EVENT> t=<s> [k=v ...]      sample   # <i> t=<s> ...
 
-ASCII, one blank between fields, LF (CR before it ignored), 512 bytes at most. Checksum `*hhhh`:
-CRC-16/CCITT-FALSE over all bytes before the asterisk; the greeting asks for it (`crc=1`). Units mm, deg, s, degC, hPa,
-%RH.
-Every answer names its question; an answer to another one is counted and never used. So is a sample outside a stream
-that was asked for (`listen`): the last client may have left one running, and a careless bridge answers everybody.
+ASCII, one blank between fields, LF (CR before it ignored), 512 bytes at most. The checksum `*hhhh` is
+CRC-16/CCITT-FALSE over all bytes before the asterisk; the greeting requests it (`crc=1`). Units mm, deg, s, degC, hPa,
+%RH. Every answer names its question; an answer to another one is counted and never used. So is a sample outside a
+requested stream (`listen`): the last client may have left one running, and a careless bridge answers all clients.
 """
 
 from __future__ import annotations
@@ -85,7 +86,10 @@ _ADVICE: Mapping[int, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A parsed line. `kind`: OK, ERR, ACK, EVENT or SAMPLE; `number`: of question, event or sample."""
+    """A parsed line.
+
+    `kind` is OK, ERR, ACK, EVENT or SAMPLE; `number` is that of the question, event or sample.
+    """
 
     kind: str
     number: int
@@ -112,7 +116,13 @@ def _text(value: object) -> str:
 
 
 def parse(line: bytes, *, checksum_needed: bool = False) -> Message:
-    """The message in a line without its LF. Raises ProtocolError for anything else."""
+    """Parse a line without its LF.
+
+    Raises
+    ------
+    ProtocolError
+        The line is not a message, or its checksum is wrong or missing.
+    """
     line = line.removesuffix(b"\r")
     found = _SUM.search(line)
     body = line[: found.start()] if found else line
@@ -150,7 +160,13 @@ def _fields(text: str, line: bytes) -> dict[str, str]:
 
 
 def number(message: Message, key: str, low: float = -math.inf, high: float = math.inf) -> float:
-    """A finite number of an answer within low..high. Raises ProtocolError naming the field."""
+    """Return a finite number of an answer within low..high.
+
+    Raises
+    ------
+    ProtocolError
+        The field is missing, not a number, or out of range; the message names it.
+    """
     text = message.fields.get(key)
     if text is None:
         raise ProtocolError(f"field {key} missing", raw=message.raw)
@@ -165,7 +181,7 @@ def number(message: Message, key: str, low: float = -math.inf, high: float = mat
 
 @dataclass(slots=True)
 class MbpClient:
-    """A client that asks one question at a time over a link, and keeps the events that came between."""
+    """A client that asks one question at a time over a link, and keeps events in between."""
 
     address: Address
     device: str
@@ -189,7 +205,17 @@ class MbpClient:
         self._numbers = itertools.count(1 + secrets.randbelow(2**30) if self.serial else 1)
 
     def open(self, *, connect_s: float, reply_s: float) -> Message:
-        """Connect and greet. Raises LinkError, ProtocolError (other protocol), Busy (bridge in use)."""
+        """Connect and greet.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        ProtocolError
+            The bridge has another protocol.
+        Busy
+            The bridge is in use.
+        """
         if self.serial is None:
             self._numbers = itertools.count(1)
         self._checksum_needed = self.serial is not None
@@ -222,7 +248,15 @@ class MbpClient:
             self.link.send(encode(next(self._numbers), command, {}), command=command, send_s=self.send_s)
 
     def ask(self, command: str, fields: Mapping[str, object], deadline: str, seconds: float) -> Message:
-        """The OK answer to one question. Raises LinkError, or the class of the bridge's error code."""
+        """Ask one question and return the OK answer.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        AcquisitionError
+            The class of the bridge's error code.
+        """
         with self.link.question(command, unread_allowed=True):
             with self._send_lock:
                 asked = next(self._numbers)
@@ -250,7 +284,15 @@ class MbpClient:
         raise error
 
     def listen(self, command: str, seconds: float) -> Message | None:
-        """The next line of a stream, whatever it is; None when none was complete within `seconds`. Raises LinkError."""
+        """Return the next line of a stream, of any kind.
+
+        The result is None if no line was complete within `seconds`.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         with self.link.question(command, unread_allowed=True):
             end = self.clock() + seconds
             try:

@@ -1,13 +1,16 @@
-"""A conversation with one MBP/1 bridge: greeting, heartbeat, questions, stop. Shared by the drivers of bridges.
+"""A session with one MBP/1 bridge: greeting, heartbeat, questions, stop.
 
-The session knows what is the same for trackers, cameras and ballbars: that the bridge must be of the right
-kind, that it drops a client silent for 30 s, that a stop may come from any thread in the middle of a question,
-and that an answer which arrives whole and says the impossible ends the connection.
+All drivers of bridges share it. It has the common rules of trackers, cameras and ballbars:
 
-The clock of a device only orders its readings and events; it may be set, step back and forth, or begin anew. A reading
-stamped before the last one of this connection is refused, once: its stamp is what the next one is compared with. A
-stamp that came before is refused always, also on a new connection: it is the same reading again. An event that comes
-between the acknowledgement and the answer voids the reading whatever its stamp says.
+- The bridge must be of the right kind.
+- The bridge drops a client that is silent for 30 s.
+- A stop may come from any thread in the middle of a question.
+- An answer that is complete but impossible ends the connection.
+
+The clock of a device only orders its readings and events; it may be set, step back and forth, or restart. A reading
+stamped before the last one of this connection is refused once; the next one is then compared with its stamp. A stamp
+that came before is always refused, also on a new connection, because it is the same reading again. An event between the
+acknowledgement and the answer voids the reading independently of its stamp.
 """
 
 from __future__ import annotations
@@ -56,10 +59,16 @@ _STATES = ("OFF", "WARMING", "READY", "BUSY", "ERROR", "ESTOP")
 
 
 class SessionArguments(TypedDict, total=False):
-    """Arguments that a driver hands on to the session with its bridge.
+    """Arguments that a driver passes to the session with its bridge.
 
-    heartbeat_s: seconds between two signs of life while nothing is asked, None for none; wire: what is given every
-    byte that is sent or received; clock: seconds, for waits.
+    Attributes
+    ----------
+    heartbeat_s
+        Seconds between two signs of life while no question is open; None for no heartbeat.
+    wire
+        Receives every byte that is sent or received.
+    clock
+        Clock for waits, s.
     """
 
     heartbeat_s: float | None
@@ -82,7 +91,15 @@ class MbpSession:
         wire: WireSink | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`serial`: a URL that is not tcp:// is that of a serial line. Raises ConfigError for what is no address."""
+        """Prepare the session.
+
+        With `serial`, a URL that is not tcp:// is that of a serial line.
+
+        Raises
+        ------
+        ConfigError
+            The URL is not an address.
+        """
         line = (
             SerialLink(url, name, wire=wire, clock=clock) if serial and not url.startswith("tcp://") else None
         )
@@ -106,7 +123,17 @@ class MbpSession:
     # -- connection ---------------------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Open and greet; nothing moves. Raises LinkError, ProtocolError (another device), Busy."""
+        """Open and greet; nothing moves.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        ProtocolError
+            Another device answers.
+        Busy
+            The bridge is in use.
+        """
         first, self._warned = not self._warned, True
         if first:
             _LOG.warning("%s: this driver is UNVERIFIED ON HARDWARE: check its first readings", self._name)
@@ -125,8 +152,15 @@ class MbpSession:
             self._heart.start()
 
     def _refuse_another_bridge(self, hello: mbp.Message) -> None:
-        """Refuse a greeting of another protocol, kind of device or units: metres of a ballbar are few mm. Raises
-        ProtocolError."""
+        """Refuse a greeting with another protocol, kind of device, or units.
+
+        Metres of a ballbar would be taken for a few mm.
+
+        Raises
+        ------
+        ProtocolError
+            The greeting differs.
+        """
         needed = {"proto": "1", "kind": self._kind, "units": ",".join(_UNITS)}
         shown = {key: hello.fields.get(key) for key in needed}
         given = (hello.fields.get("units") or "").casefold().split(",")[: len(_UNITS)]
@@ -139,7 +173,10 @@ class MbpSession:
                 raise ProtocolError(why, raw=hello.raw, what_to_do=_ELSEWHERE[key])
 
     def _greet(self) -> mbp.Message:
-        """Greet; retry for `takeover_s`, because a bridge notices late that its last client has disconnected."""
+        """Greet the bridge, and retry for `takeover_s`.
+
+        A bridge notices late that its last client has disconnected.
+        """
         limits = self._limits()
         end = self._clock() + limits.takeover_s
         while True:
@@ -162,7 +199,10 @@ class MbpSession:
             heart.join()
 
     def _beat(self, quit_: threading.Event) -> None:
-        """Keep the connection alive: a bridge drops a client that is silent for 30 s, and prompts take longer."""
+        """Keep the connection alive.
+
+        A bridge drops a client that is silent for 30 s, and prompts take longer.
+        """
         while not quit_.wait(self._heartbeat_s):
             with self._lock:
                 if quit_.is_set() or not self.client.link.is_open:
@@ -175,11 +215,17 @@ class MbpSession:
 
     @property
     def weakness(self) -> str:
-        """The errors that this bridge cannot detect; empty where it sends checksums. Once connected."""
+        """The errors that this bridge cannot detect; empty if it sends checksums. Once connected."""
         return "" if self.client.checksums else _WEAKNESS
 
     def identify(self) -> Identity:
-        """The identity from the bridge's greeting. Raises LinkError when not connected."""
+        """Return the identity from the bridge's greeting.
+
+        Raises
+        ------
+        LinkError
+            The session is not connected.
+        """
         with self._lock:
             if self._hello is None:
                 self.ask("PING", {})  # raises "not connected"
@@ -198,7 +244,15 @@ class MbpSession:
         deadline: str = "reply_s",
         seconds: float | None = None,
     ) -> mbp.Message:
-        """The OK answer. Raises LinkError (disarms), MotionStopped after `stop`, the bridge's own errors."""
+        """Ask a question and return the OK answer. Errors of the bridge are passed on.
+
+        Raises
+        ------
+        LinkError
+            The connection failed; the device is disarmed.
+        MotionStopped
+            `stop` was called.
+        """
         with self._lock:
             try:
                 return self.client.ask(
@@ -216,9 +270,14 @@ class MbpSession:
 
     @contextmanager
     def measuring(self, command: str) -> Iterator[None]:
-        """A context manager for a whole measurement; events count from its beginning. Raises NotArmed.
+        """Enclose a whole measurement; events count from its beginning.
 
         An error inside that names no device is one of this device, during `command`.
+
+        Raises
+        ------
+        NotArmed
+            The device is not armed.
         """
         with self._lock, naming(self._name, command):
             if not self.armed:
@@ -228,7 +287,7 @@ class MbpSession:
 
     @contextmanager
     def understood(self) -> Iterator[None]:
-        """A context manager for parsing an answer: a ProtocolError in it disarms and closes the connection."""
+        """Enclose the parsing of an answer: a ProtocolError disarms and closes the connection."""
         try:
             yield
         except ProtocolError as error:
@@ -240,8 +299,11 @@ class MbpSession:
     def void_if_reported(
         self, kinds: Mapping[str, type[AcquisitionError]], since_s: float, raw: bytes
     ) -> None:
-        """Raise the error of the first event of `kinds` that came during the last question, or happened at or after
-        `since_s` (device clock)."""
+        """Raise the error of the first relevant event of a reading.
+
+        Relevant are events of `kinds` that came during the last question, or happened at or after `since_s` (device
+        clock).
+        """
         acked = self.client.acked
         for i, event in enumerate(self.client.events):
             kind = kinds.get(event.event)
@@ -250,7 +312,10 @@ class MbpSession:
                 raise kind(f"{event.event} during the reading", device=self._name, command="MEASURE", raw=raw)
 
     def advanced(self, t_s: float) -> bool:
-        """Whether a reading stamped `t_s` (device clock) can be a new one; the next is compared with it."""
+        """Check whether a reading stamped `t_s` (device clock) can be a new one.
+
+        The next reading is compared with it.
+        """
         new = t_s > self._last_t_s and t_s not in self._stamps
         self._stamps.add(t_s)
         self._last_t_s = t_s
@@ -260,9 +325,16 @@ class MbpSession:
 
     @contextmanager
     def arming(self) -> Iterator[None]:
-        """Initialise what is off, insist on READY, do what else is needed, then armed.
+        """Initialise the device if it is off, require READY, run the block, then arm.
 
-        An error inside that names no device is one of this, during "arm". Raises NotReady, EmergencyStop.
+        An error inside that names no device is one of this, during "arm".
+
+        Raises
+        ------
+        NotReady
+            The instrument is in another state.
+        EmergencyStop
+            The instrument is in an emergency stop.
         """
         with self._lock, naming(self._name, "arm"):
             if self.status().state == "OFF":
@@ -277,7 +349,13 @@ class MbpSession:
             self.armed = True
 
     def stop(self) -> None:
-        """Abort the command in progress and disarm; from any thread, at any time. Raises LinkError."""
+        """Abort the command in progress and disarm; from any thread, at any time.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         self.armed = False
         self._stopping.set()
         if self._lock.acquire(blocking=False):
@@ -289,7 +367,15 @@ class MbpSession:
             self.client.shout("ABORT")  # the pending question then ends with an error
 
     def status(self) -> InstrumentStatus:
-        """State and weather. Raises LinkError, SafetyStop."""
+        """Return state and weather.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        SafetyStop
+            The bridge reports one.
+        """
         reply = self.ask("STATUS", {})
         with self.understood():
             state = reply.fields.get("state", "")

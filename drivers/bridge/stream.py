@@ -1,7 +1,8 @@
-"""The points of a tracker behind an MBP/1 bridge in continuous mode: `STREAM on=1 rate=` until the block ends.
+"""The points of a tracker behind an MBP/1 bridge in continuous mode.
 
-The bridge counts its samples; one that the tracker does not have, because the beam is broken, is left out with its
-number. Nothing else is asked meanwhile but PING, without which a bridge drops its client after 30 s.
+`STREAM on=1 rate=` is active until the block ends. The bridge counts its samples. A sample that the tracker does not
+have, because the beam is broken, is left out with its number. Meanwhile only PING is asked, without which a bridge
+drops its client after 30 s.
 """
 
 from __future__ import annotations
@@ -24,7 +25,15 @@ _COMMAND = "STREAM"
 
 @contextmanager
 def point_stream(session: MbpSession, rate_hz: float, device: str) -> Iterator[Iterator[Sample | None]]:
-    """Points of the target that the beam holds. Raises NotArmed, LinkError, and what the bridge answers."""
+    """Stream points of the target that the beam holds. Errors of the bridge are passed on.
+
+    Raises
+    ------
+    NotArmed
+        The device is not armed.
+    LinkError
+        The connection failed.
+    """
     with session.measuring(_COMMAND):
         session.ask(_COMMAND, {"on": 1, "rate": float(rate_hz)})
         try:
@@ -61,7 +70,13 @@ def _samples(session: MbpSession, device: str) -> Iterator[Sample | None]:
 
 
 def _sample(message: mbp.Message, last_t_s: float) -> Sample:
-    """Sample of a message. Raises ProtocolError for what is no sample of a tracker."""
+    """Parse the sample in a message.
+
+    Raises
+    ------
+    ProtocolError
+        The message is not a sample of a tracker.
+    """
     x, y, z = (mbp.number(message, axis, -FARTHEST_MM, FARTHEST_MM) for axis in "xyz")
     t_s = mbp.number(message, "t", -1e12, 1e12)
     doubt = ""

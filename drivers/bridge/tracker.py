@@ -1,9 +1,12 @@
-"""The common part of trackers behind an MBP/1 bridge: weather, pointing, and when an answer is taken as a point.
+"""The common part of trackers behind an MBP/1 bridge: weather, pointing, checks of points.
 
-A reading is refused when it is not exactly what was asked for: other number of samples, status other than
-accurate, too old, a device clock that did not advance (`drivers.bridge.session` says what happens when it steps),
-scattered, a point at the origin (what a failed vendor call returns), polar and Cartesian coordinates that disagree, or
-the beam lost within the averaging time.
+A reading is refused if:
+
+- it has another number of samples than requested, or a status other than accurate
+- it is too old, or the device clock did not advance (for steps of the clock see `drivers.bridge.session`)
+- it is scattered, or at the origin (the result of a failed vendor call)
+- polar and Cartesian coordinates disagree
+- the beam was lost within the averaging time
 """
 
 from __future__ import annotations
@@ -42,7 +45,13 @@ class MeasureRequest:
 
 
 def check_question(target: str, samples: int, device: str) -> None:
-    """Check a question before it is sent. Raises ConfigError for a name that is no word, or less than one sample."""
+    """Check a question before it is sent.
+
+    Raises
+    ------
+    ConfigError
+        The target name is not a word, or there is less than one sample.
+    """
     if not (target.isidentifier() and target.isascii()):
         raise ConfigError(f"target name {target!r} is not a word", device=device, command="measure")
     if samples < 1:
@@ -50,9 +59,14 @@ def check_question(target: str, samples: int, device: str) -> None:
 
 
 def ask_weather(session: MbpSession, fields: Mapping[str, object]) -> tuple[float, float, float]:
-    """Air (degC), pressure (hPa) and humidity (%) as the tracker knows them.
+    """Return air temperature (degC), pressure (hPa) and humidity (%) as known to the tracker.
 
-    Raises NotReady where it has no station, ProtocolError for what no weather is.
+    Raises
+    ------
+    NotReady
+        The tracker has no weather station.
+    ProtocolError
+        A value is missing or not plausible.
     """
     reply = session.ask("WEATHER", fields)
     with session.understood():
@@ -64,7 +78,15 @@ def ask_weather(session: MbpSession, fields: Mapping[str, object]) -> tuple[floa
 
 
 def status_of(session: MbpSession) -> InstrumentStatus:
-    """State and weather: that of STATUS, or where it has none that of WEATHER. Raises LinkError, SafetyStop."""
+    """Return state and weather, from STATUS or, if it has no weather, from WEATHER.
+
+    Raises
+    ------
+    LinkError
+        The connection failed.
+    SafetyStop
+        The bridge reports one.
+    """
     status = session.status()
     if None not in (status.t_air_c, status.pressure_hpa, status.humidity_percent):
         return status
@@ -76,7 +98,13 @@ def status_of(session: MbpSession) -> InstrumentStatus:
 
 
 def point_at(session: MbpSession, near_mm: Sequence[float], seconds: float, **fields: object) -> None:
-    """Send the beam there (tracker's frame) and have the nearest SMR found. Raises ConfigError for no place."""
+    """Point the beam at a place (tracker's frame) and find the nearest SMR.
+
+    Raises
+    ------
+    ConfigError
+        The place is not finite, or too far away.
+    """
     x, y, z = (float(value) for value in near_mm)
     if not all(math.isfinite(value) and abs(value) < FARTHEST_MM for value in (x, y, z)):
         raise ConfigError(f"cannot point at {near_mm}", command="POINT")
@@ -84,7 +112,15 @@ def point_at(session: MbpSession, near_mm: Sequence[float], seconds: float, **fi
 
 
 def point_of(session: MbpSession, reply: mbp.Message, asked: MeasureRequest) -> PointReading:
-    """The reading, in the tracker's own frame. Raises ProtocolError, BeamBroken, TargetNotSeen, NoisyMeasurement."""
+    """Return the reading of an answer, in the tracker's own frame.
+
+    Raises
+    ------
+    ProtocolError
+        The answer is impossible.
+    BeamBroken, TargetNotSeen, NoisyMeasurement
+        The reading cannot be used.
+    """
 
     def value(key: str, low: float = -FARTHEST_MM, high: float = FARTHEST_MM) -> float:
         return mbp.number(reply, key, low, high)

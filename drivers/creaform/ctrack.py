@@ -1,10 +1,14 @@
-"""Creaform C-Track behind an MBP/1 bridge (TCP 5702) beside VXelements: its own interface is not public.
+"""Creaform C-Track behind an MBP/1 bridge (TCP 5702), which runs next to VXelements.
 
-A pose is the place and turn of a rigid body of reflective targets, given in the frame of the reference body on
-the robot's base, so that the cameras may move. A reading is refused unless it is exactly what was asked for:
-body and reference by name, number of frames, enough targets visible on both (at least 12 on the base, 4 on the
-tool, whose body has 9 or 20), a unit quaternion, little scatter, fresh, with a device clock that advances (what that
-means when the clock steps: `drivers.bridge.session`).
+Its own interface is not public. A pose is the position and orientation of a rigid body of reflective targets, in the
+frame of the reference body on the robot's base, so that the cameras may move. A reading is refused unless it is exactly
+the requested one:
+
+- body and reference by name, and the number of frames
+- enough targets visible on both: at least 12 on the base, 4 on the tool, whose body has 9 or 20
+- a unit quaternion, little scatter
+- recent, with a device clock that advances (for steps of the clock see `drivers.bridge.session`)
+
 Millimetres, quaternion scalar first.
 """
 
@@ -73,7 +77,17 @@ class CTrack:
         self._bodies: dict[str, int] = {}
 
     def connect(self) -> None:
-        """Open and greet. Raises LinkError, ProtocolError, Busy."""
+        """Open and greet.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        ProtocolError
+            Another device answers.
+        Busy
+            The bridge is in use.
+        """
         self.session.connect()
 
     def disconnect(self) -> None:
@@ -82,17 +96,30 @@ class CTrack:
 
     @property
     def weakness(self) -> str:
-        """The errors that this bridge cannot detect; empty where it sends checksums. Once connected."""
+        """The errors that this bridge cannot detect; empty if it sends checksums. Once connected."""
         return self.session.weakness
 
     def identify(self) -> Identity:
-        """The identity from the bridge's greeting. Raises LinkError."""
+        """Return the identity from the bridge's greeting.
+
+        Raises
+        ------
+        LinkError
+            The device is not connected.
+        """
         return self.session.identify()
 
     def arm(self) -> None:
-        """Check state, the bodies known to the bridge, and choose the reference.
+        """Check the state and the bodies known to the bridge, and choose the reference.
 
-        Raises LinkError, NotReady (also when the reference has too few targets), SafetyStop.
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        NotReady
+            The instrument is not ready, or the reference has too few targets.
+        SafetyStop
+            The instrument is in an emergency stop.
         """
         with self.session.arming():
             reply = self.session.ask("MODELS", {})
@@ -119,10 +146,22 @@ class CTrack:
     def measure(
         self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
     ) -> PoseReading:
-        """The pose of body `target` in the reference's frame, averaged over `samples` frames.
+        """Measure the pose of body `target` in the reference's frame, the mean of `samples` frames.
 
-        `near_mm` is not used: cameras need no pointing. Raises NotArmed, LinkError, Unmeasurable,
-        MotionStopped (after `stop`), NotReady, SafetyStop, ConfigError (no such body).
+        `near_mm` is not used: cameras need no pointing.
+
+        Raises
+        ------
+        NotArmed, NotReady, SafetyStop
+            The instrument cannot measure now.
+        LinkError
+            The connection failed.
+        Unmeasurable
+            The reading cannot be used.
+        MotionStopped
+            `stop` was called.
+        ConfigError
+            There is no such body.
         """
         _word(target, self.name)
         if samples < 1:
@@ -143,11 +182,25 @@ class CTrack:
                 return self._reading(reply, target, samples)
 
     def stop(self) -> None:
-        """Abort the measurement in progress and disarm; from any thread. Raises LinkError."""
+        """Abort the measurement in progress and disarm; from any thread.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         self.session.stop()
 
     def status(self) -> InstrumentStatus:
-        """State and weather. Raises LinkError, SafetyStop."""
+        """Return state and weather.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        SafetyStop
+            The bridge reports one.
+        """
         return self.session.status()
 
     def _reading(self, reply: mbp.Message, target: str, samples: int) -> PoseReading:
@@ -217,7 +270,15 @@ def _word(text: str, device: str) -> None:
 
 
 def _bodies(reply: mbp.Message) -> dict[str, int]:
-    """The bodies of a reply, `names=base,T1 totals=16,9` as {"base": 16, "T1": 9}. Raises ProtocolError."""
+    """Parse the bodies of a reply.
+
+    The fields `names=base,T1 totals=16,9` give {"base": 16, "T1": 9}.
+
+    Raises
+    ------
+    ProtocolError
+        The list is damaged.
+    """
     names = reply.fields.get("names", "").split(",")
     totals = reply.fields.get("totals", "").split(",")
     if len(names) != len(totals) or not all(each.isdecimal() for each in totals) or "" in names:
