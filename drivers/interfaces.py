@@ -1,9 +1,9 @@
-"""The interfaces of devices: small protocols, one per capability, and the types of their answers.
+"""The interfaces of devices: one small protocol per capability, and their answer types.
 
-Methods are blocking and idempotent: `move_to` is absolute and `measure` is a whole measurement, so asking again
-after a fault is safe. Nothing moves on `connect`. `stop` halts motion (it does not disconnect), may be called
-from any thread while another method is pending, and disarms. Every method raises only errors of `drivers.errors`
-and ends within its named deadline. Degrees, millimetres, seconds, degrees Celsius, hectopascals.
+Methods are blocking and idempotent: `move_to` is absolute and `measure` is a whole measurement, so repeating a call
+after a fault is safe. Nothing moves on `connect`. `stop` halts motion (it does not disconnect), may be called from any
+thread while another method is pending, and disarms. Every method raises only errors of `drivers.errors` and ends within
+its named deadline. Degrees, millimetres, seconds, degrees Celsius, hectopascals.
 """
 
 from __future__ import annotations
@@ -17,9 +17,14 @@ from typing import Protocol, runtime_checkable
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """The identity of the device at an address. `simulated` is None where the protocol does not say.
+    """The identity of the device at an address.
 
-    `alias`: another unique name, known also where the serial number is not.
+    Attributes
+    ----------
+    simulated
+        Whether it is a simulator; None if the protocol does not report it.
+    alias
+        Another unique name, which may be known if the serial number is not.
     """
 
     maker: str
@@ -54,7 +59,10 @@ class RobotStatus:
 
 @dataclass(frozen=True, slots=True)
 class InstrumentStatus:
-    """State of an instrument in the words of its protocol (OFF, WARMING, READY, BUSY, ERROR, ESTOP)."""
+    """State of an instrument in the terms of its protocol.
+
+    The states are OFF, WARMING, READY, BUSY, ERROR and ESTOP.
+    """
 
     state: str
     t_air_c: float | None = None
@@ -65,10 +73,16 @@ class InstrumentStatus:
 
 @dataclass(frozen=True, slots=True)
 class PointReading:
-    """An averaged point in the instrument's own frame (mm).
+    """An averaged point in the instrument's own frame, mm.
 
-    `std_mm`: standard deviation of single samples per axis; `t_s`: device clock at the end of the average
-    (s); `age_s`: how old the average was when it was sent (s).
+    Attributes
+    ----------
+    std_mm
+        Standard deviation of single samples per axis, mm.
+    t_s
+        Device clock at the end of the average, s.
+    age_s
+        Age of the average when it was sent, s.
     """
 
     target: str
@@ -89,9 +103,15 @@ class PointReading:
 class PoseReading(PointReading):
     """An averaged pose: its point, and the orientation of the target's own frame.
 
-    `rot_wxyz`: unit quaternion, scalar first and not negative, that turns vectors of the target's frame into
-    the instrument's (or the reference's) frame; `rot_std_mrad`: scatter of single frames about any axis;
-    `visible_tool` and `visible_base`: reflective targets seen on the target's body and on the reference.
+    Attributes
+    ----------
+    rot_wxyz
+        Unit quaternion, scalar first and not negative. It turns vectors of the target's frame into the instrument's (or
+        the reference's) frame.
+    rot_std_mrad
+        Scatter of single frames about any axis, mrad.
+    visible_tool, visible_base
+        Number of visible reflective targets on the target's body and on the reference.
     """
 
     rot_wxyz: tuple[float, float, float, float]
@@ -128,10 +148,16 @@ Reading = PointReading | LengthReading
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A sample of a stream: joints (deg) of a robot, a point (mm, own frame) of an instrument.
+    """A sample of a stream: joints (deg) of a robot, or a point (mm, own frame).
 
-    `t_s`: device clock (s); `number`: how the device counts its samples, None where it does not; `doubt`: why this
-    sample is not trusted, empty where it is.
+    Attributes
+    ----------
+    t_s
+        Device clock, s.
+    number
+        The device's count of its samples; None if it does not count.
+    doubt
+        Reason why this sample is not trusted; empty if it is.
     """
 
     t_s: float
@@ -154,8 +180,14 @@ class Answer(Enum):
 class TypedEntry:
     """Numbers that a person reads off a display and types with CONFIRM.
 
-    names: of the numbers, in their order; shown: the expected text of the display, empty where unknown; needed: False
-    where CONFIRM alone means that the display shows the expected text.
+    Attributes
+    ----------
+    names
+        Names of the numbers, in order.
+    shown
+        Expected text of the display; empty if unknown.
+    needed
+        Whether the numbers must be typed; if not, CONFIRM alone means that the display shows the expected text.
     """
 
     names: tuple[str, ...]
@@ -166,9 +198,16 @@ class TypedEntry:
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """A question to a person. `expects`: the answers that make sense, in the order shown; `picture`: its name.
+    """A question to a person.
 
-    entry: numbers that are typed with CONFIRM; None: none.
+    Attributes
+    ----------
+    expects
+        The answers that make sense, in the order shown.
+    picture
+        Name of its picture.
+    entry
+        Numbers that are typed with CONFIRM; None if there are none.
     """
 
     id: str
@@ -208,14 +247,20 @@ class Device(Protocol):
 
 @runtime_checkable
 class ReportsWeakness(Protocol):
-    """A device that says which errors its protocol cannot detect, in a sentence; empty: none. Once connected."""
+    """A device that states which errors its protocol cannot detect.
+
+    `weakness` is a sentence, or empty. It is valid after `connect`.
+    """
 
     @property
     def weakness(self) -> str: ...
 
 
 def weakness_of(device: Device) -> str:
-    """The errors that the protocol of a connected device cannot detect, in a sentence; empty: none."""
+    """Return a sentence on the errors that the protocol of a connected device cannot detect.
+
+    It is empty if there are none.
+    """
     return device.weakness if isinstance(device, ReportsWeakness) else ""
 
 
@@ -233,7 +278,10 @@ class RobotArm(Device, Protocol):
 
 @runtime_checkable
 class PointMeter(Device, Protocol):
-    """Measures the position of a target by its name; `near_mm` points the beam there first (own frame)."""
+    """An instrument that measures the position of a target by its name.
+
+    `near_mm` points the beam there first (own frame).
+    """
 
     def measure(
         self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
@@ -255,10 +303,11 @@ class PoseMeter(Device, Protocol):
 
 @runtime_checkable
 class LengthMeter(Device, Protocol):
-    """Measures the length between a ball on the tool and a ball on the base, both by name.
+    """An instrument that measures the length between a ball on the tool and one on the base.
 
-    `zero` reads the sensor in its calibrator (mm) and takes that as the zero of later readings. `build`: a person has
-    built the bar to another length (mm); it is disarmed, and arming compares the length with its calibration.
+    Both are given by name. `zero` reads the sensor in its calibrator (mm), and the value is the zero of later readings.
+    `build` is called when a person has built the bar to another length (mm). It disarms; arming compares the length
+    with its calibration.
     """
 
     def measure(self, target: str, *, base_target: str, samples: int = 100) -> LengthReading: ...
@@ -270,11 +319,12 @@ class LengthMeter(Device, Protocol):
 
 @runtime_checkable
 class Streaming(Protocol):
-    """A robot or an instrument that sends samples while the robot moves (`streams` of its declaration).
+    """A robot or an instrument that sends samples while the robot moves.
 
-    The samples of a robot flow beside `move_to`, over a connection of their own; an instrument answers nothing else
-    meanwhile, and sends the target that it measured last. The iterator yields None when nothing has come for a moment,
-    so that its reader can do other work; it raises LinkError, and MotionStopped after `stop`.
+    The `streams` of its declaration is then True. The samples of a robot flow in parallel with `move_to`, over a
+    separate connection. An instrument answers no other question meanwhile, and sends the target that it measured last.
+    The iterator yields None when no sample has come for a moment, so that its reader can do other work; it raises
+    LinkError, and MotionStopped after `stop`.
     """
 
     def stream(self, rate_hz: float) -> AbstractContextManager[Iterator[Sample | None]]: ...
@@ -282,8 +332,10 @@ class Streaming(Protocol):
 
 @runtime_checkable
 class SpeedLimited(Protocol):
-    """A robot that can be recorded in motion at a lower speed for a while; never above the speeds it was opened
-    with."""
+    """A robot that can be recorded in motion at a lower speed for a while.
+
+    It is never faster than the speeds with which it was opened.
+    """
 
     def at_speed(self, speed_deg_s: float) -> AbstractContextManager[None]: ...
 
@@ -297,7 +349,10 @@ class OperatedByPerson(Protocol):
 
 @runtime_checkable
 class HandGuided(Protocol):
-    """A robot that a person drives: `move_over` shows the whole path, over postures (deg) to the last one."""
+    """A robot that a person drives.
+
+    `move_over` shows the whole path, over postures (deg) to the last one.
+    """
 
     def move_over(self, over_deg: Sequence[Sequence[float]], joints_deg: Sequence[float]) -> JointReading: ...
 

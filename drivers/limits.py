@@ -12,10 +12,19 @@ _LEVER_MM = (1000.0, 1000.0, 1000.0, 400.0, 400.0, 400.0)
 
 
 class Caps:
-    """The speeds of one arm (mm/s at the tool, deg/s of a joint) and the limits of its joints.
+    """The speed limits of one arm and the limits of its joints.
 
-    `speeds`: both, in this order. `limits_deg`: a pair a joint, or None for `widest_deg` to either side of zero. units:
-    in which each joint is counted, deg where empty.
+    Attributes
+    ----------
+    speeds
+        Speed of the tool, mm/s, and of a joint, deg/s.
+
+    Parameters
+    ----------
+    limits_deg
+        A pair per joint. Default: `widest_deg` to either side of zero.
+    units
+        Unit of each joint. Default: deg.
     """
 
     def __init__(
@@ -29,7 +38,13 @@ class Caps:
         device: str,
         units: Sequence[str] = (),
     ) -> None:
-        """Raises ConfigError for a speed that is not positive, and unless there is a pair for every joint."""
+        """Store the limits.
+
+        Raises
+        ------
+        ConfigError
+            A speed is not positive, or there is not one pair for every joint.
+        """
         if not (speed_mm_s > 0 and speed_deg_s > 0):
             raise ConfigError(
                 f"speeds must be positive, not {speed_mm_s} mm/s, {speed_deg_s} deg/s", device=device
@@ -42,7 +57,13 @@ class Caps:
         self._units = units or ["deg"] * joints
 
     def check(self, target_deg: Sequence[float]) -> None:
-        """Check a target. Raises JointLimit naming the first joint beyond its limits; NaN is refused too."""
+        """Check a target.
+
+        Raises
+        ------
+        JointLimit
+            A joint is beyond its limits, or NaN; the message names the first one.
+        """
         if len(target_deg) != len(self._pairs):
             raise JointLimit(
                 f"{len(target_deg)} joints given, {len(self._pairs)} needed",
@@ -58,10 +79,10 @@ class Caps:
                 )
 
     def seconds(self, turns_deg: Sequence[float]) -> float:
-        """The duration of a joint move, s, at both speed limits, for the angles of its joints (deg, not negative).
+        """Compute the shortest duration of a joint move, s, within both speed limits.
 
-        The joints keep one limit. The speed of the tool is at most the sum of angle x lever over the time, and keeps
-        the other.
+        `turns_deg` are the angles of its joints (deg, not negative). The joints keep one limit. The speed of the tool
+        is at most the sum of angle x lever over the time, and keeps the other.
         """
         path_mm = sum(math.radians(dq) * lever for dq, lever in zip(turns_deg, _LEVER_MM, strict=True))
         return max(max(turns_deg) / self.speeds[1], path_mm / self.speeds[0])

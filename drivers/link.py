@@ -1,9 +1,12 @@
-"""The TCP byte link that all drivers use.
+"""The TCP connection used by all drivers.
 
-One rule makes late, split, glued, duplicated and half answers harmless: **any fault closes the link**. An
-answer can then never be taken for that to another question, because its connection is closed. The
-other rules: nothing unread before asking, one question outstanding, an answer ends at its exact terminator
-(half a line at the end of the stream is an error), every wait has a deadline with a name.
+Any fault closes the connection, so that a late, split, merged, duplicated or truncated answer can never be taken as the
+answer to a later question. In addition:
+
+- Unread input before a question is an error.
+- Only one question is outstanding.
+- An answer ends at its exact terminator; half a line at the end of the stream is an error.
+- Every wait has a named deadline.
 """
 
 from __future__ import annotations
@@ -34,10 +37,10 @@ class WireSink(Protocol):
 
 
 class WireLog:
-    """A wire log that writes JSON lines of t_s, device, dir (`>` to the device, `<` from it, `!` opened, closed) and
-    data.
+    """A wire log that writes JSON lines.
 
-    `data` is latin-1 text, so that every byte survives the round trip. Time in seconds of the clock given.
+    They have t_s, device, dir (`>` to the device, `<` from it, `!` opened, closed) and data. `data` is latin-1 text, so
+    that every byte survives the round trip. Time in seconds of the given clock.
     """
 
     def __init__(self, stream: TextIO, clock: Callable[[], float] = time.time) -> None:
@@ -66,7 +69,13 @@ class Address:
 
 
 def beside(address: Address, option: str, port: int, device: str) -> Address:
-    """The address of the same controller with the port of the option, else `port`. Raises ConfigError."""
+    """Return the address of the same controller with the port of an option, by default `port`.
+
+    Raises
+    ------
+    ConfigError
+        The option is not a port.
+    """
     text = address.options.get(option, str(port))
     if not text.isdecimal() or not 0 < int(text) < 65536:
         raise ConfigError(f"{option}={text!r} is not a port", device=device)
@@ -74,7 +83,13 @@ def beside(address: Address, option: str, port: int, device: str) -> Address:
 
 
 def parse_url(url: str) -> Address:
-    """`tcp://host:port[?key=value]` as an Address. Raises ConfigError naming the part that is wrong."""
+    """Parse `tcp://host:port[?key=value]`.
+
+    Raises
+    ------
+    ConfigError
+        The URL has another form; the message names the wrong part.
+    """
     parts = urlsplit(url)
     if parts.scheme != "tcp":
         raise ConfigError(f"address {url!r} must begin with tcp://")
@@ -90,9 +105,19 @@ def parse_url(url: str) -> Address:
 
 
 class TcpLink:
-    """A TCP connection to a device. Not shared between threads, except `close`, which is always safe.
+    """A TCP connection to a device.
 
-    `clock`: returns s; all deadlines on this link are measured by it. `enabled_at`: where a person opens its port.
+    It is not shared between threads, except `close`, which is always safe.
+
+    Attributes
+    ----------
+    clock
+        Returns the time, s, for all deadlines of this connection.
+
+    Parameters
+    ----------
+    enabled_at
+        Where a person enables the port on the device.
     """
 
     poll_s = 0.1  # how often a waiting question looks at its `meanwhile`
@@ -119,7 +144,15 @@ class TcpLink:
         return self._socket is not None
 
     def open(self, *, connect_s: float) -> None:
-        """Connect anew. Raises LinkTimeout or LinkLost."""
+        """Connect; an open connection is closed first.
+
+        Raises
+        ------
+        LinkTimeout
+            The device does not accept in time.
+        LinkLost
+            The device is not reachable, or its port is closed.
+        """
         self.close()
         where = f"{self.address.host}:{self.address.port}"
         try:
@@ -157,10 +190,10 @@ class TcpLink:
 
     @contextmanager
     def question(self, command: str, *, unread_allowed: bool = False) -> Iterator[None]:
-        """A context manager from the question to the parsed answer: any exception in it closes the link.
+        """Enclose a question up to its parsed answer: any exception in the block closes the link.
 
-        `unread_allowed` is for protocols whose device may speak unasked (events) and whose answers carry the
-        number of their question.
+        `unread_allowed` is for protocols whose device may send events by itself and whose answers have the number of
+        their question.
         """
         try:
             if not unread_allowed:
@@ -171,7 +204,15 @@ class TcpLink:
             raise
 
     def send(self, data: bytes, *, command: str, send_s: float) -> None:
-        """Send all bytes. Raises LinkTimeout or LinkLost."""
+        """Send all bytes.
+
+        Raises
+        ------
+        LinkTimeout
+            The device does not accept them in time.
+        LinkLost
+            The connection was lost.
+        """
         sock = self._open_socket(command)
         self._log(">", data)
         try:
@@ -196,10 +237,18 @@ class TcpLink:
         limit: int = 512,
         meanwhile: Callable[[], None] | None = None,
     ) -> bytes:
-        """Bytes up to and without the terminator; the rest stays for the next call.
+        """Read bytes up to and without the terminator; the rest stays for the next call.
 
-        `meanwhile` is called every `poll_s` while waiting and may raise. Raises LinkTimeout (naming the
-        deadline), LinkLost (also at the end of the stream with half a line), ProtocolError (line too long).
+        `meanwhile` is called every `poll_s` while waiting and may raise.
+
+        Raises
+        ------
+        LinkTimeout
+            No terminator came in time; the message names the deadline.
+        LinkLost
+            The connection was lost, or ended with half a line.
+        ProtocolError
+            The line is too long.
         """
         end = self.clock() + seconds
         while terminator not in self._buffer:
@@ -227,7 +276,15 @@ class TcpLink:
         seconds: float,
         meanwhile: Callable[[], None] | None = None,
     ) -> bytes:
-        """The next `count` bytes, for protocols that count; the rest stays. Raises LinkTimeout, LinkLost."""
+        """Read the next `count` bytes, for protocols that count; the rest stays.
+
+        Raises
+        ------
+        LinkTimeout
+            The bytes did not come in time.
+        LinkLost
+            The connection was lost.
+        """
         end = self.clock() + seconds
         while len(self._buffer) < count:
             self._fill(command, deadline, seconds, end, meanwhile)
@@ -246,10 +303,10 @@ class TcpLink:
         sure: re.Pattern[bytes] | None = None,
         meanwhile: Callable[[], None] | None = None,
     ) -> re.Match[bytes]:
-        """An answer without a terminator: all bytes received must match `complete` exactly.
+        """Read an answer without a terminator: all bytes received must match `complete` exactly.
 
-        `possible` says whether the bytes so far can still become an answer. Free text has no recognisable
-        end: with `quiet_s` it ends when nothing more came for so long, unless it has the form `sure`. Raises like
+        `possible` returns whether the bytes so far can still become an answer. Free text has no recognisable end: with
+        `quiet_s` it ends when no more came for this time, unless it has the form `sure`. Errors are those of
         `read_until`.
         """
         end = self.clock() + seconds

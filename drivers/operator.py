@@ -1,7 +1,7 @@
 """The operator as a device: asked by prompts, answers confirm, skip, redo, pause or abort.
 
-A person is never assumed: without a terminal, with its input closed or its page gone, asking raises
-NoOperator instead of going on as if somebody had confirmed.
+A person is never assumed: without a terminal, with its input closed or its page gone, asking raises NoOperator instead
+of continuing as if a person had confirmed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class UnknownPrompt(Refused):
 
 
 def refused(prompt: Prompt, answer: Answer | Typed) -> str:
-    """The reason why a prompt does not take this answer; empty where it does."""
+    """Return the reason why a prompt does not accept this answer; empty if it does."""
     entry = prompt.entry
     if isinstance(answer, Typed):
         return "" if entry is not None else f"prompt {prompt.id} asks for no numbers"
@@ -38,9 +38,10 @@ def refused(prompt: Prompt, answer: Answer | Typed) -> str:
 
 
 class TerminalOperator:
-    """An operator at a terminal. Answers are the word or its first letter; an empty line confirms nothing.
+    """An operator at a terminal.
 
-    Where numbers are asked for, any other line is what was typed.
+    Answers are the word or its first letter; an empty line confirms nothing. If numbers are requested, any other line
+    counts as the numbers.
     """
 
     def __init__(self, reader: TextIO | None = None, writer: TextIO | None = None) -> None:
@@ -48,7 +49,13 @@ class TerminalOperator:
         self._writer = sys.stderr if writer is None else writer
 
     def ask(self, prompt: Prompt) -> Answer | Typed:
-        """Ask until one of the expected answers is given. Raises NoOperator."""
+        """Ask until one of the expected answers is given.
+
+        Raises
+        ------
+        NoOperator
+            There is no terminal, or it was closed.
+        """
         if self._reader is None or self._reader.closed or not self._reader.isatty():
             raise NoOperator("no terminal to ask on", device="operator", command=prompt.id)
         needed = prompt.entry is not None and prompt.entry.needed
@@ -73,7 +80,13 @@ class TerminalOperator:
                 before = f"  {word[:_SHOWN]!r}{'...' * (len(word) > _SHOWN)} is not one of these. "
 
     def _line(self, question: str, prompt: Prompt) -> str:
-        """The line that is typed; a mark for what is no text. Raises NoOperator where the terminal ends, or is lost."""
+        """Return the typed line, or a mark if it is not text.
+
+        Raises
+        ------
+        NoOperator
+            The input ended, or the terminal is gone.
+        """
         try:
             self._writer.write(question)
             self._writer.flush()
@@ -88,7 +101,10 @@ class TerminalOperator:
 
 
 class RemoteOperator:
-    """An operator who is asked by publishing the prompt; another thread (HTTP) brings the answer by the prompt's id."""
+    """An operator who is asked by publishing the prompt.
+
+    Another thread (HTTP) brings the answer with the id of the prompt.
+    """
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -103,8 +119,15 @@ class RemoteOperator:
             return self._pending
 
     def ask(self, prompt: Prompt) -> Answer | Typed:
-        """Publish the prompt and wait for its answer without a limit. Raises NoOperator when closed, Busy when
-        already asking."""
+        """Publish the prompt and wait for its answer without a limit.
+
+        Raises
+        ------
+        NoOperator
+            The operator was closed.
+        Busy
+            Another prompt is being asked.
+        """
         with self._changed:
             if self._pending is not None:
                 raise Busy(f"already asking {self._pending.id}", device="operator", command=prompt.id)
@@ -120,7 +143,13 @@ class RemoteOperator:
                 self._changed.notify_all()
 
     def answer(self, prompt_id: str, answer: Answer | Typed) -> None:
-        """Answer the pending prompt. Raises UnknownPrompt for any other id or an unexpected answer."""
+        """Answer the pending prompt.
+
+        Raises
+        ------
+        UnknownPrompt
+            The prompt has another id, or does not accept the answer.
+        """
         with self._changed:
             pending = self._pending
             if pending is None or pending.id != prompt_id or self._answer is not None:
@@ -133,7 +162,7 @@ class RemoteOperator:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Close: nobody will answer any more, and a waiting `ask` raises NoOperator."""
+        """Close: no answer will come any more, and a waiting `ask` raises NoOperator."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()

@@ -1,7 +1,9 @@
-"""The table of all drivers, one line for each maker. A new driver needs its folder and a line here.
+"""The table of all drivers, one line per maker.
 
-Other packages bring theirs by entry points of the group `truepose.drivers`: modules with `DRIVERS`, as a maker's
-`declaration.py`. They are looked for when a name is asked for that is not in the tables.
+A new driver needs its folder and a line here.
+
+Other packages bring theirs with entry points of the group `truepose.drivers`: modules with `DRIVERS`, like a maker's
+`declaration.py`. They are loaded when a requested name is not in the tables.
 """
 
 from __future__ import annotations
@@ -39,22 +41,46 @@ INSTRUMENTS: Mapping[str, InstrumentDriver] = _by_name(
 
 
 def robot_driver(name: str) -> RobotDriver:
-    """The declaration of the driver of that name. Raises ConfigError for an unknown one."""
+    """Return the declaration of a robot driver by its name.
+
+    Raises
+    ------
+    ConfigError
+        The name is unknown.
+    """
     return _known("robot", ROBOTS, RobotDriver, name)
 
 
 def instrument_driver(name: str) -> InstrumentDriver:
-    """The declaration of the driver of that name. Raises ConfigError for an unknown one."""
+    """Return the declaration of an instrument driver by its name.
+
+    Raises
+    ------
+    ConfigError
+        The name is unknown.
+    """
     return _known("instrument", INSTRUMENTS, InstrumentDriver, name)
 
 
 def open_robot(driver: str, url: str, **options: Any) -> RobotArm:
-    """Make the driver of a robot by its name, not yet connected. Raises ConfigError."""
+    """Create the driver of a robot by its name, not yet connected.
+
+    Raises
+    ------
+    ConfigError
+        The name is unknown, or an option is not valid.
+    """
     return _make("robot", driver, robot_driver(driver).make, url, options)
 
 
 def open_instrument(driver: str, url: str, **options: Any) -> PointMeter | LengthMeter:
-    """Make the driver of an instrument by its name, not yet connected. Raises ConfigError."""
+    """Create the driver of an instrument by its name, not yet connected.
+
+    Raises
+    ------
+    ConfigError
+        The name is unknown, or an option is not valid.
+    """
     return _make("instrument", driver, instrument_driver(driver).make, url, options)
 
 
@@ -69,7 +95,13 @@ def _known(kind: str, table: Mapping[str, _D], of: type[_D], name: str) -> _D:
 
 @cache
 def _installed() -> tuple[RobotDriver | InstrumentDriver, ...]:
-    """The drivers of other packages. Raises ConfigError for a package that cannot be used."""
+    """Return the drivers of other packages.
+
+    Raises
+    ------
+    ConfigError
+        A package cannot be used.
+    """
     return tuple(installed(GROUP, "DRIVERS"))
 
 

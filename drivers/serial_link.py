@@ -1,8 +1,8 @@
-"""Serial byte link with the methods and the rule of `drivers.link`: any fault closes it.
+"""Serial connection with the methods and the rule of `drivers.link`: any fault closes it.
 
-Any pyserial URL: `/dev/rfcomm0`, `COM5`, `socket://host:port`, `rfc2217://host:port`, `loop://`. 115200 8N1.
-A serial line has no connections, so bytes of an earlier conversation may still be on their way after opening:
-answers are accepted only because every line carries its checksum and the number of its question.
+Any pyserial URL: `/dev/rfcomm0`, `COM5`, `socket://host:port`, `rfc2217://host:port`, `loop://`. 115200 8N1. A serial
+line has no connections, so bytes of an earlier conversation may still be on their way after opening. Answers are
+accepted only because every line has its checksum and the number of its question.
 """
 
 from __future__ import annotations
@@ -49,7 +49,15 @@ class SerialLink:
         return self._port is not None
 
     def open(self, *, connect_s: float) -> None:
-        """Open afresh and forget what was received. Raises LinkLost, ConfigError (no such kind of URL)."""
+        """Open again and discard received bytes.
+
+        Raises
+        ------
+        LinkLost
+            The line cannot be opened.
+        ConfigError
+            There is no such kind of URL.
+        """
         self.close()
         options: dict[str, Any] = {"timeout": self.poll_s, "write_timeout": connect_s}
         try:
@@ -89,7 +97,15 @@ class SerialLink:
             raise
 
     def send(self, data: bytes, *, command: str, send_s: float) -> None:
-        """Send all bytes. Raises LinkTimeout or LinkLost."""
+        """Send all bytes.
+
+        Raises
+        ------
+        LinkTimeout
+            The line does not accept them in time.
+        LinkLost
+            The line was lost.
+        """
         port = self._open_port(command)
         self._log(">", data)
         try:

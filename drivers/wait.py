@@ -7,7 +7,10 @@ from typing import TypedDict
 
 
 class Waiting(TypedDict, total=False):
-    """The wait for an answer: name of its deadline, length in s if it is unusual, and what is called meanwhile."""
+    """The wait for an answer.
+
+    It has the name of its deadline, its length in s if it is unusual, and a function to call meanwhile.
+    """
 
     deadline: str
     seconds: float | None

@@ -49,9 +49,14 @@ _AGREE_DEG = 0.002  # two readings of a robot at rest: twice the resolution of M
 
 
 class FanucArm:
-    """The driver of a Fanuc robot. Methods block; `stop` and `status` answer while another thread waits for a move.
+    """The driver of a Fanuc robot.
 
-    `hold_deg`: how far from its target a servo may hold a joint (`drivers.read_back`).
+    Methods block; `stop` and `status` answer while another thread waits for a move.
+
+    Parameters
+    ----------
+    hold_deg
+        Largest distance from its target at which a servo may hold a joint (`drivers.read_back`).
     """
 
     unverified_on_hardware = True
@@ -115,11 +120,22 @@ class FanucArm:
 
     @property
     def weakness(self) -> str:
-        """The errors that this dialect cannot detect; empty where a target is confirmed before it moves the robot."""
+        """The errors that this dialect cannot detect.
+
+        The text is empty if a target is confirmed before it moves the robot.
+        """
         return self._controller.weakness
 
     def connect(self) -> None:
-        """Open, find the dialect, read the joints. Nothing moves. Raises LinkError, Busy."""
+        """Open, detect the dialect, read the joints. Nothing moves.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        Busy
+            The robot is moving.
+        """
         first, self._warned = not self._warned, True
         if first:
             _LOG.warning("%s: this Fanuc driver is unverified on hardware", self.name)
@@ -141,7 +157,13 @@ class FanucArm:
         self._controller.close()
 
     def identify(self) -> Identity:
-        """The identity that the controller reports; stock MAPPDK and Modbus report nothing. Raises LinkError."""
+        """Return the identity from the controller; stock MAPPDK and Modbus report none.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         return self._controller.identity()
 
     # -- arming -------------------------------------------------------------------------------------------
@@ -149,7 +171,18 @@ class FanucArm:
     def arm(self) -> None:
         """Check the controller and its programs; allow motion.
 
-        Raises LinkError, SafetyStop, WrongMode, NotReady, Busy (another client's move is under way).
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        SafetyStop
+            The controller is stopped.
+        WrongMode
+            The pendant is enabled, or the servo power is off.
+        NotReady
+            The robot's program does not run.
+        Busy
+            Another client's move is under way.
         """
         with self._lock:
             raise_if_unfit(self._controller.status(), self.name, "arm")
@@ -165,10 +198,20 @@ class FanucArm:
     # -- motion -------------------------------------------------------------------------------------------
 
     def move_to(self, joints_deg: Sequence[float]) -> JointReading:
-        """Go to these joint angles, wait until the robot is there, read back.
+        """Move to these joint angles, wait until the robot is there, read back.
 
-        Raises NotArmed, JointLimit (nothing moves), LinkError (outcome unknown), SafetyStop, WrongMode,
-        MotionStopped, NotReached, Busy (another client commands the robot).
+        Raises
+        ------
+        NotArmed, JointLimit
+            Nothing moves.
+        LinkError
+            The connection failed, and the position of the robot is unknown.
+        SafetyStop, WrongMode, MotionStopped
+            The robot was stopped on its way.
+        NotReached
+            The robot is not at its target.
+        Busy
+            Another client commands the robot.
         """
         target = tuple(float(q) for q in joints_deg)
         self._caps.check(target)
@@ -186,9 +229,14 @@ class FanucArm:
         return reached
 
     def position(self) -> JointReading:
-        """Joint angles read back: two readings, `gap_s` apart, that agree.
+        """Return the joint angles from two readings, `gap_s` apart, that agree.
 
-        Raises LinkError, Busy (still moving).
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        Busy
+            The robot is still moving.
         """
         end = self._clock() + self.deadlines.settle_s
         with self._lock:
@@ -203,7 +251,15 @@ class FanucArm:
                 before = now
 
     def stop(self) -> None:
-        """Halt the robot now and disarm. From any thread. Raises CannotStop (stock MAPPDK), LinkError."""
+        """Halt the robot now and disarm. From any thread.
+
+        Raises
+        ------
+        CannotStop
+            The controller runs stock MAPPDK.
+        LinkError
+            The stop was not answered.
+        """
         self._armed = False
         self._stopped.set()
         if not self._controller.can_stop:
@@ -211,7 +267,13 @@ class FanucArm:
         self._controller.halt()
 
     def status(self) -> RobotStatus:
-        """State of the controller as far as the dialect reports it. Raises LinkError."""
+        """Return the state of the controller, with the facts that the dialect reports.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         return self._controller.status()
 
     def _settled(self, target: tuple[float, ...]) -> JointReading:
@@ -237,10 +299,10 @@ class FanucArm:
     # -- checks -------------------------------------------------------------------------------------------
 
     def _pace(self, target: tuple[float, ...]) -> tuple[int, float]:
-        """The speed in whole percent, at least 1, that keeps both speed limits, and the longest time of the move (s).
+        """Choose the speed in whole percent, at least 1, and the longest time of the move (s).
 
-        A Fanuc joint move at p % takes max |dq_i| / (p v_i). Its tool is nowhere faster than
-        sum |dq_i| lever_i / time.
+        The speed is within both speed limits. A Fanuc joint move at p % takes max |dq_i| / (p v_i). Its tool is nowhere
+        faster than sum |dq_i| lever_i / time.
         """
         where = self._where or (0.0,) * JOINTS
         far = [abs(a - b) for a, b in zip(target, where, strict=True)]
@@ -255,7 +317,13 @@ def _apart(one: JointReading, two: JointReading) -> float:
 
 
 def _speeds(text: str | None, url: str) -> tuple[float, ...]:
-    """The `max_deg_s` of the address: the fastest speed of each joint. Raises ConfigError."""
+    """Return the `max_deg_s` of the address: the fastest speed of each joint.
+
+    Raises
+    ------
+    ConfigError
+        The text is not one speed per joint.
+    """
     if text is None:
         return _MAX_DEG_S
     try:

@@ -1,7 +1,7 @@
-"""The interface of a Fanuc controller, common to both protocols: MAPPDK text and Modbus registers.
+"""A Fanuc controller with either protocol: MAPPDK text or Modbus registers.
 
-Angles are the controller's own (deg): its joint 3 is counted from the horizontal. The conversion to the angles of
-a kinematic model is the joint matrix `fanuc-j23` of the robot file and happens where a model is used, never here.
+Angles are the controller's own (deg): its joint 3 is counted from the horizontal. The conversion to the angles of a
+kinematic model is the joint matrix `fanuc-j23` of the robot file. It is made by users of a model, never here.
 """
 
 from __future__ import annotations
@@ -31,10 +31,16 @@ LOOK_S = 0.2  # how often a pending move is looked at
 
 @dataclass(frozen=True, slots=True)
 class FanucDeadlines:
-    """Named waits in seconds. A move may take `move_factor` x its predicted time + `move_margin_s`.
+    """Named waits in seconds.
 
-    `settle_s`: from the reported end of a move to two equal readings at the target, `gap_s` apart; `still_s`: a
-    robot that rests so long in mid-move has been stopped.
+    A move may take `move_factor` x its predicted time + `move_margin_s`.
+
+    Attributes
+    ----------
+    settle_s
+        Time from the reported end of a move to two equal readings at the target, `gap_s` apart.
+    still_s
+        A robot that rests for this time during a move has been stopped.
     """
 
     connect_s: float = 3.0
@@ -62,8 +68,10 @@ class JointMove:
 
 
 class FanucController(Protocol):
-    """The interface of a dialect. Questions are safe from any thread; `move` blocks until the controller says that it
-    ended."""
+    """A dialect of a Fanuc controller.
+
+    Questions are safe from any thread; `move` blocks until the controller reports its end.
+    """
 
     @property
     def deadlines(self) -> FanucDeadlines: ...
@@ -134,7 +142,19 @@ def ended(status: int) -> tuple[type[AcquisitionError], str]:
 
 
 def raise_if_unfit(status: RobotStatus, device: str, command: str) -> None:
-    """Check a status; None is no reason. Raises EmergencyStop, WrongMode, EnableLost (in a move)."""
+    """Check that a status allows motion; unknown values (None) do.
+
+    Raises
+    ------
+    EmergencyStop
+        The emergency stop is pressed.
+    WrongMode
+        The pendant is enabled, or the servo power is off before a move.
+    EnableLost
+        The servo power went off during a move.
+    AcquisitionError
+        The class that belongs to the alarm of the controller.
+    """
     where = {"device": device, "command": command}
     if status.emergency_stop:
         raise EmergencyStop("emergency stop pressed", **where, raw=status.raw)

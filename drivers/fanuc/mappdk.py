@@ -1,12 +1,13 @@
-"""MAPPDK text dialect of a Fanuc (torayeff/fanucpy, KAREL server on TCP 18735, the same again on 18736).
+"""MAPPDK text dialect of a Fanuc (torayeff/fanucpy, KAREL server on TCP 18735 and 18736).
 
-Request: one line, LF. Answer: `0:<data>` or `1:<error>` without end mark (`drivers.fanuc.mappdk_link`). The server
-greets with `0:success`. A stock move begins on one request, is answered after the robot's motion program, which ends in
-CNT, and cannot be stopped; meanwhile the second port goes on answering. A target that is damaged on its way moves the
-robot, and only the read-back shows it: `weakness` says so.
+A request is one line with LF. An answer is `0:<data>` or `1:<error>` without end mark (`drivers.fanuc.mappdk_link`).
+The server greets with `0:success`. A stock move begins on one request. It is answered after the robot's motion program,
+which ends in CNT, and cannot be stopped; meanwhile the second port still answers. A target that is damaged on its way
+moves the robot, and only the read-back shows it, as `weakness` states.
 
-Our own server (`robot_side`: CALSRV.kl, CALLOG.kl) answers numbered questions with a sum, detected by asking
-`calname`: state, stop, watchdog, and a move in two steps that ends FINE and says why it ended elsewhere:
+Our own server (`robot_side`: CALSRV.kl, CALLOG.kl) answers numbered questions with a sum. It is detected by asking
+`calname`. It offers state, stop and watchdog, and a move in two steps that ends FINE and reports why it ended
+elsewhere:
 
     calset:NNNN:VVVV:<six joints>     0:c=NNNN,v=VVVV,j=...,k=SSS;   the target as understood there; nothing moves
     calgo:NNNN:SSS                    0:c=NNNN,r=R,k=SSS;            the sum of that request lets the robot go
@@ -102,7 +103,13 @@ class MappdkController:
         return _WEAKNESS if self._ours is None else ""
 
     def open(self) -> None:
-        """Both connections; is it our server? Raises LinkError."""
+        """Open both connections and detect our server.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         self._ours = None
         self._main.open()
         self._logger.open()
@@ -144,7 +151,10 @@ class MappdkController:
         return JointReading(joints, 1e-3, found[0])
 
     def move(self, move: JointMove) -> None:
-        """Move; a stock server begins at once, with CNT 0, which is the nearest to a stop point that it has."""
+        """Move; a stock server begins at once.
+
+        It moves with CNT 0, which is the nearest to a stop point that it has.
+        """
         joints = b":".join(b"%c%013.6f" % (b"-" if q < 0 else b"+", abs(q)) for q in move.target)
         look = MovePoller(self._look_for(move), self._clock)
         if self._ours is not None:
@@ -183,9 +193,9 @@ class MappdkController:
             )
 
     def _look_for(self, move: JointMove) -> Callable[[], None]:
-        """A function that looks at the robot while the answer to a move is outstanding.
+        """Return a function that observes the robot while the answer to a move is outstanding.
 
-        Our server reports its state. Of a stock one only the joints are seen: a robot that rests in mid-move was
+        Our server reports its state. A stock one only reports the joints. A robot that rests during a move was then
         stopped, by an emergency stop, the supervision or a person, and the answer will not come.
         """
         since, last = self._clock(), None
@@ -213,7 +223,13 @@ class MappdkController:
         return at_joints if self._ours is None else at_state
 
     def halt(self) -> None:
-        """Halt the robot. Raises LinkError."""
+        """Halt the robot.
+
+        Raises
+        ------
+        LinkError
+            The stop was not answered, also not on a new connection.
+        """
         try:
             self._numbered(self._logger, self._request(b"calstop"), DONE)
         except LinkError:  # a stop is worth a second try on a fresh connection
@@ -221,7 +237,13 @@ class MappdkController:
             self._numbered(self._logger, self._request(b"calstop"), DONE)
 
     def status(self) -> RobotStatus:
-        """Stock: only that the second port answers. Raises LinkError."""
+        """Return the state; a stock server only shows that its second port answers.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         if self._ours is None:
             raw = self._joints(self._logger).raw
             return RobotStatus("unknown", None, None, None, raw=raw)
@@ -237,7 +259,15 @@ class MappdkController:
     def _numbered(
         self, talk: MappdkLink, request: bytes, form: AnswerFormat, **waiting: Unpack[Waiting]
     ) -> re.Match[bytes]:
-        """The answer of our server to a numbered question. Raises LinkError, CommandRefused, JointLimit."""
+        """Ask our server a numbered question and return its answer.
+
+        Raises
+        ------
+        LinkError
+            The connection failed, or the answer has another number or a wrong sum.
+        CommandRefused, JointLimit
+            The server refused.
+        """
         found = talk.ask(request, form, **waiting)
         what, number, *_ = request.split(b":")
         if found[1] != number or not sealed(found[0]):

@@ -1,8 +1,8 @@
-"""A connection to a MAPPDK server: questions, the forms of their answers, and what a refusal means.
+"""A connection to a MAPPDK server: questions, the forms of their answers, and refusals.
 
-Answers have no end mark and no number: one is complete when it has exactly its form. Every question is followed by
-`curpos`, whose answer no other question has: whatever a late or doubled answer left on the wire then meets the wrong
-form and closes the link.
+Answers have no end mark and no number: an answer is complete when it has exactly its form. Every question is followed
+by `curpos`, whose answer no other question has. A late or doubled answer left on the wire then meets the wrong form and
+closes the link.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def sum_of(text: bytes) -> int:
 
 
 def sealed(answer: bytes) -> bool:
-    """Whether `<text>,k=NNN;` carries the sum of the codes of its text, modulo 1000."""
+    """Check that `<text>,k=NNN;` has the sum of the codes of its text, modulo 1000."""
     text, _, given = answer.rpartition(b",k=")
     return given == b"%03d;" % sum_of(text)
 
@@ -85,7 +85,13 @@ class MappdkLink:
         self._lock = threading.RLock()
 
     def open(self) -> None:
-        """Connect and be greeted. Raises LinkError."""
+        """Connect and wait for the greeting.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         with self._lock:
             self.link.open(connect_s=self.deadlines.connect_s)
             try:
@@ -106,7 +112,15 @@ class MappdkLink:
         seconds: float | None = None,
         meanwhile: Callable[[], None] | None = None,
     ) -> re.Match[bytes]:
-        """The answer to a question, which `curpos` follows. Raises LinkError, and a refusal as its error class."""
+        """Ask a question, followed by `curpos`, and return its answer.
+
+        A refusal is raised as its error class.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         limit = self.deadlines.reply_s if seconds is None else seconds
         command = request.split(b":")[0].decode()
         with self._lock:

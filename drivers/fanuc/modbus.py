@@ -1,14 +1,14 @@
-"""A Fanuc on Modbus TCP: pymodbus writes and reads the frames, our link carries them.
+"""A Fanuc on Modbus TCP: pymodbus writes and reads the frames, our link transmits them.
 
-pymodbus by itself connects again unasked, passes over frames of other transactions and waits for the rest of
-damaged ones. Here its transport is replaced by `TcpLink`, with the one rule of all drivers: what is not exactly the
-answer to this request (same transaction, unit, function and size; a write with the same address) closes the link.
-Modbus TCP has no checksum: a target is read back before the robot is ordered to go, positions are read twice
+By itself, pymodbus reconnects, ignores frames of other transactions and waits for the rest of damaged ones. Here its
+transport is replaced by `TcpLink`, with the one rule of all drivers: any answer that does not belong exactly to this
+request closes the link. It must have the same transaction, unit, function and size, and for a write the same address.
+Modbus TCP has no checksum. Therefore a target is read back before the robot is ordered to go, positions are read twice
 (`arm.py`), and no single damaged write can start the robot's program (`registers.py`).
 
-A move: target, speed and a fresh number are written, then `go`; it has ended when the robot's program gives this very
-number back as done. Unused addresses of a Fanuc read 0 and swallow writes without an error, which the reading back
-finds as well.
+For a move, target, speed and a new number are written, then `go`. It has ended when the robot's program reports this
+number as done. Unused addresses of a Fanuc read 0 and ignore writes without an error, which the reading back detects as
+well.
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ _VIEWS = 10  # a command goes through go, busy and done
 
 
 class _Wire(ModbusTcpClient):
-    """pymodbus's client on our link: one frame out, exactly the frame that answers it in."""
+    """The client of pymodbus on our link.
+
+    It sends one frame and accepts exactly the frame that answers it.
+    """
 
     def __init__(self, link: TcpLink, deadlines: FanucDeadlines) -> None:
         super().__init__(link.address.host, port=link.address.port, retries=0)
@@ -75,9 +78,10 @@ class _Wire(ModbusTcpClient):
 
 
 def answers_to(request: bytes) -> list[tuple[bytes, int]]:
-    """The answer that a request to read or write registers may have: its beginning, and how many bytes follow.
+    """Return the possible answers to a request to read or write registers.
 
-    Its data, or a refusal: function + 128 and one byte.
+    Each is given by its beginning and the number of bytes that follow. It is the data, or a refusal: function + 128 and
+    one byte.
     """
     transaction, unit, function = request[:4], request[6:7], request[7]
     refusal = transaction + b"\0\3" + unit + bytes([function | 0x80]), 1
@@ -105,24 +109,56 @@ class ModbusRegisters:
         self._wire.deadlines = deadlines
 
     def open(self) -> None:
-        """Connect to the controller. Raises LinkError."""
+        """Connect to the controller.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         with self._lock:
             self.link.open(connect_s=self.deadlines.connect_s)
 
     def read(self, table: str, address: int, count: int) -> list[int]:
-        """Registers of `holding` or `input`, addresses from 0. Raises LinkError, CommandRefused."""
+        """Read registers of `holding` or `input`, addresses from 0.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        CommandRefused
+            The controller refused.
+        """
         ask = self._wire.read_input_registers if table == "input" else self._wire.read_holding_registers
         answer = self._ask(f"read {table} {address}", lambda: ask(address, count=count, device_id=_UNIT))
         return list(answer.registers)
 
     def poke(self, address: int, words: Sequence[int]) -> None:
-        """Write holding registers. Raises LinkError, CommandRefused."""
+        """Write holding registers.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        CommandRefused
+            The controller refused.
+        """
         self._ask(
             f"write {address}", lambda: self._wire.write_registers(address, list(words), device_id=_UNIT)
         )
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """Write holding registers and read them back. Raises LinkError, CommandRefused, NotReady."""
+        """Write holding registers and read them back.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        CommandRefused
+            The controller refused.
+        NotReady
+            The controller has other values than those written.
+        """
         with self._lock:
             self.poke(address, words)
             kept = self.read("holding", address, len(words))
@@ -184,7 +220,13 @@ class ModbusController:
         return ""
 
     def open(self) -> None:
-        """Connect to the controller. Raises LinkError."""
+        """Connect to the controller.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         self._registers.open()
 
     def close(self) -> None:
@@ -196,9 +238,18 @@ class ModbusController:
         return Identity("Fanuc", "", "", "", self.dialect)
 
     def prepare(self) -> None:
-        """Is the robot's program waiting for a command? Its last number is not used again.
+        """Check that the robot's program waits for a command, and avoid its last number.
 
-        Raises LinkError, Busy, NotReady, or what stopped the program.
+        An error that stopped the program is raised as its class.
+
+        Raises
+        ------
+        LinkError
+            The connection failed, or the program has another version.
+        Busy
+            A move is under way.
+        NotReady
+            The registers cannot be used.
         """
         seen = self._progress()
         if seen.trouble is not None:
@@ -250,7 +301,13 @@ class ModbusController:
             time.sleep(_POLL_S)
 
     def _progress(self) -> MoveProgress:
-        """Two equal views in a row: nothing is concluded from a damaged bit. Raises LinkError."""
+        """Return the progress from two equal readings in a row, to exclude a damaged bit.
+
+        Raises
+        ------
+        LinkError
+            The connection failed, or the readings do not agree.
+        """
         before = self._profile.progress(self._registers)
         for _ in range(_VIEWS):
             now = self._profile.progress(self._registers)
@@ -274,7 +331,13 @@ class ModbusController:
         self._profile.beat(self._registers, self._beats)
 
     def halt(self) -> None:
-        """Halt the robot. Raises LinkError."""
+        """Halt the robot.
+
+        Raises
+        ------
+        LinkError
+            The stop was not answered, also not on a new connection.
+        """
         try:
             self._profile.halt(self._registers)
         except LinkError:  # a stop is worth a second try on a fresh connection

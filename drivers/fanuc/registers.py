@@ -1,13 +1,13 @@
-"""The two register layouts of a Fanuc on Modbus TCP, and what a move looks like in each.
+"""The two register layouts of a Fanuc on Modbus TCP, and the form of a move in each.
 
-`hmi` (option R553, from V8.30): registers and position registers, as `robot_side/README.md` assigns them in
-`$SNPX_ASG`; 32-bit values, low word first. `io` (R-30iA): 16-bit group signals only, each joint as two words of
-1e-4 deg, low first; where the option puts them is not published, so both base addresses are in the address:
+`hmi` (option R553, from V8.30) has registers and position registers, as `robot_side/README.md` assigns them in
+`$SNPX_ASG`, with 32-bit values, low word first. `io` (R-30iA) has 16-bit group signals only, each joint as two words of
+1e-4 deg, low first. Their place is not published, so both base addresses are in the address:
 `?modbus=io&inputs=0&outputs=100&table=holding`. Addresses here count from 0.
 
-The robot-side program echoes the number of a command when it is done, so that an older "done" is not taken for it. It
-shows its version, and it starts on nothing that one damaged write can leave behind: in `hmi` the go word is the number
-plus 1000, written after everything else was read back; in `io` a sum over number, speed and joints must agree.
+The robot-side program echoes the number of a command when it is done, so that an older "done" is not accepted. It shows
+its version, and no state that a single damaged write can produce starts it. In `hmi` the go word is the number plus
+1000, written after all else was read back; in `io` a sum over number, speed and joints must agree.
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ Refusal = tuple[type[AcquisitionError], str]
 
 
 class FanucRegisters(Protocol):
-    """Register access; raises LinkError. `write` reads back what it wrote; `poke` is for words that the robot's
-    program may change at once.
+    """Register access; methods raise LinkError.
+
+    `write` reads back what it wrote; `poke` is for words that the robot's program may change at once.
     """
 
     def read(self, table: str, address: int, count: int) -> list[int]: ...
@@ -43,9 +44,20 @@ class FanucRegisters(Protocol):
 class MoveProgress:
     """The progress of moves as the robot's program reports it.
 
-    `version`: of the program, 0 while it has not run; `taken`: number of the command it last took up or was given;
-    `done`: number it last finished; `refusal`: why that one did not end at its target; `trouble`: why nothing moves on;
-    `ready`: the program waits for a command.
+    Attributes
+    ----------
+    version
+        Version of the program, 0 while it has not run.
+    taken
+        Number of the last command that it started or was given.
+    done
+        Number of the last command that it finished.
+    refusal
+        Reason why that one did not end at its target.
+    trouble
+        Reason why no motion continues.
+    ready
+        Whether the program waits for a command.
     """
 
     version: int
@@ -98,8 +110,10 @@ def _raw(words: Sequence[int]) -> bytes:
 
 
 class HmiProfile:
-    """R[81] speed %, R[82] number, R[83] go, R[84] busy, R[85] done number, R[86] status, R[87] stop, R[88] beat,
-    R[91] version.
+    """The layout `hmi`.
+
+    R[81] speed %, R[82] number, R[83] go, R[84] busy, R[85] done number, R[86] status, R[87] stop, R[88] beat, R[91]
+    version.
     """
 
     dialect = "modbus-hmi"
@@ -185,7 +199,13 @@ class IoProfile:
 
     @classmethod
     def of(cls, address: Address, name: str) -> IoProfile:
-        """The profile that the options of an address ask for. Raises ConfigError."""
+        """Return the profile that the options of an address specify.
+
+        Raises
+        ------
+        ConfigError
+            An option is not valid.
+        """
 
         def base(key: str, usual: str) -> int:
             text = address.options.get(key, usual)

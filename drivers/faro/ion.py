@@ -1,7 +1,7 @@
-"""FARO ION tracker behind an MBP/1 bridge (TCP 5701): the vendor's own socket protocol is not public.
+"""FARO ION tracker behind an MBP/1 bridge (TCP 5701).
 
-Points are in the tracker's own frame, in mm. The conversation is `drivers.bridge.session`; what an answer must say to
-be taken as a point is `drivers.bridge.tracker`.
+The vendor's own socket protocol is not public. Points are in the tracker's own frame, in mm. The conversation is
+`drivers.bridge.session`; `drivers.bridge.tracker` decides whether an answer is accepted as a point.
 """
 
 from __future__ import annotations
@@ -45,7 +45,15 @@ class FaroTracker:
         self.session = MbpSession(url, name, "TRACKER", lambda: self.deadlines, **talk)
 
     def connect(self) -> None:
-        """Open and greet; the head does not move. Raises LinkError, Busy."""
+        """Open and greet; the head does not move.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        Busy
+            The bridge is in use.
+        """
         self.session.connect()
 
     def disconnect(self) -> None:
@@ -54,17 +62,30 @@ class FaroTracker:
 
     @property
     def weakness(self) -> str:
-        """The errors that this bridge cannot detect; empty where it sends checksums. Once connected."""
+        """The errors that this bridge cannot detect; empty if it sends checksums. Once connected."""
         return self.session.weakness
 
     def identify(self) -> Identity:
-        """The identity from the bridge's greeting. Raises LinkError when not connected."""
+        """Return the identity from the bridge's greeting.
+
+        Raises
+        ------
+        LinkError
+            The device is not connected.
+        """
         return self.session.identify()
 
     def arm(self) -> None:
         """Initialise if needed (the head moves), check state and weather, choose the distance mode.
 
-        Raises LinkError, NotReady, SafetyStop.
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        NotReady
+            The tracker is not ready, or has no weather.
+        SafetyStop
+            The tracker is in an emergency stop.
         """
         with self.session.arming():
             ask_weather(self.session, {})
@@ -79,9 +100,19 @@ class FaroTracker:
     ) -> PointReading:
         """Average `samples` readings of the SMR in nest `target`.
 
-        With `near_mm` (tracker frame) the beam is pointed there and the nearest SMR found; without, the
-        name is passed on and a bridge that cannot point by name measures the SMR that the beam holds.
-        Raises NotArmed, LinkError, Unmeasurable, MotionStopped (after `stop`), NotReady, SafetyStop.
+        With `near_mm` (tracker frame) the beam is pointed there and the nearest SMR is found. Without it, the name is
+        passed on; a bridge that cannot point by name measures the SMR that the beam holds.
+
+        Raises
+        ------
+        NotArmed, NotReady, SafetyStop
+            The tracker cannot measure now.
+        LinkError
+            The connection failed.
+        Unmeasurable
+            The reading cannot be used.
+        MotionStopped
+            `stop` was called.
         """
         check_question(target, samples, self.name)
         with self.session.measuring("MEASURE"):
@@ -103,9 +134,23 @@ class FaroTracker:
                 return point_of(self.session, reply, asked)
 
     def stop(self) -> None:
-        """Abort the measurement in progress and disarm; from any thread, at any time. Raises LinkError."""
+        """Abort the measurement in progress and disarm; from any thread, at any time.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         self.session.stop()
 
     def status(self) -> InstrumentStatus:
-        """State and weather. Raises LinkError, SafetyStop."""
+        """Return state and weather.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        SafetyStop
+            The bridge reports one.
+        """
         return status_of(self.session)

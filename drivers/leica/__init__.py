@@ -1,1 +1,1 @@
-"""Leica trackers: behind a bridge (`drivers.leica.at960`) or over emScon packets (`drivers.leica.emscon`)."""
+"""Leica trackers, behind a bridge (`drivers.leica.at960`) or over emScon packets (`emscon`)."""

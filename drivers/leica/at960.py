@@ -1,9 +1,9 @@
-"""Leica AT960 (and AT930, AT40x under LMF) behind an MBP/1 bridge (TCP 5701) beside the LMF library.
+"""Leica AT960 (and AT930, AT40x under LMF) behind an MBP/1 bridge (TCP 5701).
 
-LMF's wire protocol is not public. Points are in the tracker's own frame, mm; the tracker measures absolute
-distances, so a broken beam costs the reading and nothing else: pointing at the target finds it again. The
-reflector is sent to the bridge and must come back as sent, for its offset is in every distance. Trackers that
-speak emScon (AT901, AT401, AT402) need no bridge: `drivers.leica.emscon`.
+The bridge runs on the LMF library, because LMF's wire protocol is not public. Points are in the tracker's own frame,
+mm. The tracker measures absolute distances, so a broken beam costs only the reading: pointing at the target finds it
+again. The reflector is sent to the bridge and must come back as sent, because its offset is in every distance. Trackers
+that speak emScon (AT901, AT401, AT402) need no bridge: `drivers.leica.emscon`.
 """
 
 from __future__ import annotations
@@ -65,7 +65,17 @@ class LeicaTracker:
         self.session = MbpSession(url, name, "TRACKER", lambda: self.deadlines, **talk)
 
     def connect(self) -> None:
-        """Open and greet; the head does not move. Raises LinkError, ProtocolError, Busy."""
+        """Open and greet; the head does not move.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        ProtocolError
+            Another device answers.
+        Busy
+            The bridge is in use.
+        """
         self.session.connect()
 
     def disconnect(self) -> None:
@@ -74,17 +84,30 @@ class LeicaTracker:
 
     @property
     def weakness(self) -> str:
-        """The errors that this bridge cannot detect; empty where it sends checksums. Once connected."""
+        """The errors that this bridge cannot detect; empty if it sends checksums. Once connected."""
         return self.session.weakness
 
     def identify(self) -> Identity:
-        """The identity from the bridge's greeting. Raises LinkError."""
+        """Return the identity from the bridge's greeting.
+
+        Raises
+        ------
+        LinkError
+            The device is not connected.
+        """
         return self.session.identify()
 
     def arm(self) -> None:
-        """Initialise if needed (the head moves); weather from the station, profile, reflector.
+        """Initialise if needed (the head moves); set weather station, profile and reflector.
 
-        Raises LinkError, NotReady (also for a reflector that the bridge does not confirm), SafetyStop.
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        NotReady
+            The tracker is not ready, or the bridge does not confirm the reflector.
+        SafetyStop
+            The tracker is in an emergency stop.
         """
         with self.session.arming():
             ask_weather(self.session, {"source": "STATION"})
@@ -111,9 +134,20 @@ class LeicaTracker:
     def measure(
         self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
     ) -> PointReading:
-        """Average `samples` readings of the SMR in nest `target`; otherwise as in `drivers.faro.ion`.
+        """Average `samples` readings of the SMR in nest `target`.
 
-        Raises NotArmed, LinkError, Unmeasurable, MotionStopped (after `stop`), NotReady, SafetyStop.
+        `near_mm` is used as in `drivers.faro.ion`.
+
+        Raises
+        ------
+        NotArmed, NotReady, SafetyStop
+            The tracker cannot measure now.
+        LinkError
+            The connection failed.
+        Unmeasurable
+            The reading cannot be used.
+        MotionStopped
+            `stop` was called.
         """
         check_question(target, samples, self.name)
         lasts_s = self._times * samples / self._rate_hz
@@ -130,13 +164,35 @@ class LeicaTracker:
                 return point_of(self.session, reply, asked)
 
     def stream(self, rate_hz: float) -> AbstractContextManager[Iterator[Sample | None]]:
-        """Points of the SMR that was measured last, in continuous mode. Raises NotArmed, LinkError."""
+        """Stream points of the SMR that was measured last, in continuous mode.
+
+        Raises
+        ------
+        NotArmed
+            The tracker is not armed.
+        LinkError
+            The connection failed.
+        """
         return point_stream(self.session, rate_hz, self.name)
 
     def stop(self) -> None:
-        """Abort the measurement in progress and disarm; from any thread. Raises LinkError."""
+        """Abort the measurement in progress and disarm; from any thread.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         self.session.stop()
 
     def status(self) -> InstrumentStatus:
-        """State and weather. Raises LinkError, SafetyStop."""
+        """Return state and weather.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        SafetyStop
+            The bridge reports one.
+        """
         return status_of(self.session)

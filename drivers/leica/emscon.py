@@ -1,9 +1,10 @@
-"""Leica AT901, AT401, AT402 over emScon packets (TCP 700). The AT960 needs a bridge: `drivers.leica.at960`.
+"""Leica AT901, AT401, AT402 over emScon packets (TCP 700).
 
-A measurement packet names no question. What keeps a late or doubled one from being taken for another reading:
-the tracker's status is asked before every measurement, and a packet that arrives before that answer ends the
-connection, as does every packet that is not the next one expected. The packet carries no time: `t_s` is the
-clock of this computer, and a reading exactly like the one before is refused as stale. Millimetres, degrees.
+The AT960 needs a bridge: `drivers.leica.at960`. A measurement packet names no question. A late or doubled one must not
+be accepted as another reading. Therefore the tracker's status is asked before every measurement. A packet that
+arrives before that answer ends the connection, as does every packet that is not the next one expected. The packet has
+no time: `t_s` is the clock of this computer, and a reading exactly like the one before is refused as stale.
+Millimetres, degrees.
 """
 
 from __future__ import annotations
@@ -88,7 +89,17 @@ class EmsconTracker:
     # -- connection ---------------------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Open and ask for the identity; the head does not move. Raises LinkError, ProtocolError, Busy."""
+        """Open and ask for the identity; the head does not move.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        ProtocolError
+            Another device answers.
+        Busy
+            The tracker is in use.
+        """
         if not self._warned:
             self._warned = True
             _LOG.warning("%s: this driver is UNVERIFIED ON HARDWARE: check its first readings", self.name)
@@ -118,7 +129,13 @@ class EmsconTracker:
         return _WEAKNESS
 
     def identify(self) -> Identity:
-        """Serial number and version of the server. Raises LinkError."""
+        """Return the serial number and the version of the server.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         values = self._ask(tpi.GET_SYSTEM_STATUS).values
         version = ".".join(str(each) for each in values[4:7])
         return Identity("Leica", "emScon tracker", str(values[9]), version, "emscon", None)
@@ -126,9 +143,16 @@ class EmsconTracker:
     # -- arming -------------------------------------------------------------------------------------------
 
     def arm(self) -> None:
-        """Units, initialisation if needed (the head moves), weather, settings, mode, reflector.
+        """Set units, weather, settings, mode and reflector; initialise if needed (the head moves).
 
-        Raises LinkError, NotReady (also for another reflector than before), ConfigError (no such reflector).
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        NotReady
+            The tracker is not ready, has no weather station, or uses another reflector than before.
+        ConfigError
+            There is no such reflector.
         """
         with self._lock, naming(self.name, "arm"):
             self._ask(tpi.SET_UNITS, *_UNITS)
@@ -166,8 +190,15 @@ class EmsconTracker:
             self._ask(tpi.SET_SETTINGS, *needed(settings))
 
     def _refuse_another_reflector(self) -> None:
-        """Refuse another reflector than before: its offset is in every point. Where the cell file names none, that of
-        the first arming counts. Raises NotReady."""
+        """Refuse another reflector than before, because its offset is in every point.
+
+        If the cell file names none, that of the first arming counts.
+
+        Raises
+        ------
+        NotReady
+            The tracker uses another reflector.
+        """
         packet = self._ask(tpi.GET_REFLECTOR)
         number = packet.values[0]
         if self._reflector_first is None or self._reflector is not None:
@@ -180,7 +211,10 @@ class EmsconTracker:
             )
 
     def _reflector_number(self, wanted: str) -> int:
-        """The number of a reflector by its name: the server answers with one packet for each reflector."""
+        """Return the number of a reflector by its name.
+
+        The server answers with one packet for each reflector.
+        """
         numbers: dict[str, int] = {}
         with self._link.question("GetReflectors", unread_allowed=True), naming(self.name, "GetReflectors"):
             packet = self._ask(tpi.GET_REFLECTORS)
@@ -229,7 +263,13 @@ class EmsconTracker:
             return self._reading(packet, target, samples)
 
     def _refuse_meddling(self, raw: bytes) -> None:
-        """Refuse measurements with settings that another program changed. Raises NotReady."""
+        """Refuse measurements with settings that another program changed.
+
+        Raises
+        ------
+        NotReady
+            Another program changed a setting; the tracker is disarmed.
+        """
         error = meddled(self._changes)
         self._changes.clear()
         if error is not None:
@@ -297,7 +337,13 @@ class EmsconTracker:
         )
 
     def stop(self) -> None:
-        """Abort the measurement in progress and disarm; from any thread, at any time. Raises LinkError."""
+        """Abort the measurement in progress and disarm; from any thread, at any time.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         self._armed = False
         self._stopping.set()
         if self._lock.acquire(blocking=False):
@@ -309,7 +355,13 @@ class EmsconTracker:
             self._send(tpi.STOP_MEASUREMENT)  # the pending question then ends
 
     def status(self) -> InstrumentStatus:
-        """State and weather. Raises LinkError."""
+        """Return state and weather.
+
+        Raises
+        ------
+        LinkError
+            The connection failed, or the answer is impossible.
+        """
         with self._lock:
             ready = self._ask(tpi.GET_TRACKER_STATUS)
             t, p, h = self._ask(tpi.GET_ENVIRONMENT).values
@@ -318,7 +370,13 @@ class EmsconTracker:
             return InstrumentStatus(_STATES[ready.values[0]], t, p, h, ready.raw)
 
     def has_weather_station(self) -> bool:
-        """Whether a weather station is there; without one the server repeats the last weather. Raises LinkError."""
+        """Check that there is a weather station; without one the server repeats the last weather.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         return self._ask(tpi.GET_SYSTEM_STATUS).values[7] != 0
 
     # -- packets ------------------------------------------------------------------------------------------
@@ -326,7 +384,13 @@ class EmsconTracker:
     def _ask(
         self, number: int, *arguments: float, deadline: str = "reply_s", seconds: float | None = None
     ) -> Packet:
-        """The good answer to one command. Raises LinkError, or what its status means."""
+        """Return the good answer to one command; another status is raised as its error class.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         what = f"command {number}"
         error: AcquisitionError | None = None
         with self._lock, self._link.question(what, unread_allowed=True), naming(self.name, what):
@@ -352,7 +416,7 @@ class EmsconTracker:
             self._link.send(data, command=f"command {number}", send_s=self.deadlines.send_s)
 
     def _next(self, what: str, deadline: str, end: float) -> Packet:
-        """The next packet that was asked for; changes of status are noted."""
+        """Return the next requested packet, and note changes of status."""
         while True:
             header = self._read(tpi.HEADER.size, what, deadline, end)
             packet = tpi.parse(header + self._read(tpi.rest_of(header), what, deadline, end))

@@ -1,4 +1,4 @@
-"""Packets of the emScon programming interface (TPI, TCP 700) of Leica AT901, AT401 and AT402.
+"""Packets of the emScon programming interface (TPI, TCP 700) of AT901, AT401 and AT402.
 
 Little-endian, packed to 4 bytes: i32 size (counted with itself), i32 type, then by type
 
@@ -6,9 +6,8 @@ Little-endian, packed to 4 bytes: i32 size (counted with itself), i32 type, then
     1 error          i32 command, i32 status          2 single measurement    156 bytes
     8 status change  i32 code                         6, 7, 11 nivel, reflector, probe: 40, 36, up to 256 bytes
 
-Types 6, 7 and 11 come by themselves where another program has switched them on. An answer names its command and
-nothing else, so only one command may be outstanding. Sizes are checked against the kind of packet before its content is
-used.
+Types 6, 7 and 11 come by themselves if another program has switched them on. An answer names only its command, so only
+one command may be outstanding. Sizes are checked against the kind of packet before its content is used.
 """
 
 from __future__ import annotations
@@ -94,7 +93,10 @@ _ERRORS: Mapping[int, tuple[type[AcquisitionError], str]] = {
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """A packet. `number`: of its command, or the code of a change; `values`: results of a good answer."""
+    """A packet.
+
+    `number` is that of its command, or the code of a change; `values` are the results of a good answer.
+    """
 
     kind: int
     number: int
@@ -110,7 +112,13 @@ def command(number: int, *arguments: float) -> bytes:
 
 
 def rest_of(header: bytes) -> int:
-    """Number of bytes that follow these 8. Raises ProtocolError for a header that no packet of ours can have."""
+    """Return the number of bytes that follow a header of 8 bytes.
+
+    Raises
+    ------
+    ProtocolError
+        No packet of ours can have this header.
+    """
     size, kind = HEADER.unpack(header)
     known = {
         COMMAND: range(16, _LONGEST_ANSWER + 1),
@@ -127,7 +135,13 @@ def rest_of(header: bytes) -> int:
 
 
 def parse(data: bytes) -> Packet:
-    """The packet in some bytes. Raises ProtocolError for anything else."""
+    """Parse a packet.
+
+    Raises
+    ------
+    ProtocolError
+        The bytes are not a packet.
+    """
     if len(data) < HEADER.size or len(data) - HEADER.size != rest_of(data[: HEADER.size]):
         raise ProtocolError("packet of the wrong size", raw=data)
     kind, body = HEADER.unpack(data[: HEADER.size])[1], data[HEADER.size :]

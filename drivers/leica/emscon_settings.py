@@ -1,9 +1,9 @@
-"""The settings of an emScon tracker on which its points depend, and the changes of them that it reports.
+"""The settings of an emScon tracker that affect its points, and reports of their changes.
 
 They belong to the tracker and not to a connection: settings that another program left or changes act on the points of
 this one. A transformation moves and scales the points, weather that is not applied corrects no distance, another
-reflector shifts the end of the beam. So arming sets them, and a change that is reported later disarms. The measuring
-time only affects the noise. Order of the nine and codes of changes: ES_C_API_Def.h of the TPI,
+reflector shifts the end of the beam. Arming therefore sets them, and a change that is reported later disarms. The
+measuring time only affects the noise. Order of the nine and codes of changes: ES_C_API_Def.h of the TPI,
 SystemSettingsDataT, ES_SystemStatusChange.
 """
 
@@ -40,14 +40,17 @@ _CLOSE = "Close the other program, see that the tracker knows the SMR that is se
 
 
 def needed(settings: Sequence[int]) -> tuple[int, ...]:
-    """The nine settings with those that points depend on put in order; the others stay as they are."""
+    """Return the nine settings with the required values; settings without one are kept.
+
+    Required are those on which points depend.
+    """
     return tuple(
         was if wanted is None else wanted for was, wanted in zip(settings, _NEEDED.values(), strict=True)
     )
 
 
 def can_be(settings: Sequence[int]) -> bool:
-    """Whether these nine are settings at all, and not damaged: they are small numbers."""
+    """Check that these nine are settings and not damaged: they are small numbers."""
     return all(0 <= each <= _CORRECTS for each in settings)
 
 
@@ -58,7 +61,7 @@ def put_in_order(settings: Sequence[int]) -> str:
 
 
 def meddled(changes: Sequence[int]) -> NotReady | None:
-    """The error for changes that somebody else made since the tracker was armed; None where there is none."""
+    """Return the error for changes by another program since the arming, or None."""
     names = sorted({_CHANGES[code] for code in changes if code in _CHANGES})
     if not names:
         return None

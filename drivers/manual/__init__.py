@@ -1,1 +1,1 @@
-"""Robots that a person drives, and instruments that a person reads: the person types the numbers."""
+"""Robots that a person drives, and instruments that a person reads by typing the numbers."""

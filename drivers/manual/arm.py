@@ -1,11 +1,12 @@
-"""A robot that a person drives with its pendant: each pose is a prompt, answered with the angles on the pendant.
+"""A robot that a person drives with its pendant: each pose is a prompt.
 
-Joints that turn are in deg, those that slide in mm, also where a name ends in `_deg`: a pendant shows both to as many
-digits. The target is shown to the resolution of the pendant. CONFIRM alone means that the pendant shows the target;
-else the person types the angles shown, and these count. If they differ from the request by more than `within_deg`,
-the robot is not in the pose, or the angles were mistyped: the prompt is repeated with the likely mistake.
+The prompt is answered with the joints on the pendant. Joints that turn are in deg, those that slide in mm, also if a
+name ends in `_deg`: a pendant shows both to the same number of digits. The target is shown to the resolution of the
+pendant. CONFIRM alone means that the pendant shows the target. Otherwise the person types the angles shown, and these
+count. If they differ from the request by more than `within_deg`, the robot is not in the pose, or the angles were
+mistyped: the prompt is repeated with the likely mistake.
 
-Nothing moves by itself, and nothing can be stopped: `can_stop` is False, `stop` ends the waiting and says so.
+Nothing moves by itself, and nothing can be stopped: `can_stop` is False, and `stop` ends the waiting with an error.
 """
 
 from __future__ import annotations
@@ -28,10 +29,16 @@ _ROUNDING = 1e-9
 
 
 class ManualArm:
-    """A robot that a person drives. `resolution_deg`: of its pendant; `within_deg`: how far from a request it may
-    stand, None: that.
+    """A robot that a person drives.
 
-    axes, units: what each joint is called and counted in, deg or mm; empty: j1, j2, ..., all in deg.
+    Parameters
+    ----------
+    resolution_deg
+        Resolution of its pendant.
+    within_deg
+        Largest distance from a request. Default: the resolution.
+    axes, units
+        Name and unit (deg or mm) of each joint. Default: j1, j2, ..., all in deg.
     """
 
     unverified_on_hardware = True
@@ -82,7 +89,7 @@ class ManualArm:
         self._questions.attend = ask
 
     def connect(self) -> None:
-        """Do nothing; the position of the robot is asked for when it is needed."""
+        """Do nothing; the position of the robot is requested when it is needed."""
         self.disarm()
 
     def disconnect(self) -> None:
@@ -103,7 +110,15 @@ class ManualArm:
         self._here = None
 
     def position(self) -> JointReading:
-        """The joints that a person last entered, or enters now. Raises NoOperator, and what asking raises."""
+        """Return the joints that a person last entered, or have them entered now.
+
+        Errors of the question are passed on.
+
+        Raises
+        ------
+        NoOperator
+            There is no person to ask.
+        """
         if self._here is None:
             entry = TypedEntry(self._names, self._unit)
             rows, raw = self._questions.numbers(
@@ -120,9 +135,18 @@ class ManualArm:
         return self.move_over((), joints_deg)
 
     def move_over(self, over_deg: Sequence[Sequence[float]], joints_deg: Sequence[float]) -> JointReading:
-        """Ask a person to drive over postures to the last one, deg; returns the angles on the pendant.
+        """Ask a person to drive over postures to the last one, and return the joints typed.
 
-        Raises NotArmed, JointLimit before anybody is asked; NoOperator, LeftOut and what unwinds asking.
+        Joints are in deg. Errors of the question are passed on.
+
+        Raises
+        ------
+        NotArmed, JointLimit
+            No question was asked.
+        NoOperator
+            There is no person to ask.
+        LeftOut
+            The person skipped the question.
         """
         if not self._armed:
             raise NotArmed("not armed", device=self.name, command="move_to")
@@ -144,7 +168,13 @@ class ManualArm:
         return self._here
 
     def stop(self) -> None:
-        """Raises CannotStop always: only the person who drives the robot can stop it."""
+        """Disarm, and raise an error: only the person who drives the robot can stop it.
+
+        Raises
+        ------
+        CannotStop
+            Always.
+        """
         self._armed = False
         raise CannotStop(
             BY_HAND, device=self.name, command="stop", what_to_do="Tell whoever drives it to stop."
@@ -164,7 +194,10 @@ class ManualArm:
         return f"{', '.join(numbers)} {self._units[0]}"
 
     def _outside(self, rows: Sequence[TypedRow]) -> InvalidEntry | None:
-        """The mistake in typed rows: not exactly one, or beyond the joint limits, where no path was checked."""
+        """Return the mistake in typed rows, or None.
+
+        There must be exactly one row. It must be within the joint limits, because no path was checked beyond them.
+        """
         if len(rows) != 1:
             return InvalidEntry("count", "", f"{len(rows)} rows were typed, one is needed")
         try:
@@ -174,7 +207,7 @@ class ManualArm:
         return None
 
     def _wrong(self, rows: Sequence[TypedRow], target: Sequence[str]) -> InvalidEntry | None:
-        """The mistake, or what looks like a slip, in angles typed for a target; None where they are plausible."""
+        """Return the mistake or likely slip in joints typed for a target, or None."""
         if len(rows) != 1:
             return InvalidEntry("count", "", f"{len(rows)} rows were typed, one is needed")
         asked = tuple(map(float, target))

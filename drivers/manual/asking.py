@@ -1,4 +1,4 @@
-"""Questions of the manual drivers to a person; an entry that cannot be right is asked for again."""
+"""Questions of the manual drivers to a person; an implausible entry is requested again."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from drivers.manual.typed import InvalidEntry, TypedRow, rows_of
 
 
 class Questions:
-    """The prompts of a device. Before `attend` there is nobody to ask."""
+    """The prompts of a device. Before `attend` is set, there is no one to ask."""
 
     def __init__(self, device: str) -> None:
         self._device = device
@@ -25,10 +25,16 @@ class Questions:
         picture: str,
         judge: Callable[[Sequence[TypedRow]], InvalidEntry | None],
     ) -> tuple[list[TypedRow], bytes]:
-        """Ask until the numbers can be taken: the rows, none where CONFIRM alone was enough, and what was typed.
+        """Ask until the numbers can be accepted, and return the rows and the typed text.
 
-        `judge` says what is wrong with rows, or None. The same rows, confirmed or typed once more after that, are
-        accepted where `judge` has only a doubt (`TypingDoubt`). Raises NoOperator, and what asking raises.
+        There are no rows if CONFIRM alone was enough. `judge` returns the fault of the rows, or None. If it has only a
+        doubt (`TypingDoubt`), the same rows are accepted when they are confirmed or typed again. Errors of the question
+        are passed on.
+
+        Raises
+        ------
+        NoOperator
+            There is no person to ask.
         """
         if self.attend is None:
             raise NoOperator("nobody is there to be asked", device=self._device, command=picture)

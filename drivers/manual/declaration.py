@@ -1,4 +1,4 @@
-"""The drivers for devices without one declared: a person drives the robot, or reads the instrument."""
+"""The declared manual drivers: a person drives the robot, or reads the instrument."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""An instrument that a person reads: x, y, z in its own frame are typed or pasted, one reading or several at once.
+"""An instrument that a person reads: x, y, z in its own frame are typed or pasted.
 
-Several rows are readings of one point: their mean counts, and their scatter is kept. A point far from where it should
-be (`drivers.manual.prediction`) is asked for again with the slip of the hand that would explain it; typed the same
-again, or confirmed, it is taken.
+Several rows at once are readings of one point: their mean counts, and their scatter is kept. A point far from its
+expected place (`drivers.manual.prediction`) is requested again, with the slip of the hand that would explain it. If it
+is typed in the same way again, or confirmed, it is accepted.
 """
 
 from __future__ import annotations
@@ -25,8 +25,15 @@ _ONE_POINT_MM = 1.0  # rows of one point lie closer together
 
 
 class ManualMeter:
-    """An instrument that a person reads. `unit`: of its display, mm, m or in; `within_mm`: how far off a point may
-    be."""
+    """An instrument that a person reads.
+
+    Parameters
+    ----------
+    unit
+        Unit of its display: mm, m or in.
+    within_mm
+        Largest permitted distance of a point from its expected place, mm.
+    """
 
     unverified_on_hardware = True
     weakness = "its readings are typed by a person"
@@ -59,7 +66,7 @@ class ManualMeter:
         self._questions.attend = ask
 
     def connect(self) -> None:
-        """Do nothing: there is no connection."""
+        """Do nothing, because a manual instrument has no connection."""
         self._armed = False
 
     def disconnect(self) -> None:
@@ -81,9 +88,19 @@ class ManualMeter:
     def measure(
         self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
     ) -> PointReading:
-        """The point that a person reads for a target and types; `samples` are as many as they type.
+        """Have a person read a point of a target and type it.
 
-        Raises NotArmed; NoOperator, LeftOut and what unwinds asking.
+        The number of samples is the number of typed readings, independently of `samples`. Errors of the question are
+        passed on.
+
+        Raises
+        ------
+        NotArmed
+            The instrument is not armed.
+        NoOperator
+            There is no person to ask.
+        LeftOut
+            The person skipped the question.
         """
         if not self._armed:
             raise NotArmed("not armed", device=self.name, command="measure")

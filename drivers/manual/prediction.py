@@ -1,8 +1,8 @@
-"""The prediction of a typed point: first by the nominal robot, then also by the readings before it.
+"""The prediction of a typed point from the nominal robot and the readings before it.
 
-The nominal robot errs by millimetres and its place in the cell file by more. Readings that were taken show what both
-are off by as a whole: the rigid motion that carries predicted points onto them (Kabsch; Umeyama, PAMI 13, 1991). What
-remains then is the robot's own error and the tool's, and a point that is off by much more was mistyped. mm.
+The nominal robot errs by millimetres and its place in the cell file by more. Earlier readings determine their common
+error, the rigid motion that moves predicted points onto them (Kabsch; Umeyama, PAMI 13, 1991). The rest is the error of
+the robot and of the tool, and a point that is off by much more was mistyped. Lengths in mm.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ Points = NDArray[np.float64]
 
 
 class Prediction:
-    """The prediction of one execution. `within_mm`: how far off a point may be before enough is known."""
+    """The prediction of one execution.
+
+    `within_mm` is the largest permitted distance of a point before there are enough readings.
+    """
 
     def __init__(self, within_mm: float) -> None:
         self._within_mm = within_mm

@@ -21,7 +21,10 @@ _UNITS = (1000.0, 0.001, 25.4, 1.0 / 25.4, math.degrees(1.0), math.radians(1.0))
 
 @dataclass(frozen=True)
 class TypingSlip:
-    """A slip of the hand. `index`: of the number; None where it concerns all. `meant`: the numbers without it."""
+    """A slip of the hand.
+
+    `index` is that of the number, None if it concerns all; `meant` has the intended numbers.
+    """
 
     reason: str
     index: int | None
@@ -29,7 +32,10 @@ class TypingSlip:
 
 
 def slip_of(row: TypedRow, expected: Sequence[float], within: float) -> TypingSlip | None:
-    """The slip that explains a row: the nearest of the likeliest kind; None where there is none."""
+    """Return the slip that explains a row, or None.
+
+    It is the nearest one of the likeliest kind.
+    """
     for tried in (_exchanged(row), _in_another_unit(row), *_single(row)):
         fitting = [slip for slip in tried if apart(slip.meant, expected) <= within]
         if fitting:

@@ -1,7 +1,7 @@
-"""Numbers as people type or paste them: decimal comma or point, with or without names and units, one row or several.
+"""Numbers as people type or paste them, in one row or several.
 
-Ambiguous text is refused with the reason, never guessed: thousands separators, commas between
-numbers without a blank, another count than asked for, another unit.
+They may have a decimal comma or point, names and units. Ambiguous text is refused with the reason, never guessed:
+thousands separators, commas between numbers without a blank, another count than requested, another unit.
 """
 
 from __future__ import annotations
@@ -28,8 +28,17 @@ MM_OF = _MM
 
 @dataclass(eq=False)
 class InvalidEntry(Exception):
-    """An entry that cannot be taken as it was typed. `reason`: a word for tables of texts; `name`: of the number;
-    `words`: in full."""
+    """An entry that cannot be accepted as it was typed.
+
+    Attributes
+    ----------
+    reason
+        A word for tables of texts.
+    name
+        Name of the number.
+    words
+        The reason in full.
+    """
 
     reason: str
     name: str
@@ -45,7 +54,13 @@ class TypedRow:
 
 
 def rows_of(text: str, names: Sequence[str], unit: str) -> list[TypedRow]:
-    """The rows of a text, one number a name. Raises Mistyped."""
+    """Parse the rows of a text, one number per name.
+
+    Raises
+    ------
+    InvalidEntry
+        The text is ambiguous, or has another count of numbers.
+    """
     if len(text) > MOST_CHARACTERS:
         raise InvalidEntry("count", "", f"more than {MOST_CHARACTERS} characters were typed")
     tokens = [token for token in _SEPARATORS.split(text.replace("\u2212", "-").strip()) if token]
@@ -76,7 +91,7 @@ def rows_of(text: str, names: Sequence[str], unit: str) -> list[TypedRow]:
 
 
 def _apart(tokens: Sequence[str], names: Sequence[str]) -> list[str]:
-    """`x=12.5` as `x` and `12.5`, names as they are asked for."""
+    """Split `x=12.5` into `x` and `12.5`, with names in their requested form."""
     asked = {name.casefold(): name for name in names}
     found: list[str] = []
     for token in tokens:

@@ -1,1 +1,1 @@
-"""Renishaw ballbars, behind a bridge (`drivers.renishaw.qc20w`), and the files of its own program (`b5r`)."""
+"""Renishaw ballbars behind a bridge (`qc20w`), and files of the maker's software (`b5r`)."""

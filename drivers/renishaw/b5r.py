@@ -1,8 +1,8 @@
 """Results of a ballbar test as the maker's software saves them: `.b5r`, an XML file.
 
-The format is not published. What is read here is what public programs read of such files: the header, and
-the features of the analysis by name, value and kind of unit. Which element holds the raw radial samples is
-unknown: they are not read. Values keep the unit of the file (`Feature.unit`).
+The format is not published. This module reads the parts that public programs read: the header, and the features of the
+analysis by name, value and kind of unit. It is unknown which element has the raw radial samples, so they are not read.
+Values keep the unit of the file (`Feature.unit`).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _MOST_BYTES = 50_000_000
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """A figure of an analysis. `unit` is empty where the file names a kind that is not known here."""
+    """One result of an analysis; `unit` is empty if the file names an unknown kind."""
 
     analysis: str
     name: str
@@ -43,7 +43,7 @@ class Feature:
 
 @dataclass(frozen=True, slots=True)
 class BallbarTest:
-    """Header and features of one test; texts are empty where the file has none."""
+    """Header and features of one test; a text is empty if the file has none."""
 
     plane: str
     axes: tuple[str, str]
@@ -57,7 +57,13 @@ class BallbarTest:
     features: tuple[Feature, ...]
 
     def feature(self, name: str) -> Feature:
-        """The first feature of this name. Raises ConfigError listing those there are."""
+        """Return the first feature of this name.
+
+        Raises
+        ------
+        ConfigError
+            There is none; the message lists the existing ones.
+        """
         for each in self.features:
             if each.name == name:
                 return each
@@ -66,7 +72,15 @@ class BallbarTest:
 
 
 def read_b5r(path: Path) -> BallbarTest:
-    """Read one file. Raises ConfigError naming what is wrong, OSError."""
+    """Read one file.
+
+    Raises
+    ------
+    ConfigError
+        The file is not a ballbar test; the message states why.
+    OSError
+        The file cannot be read.
+    """
     data = path.read_bytes()
     if len(data) > _MOST_BYTES:
         raise ConfigError(f"{path}: larger than {_MOST_BYTES} bytes, not a ballbar test")
@@ -74,7 +88,13 @@ def read_b5r(path: Path) -> BallbarTest:
 
 
 def parse_b5r(data: bytes, where: str = "ballbar test") -> BallbarTest:
-    """The ballbar test in the bytes of a b5r file. Raises ConfigError."""
+    """Parse the bytes of a b5r file.
+
+    Raises
+    ------
+    ConfigError
+        They are not a ballbar test.
+    """
     if b"<!ENTITY" in data or "<!ENTITY".encode("utf-16-le") in data:
         raise ConfigError(f"{where}: declares entities; no ballbar test does")
     try:

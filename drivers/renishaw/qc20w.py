@@ -1,15 +1,17 @@
-"""Renishaw QC20-W ballbar behind an MBP/1 bridge, over TCP (5703) or a serial line (any pyserial URL).
+"""Renishaw QC20-W ballbar behind an MBP/1 bridge, over TCP (5703) or a serial line.
 
-The bar's Bluetooth payload is not public; the bridge reads it beside the maker's software. The sensor shows
-the deviation d from the bar's calibrated length L0 (at 20 degC) within a stroke of +-1.0 mm:
+The serial line can be any pyserial URL. The bar's Bluetooth payload is not public; the bridge reads it with the maker's
+software. The sensor shows the deviation d from the bar's calibrated length L0 (at 20 degC) within a stroke of
++-1.0 mm:
 
     length = L0 (1 + alpha (T - 20 degC)) + scale (d - zero)
 
-L0, scale and, where the certificate gives it, alpha come from CAL; the zero of the sensor drifts and is read in
-the calibrator by `zero()`, is kept in every reading and never changed silently. After its radio link broke,
-whenever that was, CAL is asked again: the bridge may have paired with another bar, whose L0 is its own. A reading is
-refused when it is out of stroke, stale (`drivers.bridge.session` on clocks that step), scattered, calmer than a sensor
-can be (metres), or when the radio link broke within its time. mm, s, degC.
+CAL gives L0, scale and, if the certificate has it, alpha. The zero of the sensor drifts. It is read in the calibrator
+by `zero()`, is kept in every reading and never changed silently. After a break of its radio link, at any time, CAL is
+asked again: the bridge may have paired with another bar, which has its own L0.
+
+A reading is refused if it is out of stroke, stale (`drivers.bridge.session` on clocks that step), scattered, or calmer
+than a sensor can be (metres). It is also refused if the radio link broke within its time. Units mm, s, degC.
 """
 
 from __future__ import annotations
@@ -48,7 +50,10 @@ _VOID: Mapping[str, type[AcquisitionError]] = {
 
 @dataclass(frozen=True, slots=True)
 class BarCalibration:
-    """The certificate of a bar: length (mm, at 20 degC), scale, standard uncertainty (mm), alpha (1/K)."""
+    """The certificate of a bar.
+
+    Length (mm, at 20 degC), scale, standard uncertainty (mm), alpha (1/K).
+    """
 
     length_mm: float
     scale: float
@@ -60,7 +65,10 @@ class BarCalibration:
 
 
 class Qc20w:
-    """The driver of a ballbar. `nominal_mm`: its length with the extension bars that the cell file asks for."""
+    """The driver of a ballbar.
+
+    `nominal_mm` is its length with the extension bars that the cell file specifies.
+    """
 
     unverified_on_hardware = True
 
@@ -91,7 +99,17 @@ class Qc20w:
         self.session = MbpSession(url, name, "BALLBAR", lambda: self.deadlines, serial=True, **talk)
 
     def connect(self) -> None:
-        """Open and greet. Raises LinkError, ProtocolError, Busy."""
+        """Open and greet.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        ProtocolError
+            Another device answers.
+        Busy
+            The bridge is in use.
+        """
         self.session.connect()
 
     def disconnect(self) -> None:
@@ -100,12 +118,19 @@ class Qc20w:
 
     @property
     def weakness(self) -> str:
-        """The errors that this bridge cannot detect; empty where it sends checksums. Once connected."""
+        """The errors that this bridge cannot detect; empty if it sends checksums. Once connected."""
         return self.session.weakness
 
     def identify(self) -> Identity:
-        """The identity from the bridge's greeting, and the serial number from the certificate of the bar, where it has
-        one: a bridge may serve several bars. Raises LinkError."""
+        """Return the identity from the bridge's greeting, with the serial number of the bar.
+
+        The certificate of the bar has the serial number, if any: a bridge may serve several bars.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         who = self.session.identify()
         try:
             reply = self.session.ask("CAL", {})
@@ -114,7 +139,17 @@ class Qc20w:
         return replace(who, serial=reply.fields.get("serial") or who.serial)
 
     def arm(self) -> None:
-        """Check the state and read the calibration. Raises LinkError, NotReady (another bar), SafetyStop."""
+        """Check the state and read the calibration.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        NotReady
+            The bridge is not ready, or has another bar.
+        SafetyStop
+            The bridge is in an emergency stop.
+        """
         with self.session.arming():
             self.calibration, reply = self._certificate()
             self._serial = self._serial or self.calibration.serial
@@ -151,7 +186,13 @@ class Qc20w:
         self._radio_broke = self._radio_broke or any(each.event in ("LINK_DOWN", "LINK_UP") for each in heard)
 
     def _refuse_another_bar(self) -> None:
-        """Read CAL again where the radio link of the bar broke since it was read. Raises NotReady."""
+        """Read CAL again if the radio link of the bar broke since it was read.
+
+        Raises
+        ------
+        NotReady
+            The bridge has another bar.
+        """
         if self._radio_broke:
             now, reply = self._certificate()
             if now != self.calibration:
@@ -163,9 +204,22 @@ class Qc20w:
         self.session.armed = False
 
     def measure(self, target: str, *, base_target: str, samples: int = 100) -> LengthReading:
-        """Length between ball `target` on the tool and ball `base_target`, averaged over `samples` values.
+        """Measure the length between ball `target` on the tool and ball `base_target`.
 
-        Raises NotArmed, LinkError, OutOfRange, NoisyMeasurement, MotionStopped, NotReady, SafetyStop.
+        It is averaged over `samples` values.
+
+        Raises
+        ------
+        NotArmed, NotReady, SafetyStop
+            The bar cannot measure now.
+        LinkError
+            The connection failed.
+        OutOfRange
+            The length is out of the stroke.
+        NoisyMeasurement
+            The reading cannot be used.
+        MotionStopped
+            `stop` was called.
         """
         for ball in (target, base_target):
             if not (ball.isidentifier() and ball.isascii()):
@@ -195,9 +249,16 @@ class Qc20w:
             return reading
 
     def zero(self) -> float:
-        """Read the sensor in its calibrator; returns the value, which is `zero_mm` of later readings.
+        """Read the sensor in its calibrator; the result is `zero_mm` of later readings.
 
-        Raises NotArmed, LinkError, OutOfRange (the bar is not in its calibrator, or badly seated), NotReady.
+        Raises
+        ------
+        NotArmed, NotReady
+            The bar cannot measure now.
+        LinkError
+            The connection failed.
+        OutOfRange
+            The bar is not in its calibrator, or badly seated.
         """
         self._hear_of_the_radio()
         with self.session.measuring("ZERO"):
@@ -215,9 +276,14 @@ class Qc20w:
             return self.zero_mm
 
     def build(self, nominal_mm: float) -> None:
-        """Note that a person has built the bar to another length, whose zero is unknown; arming compares it with CAL.
+        """Note that a person has built the bar to another length.
 
-        Raises ConfigError for a length that no bar has.
+        Its zero is unknown; arming compares the length with CAL.
+
+        Raises
+        ------
+        ConfigError
+            No bar has this length.
         """
         if not 0.0 < nominal_mm < _LONGEST_MM:
             raise ConfigError(
@@ -227,11 +293,25 @@ class Qc20w:
         self.session.armed = False
 
     def stop(self) -> None:
-        """Abort the measurement in progress and disarm; from any thread. Raises LinkError."""
+        """Abort the measurement in progress and disarm; from any thread.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         self.session.stop()
 
     def status(self) -> InstrumentStatus:
-        """State of the bar. Raises LinkError, SafetyStop."""
+        """Return the state of the bar.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        SafetyStop
+            The bridge reports one.
+        """
         return self.session.status()
 
     def _reading(self, reply: mbp.Message, target: str, base_target: str, samples: int) -> LengthReading:

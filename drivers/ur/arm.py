@@ -1,16 +1,20 @@
-"""Universal Robots (CB3 and e-Series) through the interfaces that every controller has; nothing is loaded there.
+"""Universal Robots (CB3 and e-Series) through interfaces that every controller has.
 
-States come from RTDE (30004), or, where nobody listens there, from the real-time packet (30003). A move is a
-short URScript program sent to 30003. Nothing acknowledges it: it has ended when the controller says that no
-program runs, and target and actual joints agree and are at rest, never because time has passed. With RTDE of software
-3.9 or later the program brings its own number and target back in registers and waits until they were compared, so that
-a damaged one moves nothing and an older end is not taken for this one; its watchdog (`rtde_set_watchdog`) stops the arm
-when this program is gone. Without those registers `weakness` says what is missing. `stopj` over a connection of
-its own stops at any time; where 30003 does not answer, 30002 and the dashboard are used (`drivers.ur.fallback_stop`).
-The other ports lie at their usual distances from the one in the URL; each can be given as an option (`realtime`,
-`secondary`, `dashboard`), and `feed=realtime` does without RTDE.
+No program is installed on the controller. States come from RTDE (30004), or, if its port is closed, from the real-time
+packet (30003). A move is a short URScript program sent to 30003. Nothing acknowledges it: it has ended when the
+controller reports that no program runs, and target and actual joints agree and are at rest, never because time has
+passed.
 
-Nothing here was tried on a controller yet.
+With RTDE of software 3.9 or later the program returns its own number and target in registers and waits until they were
+compared. A damaged program then moves nothing, and an older end is not taken for this one. Its watchdog
+(`rtde_set_watchdog`) stops the arm when this program is gone. Without those registers `weakness` states what is
+missing.
+
+`stopj` over a separate connection stops at any time; if 30003 does not answer, 30002 and the dashboard are used
+(`drivers.ur.fallback_stop`). The other ports lie at their usual distances from the one in the URL; each can be given as
+an option (`realtime`, `secondary`, `dashboard`), and `feed=realtime` does without RTDE.
+
+The driver has not been tried on a controller yet.
 """
 
 from __future__ import annotations
@@ -53,11 +57,17 @@ _WEAKNESS = (
 
 
 class UrArm:
-    """The driver of a UR arm. Methods block; `stop` and `status` use connections of their own and work from any thread.
+    """The driver of a UR arm.
 
-    `reach_mm`: from axis 1 to the end of the tool, arm outstretched (850 for a UR5, 1300 for a UR10, and the tool);
-    the speed of the joints is held so that the tool there stays below `speed_mm_s`. `hold_deg`: how far from its target
-    a servo may hold a joint (`drivers.read_back`).
+    Methods block; `stop` and `status` use separate connections and work from any thread.
+
+    Parameters
+    ----------
+    reach_mm
+        Distance from axis 1 to the end of the tool, arm outstretched (850 for a UR5, 1300 for a UR10, plus the tool).
+        The speed of the joints is limited so that the tool there stays below `speed_mm_s`.
+    hold_deg
+        Largest distance from its target at which a servo may hold a joint (`drivers.read_back`).
     """
 
     unverified_on_hardware = True
@@ -137,8 +147,10 @@ class UrArm:
 
     @property
     def weakness(self) -> str:
-        """The errors that cannot be detected on this controller; empty where a program is confirmed before it moves.
-        Once connected."""
+        """The errors that cannot be detected on this controller. Once connected.
+
+        The text is empty if a program is confirmed before it moves.
+        """
         if self._feed.confirms:
             return ""
         closed = self._feed is self._realtime and not self._only_realtime
@@ -147,7 +159,13 @@ class UrArm:
         )
 
     def connect(self) -> None:
-        """Open RTDE, or see the real-time packet; read the joints. Nothing moves. Raises LinkError."""
+        """Open RTDE or the real-time packet, and read the joints. Nothing moves.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         first, self._warned = not self._warned, True
         if first:
             _LOG.warning("%s: this UR driver is unverified on hardware", self.name)
@@ -181,10 +199,15 @@ class UrArm:
         self._realtime.close()
 
     def identify(self) -> Identity:
-        """Type of the arm, software, and which arm it is. Raises LinkError.
+        """Return type of the arm, software, and serial number.
 
-        That is its serial number where the dashboard reports it (software 3.12 and 5.6 or later, and open), or else the
-        name of its calibration by the factory, which no two arms share; that is its alias in any case.
+        The serial number comes from the dashboard, if it reports one (software 3.12 and 5.6 or later, and open).
+        Otherwise it is the name of the factory calibration, which no two arms share; that name is always the alias.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
         """
         factory = self.factory()
         name = factory.calibration
@@ -196,12 +219,21 @@ class UrArm:
         return Identity("Universal Robots", factory.model, serial, factory.firmware, self.feed, alias=name)
 
     def in_remote_control(self) -> bool | None:
-        """Whether the controller takes programs by network, by its dashboard; None where that does not say (CB3)."""
+        """Ask the dashboard whether the controller accepts programs by network.
+
+        The result is None if the dashboard does not report it (CB3).
+        """
         told = order(self._dashboard, "is in remote control", self.name, self._deadlines, self._wire)
         return {b"true": True, b"false": False}.get(told.lower())
 
     def factory(self) -> Factory:
-        """Nominal and factory-calibrated DH numbers of this arm, from 30002. Raises LinkError."""
+        """Return the nominal and factory-calibrated DH numbers of this arm, from 30002.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         return read_factory(self._secondary, self.name, self._deadlines, self._wire)
 
     # -- arming -------------------------------------------------------------------------------------------
@@ -209,7 +241,16 @@ class UrArm:
     def arm(self) -> None:
         """Become the one client that controls, check the controller, allow motion.
 
-        Raises LinkError, Busy, SafetyStop, WrongMode.
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        Busy
+            Another client controls the robot.
+        SafetyStop
+            The controller is in a safety stop.
+        WrongMode
+            The arm is not running.
         """
         with self._lock:
             self._feed.claim()
@@ -228,10 +269,21 @@ class UrArm:
     # -- motion -------------------------------------------------------------------------------------------
 
     def move_to(self, joints_deg: Sequence[float]) -> JointReading:
-        """Go to these joint angles, wait until the robot is at rest, read back.
+        """Move to these joint angles, wait until the robot is at rest, read back.
 
-        Raises NotArmed, JointLimit (nothing moves), LinkError (outcome unknown: the arm is ordered to stop, and
-        its watchdog stops it), SafetyStop, WrongMode, Busy, MotionStopped, NotReached.
+        Raises
+        ------
+        NotArmed, JointLimit
+            Nothing moves.
+        LinkError
+            The connection failed, and the position of the robot is unknown. The arm is ordered to stop, and its
+            watchdog stops it.
+        SafetyStop, WrongMode, MotionStopped
+            The robot was stopped on its way.
+        Busy
+            Another program runs.
+        NotReached
+            The robot is not at its target.
         """
         target = tuple(float(q) for q in joints_deg)
         self._caps.check(target)
@@ -248,15 +300,27 @@ class UrArm:
         return _reading(state)
 
     def position(self) -> JointReading:
-        """Joint angles as the controller reads them back now. Raises LinkError."""
+        """Return the joint angles that the controller reads back now.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         with self._lock, self._feed.watch("position") as witness:
             state = witness.state()
         return _reading(state)
 
     def stream(self, rate_hz: float) -> AbstractContextManager[Iterator[Sample]]:
-        """Joints as they are read back, over RTDE beside everything else; up to 125 Hz of a CB3, 500 Hz of an e-Series.
+        """Stream the joints as they are read back, up to 125 Hz of a CB3, 500 Hz of an e-Series.
 
-        Raises LinkError. It needs RTDE, also where states otherwise come from the real-time packet.
+        The stream runs over RTDE, in parallel with all other questions. It needs RTDE, also if states otherwise come
+        from the real-time packet.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
         """
         return joint_stream(Rtde(self._link(self._address), self._deadlines, rate_hz))
 
@@ -265,10 +329,13 @@ class UrArm:
         return self._motion.at_most(math.radians(speed_deg_s))
 
     def stop(self) -> None:
-        """Halt the robot now and disarm; returns when it is at rest. From any thread.
+        """Halt the robot now and disarm, and wait until it is at rest. From any thread.
 
-        Raises LinkError, also where the arm did not obey and came to rest at the end of its program: a controller that
-        was switched to local control takes no order.
+        Raises
+        ------
+        LinkError
+            The connection failed, or the arm did not obey and came to rest at the end of its program: a controller that
+            was switched to local control accepts no order.
         """
         self._armed = False
         self._motion.stopped.set()
@@ -293,7 +360,13 @@ class UrArm:
                 self._motion.halt()
 
     def status(self) -> RobotStatus:
-        """State of the controller, over a connection of its own. Raises LinkError."""
+        """Return the state of the controller, over a separate connection.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         with self._realtime.watch("status") as witness:
             state = witness.state()
         return RobotStatus(

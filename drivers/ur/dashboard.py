@@ -1,6 +1,6 @@
-"""The dashboard server of a UR controller, TCP 29999: one line of text asks, one line answers.
+"""The dashboard server of a UR controller, TCP 29999: one line asks, one line answers.
 
-The serial number is read here, and a program is stopped where nothing else reaches it; a controller whose dashboard is
+The serial number is read here, and a program is stopped here if no other port answers; a controller whose dashboard is
 closed works without. Universal Robots, "Dashboard server", commands `get serial number` (software 3.12 and 5.6 or
 later), `is in remote control` (e-Series, 5.6 or later), `stop`.
 """
@@ -19,7 +19,10 @@ _COMMAND = "get serial number"
 
 
 def read_serial(address: Address, device: str, deadlines: UrDeadlines, wire: WireSink | None) -> str:
-    """The serial number of the arm, or an empty text where the dashboard does not report it; never raises."""
+    """Return the serial number of the arm, or an empty text if the dashboard does not report it.
+
+    It never raises.
+    """
     answer = order(address, _COMMAND, device, deadlines, wire)
     return answer.decode("ascii") if _SERIAL.fullmatch(answer) else ""
 
@@ -27,7 +30,10 @@ def read_serial(address: Address, device: str, deadlines: UrDeadlines, wire: Wir
 def order(
     address: Address, command: str, device: str, deadlines: UrDeadlines, wire: WireSink | None
 ) -> bytes:
-    """The answer to a command, empty where the dashboard does not answer; never raises."""
+    """Send a command and return its answer, or nothing if the dashboard does not answer.
+
+    It never raises.
+    """
     link = TcpLink(address, device, wire=wire)
 
     def line() -> bytes:

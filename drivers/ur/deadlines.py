@@ -10,9 +10,10 @@ SERVICES = "On a UR from PolyScope 5.10: enable the interface in Settings > Secu
 
 @dataclass(frozen=True, slots=True)
 class UrDeadlines:
-    """A program has `start_s` to begin; a move may take `move_factor` x its predicted time + `move_margin_s`.
+    """Named waits in seconds.
 
-    `settle_s`: how long the joints may take to reach the targets that are already at rest.
+    A program has `start_s` to begin; a move may take `move_factor` x its predicted time + `move_margin_s`. In
+    `settle_s` the joints must reach targets that are already at rest.
     """
 
     connect_s: float = 3.0
@@ -26,5 +27,5 @@ class UrDeadlines:
 
     @property
     def quick(self) -> UrDeadlines:
-        """The deadlines for the first attempts of a stop: short, so that the other ports are tried in time."""
+        """Short deadlines for the first attempts of a stop, so that other ports are tried in time."""
         return replace(self, connect_s=min(self.connect_s, 1.0), reply_s=min(self.reply_s, 0.3))

@@ -17,7 +17,10 @@ _TEMPERATURES, _SPEED = 692, 940  # offsets in the packet of 30003, by the maker
 
 
 def _details(device: UrArm, status: RobotStatus) -> Details:
-    """Joint temperatures and speed slider (30003), DH numbers (30002), whether a program runs, remote control."""
+    """Return joint temperatures, speed slider, DH numbers, and obstacles to motion.
+
+    Temperatures and slider come from 30003, DH numbers from 30002. Obstacles are a running program and local control.
+    """
     state = parse_packet(status.raw)
     trouble = unfit(state, moving=False)
     if trouble is None and state.runtime_state == PLAYING:

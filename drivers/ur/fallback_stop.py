@@ -1,4 +1,4 @@
-"""A stop for a UR arm whose port 30003 does not answer: two other ports of the controller accept it.
+"""A stop for a UR arm whose port 30003 does not answer, over two other ports.
 
 30002 takes URScript as 30003 does, and the dashboard ends the running program (`stop`). Neither reports whether the arm
 is at rest; a further RTDE connection does. Universal Robots, "Remote control via TCP/IP", "Dashboard server".
@@ -27,9 +27,14 @@ def halt_elsewhere(
     wire: WireSink | None,
     clock: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Send `script` to 30002 and `stop` to the dashboard, and see the arm at rest over `rtde`, a link of its own.
+    """Send `script` to 30002 and `stop` to the dashboard, and wait until the arm is at rest.
 
-    Raises LinkError where it is not seen at rest.
+    The state is read over `rtde`, a separate link.
+
+    Raises
+    ------
+    LinkError
+        The arm is not reported at rest.
     """
     link = TcpLink(secondary, rtde.device, wire=wire, clock=clock)
     with suppress(LinkError):

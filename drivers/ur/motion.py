@@ -1,9 +1,9 @@
-"""Moves of a UR arm: a URScript program is sent, then the states are watched until the arm is at rest.
+"""Moves of a UR arm: a URScript program is sent, then the states are watched until rest.
 
-Nothing acknowledges a program. A move has ended when no program runs and target and actual joints agree and
-are at rest; then it is judged by where: the controller's own target must be the one that was sent, and the joints be
-held there. A program over RTDE carries a number and a watchdog. It writes what it was given into registers, which the
-driver compares, and moves when an input register holds its number: a damaged program moves nothing.
+Nothing acknowledges a program. A move has ended when no program runs and target and actual joints agree and are at
+rest. Then its end is judged: the controller's own target must be the one that was sent, and the joints must be held
+there. A program over RTDE has a number and a watchdog. It writes its arguments into registers, which the driver
+compares, and moves when an input register holds its number: a damaged program moves nothing.
 URScript: Universal Robots, "The URScript Programming Language", movej, stopj, rtde_set_watchdog,
 write_output_float_register, write_output_integer_register, read_input_integer_register.
 """
@@ -45,8 +45,10 @@ def _same(one: Sequence[float], other: Sequence[float], within: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
-    """Limits of the speed of the arm, and of how far from its target a joint may be held; mm/s, mm, rad/s, rad/s2,
-    rad, s."""
+    """Limits of the speed of the arm, and of the distance of a held joint from its target.
+
+    Units are mm/s, mm, rad/s, rad/s2, rad, s.
+    """
 
     speed_mm_s: float
     reach_mm: float
@@ -58,10 +60,11 @@ class MotionLimits:
 
 @dataclass(frozen=True, slots=True)
 class UrScriptMove:
-    """A URScript program that moves to `goal_rad` (rad), with rad/s2 and rad/s of the leading joint.
+    """A URScript program that moves to `goal_rad` (rad).
 
-    With a number it guards itself, shows in registers what it was given, and waits for its number. The call that moves
-    has no digit in it, and takes all of its arguments: so nothing that is damaged can move the arm unnoticed.
+    Acceleration (rad/s2) and speed (rad/s) are those of the leading joint. With a number the program guards itself,
+    shows its arguments in registers, and waits for its number. The call that moves has no digit in it, and takes all of
+    its arguments, so that no damage can move the arm unnoticed.
     """
 
     goal_rad: Sequence[float]
@@ -122,8 +125,10 @@ def not_ready(state: UrState) -> AcquisitionError | None:
 
 
 class Motion:
-    """The moves of an arm, one at a time, and `halt` from any thread. `stopped`: by a stop or disconnect since
-    arming."""
+    """The moves of an arm, one at a time, and `halt` from any thread.
+
+    `stopped` is set by a stop or disconnect since the arming.
+    """
 
     def __init__(
         self, realtime: Realtime, name: str, limits: MotionLimits, clock: Callable[[], float]
@@ -150,7 +155,10 @@ class Motion:
             self._limits = usual
 
     def move(self, feed: Rtde | Realtime, goal: Vector) -> tuple[UrState, AcquisitionError | None]:
-        """A whole move to `goal` (rad), watched on `feed`: where it ended, and what is wrong with that."""
+        """Make a whole move to `goal` (rad), watched on `feed`.
+
+        Returns the final state, and the error if the move failed.
+        """
         with self._under_way(goal), feed.watch("move_to", guarding=True) as witness:
             state = witness.state()
             problem = not_ready(state)
@@ -174,15 +182,20 @@ class Motion:
             self.goal = None
 
     def went_on(self, goal: Vector) -> bool:
-        """Whether the arm is where a program was to take it, as far as it is seen."""
+        """Check whether the arm is at the target of a program; False if the state cannot be read."""
         with suppress(LinkError), self._realtime.watch("stop") as witness:
             return witness.state().off_rad(goal) <= self._limits.hold
         return False
 
     def halt(self, realtime: Realtime | None = None) -> None:
-        """Send stop until the arm is at rest; a disconnect in between does not end it. Raises LinkError.
+        """Send stop until the arm is at rest; a disconnect in between does not end it.
 
-        `realtime`: with deadlines of its own.
+        `realtime` can have separate deadlines.
+
+        Raises
+        ------
+        LinkError
+            The arm did not come to rest in time.
         """
         seconds = self._deadlines.stop_s
         end = self._clock() + seconds
@@ -228,7 +241,10 @@ class Motion:
     def _begun(
         self, witness: StateConfirmer, here: UrState, program: UrScriptMove
     ) -> AcquisitionError | None:
-        """Whether the program that was sent has begun: by its number, else because the controller does something."""
+        """Wait until the program that was sent has begun; return the error if it does not.
+
+        The beginning is detected from its number, otherwise from any activity of the controller.
+        """
         end = self._clock() + self._deadlines.start_s
         while True:
             state = witness.state()
@@ -283,7 +299,7 @@ class Motion:
                 )
 
     def _judge(self, state: UrState, goal: Vector) -> AcquisitionError | None:
-        """The error for an arm at rest in `state` after a move to `goal`; None where it has arrived."""
+        """Return the error for an arm at rest after a move to `goal`, or None if it has arrived."""
         if self.stopped.is_set():
             return MotionStopped("stopped on its way", raw=state.shown)
         off = state.off_rad(goal)
@@ -296,7 +312,10 @@ class Motion:
         return None if off <= self._limits.hold else NotReached(text, raw=state.shown)
 
     def _capped(self, here: UrState, goal: Vector) -> float:
-        """Speed of the leading joint, rad/s. movej knows no speed of the tool: the sum of all levers bounds it."""
+        """Compute the speed of the leading joint, rad/s.
+
+        movej has no speed of the tool: the sum of all levers bounds it.
+        """
         far = [abs(a - b) for a, b in zip(here.actual_rad, goal, strict=True)]
         distance_mm = self._limits.reach_mm * sum(lever * q for lever, q in zip(_LEVERS, far, strict=True))
         return min(self._limits.speed, self._limits.speed_mm_s * max(far) / max(distance_mm, 1e-9))

@@ -1,9 +1,9 @@
-"""The real-time client interface of a UR controller, TCP 30003: states by themselves, URScript in the other direction.
+"""The real-time client interface of a UR controller, TCP 30003: states, and URScript.
 
-The controller sends a packet every 8 ms from the moment it is connected to, big-endian: length (u32, with
-itself), then doubles. The stream cannot be paused, so **every question opens a connection of its own**: what
-arrives on it was sent after it was asked for. Length and offsets by version: Universal Robots, "Remote control
-via TCP/IP", sheet of the real-time interface; read from 3.2 on, where the program state is part of it.
+The controller sends a packet every 8 ms from the moment of the connection, big-endian: length (u32, with itself), then
+doubles. URScript goes in the other direction. The stream cannot be paused, so **every question opens a separate
+connection**. A packet that arrives on it was then sent after the question. Length and offsets by version: Universal Robots,
+"Remote control via TCP/IP", sheet of the real-time interface; read from 3.2 on, which includes the program state.
 """
 
 from __future__ import annotations
@@ -23,7 +23,13 @@ _ROBOT_MODE, _SAFETY_MODE, _PROGRAM_STATE = 756, 812, 1052
 
 
 def parse_packet(packet: bytes) -> UrState:
-    """The state in a packet with its length field. Raises ProtocolError."""
+    """Parse the state in a packet with its length field.
+
+    Raises
+    ------
+    ProtocolError
+        The bytes are not such a packet, or a value is out of range.
+    """
 
     def numbers(offset: int, count: int) -> tuple[float, ...]:
         return struct.unpack_from(f">{count}d", packet, offset)
@@ -52,7 +58,10 @@ def parse_packet(packet: bytes) -> UrState:
 
 
 class Realtime:
-    """Questions to port 30003. From any thread: nothing is shared between them. `connect`: a link that is not open."""
+    """Questions to port 30003, from any thread: they share nothing.
+
+    `connect` returns a link that is not open.
+    """
 
     numbered = False  # no register comes back on this port, and no watchdog can be fed through it
     confirms = False
@@ -65,7 +74,13 @@ class Realtime:
 
     @contextmanager
     def watch(self, command: str, *, guarding: bool = False) -> Iterator[StateConfirmer]:
-        """States from now on, until the block ends; nothing can guard a program here. Raises LinkError."""
+        """Yield states from now on, until the block ends; a program cannot be guarded here.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         with self._connection(command) as link:
             yield StateConfirmer(lambda: self._next(link, command))
 
@@ -73,11 +88,16 @@ class Realtime:
     def talk(
         self, command: str, *, outlives_close: bool = False
     ) -> Iterator[tuple[StateConfirmer, Callable[[str], None]]]:
-        """A connection on which a UR controller has shown itself, except for a stop, which does not wait for that: its
-        states, and how to send it a program.
+        """Open a connection to read states and send a program.
 
-        Held until the controller has read the program: closing with states unread resets the connection.
-        `outlives_close`: `close` leaves it alone, as it must a stop. Raises LinkError.
+        A UR controller must have sent a state first, except for a stop, which does not wait for that. The connection is
+        held until the controller has read the program: closing it with states unread resets it. With `outlives_close`,
+        `close` leaves it open, as a stop needs.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
         """
         with self._connection(command, outlives_close=outlives_close) as link:
             if not outlives_close:
@@ -95,7 +115,13 @@ class Realtime:
             link.close()
 
     def open(self) -> None:
-        """See that a UR controller answers. Raises LinkError."""
+        """Check that a UR controller answers.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         with self.watch("connect") as witness:
             witness.state()
 

@@ -1,13 +1,13 @@
-"""RTDE, the Real-Time Data Exchange of UR controllers (TCP 30004, protocol version 2): the driver's side.
+"""RTDE, the Real-Time Data Exchange of UR controllers (TCP 30004, protocol version 2).
 
-Package: u16 size with its header, u8 type, payload, big-endian. Universal Robots, "Real-Time Data Exchange
-(RTDE) guide". States only flow between START and PAUSE, and the driver asks for both: a state it uses was sent
-after its question, and nothing is unread when it asks the next one.
+Package: u16 size with its header, u8 type, payload, big-endian. Universal Robots, "Real-Time Data Exchange (RTDE)
+guide". States only flow between START and PAUSE, and the driver requests both: a state that it uses was sent after its
+question, and nothing is unread when it asks the next one.
 
-From software 3.9 on there are integer registers for external clients (24 to 47). Register 46 serves twice: as
-input it is held by one client at a time, which is how a second one is refused, and the watchdog of the running
-program waits for it; as output it brings back the number of the last program begun. The doubles from 24 on bring back
-what that program was given, and it moves when input 47 holds its number (`drivers.ur.motion`).
+From software 3.9 on there are integer registers for external clients (24 to 47). Register 46 serves twice. As input it
+is held by one client at a time, so that a second one is refused, and the watchdog of the running program waits for it.
+As output it returns the number of the last program begun. The doubles from 24 on return the arguments of that program,
+and it moves when input 47 holds its number (`drivers.ur.motion`).
 """
 
 from __future__ import annotations
@@ -61,7 +61,13 @@ def encode(kind: int, payload: bytes = b"") -> bytes:
 
 
 def parse_data(payload: bytes, recipe: int, *, numbered: bool) -> UrState:
-    """A data package without its header. Raises ProtocolError."""
+    """Parse a data package without its header.
+
+    Raises
+    ------
+    ProtocolError
+        The package has another recipe, or a value is out of range.
+    """
     layout = _VALUES + _REGISTERS if numbered else _VALUES
     if len(payload) != struct.calcsize(layout) or payload[0] != recipe:
         raise ProtocolError("data of another recipe", raw=payload)
@@ -86,7 +92,13 @@ def parse_data(payload: bytes, recipe: int, *, numbered: bool) -> UrState:
 
 
 def parse_text(payload: bytes) -> str:
-    """A message of the controller in words: `source: message`. Raises ProtocolError."""
+    """Parse a message of the controller as text: `source: message`.
+
+    Raises
+    ------
+    ProtocolError
+        The message has a wrong length.
+    """
     texts, rest = [], payload
     for _ in range(2):
         if not rest or len(rest) < 1 + rest[0]:
@@ -123,11 +135,20 @@ class Rtde:
 
     @property
     def numbered(self) -> bool:
-        """Programs can carry a number and a watchdog: the registers are there, and the input is ours."""
+        """Whether programs can have a number and a watchdog.
+
+        This needs the registers, with the input held by this client.
+        """
         return self._echoed and self._beat_recipe is not None
 
     def open(self) -> None:
-        """Connect, agree on version 2, set up the outputs. Raises LinkError."""
+        """Connect, agree on version 2, set up the outputs.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         self._beat_recipe, self._guarding = None, False
         self._told.clear()
         self._link.open(connect_s=self.deadlines.connect_s)
@@ -156,9 +177,16 @@ class Rtde:
         return True
 
     def claim(self) -> None:
-        """Become the one client that controls. Raises Busy while another one is, LinkError.
+        """Become the one client that controls.
 
-        A connection that was lost may live on in the controller for a while: asked again for `reply_s`.
+        A lost connection may live on in the controller for a while, so the request is repeated for `reply_s`.
+
+        Raises
+        ------
+        Busy
+            Another client controls the robot.
+        LinkError
+            The connection failed.
         """
         end = self._clock() + self.deadlines.reply_s
         while self._echoed and self._beat_recipe is None:
@@ -180,9 +208,14 @@ class Rtde:
 
     @contextmanager
     def watch(self, command: str, *, guarding: bool = False) -> Iterator[StateConfirmer]:
-        """States from now on, until the block ends; a fault in between closes the link. Raises LinkError.
+        """Yield states from now on, until the block ends; a fault in between closes the link.
 
-        `guarding`: the watchdog of a running program is kept alive.
+        With `guarding`, the watchdog of a running program is kept alive.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
         """
         with self._question(command):
             self._guarding, self._go, self._next_beat = guarding and self.numbered, 0, -math.inf
@@ -192,7 +225,13 @@ class Rtde:
             self._switch(_PAUSE, command)
 
     def release(self, number: int) -> None:
-        """Let the program of this number move. Raises LinkError."""
+        """Let the program of this number move.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
         self._go, self._next_beat = number, -math.inf
         self._beat()
 
@@ -244,7 +283,13 @@ class Rtde:
             _LOG.warning("%s says: %s", self.device, text)
 
     def _package(self, command: str, end: float) -> tuple[int, bytes]:
-        """The next package that is no text. Raises LinkError."""
+        """Return the next package that is not text.
+
+        Raises
+        ------
+        LinkError
+            The connection failed.
+        """
 
         def part(count: int) -> bytes:
             return self._link.read_exactly(

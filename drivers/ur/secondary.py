@@ -1,11 +1,13 @@
-"""The secondary client interface of a UR controller, TCP 30002: its identity and factory kinematics.
+"""The secondary client interface of a UR controller, TCP 30002: identity, kinematics.
 
-Packages `>IB` size with its header, and type: 16 robot state, made of sub-packages of the same form, 20 message.
-On every new connection the controller sends its version message, and once the configuration data (sub-package 6:
-limits, nominal DH numbers, type of the arm) and the kinematics (5, software 3.6 or later: DH numbers of this very
-arm, calibrated at the factory). Universal Robots, "Remote control via TCP/IP", sheet of the client interfaces;
-5 as in UniversalRobots/Universal_Robots_Client_Library `primary/robot_state/kinematics_info`;
-types as its `RobotType`.
+Packages have `>IB` size with its header, and type: 16 robot state, with sub-packages of the same form, 20 message. On
+every new connection the controller sends its version message, and then two sub-packages once:
+
+- 6, the configuration data: limits, nominal DH numbers, type of the arm
+- 5, the kinematics (software 3.6 or later): DH numbers of this individual arm, calibrated at the factory
+
+Sources: Universal Robots, "Remote control via TCP/IP", sheet of the client interfaces. For 5,
+UniversalRobots/Universal_Robots_Client_Library `primary/robot_state/kinematics_info`; for types, its `RobotType`.
 """
 
 from __future__ import annotations
@@ -34,10 +36,11 @@ _COMMAND = "factory"
 
 @dataclass(frozen=True, slots=True)
 class Factory:
-    """The factory data that the controller reports. `calibrated` is None before software 3.6.
+    """The factory data that the controller reports.
 
-    For nearly parallel axes the maker writes a large d and takes it back on the next link: single numbers of
-    `calibrated` say little, the chain of all six is meant. `checksum`: identity of the calibration.
+    `calibrated` is None before software 3.6. For nearly parallel axes the maker writes a large d and subtracts it on
+    the next link. Single numbers of `calibrated` therefore have little meaning, only the chain of all six. The
+    `checksum` identifies the calibration.
     """
 
     model: str
@@ -49,7 +52,7 @@ class Factory:
 
     @property
     def calibration(self) -> str:
-        """A name for the calibration of this very arm, from its checksums; empty where it has none."""
+        """A name for the calibration of this arm, from its checksums; empty if it has none."""
         if not set(self.checksum) - {0, 2**32 - 1}:
             return ""
         return f"calibration-{zlib.crc32(struct.pack('>6I', *self.checksum)):08x}"
@@ -61,7 +64,13 @@ class Factory:
 
 
 def split_packages(data: bytes) -> list[tuple[int, bytes]]:
-    """Sub-packages as (type, content). Raises ProtocolError."""
+    """Split the sub-packages, as (type, content).
+
+    Raises
+    ------
+    ProtocolError
+        A sub-package has a wrong length.
+    """
     found = []
     while data:
         size, kind = struct.unpack_from(">IB", data.ljust(5, b"\0"))
@@ -73,7 +82,13 @@ def split_packages(data: bytes) -> list[tuple[int, bytes]]:
 
 
 def parse_version(message: bytes) -> str | None:
-    """The version, `3.15.8`, of a version message, None for any other message. Raises ProtocolError."""
+    """Return the version, `3.15.8`, of a version message, None for any other message.
+
+    Raises
+    ------
+    ProtocolError
+        The message has a wrong length.
+    """
     if len(message) < 10 or message[9] != _VERSION_MESSAGE:
         return None
     rest = message[10:]
@@ -83,7 +98,13 @@ def parse_version(message: bytes) -> str | None:
 
 
 def parse_configuration(content: bytes) -> tuple[str, DhNumbers]:
-    """The model of the arm, as far as its type shows, and nominal DH parameters. Raises ProtocolError."""
+    """Return the model of the arm, according to its type, and the nominal DH parameters.
+
+    Raises
+    ------
+    ProtocolError
+        The content has a wrong length.
+    """
     if len(content) < struct.calcsize(_CONFIGURATION_LAYOUT):
         raise ProtocolError("configuration data of a wrong length", raw=content[:64])
     values = struct.unpack_from(_CONFIGURATION_LAYOUT, content)
@@ -93,7 +114,13 @@ def parse_configuration(content: bytes) -> tuple[str, DhNumbers]:
 
 
 def parse_kinematics(content: bytes) -> tuple[DhNumbers, tuple[int, ...], int]:
-    """Calibrated DH numbers, checksums, status. Raises ProtocolError."""
+    """Return calibrated DH numbers, checksums, status.
+
+    Raises
+    ------
+    ProtocolError
+        The content has a wrong length.
+    """
     if len(content) < struct.calcsize(_KINEMATICS_LAYOUT):
         raise ProtocolError("kinematics of a wrong length", raw=content[:64])
     values = struct.unpack_from(_KINEMATICS_LAYOUT, content)
@@ -113,7 +140,13 @@ def _numbers(alpha: Row, a: Row, theta: Row, d: Row) -> DhNumbers:
 
 
 def read_factory(address: Address, device: str, deadlines: UrDeadlines, wire: WireSink | None) -> Factory:
-    """The factory data of a controller, read over a connection of its own. Raises LinkError."""
+    """Read the factory data of a controller over a separate connection.
+
+    Raises
+    ------
+    LinkError
+        The connection failed.
+    """
     link = TcpLink(address, device, wire=wire, enabled_at=SERVICES)
     link.open(connect_s=deadlines.connect_s)
     try:
@@ -142,7 +175,10 @@ def _read(link: TcpLink, deadlines: UrDeadlines) -> Factory:
 
 
 def _has_kinematics(firmware: str) -> bool:
-    """Whether the software sends its kinematics: before 3.6, sub-package 5 was something else."""
+    """Check that the software sends its kinematics.
+
+    Before 3.6, sub-package 5 had another meaning.
+    """
     major, minor, *_ = map(int, firmware.split("."))
     return (major, minor) >= (3, 6)
 

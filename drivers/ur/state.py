@@ -1,9 +1,9 @@
-"""The state of a UR controller from either stream, and the test by which it is accepted.
+"""UR controller states from either stream, and the conditions for accepting one.
 
-Neither RTDE nor the 30003 packet carries a checksum, and both repeat a state every 8 ms. So a state is accepted
-when the next one confirms it: same modes and registers, and no joint further than its speed carries it in between.
-The clock of the controller has to grow from one to the next; a repeated, late or swapped package is a ProtocolError.
-So is a step of that clock within one question; between two questions it is not looked at.
+Neither RTDE nor the 30003 packet has a checksum, and both repeat a state every 8 ms. A state is therefore accepted when
+the next one confirms it: same modes and registers, and no joint further away than its speed allows. The clock of the
+controller has to advance from one to the next; a repeated, late or swapped package is a ProtocolError. So is a step of
+that clock within one question; between two questions it is not checked.
 
 Numbers of the modes: Universal Robots, "Real-Time Data Exchange (RTDE) guide".
 """
@@ -67,9 +67,10 @@ Vector = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True)
 class UrState:
-    """Joint angles (rad), speeds (rad/s), modes. `echo`: number of the last program begun; None: not reported.
+    """Joint angles (rad), speeds (rad/s) and modes of a UR controller.
 
-    `arguments`: what that program says it was given (`drivers.ur.motion`).
+    `echo` is the number of the last program begun, None if it is not reported. `arguments` are those that this program
+    reports (`drivers.ur.motion`).
     """
 
     t_s: float
@@ -100,7 +101,13 @@ class UrState:
 
 
 def check_state(state: UrState) -> None:
-    """Check a state. Raises ProtocolError for what no arm can report: not finite, out of range, unknown modes."""
+    """Check that an arm can report this state.
+
+    Raises
+    ------
+    ProtocolError
+        A value is not finite, out of range, or an unknown mode.
+    """
     angles, speeds = state.target_rad + state.actual_rad, state.target_rad_s + state.actual_rad_s
     good = (
         math.isfinite(state.t_s)
@@ -115,14 +122,26 @@ def check_state(state: UrState) -> None:
 
 
 def agree(before: UrState, now: UrState) -> bool:
-    """Whether `now` can be what follows `before`. Raises ProtocolError when it is not newer."""
+    """Check whether `now` can follow `before`.
+
+    Raises
+    ------
+    ProtocolError
+        `now` is not newer.
+    """
     modes = ("robot_mode", "safety_mode", "runtime_state", "echo", "arguments")
     carried = carries(before, now)
     return carried and all(getattr(before, mode) == getattr(now, mode) for mode in modes)
 
 
 def carries(before: UrState, now: UrState) -> bool:
-    """Whether the speeds of the joints lead from `before` to `now`. Raises ProtocolError when it is not newer."""
+    """Check whether the speeds of the joints lead from `before` to `now`.
+
+    Raises
+    ------
+    ProtocolError
+        `now` is not newer.
+    """
     dt = now.t_s - before.t_s
     if dt <= 0:
         raise ProtocolError("controller clock does not grow: an old or repeated package", raw=now.shown)
@@ -146,7 +165,13 @@ class StateConfirmer:
         self._last: UrState | None = None
 
     def state(self) -> UrState:
-        """The next confirmed state. Raises LinkError."""
+        """Return the next confirmed state.
+
+        Raises
+        ------
+        LinkError
+            The connection failed, or no two packages in a row agree.
+        """
         before = self._last or self._read()
         for _ in range(_MOST_STATES):
             now = self._last = self._read()
@@ -156,7 +181,7 @@ class StateConfirmer:
         raise ProtocolError("no two packages in a row agree", raw=before.shown)
 
     def every(self) -> Iterator[tuple[UrState, bool]]:
-        """Every state as it comes, and whether the speeds of the joints lead to it from the one before."""
+        """Yield every state, and whether the joint speeds lead to it from the one before."""
         before = self._read()
         while True:
             now = self._read()
@@ -165,7 +190,10 @@ class StateConfirmer:
 
 
 def unfit(state: UrState, *, moving: bool) -> AcquisitionError | None:
-    """The reason why this controller cannot move, or None. `moving`: it was able to a moment ago."""
+    """Return the reason why this controller cannot move, or None.
+
+    With `moving`, it could move a moment ago.
+    """
     kind, text = SAFETY_MODES.get(state.safety_mode, (SafetyStop, f"safety mode {state.safety_mode}"))
     if kind is not None:
         return kind(text, raw=state.shown)

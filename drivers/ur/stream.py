@@ -1,7 +1,7 @@
-"""The joints of a UR arm as they are read back while it moves, over an RTDE connection of their own.
+"""The joints of a UR arm as they are read back while it moves, over a separate connection.
 
-A state is doubted where the speeds of the joints do not lead to it from the one before: a damaged number, or states
-that were lost between the two. Nothing here was tried on a controller yet.
+The connection uses RTDE. A state is doubted if the speeds of the joints do not lead to it from the one before. The
+reason is a damaged number, or states that were lost between the two. Not tried on a controller yet.
 """
 
 from __future__ import annotations
@@ -17,7 +17,13 @@ from drivers.ur.state import StateConfirmer
 
 @contextmanager
 def joint_stream(rtde: Rtde) -> Iterator[Iterator[Sample]]:
-    """Every state from now on until the block ends, which closes the connection. Raises LinkError."""
+    """Stream every state from now on until the block ends, which closes the connection.
+
+    Raises
+    ------
+    LinkError
+        The connection failed.
+    """
     rtde.open()
     try:
         with rtde.watch("stream") as witness:
