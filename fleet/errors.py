@@ -6,13 +6,16 @@ from calib.errors import DataError
 
 
 class StoreError(DataError):
-    """A store that cannot be used as it is: none of ours, of another version, without the right, damaged."""
+    """A store that cannot be used.
+
+    It is another program's, has another version, denies the right, or is damaged.
+    """
 
 
 class StoreGone(StoreError):
-    """A store that cannot be reached, or cannot keep anything at this moment: the same may be asked again later.
+    """A store that cannot be reached, or cannot keep data now; the call may be repeated later.
 
-    Nothing of what was asked was kept.
+    No part of the request was kept.
     """
 
 

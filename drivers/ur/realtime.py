@@ -2,8 +2,10 @@
 
 The controller sends a packet every 8 ms from the moment of the connection, big-endian: length (u32, with itself), then
 doubles. URScript goes in the other direction. The stream cannot be paused, so **every question opens a separate
-connection**. A packet that arrives on it was then sent after the question. Length and offsets by version: Universal Robots,
-"Remote control via TCP/IP", sheet of the real-time interface; read from 3.2 on, which includes the program state.
+connection**. A packet that arrives on it was then sent after the question.
+
+Length and offsets by version: Universal Robots, "Remote control via TCP/IP", sheet of the real-time interface. They are
+read from 3.2 on, which includes the program state.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Many data sets diagnosed by many workers, every result once, in the store (docs/decisions/0081)."""
+"""Diagnosis of many data sets by many workers, each result stored once (decision 0081)."""
 
 from fleet.diagnose.batch import DatasetSource, DiagnosisOrder, EngineGone, in_files, in_store
 from fleet.diagnose.call import diagnose_all, for_workers

@@ -1,17 +1,12 @@
-"""A batch of data sets, as a worker does it: claimed in the store, diagnosed one by one, each result kept at once.
+"""A batch of data sets for one worker: claimed, diagnosed, each result kept at once.
 
-What a worker has finished survives the worker, its scheduler and the command that asked for it.
+The results of a worker survive the worker, its scheduler and the command that requested them.
 
-The statement kept of one diagnosis: `truepose-fleet-diagnosis/1`, some 5 kB, or the refusal of data that cannot be
-used.
+The statement kept of one diagnosis has the format `truepose-fleet-diagnosis/1`, about 5 kB, or is the refusal of data
+that cannot be used. Values are in the units of files and screens; null stands for missing values.
 
-Values are in the units of files and screens; null stands for what there is not.
-
-The source of a data set: in files, or in the store; either way its hash is that of the store's document of it.
-
-A job carries this reference, never the readings: a scheduler that passes on a hundred thousand data sets holds names.
-
-The refusal of the engine that computes.
+The source of a data set is in files, or in the store; in both cases its hash is that of the store's document of it. A
+job has this reference, never the readings: a scheduler that distributes a hundred thousand data sets holds names.
 """
 
 from __future__ import annotations
@@ -43,7 +38,17 @@ MOST = 10_000_000  # data sets of a store
 
 @dataclass(frozen=True)
 class DatasetSource:
-    """One data set. hash: of its content; name: for people; path: its CSV file, "" for the document of the store."""
+    """A reference to one data set.
+
+    Attributes
+    ----------
+    hash
+        Hash of its content.
+    name
+        Name for people.
+    path
+        Path of its CSV file, "" for the document of the store.
+    """
 
     hash: str
     name: str
@@ -55,9 +60,14 @@ class DatasetMismatch(Exception):
 
 
 def in_files(given: Sequence[Path]) -> list[DatasetSource]:
-    """The data sets of files and of folders, which are searched to the bottom; each content once, in the order given.
+    """Return the data sets in files and in folders with their subfolders, each content once.
 
-    A file whose header is missing is one too: it will be refused. Raises DataError for a name that leads to nothing.
+    The order is that of `given`. A file whose header is missing is included: it will be refused later.
+
+    Raises
+    ------
+    DataError
+        A name leads to no data set.
     """
     found: dict[str, DatasetSource] = {}
     for each in given:
@@ -73,7 +83,13 @@ def in_files(given: Sequence[Path]) -> list[DatasetSource]:
 
 
 def in_store(store: FleetStore) -> list[DatasetSource]:
-    """The data sets of a store, oldest first. Raises StoreError."""
+    """Return the data sets of a store, oldest first.
+
+    Raises
+    ------
+    StoreError
+        The store cannot be used.
+    """
     entries = reversed(store.documents(kind="dataset", limit=MOST))
     return [
         DatasetSource(each.hash, f"{each.robot.model} {each.robot.serial}, {each.identity}")
@@ -82,9 +98,15 @@ def in_store(store: FleetStore) -> list[DatasetSource]:
 
 
 def file_hash(path: Path) -> str:
-    """The hash of a data set in files: of NAME.csv, NAME.toml and the robot file that this names, where there is one.
+    """Compute the hash of a data set in files.
 
-    Without such a file, that of the store's document of it. Raises DataError for a CSV that cannot be read at all.
+    It covers NAME.csv, NAME.toml and the robot file that this names, if any. Without such a file, it is that of the
+    store's document of the data set.
+
+    Raises
+    ------
+    DataError
+        The CSV cannot be read at all.
     """
     header_file = path.with_suffix(".toml")
     table = read_bytes(path)
@@ -98,8 +120,17 @@ def file_hash(path: Path) -> str:
 
 @contextmanager
 def opened(source: DatasetSource, store: FleetStore) -> Iterator[Dataset]:
-    """The data set of a reference. Raises Unseen where the files are others than those listed, DataError for data that
-    cannot be used, StoreError."""
+    """Open the data set of a reference.
+
+    Raises
+    ------
+    DatasetMismatch
+        The files are not those listed.
+    DataError
+        The data cannot be used.
+    StoreError
+        The store cannot be used.
+    """
     if source.path:
         _refuse_another(source)
         yield read_dataset(Path(source.path))
@@ -118,7 +149,10 @@ def _within(folder: Path) -> Iterator[Path]:
 
 
 def _own_robot(header: bytes, beside: Path) -> bytes:
-    """The robot file that a header names; nothing where it names a robot in the box, or where it says nothing."""
+    """Return the robot file that a header names.
+
+    The result is empty if the robot is a built-in one, or if the header names none.
+    """
     try:
         name = tomllib.loads(header.decode()).get("robot")
     except (UnicodeDecodeError, tomllib.TOMLDecodeError):
@@ -132,7 +166,10 @@ def _own_robot(header: bytes, beside: Path) -> bytes:
 
 
 def _refuse_own_robot(header: str) -> None:
-    """A path in a header that came from elsewhere would be looked for among the files of this computer."""
+    """Refuse a path in a header from another computer.
+
+    It would be looked up among the files of this computer.
+    """
     values = parse_toml(header, "header")
     robot = values.get("robot", "")
     if isinstance(robot, str) and (robot.endswith(".toml") or "/" in robot or "\\" in robot):
@@ -158,8 +195,19 @@ LEASE_S = 20.0
 
 @dataclass(frozen=True)
 class DiagnosisOrder:
-    """An order for workers: data sets and what to do with them. store: address for the results; owner: name of this run
-    of the command; most: effects that may be added; expected: the program that shall compute."""
+    """An order for workers: data sets and the work to be done with them.
+
+    Attributes
+    ----------
+    store
+        Address for the results.
+    owner
+        Name of this run of the command.
+    most
+        Maximum number of effects to add.
+    expected
+        The program that must compute.
+    """
 
     store: str = field(repr=False)  # may hold a password
     owner: str
@@ -179,9 +227,21 @@ class DiagnosisOrder:
 
 @dataclass(frozen=True)
 class BatchOutcome:
-    """The outcome of a batch, in data sets. found: had a result already; twice: computed, though a result of somebody
-    else was there when it came; seconds: processor time of the diagnoses; held: somebody else works on them; unseen:
-    their files are others here, with the reason."""
+    """The result of a batch, in numbers of data sets.
+
+    Attributes
+    ----------
+    found
+        Had a result already.
+    twice
+        Were computed, but another result was stored first.
+    seconds
+        Processor time of the diagnoses.
+    held
+        Data sets that another call works on.
+    unseen
+        Data sets whose files are different here, with the reason.
+    """
 
     done: int
     refused: int
@@ -195,10 +255,16 @@ class BatchOutcome:
 def work_off(
     sources: Sequence[DatasetSource], order: DiagnosisOrder, find: Callable[..., DiagnosisFit] = diagnose
 ) -> BatchOutcome:
-    """Do a batch. Raises EngineGone on a worker of another program, before anything is read; StoreError where results
-    cannot be kept.
+    """Do a batch.
 
-    find: the diagnosis; tests give a shorter one.
+    `find` makes the diagnosis; tests pass a shorter one.
+
+    Raises
+    ------
+    EngineGone
+        The worker has another program; no data was read.
+    StoreError
+        Results cannot be kept.
     """
     if this_program() != order.expected:
         raise EngineGone(
@@ -236,7 +302,15 @@ def work_off(
 def _statement(
     source: DatasetSource, store: FleetStore, most: int, find: Callable[..., DiagnosisFit]
 ) -> dict[str, Any]:
-    """The statement kept of one data set: its diagnosis, or its refusal. Raises Unseen, StoreError."""
+    """Return the statement kept of one data set: its diagnosis, or its refusal.
+
+    Raises
+    ------
+    DatasetMismatch
+        The files are not those listed.
+    StoreError
+        The store cannot be used.
+    """
     try:
         with opened(source, store) as dataset:
             return statement.of_diagnosis(source.name, find(dataset, most=most))

@@ -1,6 +1,7 @@
-"""One call of the engine: Dask is imported here and nowhere before, so that a cell PC can do without.
+"""One call of the engine.
 
-Addresses: of a scheduler, and of a store as workers can use it.
+Dask is imported here and nowhere before, so that a cell PC can do without it. The addresses are that of a scheduler,
+and that of a store in a form that workers can use.
 """
 
 from __future__ import annotations
@@ -34,11 +35,29 @@ def diagnose_all(
     workers: int | None = None,
     scheduler: str = "",
 ) -> ProgressCounts:
-    """Diagnose data sets that have no result yet, each result into the store.
+    """Diagnose data sets that have no result yet, and store each result.
 
-    workers: processes of this computer, None for one a processor; scheduler: address of one whose workers do it
-    instead. tell: hears sentences about workers; progress: how far it is, after every batch. Raises DataError where the
-    extra is not installed, EngineGone, StoreError; what is done is kept, and the same call does the rest.
+    Finished results are kept when the call fails, and the same call later does the rest.
+
+    Parameters
+    ----------
+    tell
+        Called with sentences about workers.
+    progress
+        Called with the progress after every batch.
+    workers
+        Number of processes of this computer. Default: one per processor.
+    scheduler
+        Address of a scheduler whose workers are used instead.
+
+    Raises
+    ------
+    DataError
+        The extra is not installed.
+    EngineGone
+        The scheduler or all workers are gone.
+    StoreError
+        Results cannot be kept.
     """
     if not sources:
         return ProgressCounts(0)
@@ -72,14 +91,14 @@ def diagnose_all(
 
 
 def _free(sources: Sequence[DatasetSource], order: DiagnosisOrder) -> None:
-    """Let the next call have at once what workers of this computer had in hand: they have ended."""
+    """Release the claims of workers of this computer that have ended, for the next call."""
     if sources:
         with suppress(StoreGone), FleetStore.open(order.store) as store:
             store.work.claim([order.job(each) for each in sources], order.owner, utc_now(), 0.0)
 
 
 def is_elsewhere(scheduler: str) -> bool:
-    """Whether the scheduler of this address is on another computer, as far as the address says."""
+    """Check whether the scheduler is on another computer, according to its address."""
     host = _parts(scheduler).hostname or ""
     try:
         return not ip_address(host).is_loopback
@@ -88,14 +107,19 @@ def is_elsewhere(scheduler: str) -> bool:
 
 
 def exposed(scheduler: str) -> bool:
-    """Whether what goes to this scheduler leaves the computer without TLS."""
+    """Check whether data to this scheduler leaves the computer without TLS."""
     return _parts(scheduler).scheme != "tls" and is_elsewhere(scheduler)
 
 
 def for_workers(store: str, scheduler: str) -> str:
-    """The address of a store for processes that begin in other folders; scheduler: "" for those of this computer.
+    """Return the address of a store for processes that start in other folders.
 
-    Raises DataError for an SQLite file and workers elsewhere, who have no file of this name, or another one.
+    `scheduler` is "" for processes of this computer.
+
+    Raises
+    ------
+    DataError
+        The store is an SQLite file, and workers on other computers do not have this file.
     """
     try:
         url = sa.make_url(store)

@@ -1,11 +1,11 @@
-"""Differences between versions of the program over the same data sets: verdict, named effects, held-out error.
+"""Differences between program versions over the same data sets.
 
-The readings are the same, so nothing here is chance: whatever differs comes from the program.
+Compared are verdict, named effects and held-out error. The readings are the same, so no difference is due to chance:
+all come from the program.
 
-The identity of the program that computes: its version and a fingerprint of the rooms that decide a diagnosis.
-
-Two builds may bear one version, and a worker of the other one gives other results under the same key. Nothing here
-needs numpy: a worker is asked before it loads any.
+The identity of the program is its version and a fingerprint of the subpackages that determine a diagnosis. Two builds
+may have one version, and a worker of the other one gives other results under the same key. This module does not need
+numpy: a worker is asked before it loads it.
 """
 
 from __future__ import annotations
@@ -33,8 +33,10 @@ _DIGITS = 12
 
 @dataclass(frozen=True)
 class VersionStatement:
-    """The statement of one version. effects: label -> (size, standard error, unit); rms: held out, mm, None without
-    one."""
+    """The statement of one version on a data set.
+
+    `effects` maps each label to (size, standard error, unit). `rms` is the held-out error, mm, None without one.
+    """
 
     verdict: str
     effects: Mapping[str, tuple[float, float, str]]
@@ -68,7 +70,7 @@ class VersionDifference:
 
     @property
     def ratio(self) -> float | None:
-        """The held-out error now over that before; None where one of them is missing."""
+        """The held-out error now over that before; None if one of them is missing."""
         return None if not self.was.rms or self.now.rms is None else self.now.rms / self.was.rms
 
     @property
@@ -81,7 +83,7 @@ class VersionDifference:
 
 @dataclass(frozen=True)
 class VersionComparison:
-    """The data sets that both versions have judged, and those of them that differ, the worst first."""
+    """The data sets that both versions have judged, and those with differences, worst first."""
 
     since: tuple[str, ...]
     program: str
@@ -92,8 +94,10 @@ class VersionComparison:
 
 
 def changes_between(before: Iterable[JobResult], now: Sequence[JobResult], program: str) -> VersionComparison:
-    """The changes between two versions. before: results of other versions, oldest first, of which the newest of a data
-    set counts."""
+    """Compare the results of two versions.
+
+    `before` are results of other versions, oldest first; the newest of each data set counts.
+    """
     last = {result.job.data: result for result in before}
     both = [_change(last[each.job.data], each) for each in now if each.job.data in last]
     ratios = [each.ratio for each in both if each.ratio is not None]
@@ -110,8 +114,15 @@ def changes_between(before: Iterable[JobResult], now: Sequence[JobResult], progr
 
 
 def named(version: str, programs: Sequence[str], present: str) -> list[str]:
-    """The programs that a person means by a version: one of this name, else all builds of this release but the present
-    one. Raises DataError where the store has none."""
+    """Return the programs that a person means by a version.
+
+    It is the program of this name. Otherwise it is all builds of this release except the present one.
+
+    Raises
+    ------
+    DataError
+        The store has none.
+    """
     found = [each for each in programs if each == version]
     found = found or [each for each in programs if release(each) == version and each != present]
     if not found:
@@ -148,8 +159,11 @@ def _resized(was: tuple[float, float, str], now: tuple[float, float, str]) -> bo
 
 @cache
 def this_program() -> str:
-    """Version and fingerprint, "0.1.0+3f9a1c07b2ee": the first is that of `truepose --version`, the second the SHA-256
-    over the sources of `calib`. It is that of the files when it is first asked."""
+    """Return version and fingerprint, "0.1.0+3f9a1c07b2ee".
+
+    The first is that of `truepose --version`, the second the SHA-256 over the sources of `calib`. It is computed from
+    the files on the first call.
+    """
     spec = find_spec("calib")
     assert spec is not None
     assert spec.origin is not None

@@ -1,8 +1,8 @@
-"""The engine that diagnoses data sets: processes of this computer, or the workers of a scheduler (Dask).
+"""The engine that diagnoses data sets: local processes, or workers of a scheduler (Dask).
 
-Whoever reaches a Dask scheduler has programs run on its workers, and what they send is unpickled here. So the
-processes of this computer speak TLS with a key that lives as long as the command, on 127.0.0.1, without pages; and an
-address elsewhere that is not tls:// is said.
+Any client that reaches a Dask scheduler can run programs on its workers, and their messages are unpickled here. The
+processes of this computer therefore use TLS with a key that lives as long as the command, on 127.0.0.1, without web
+pages. An address elsewhere that is not tls:// is reported.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def processors() -> int:
 
 @contextmanager
 def local(workers: int) -> Iterator[Client]:
-    """An engine of so many processes of this computer, one thread each, for the time of the block."""
+    """Run an engine of `workers` local processes, one thread each, during the block."""
     os.environ["PYTHONSAFEPATH"] = (
         "1"  # what lies in the current folder, as a `json.py`, is no part of a worker
     )
@@ -66,8 +66,15 @@ def local(workers: int) -> Iterator[Client]:
 
 @contextmanager
 def connected(address: str) -> Iterator[Client]:
-    """The scheduler at an address. Raises DataError for tls:// without usable certificates, EngineGone where none
-    answers, or where it does not accept them."""
+    """Connect to the scheduler at an address.
+
+    Raises
+    ------
+    DataError
+        A tls:// address has no usable certificates.
+    EngineGone
+        No scheduler answers, or it does not accept the certificates.
+    """
     for name in (
         "distributed",
         "distributed.client",
@@ -87,7 +94,13 @@ def connected(address: str) -> Iterator[Client]:
 
 
 def _security(address: str) -> Security:
-    """The certificates that Dask's settings name. Raises DataError where tls:// has none, or they cannot be used."""
+    """Return the certificates that Dask's settings name.
+
+    Raises
+    ------
+    DataError
+        A tls:// address has none, or they cannot be used.
+    """
     security = Security()
     try:
         usable = security.get_connection_args("client")["ssl_context"] is not None

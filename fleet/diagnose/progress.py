@@ -7,13 +7,28 @@ from dataclasses import dataclass, field
 
 @dataclass
 class ProgressCounts:
-    """The progress of a call, in data sets.
+    """The progress of a call, in numbers of data sets.
 
-    known: had a result before; done: by this call, refused among them; found: had a result when a worker came to them,
-    from a worker that was lost since or from another call; twice: computed, though another result came first; failed:
-    without a result, with the reason. seconds: processor time of the diagnoses; overhead_s: of the command, and of the
-    scheduler where it is its own, while they are dealt out; start_s: of the command before and after that; elapsed:
-    since the workers were there.
+    Attributes
+    ----------
+    known
+        Had a result before the call.
+    done
+        Done by this call, including refused ones.
+    found
+        Had a result when a worker came to them, from a worker that was lost since or from another call.
+    twice
+        Were computed, but another result came first.
+    failed
+        Without a result, with the reason.
+    seconds
+        Processor time of the diagnoses, s.
+    overhead_s
+        Processor time of the command, and of a scheduler of this call, while data sets are distributed, s.
+    start_s
+        Processor time of the command before and after that, s.
+    elapsed
+        Time since the workers were available, s.
     """
 
     total: int

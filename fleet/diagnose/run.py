@@ -1,18 +1,16 @@
-"""Many data sets diagnosed by many workers: given out in batches, reported as they come back.
+"""Diagnosis of many data sets by many workers: distributed in batches, reported on return.
 
-What is done stands in the store, written by the workers; this end only deals out. So it may be ended at any time, and
-the same call later does what is left.
+**Distribution.** The workers write finished results to the store; this end only distributes. It may be ended at any
+time, and the same call later does the rest.
 
-The patience of a call with a store that is away: it asks again, with one data set at a time, and then gives up.
+**Retries.** If the store does not answer, the call retries with one data set at a time, and finally fails. A database
+that is restarted or out of reach for an hour must not end the work of a night.
 
-A database that is restarted or out of reach for an hour shall not end the work of a night.
+**Workers of a scheduler.** A worker gets work when it has reported that it runs the same program. It is asked when it
+is first detected, also when it joins later, and then offers the resource that every batch requires. A worker of another
+program offers none, so the scheduler gives it no work. `batch.work_off` checks the program again.
 
-The workers of a scheduler: a worker gets work when it has reported that it runs the same program.
-
-It is asked when it is first seen, also when it joins in the middle, and then offers the resource that every batch asks
-for; a worker of another program offers none, so the scheduler gives it nothing. `batch.work_off` looks once more.
-
-The progress of a call, and its cost.
+**Progress.** The progress of a call includes its cost.
 """
 
 from __future__ import annotations
@@ -50,8 +48,11 @@ BLAS = "OPENBLAS_NUM_THREADS"
 
 
 def size_of(left: int, workers: int, seconds_each: float | None) -> int:
-    """Data sets of the next batch: as many as take `BATCH_S`, one before that is known, and few towards the end, when
-    nobody shall wait for the last one."""
+    """Choose the number of data sets of the next batch.
+
+    A batch takes about `BATCH_S`. It has one data set before their time is known, and few towards the end, so that no
+    one has to wait for the last one.
+    """
     if seconds_each is None:
         return 1
     share = left // (2 * AHEAD * max(workers, 1))
@@ -68,7 +69,10 @@ class FleetRun:
         sources: Sequence[DatasetSource],
         tell: Callable[[str], None],
     ) -> None:
-        """A call for the data sets `sources`, which have no result yet. tell: hears sentences about workers."""
+        """Prepare a call for `sources`, which have no result yet.
+
+        `tell` is called with sentences about workers.
+        """
         self._client, self._order, self._tell = client, order, tell
         self._crew = WorkerPool(client, order.expected)
         self._waiting = deque(sources)
@@ -90,10 +94,17 @@ class FleetRun:
         self.tally = ProgressCounts(len(sources))
 
     def run(self, progress: Callable[[ProgressCounts], None]) -> ProgressCounts:
-        """Diagnose them all; progress: hears how far it is after every batch.
+        """Diagnose all data sets; `progress` is called after every batch.
 
-        Raises EngineGone where the scheduler or all workers are gone, StoreError where results cannot be kept; a store
-        that is away is waited for first. What is done is kept, and the same call later does the rest.
+        A store that does not answer is waited for first. Finished results are kept, and the same call later does the
+        rest.
+
+        Raises
+        ------
+        EngineGone
+            The scheduler or all workers are gone.
+        StoreError
+            Results cannot be kept.
         """
         try:
             self._look()
@@ -120,7 +131,13 @@ class FleetRun:
             self._tell(sentence)
 
     def _look(self) -> None:
-        """See which workers are there, and claim again what another call holds. Raises EngineGone where none came."""
+        """Check which workers are there, and claim again the data sets of other calls.
+
+        Raises
+        ------
+        EngineGone
+            No worker has come.
+        """
         self._see_who_is_there()
         self._looked = now = time.monotonic()
         if self._crew.lost and self._out:
@@ -140,7 +157,10 @@ class FleetRun:
             self._held.clear()
 
     def _take_back(self) -> None:
-        """Give anew what no worker has: where all were lost, the scheduler does not look again when one is enrolled."""
+        """Distribute again the batches that no worker has.
+
+        If all workers were lost, the scheduler does not check again when a new one is enrolled.
+        """
         processing: Any = self._client.processing()
         somewhere = {key for keys in processing.values() for key in keys}
         for future, batch in list(self._out.items()):
@@ -166,8 +186,11 @@ class FleetRun:
             self._alone.append(source)
 
     def _deal(self) -> None:
-        """Give every worker as much as it can have; to find what ends workers, nothing else is out meanwhile. One data
-        set now and then, while the store is away."""
+        """Give every worker as many batches as it can have.
+
+        To find a data set that ends workers, it is distributed alone. While the store does not answer, one data set is
+        tried now and then.
+        """
         if self._store.away and (self._out or not self._store.worth_asking()):
             return
         if self._alone and not self._out:
@@ -244,7 +267,10 @@ def _in_words(error: BaseException) -> str:
 
 
 class StoreRetry:
-    """The waiting of one call. tell: called when the store goes and comes back; clock: seconds."""
+    """The waiting of one call for the store.
+
+    `tell` is called when the store goes and comes back; `clock` returns seconds.
+    """
 
     def __init__(self, tell: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
         self._tell, self._clock = tell, clock
@@ -272,7 +298,7 @@ class StoreRetry:
         self._next = now + self._pause_s
 
     def worth_asking(self) -> bool:
-        """Whether it is time to ask again."""
+        """Check whether it is time to ask again."""
         return self._clock() >= self._next
 
     def answered(self) -> None:
@@ -283,13 +309,19 @@ class StoreRetry:
 
 
 def resource(of: str) -> str:
-    """The name of what a worker of this program offers: one batch at a time."""
+    """Return the name of the resource that a worker of this program offers.
+
+    One batch at a time uses it.
+    """
     return f"truepose {of}"
 
 
 @dataclass(frozen=True)
 class WorkerReport:
-    """A worker's word on itself. threads: of its linear algebra, "" where nothing limits them."""
+    """A worker's report on itself.
+
+    `threads` is the number of threads of its linear algebra, "" without a limit.
+    """
 
     program: str
     threads: str
@@ -313,8 +345,13 @@ class WorkerPool:
         self.lost = 0
 
     def look(self) -> list[str]:
-        """Ask new workers for their build, drop those that are gone; sentences on both. Raises CommClosedError
-        where the scheduler is gone."""
+        """Ask new workers for their build, drop those that are gone, and return sentences on both.
+
+        Raises
+        ------
+        CommClosedError
+            The scheduler is gone.
+        """
         told: Any = self._client.scheduler_info(n_workers=-1)
         if self._client.status != "running":  # then it tells what it knew last, or nothing
             raise CommClosedError("the connection to the scheduler is lost")

@@ -1,7 +1,7 @@
-"""The statement kept of one diagnosis: `truepose-fleet-diagnosis/1`, some 5 kB, or the refusal of data that cannot be
-used.
+"""The statement kept of one diagnosis: `truepose-fleet-diagnosis/1`, or a refusal.
 
-Values are in the units of files and screens; null stands for what there is not.
+It has about 5 kB. Data that cannot be used are refused. Values are in the units of files and screens; null stands for
+missing values.
 """
 
 from __future__ import annotations
@@ -42,8 +42,10 @@ def of_diagnosis(name: str, found: DiagnosisFit) -> dict[str, Any]:
 
 
 def of_refusal(name: str, error: DataError) -> dict[str, Any]:
-    """The fault of a data set of this name and what to do; line and key where there are some. No path: the file
-    may have lain in a folder of its own for the time of the reading."""
+    """Return the fault of a data set and its remedy, with line and key if known.
+
+    It has no path, because the file may have been in a temporary folder.
+    """
     return {
         "format": FORMAT,
         "name": name,

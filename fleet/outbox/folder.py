@@ -1,8 +1,9 @@
-"""The documents of a folder: models, verdicts of watches, diagnoses and data sets, each known by its format.
+"""The documents of a folder: models, watch verdicts, diagnoses and data sets.
 
-The files are those that the commands and the service of a cell write; nothing has to be told of them. Each is looked at
-once: again only when its size or time has changed. What cannot be sent is told with the reason, and never stops the
-rest. Whose robot it is stands in the document itself (`device`), and when it was measured (`measured`).
+Each is known by its format. The files are those that the commands and the service of a cell write, without a
+notification. Each is read once, and again only when its size or time has changed. A file that cannot be sent is
+reported with the reason, and never stops the rest. The document itself states the robot (`device`) and the time of
+measurement (`measured`).
 """
 
 from __future__ import annotations
@@ -35,8 +36,15 @@ _NAME = 150  # letters of what may be long in an identity
 
 @dataclass(frozen=True)
 class CellFolder:
-    """The cell whose files they are. serial: of its robot, for documents that name none; simulated: whether documents
-    of simulated robots are sent as well."""
+    """The cell to which the files belong.
+
+    Attributes
+    ----------
+    serial
+        Serial number of its robot, for documents that name none.
+    simulated
+        Whether documents of simulated robots are sent as well.
+    """
 
     name: str
     serial: str = ""
@@ -54,10 +62,19 @@ def collect(
     say: Callable[[str], None] = lambda text: None,
     read_record: Reader = lambda path, cell: (),
 ) -> int:
-    """Take every new document of a folder into the outbox; how many. say: called for every file that is not taken.
+    """Put every new document of a folder into the outbox, and return their number.
 
-    read_record: the reader of the databases of campaigns, which are of another room. Raises DataError where the outbox
-    cannot be written: then nothing is noted as looked at.
+    Parameters
+    ----------
+    say
+        Called for every file that is not accepted.
+    read_record
+        Reader of the databases of campaigns, which belong to another package.
+
+    Raises
+    ------
+    DataError
+        The outbox cannot be written; then no file is noted as read.
     """
     taken = 0
     for path, reader in _files(folder, read_record):
@@ -92,8 +109,10 @@ def _files(folder: Path, read_record: Reader) -> Iterator[tuple[Path, Reader]]:
 
 
 def _stamp(path: Path, cell: CellFolder) -> str:
-    """A stamp that changes when a file, its header or its journal changes, or what is sent of it; empty where it has
-    gone."""
+    """Return a stamp that changes with a file, its header, its journal, or the cell.
+
+    It is empty if the file is gone.
+    """
     stamps = [cell.name, cell.serial, str(cell.simulated)]
     for each in (path, path.with_suffix(".toml"), path.with_name(f"{path.name}-wal")):
         try:
@@ -107,7 +126,15 @@ def _stamp(path: Path, cell: CellFolder) -> str:
 
 
 def read_result(path: Path, cell: CellFolder) -> list[Document]:
-    """The document of a JSON file; none where it is none of ours. Raises DataError, OSError."""
+    """Read the document of a JSON file; the list is empty if it has another format.
+
+    Raises
+    ------
+    DataError
+        The document cannot be used.
+    OSError
+        The file cannot be read.
+    """
     content = read_bytes(path, LARGEST)
     if _MARK not in content[:200]:
         return []
@@ -132,7 +159,17 @@ def read_result(path: Path, cell: CellFolder) -> list[Document]:
 
 
 def read_data(path: Path, cell: CellFolder) -> list[Document]:
-    """The document of a data set, which is read whole first; none for another table. Raises DataError, OSError."""
+    """Read the document of a data set; the list is empty for another table.
+
+    The whole data set is read first.
+
+    Raises
+    ------
+    DataError
+        The data set cannot be used.
+    OSError
+        A file cannot be read.
+    """
     header = read_text(path.with_suffix(".toml"), LARGEST)
     if "truepose-dataset/" not in header:
         return []
@@ -166,8 +203,11 @@ def read_data(path: Path, cell: CellFolder) -> list[Document]:
 
 
 def _identity(kind: Kind, table: Mapping[str, Any], hash: str) -> str:
-    """The thing that a result is a statement of. Many models may be made of one data set, and none contradicts another;
-    one watch has one verdict at one rate of false alarms."""
+    """Return the identity of the subject of a result.
+
+    Many models may be created from one data set, and none contradicts another; one watch has one verdict at one
+    false-alarm rate.
+    """
     if kind == "watch":
         model = str(table.get("model", ""))[: _NAME // 2]
         return f"watch {table.get('data_sha256', hash)} {model} {table.get('false_alarms', '')}".strip()

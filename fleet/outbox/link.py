@@ -36,8 +36,11 @@ _BARRED = (401, 403, 404, 405, 406, 411, 421, 426, 451)
 
 @dataclass(frozen=True)
 class UploadAnswer:
-    """The answer to an upload. said: in words, for the person at the cell; after_s: when to ask again, None where
-    the server does not say."""
+    """A server's answer to an upload.
+
+    `said` is its text, for the person at the cell. `after_s` states when to try again, None if the server does not
+    state it.
+    """
 
     kind: Literal["kept", "refused", "damaged", "failed", "away", "barred"]
     said: str = ""
@@ -49,8 +52,18 @@ class _Nobody(Exception):
 
 
 class ServerLink:
-    """One server. url: as `truepose fleet serve` prints it; its path stands before `/api/v1`. The connection is kept
-    open between uploads. Raises DataError for what is no address."""
+    """The connection to one server, kept open between uploads.
+
+    Parameters
+    ----------
+    url
+        Address as `truepose fleet serve` prints it; its path precedes `/api/v1`.
+
+    Raises
+    ------
+    DataError
+        The address is not valid.
+    """
 
     def __init__(self, url: str, token: str, *, timeout_s: float = TIMEOUT_S) -> None:
         parts = urlsplit(url)

@@ -1,12 +1,12 @@
-"""The queue file of an outbox: documents that wait until the fleet's server has acknowledged them.
+"""The queue file of an outbox: documents that wait for the fleet server's acknowledgement.
 
-One SQLite file on the cell PC. What `put` has taken in survives a killed process and a power cut; its content leaves
-the file only when the server has acknowledged the same hash. The record of the cell stays the truth: an outbox that
-was lost is filled again from it, and what the server has already is known there.
+It is one SQLite file on the cell PC. A document accepted by `put` survives a killed process and a power cut. Its
+content leaves the file only when the server has acknowledged the same hash. The record of the cell stays the source: a
+lost outbox is filled again from it, and the server recognises the documents that it has already.
 
-A rollback journal with `synchronous=EXTRA`, which syncs the folder after the journal is gone: without it the last
-commit may be undone by a power cut (sqlite.org/pragma.html, synchronous). No WAL: a sender and a person who looks at
-the list are two processes, and SQLite up to 3.51.2 can corrupt a WAL that two connections write at once.
+A rollback journal with `synchronous=EXTRA` syncs the folder after the journal is gone: without it a power cut may undo
+the last commit (sqlite.org/pragma.html, synchronous). No WAL: a sender and a person who views the list are two
+processes, and SQLite up to 3.51.2 can corrupt a WAL that two connections write at once.
 """
 
 from __future__ import annotations
@@ -51,7 +51,10 @@ CREATE TABLE file (
 
 @dataclass(frozen=True)
 class QueuedDocument:
-    """A document in the queue, without its content. said: why it is not acknowledged yet, or never will be."""
+    """A document in the queue, without its content.
+
+    `said` states why it is not acknowledged yet, or never will be.
+    """
 
     hash: str
     kind: str
@@ -116,9 +119,12 @@ class Outbox:
     # -- in ---------------------------------------------------------------------------------------------------
 
     def put(self, document: Document, now: datetime) -> bool:
-        """Take a document in, durably when this returns; whether it is new: the same content is taken once.
+        """Store a document durably, and return whether it is new; the same content is stored once.
 
-        Raises DataError for one that no server takes.
+        Raises
+        ------
+        DataError
+            No server accepts the document.
         """
         refuse_large(document)
         return self._write(
@@ -138,11 +144,14 @@ class Outbox:
         )
 
     def looked_at(self, path: Path, stamp: str) -> bool:
-        """Whether a file was looked at when it had this stamp."""
+        """Check whether a file was read when it had this stamp."""
         return bool(self._read("SELECT 1 FROM file WHERE path = ? AND stamp = ?", (os.fsdecode(path), stamp)))
 
     def note(self, path: Path, stamp: str, said: str) -> None:
-        """Note that a file with this stamp was looked at. said: why it is not sent; empty where it is."""
+        """Note that a file with this stamp was read.
+
+        `said` states why it is not sent; it is empty if it is sent.
+        """
         self._write("INSERT OR REPLACE INTO file VALUES (?, ?, ?)", (os.fsdecode(path), stamp, said))
 
     def not_taken(self) -> list[tuple[Path, str]]:
@@ -181,7 +190,13 @@ class Outbox:
         ]
 
     def document(self, hash_: str) -> Document:
-        """A document that waits or is set aside. Raises KeyError for another."""
+        """Return a document that waits or was rejected.
+
+        Raises
+        ------
+        KeyError
+            There is no such document.
+        """
         rows = self._read(
             "SELECT kind, serial, model, cell, identity, measured_at, content FROM entry "
             "WHERE hash = ? AND content IS NOT NULL",
@@ -247,7 +262,7 @@ class Outbox:
 
     @contextmanager
     def _translated(self) -> Iterator[None]:
-        """Errors of SQLite as what a person can do about them."""
+        """Translate errors of SQLite into errors with a remedy."""
         try:
             yield
         except sqlite3.Error as error:

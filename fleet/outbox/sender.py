@@ -1,10 +1,11 @@
-"""The sender of an outbox: it sends each waiting document to the fleet's server until it is acknowledged.
+"""The sender of an outbox: it sends each waiting document until the server acknowledges it.
 
     waiting time after the n-th failure in a row: between half and all of min(FIRST_S 2^(n-1), LONGEST_S)
 
-Drawn by chance, so that two hundred cells do not ask at once when a server comes back. A server that is away holds up
-everything; a document whose own uploads fail holds up nobody: it has waiting times of its own. Nothing is given up for
-time: an outbox without a network waits for weeks. Clock, chance and pauses come from outside.
+The time is random, so that two hundred cells do not ask at once when a server comes back. A server that does not answer
+delays all documents. A document whose own uploads fail delays no other, because it has separate waiting times. No
+document is abandoned after a time limit: an outbox without a network waits for weeks. Clock, chance and pauses come
+from outside.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ DAMAGED = 20  # times that a document may arrive damaged, before it is set aside
 
 
 class Upload(Protocol):
-    """The part of a link that a sender needs."""
+    """A link as a sender uses it."""
 
     def put(self, document: Document) -> UploadAnswer:
         """Upload a document."""
@@ -37,8 +38,17 @@ class Upload(Protocol):
 
 @dataclass(frozen=True)
 class SendRound:
-    """The outcome of one round. trouble: why it ended before its end, empty where it did not; barred: whether a person
-    must change something; wait_s: until something can be tried again, None where nothing waits."""
+    """The result of one round.
+
+    Attributes
+    ----------
+    trouble
+        Reason why it ended early; empty if it did not.
+    barred
+        Whether a person must change something.
+    wait_s
+        Time until the next attempt, s; None if no document waits.
+    """
 
     kept: int = 0
     refused: int = 0
@@ -58,8 +68,17 @@ class _Patience:
 
 @dataclass
 class Sender:
-    """Sends what waits in an outbox. monotonic: seconds that only grow; now: the time that entries bear; say: told of
-    every document set aside."""
+    """A sender of the documents that wait in an outbox.
+
+    Attributes
+    ----------
+    monotonic
+        Returns seconds that only increase.
+    now
+        Returns the time for entries.
+    say
+        Called for every rejected document.
+    """
 
     outbox: Outbox
     link: Upload
@@ -71,9 +90,10 @@ class Sender:
     _documents: dict[str, _Patience] = field(default_factory=dict)
 
     def round(self, ended: Callable[[], bool] = lambda: False) -> SendRound:
-        """Try every document whose time has come once. ended: whether to leave off.
+        """Try to send each document that is due, once.
 
-        Oldest first, but before those that have failed: a few whose uploads never end well let the others by.
+        Documents without failures go first, oldest first, so that a document that always fails does not block the
+        others. `ended` returns True to stop between two documents.
         """
         waiting = sorted((entry.hash for entry in self.outbox.entries("waiting")), key=self._failures)
         kept = refused = in_a_row = 0

@@ -1,5 +1,7 @@
-"""The way of documents into the tables: what is there already is looked for, the rest is inserted in a few
-statements."""
+"""Insertion of documents into the tables.
+
+Existing rows are looked up first; the others are inserted in a few statements.
+"""
 
 from __future__ import annotations
 
@@ -82,7 +84,15 @@ def _robots(connection: sa.Connection, keys: Sequence[RobotKey]) -> dict[RobotKe
 
 
 def added(connection: sa.Connection, documents: Sequence[Document], rows: Sequence[Rows]) -> list[AddResult]:
-    """Insert the documents that are new, within a transaction. Raises Overtaken, DataError."""
+    """Insert the documents that are new, within a transaction.
+
+    Raises
+    ------
+    ConcurrentInsert
+        Another program inserted the same rows, or a deadlock occurred.
+    DataError
+        The store has the content of a document for another robot or kind.
+    """
     robots = _robots(connection, [each.robot for each in documents])
     there = already(connection, [each.hash for each in documents])
     versions = _versions(connection, list({each.identity for each in documents}))

@@ -1,4 +1,7 @@
-"""The documents of a store: the statements of a cell about one robot, byte for byte, with what they say of it."""
+"""The documents of a store: statements of a cell about one robot, byte for byte.
+
+Each comes with the facts that it states about itself.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,10 @@ _YEARS = 1900, 9000  # beyond them a time of another zone has no UTC
 
 @dataclass(frozen=True, order=True)
 class RobotKey:
-    """One robot of a plant. serial: its serial number; model: the type, as robot files name it ("irb120")."""
+    """The key of one robot of a plant.
+
+    It has its serial number and its type, as robot files name it ("irb120").
+    """
 
     serial: str
     model: str
@@ -31,11 +37,24 @@ class RobotKey:
 
 @dataclass(frozen=True)
 class Document:
-    """One statement. cell: name of the cell that made it; identity: which thing it is a statement of (the id of its
-    record and the kind), so that a second content for one identity contradicts the first; measured_at: when its first
-    reading was taken, with a time zone; content: the document itself, bytes.
+    """One statement of a cell about a robot.
 
-    Raises DataError naming the key for what no store keeps.
+    Attributes
+    ----------
+    cell
+        Name of the cell that made it.
+    identity
+        Subject of the statement (the id of its record and the kind). A second content for one identity contradicts the
+        first.
+    measured_at
+        Time of its first reading, with a time zone.
+    content
+        The document itself.
+
+    Raises
+    ------
+    DataError
+        A value cannot be stored; the error names the key.
     """
 
     kind: Kind
@@ -69,8 +88,16 @@ class Document:
 
 @dataclass(frozen=True)
 class AddResult:
-    """The outcome of adding a document. state: "new"; "known", where the store had this content; "conflict", where it
-    has another content for the same identity: both are kept. other_hashes: those contents, oldest first."""
+    """The result of adding a document.
+
+    Attributes
+    ----------
+    state
+        "new", "known" if the store had this content, or "conflict" if it has another content for the same identity. In
+        a conflict both are kept.
+    other_hashes
+        Hashes of the other contents, oldest first.
+    """
 
     hash: str
     state: State
@@ -79,8 +106,17 @@ class AddResult:
 
 @dataclass(frozen=True)
 class DocumentSummary:
-    """A document as a list has it. program: the version that wrote it, "" where it does not say; size: bytes;
-    conflict: whether the store has another content for the same identity."""
+    """A document in a list.
+
+    Attributes
+    ----------
+    program
+        Version that wrote it, "" if it does not state one.
+    size
+        Size in bytes.
+    conflict
+        Whether the store has another content for the same identity.
+    """
 
     hash: str
     kind: Kind
@@ -96,8 +132,17 @@ class DocumentSummary:
 
 @dataclass(frozen=True)
 class RobotSummary:
-    """A robot in the store: documents of every kind, and when the first and the last were measured; retired: whether
-    somebody has said since that it is measured no more."""
+    """A robot in the store.
+
+    Attributes
+    ----------
+    documents
+        Number of documents of every kind.
+    first, last
+        Times of the first and the last measurement.
+    retired
+        Whether a person has reported since then that it is no longer measured.
+    """
 
     robot: RobotKey
     cells: tuple[str, ...]
@@ -109,8 +154,17 @@ class RobotSummary:
 
 @dataclass(frozen=True)
 class TrendPoint:
-    """One value of a parameter over time. u: expanded uncertainty U (k = 2), None where the model states none; both in
-    `unit`. hash: of the document that says it; rediagnosed: that of the data set, of which `program` says it."""
+    """One value of a parameter over time.
+
+    Attributes
+    ----------
+    u
+        Expanded uncertainty U (k = 2), None if the model states none. Value and U are in `unit`.
+    hash
+        Hash of the document with the value, or if `rediagnosed` that of the data set.
+    program
+        Program that computed the value.
+    """
 
     measured_at: datetime
     parameter: str
@@ -124,8 +178,15 @@ class TrendPoint:
 
 @dataclass(frozen=True)
 class NamedCause:
-    """A cause or effect that a verdict names. weight: its share among the causes of its class; value and u (U, k = 2)
-    in `unit`; each None where the document has none."""
+    """A cause or effect that a verdict names.
+
+    Attributes
+    ----------
+    weight
+        Its share among the causes of its class; None if the document has none.
+    value, u
+        Value and U (k = 2), in `unit`; None if the document has none.
+    """
 
     label: str
     in_words: str
@@ -155,7 +216,7 @@ def utc_now() -> datetime:
 
 
 def _refuse_name(key: str, text: str) -> None:
-    """Raise DataError for what is no name: empty, too long, or with letters that nobody can see."""
+    """Raise DataError for a text that is not a name: empty, too long, or with invisible letters."""
     if not text.strip() or text != text.strip():
         raise DataError("is empty, or begins or ends with a space.", do="Give a name.", key=key)
     if len(text) > LONGEST or not text.isprintable():

@@ -1,13 +1,14 @@
-"""The database of a store: an SQLite file or a PostgreSQL, the same from here on; its errors as refusals of ours.
+"""The database of a store: an SQLite file or a PostgreSQL, with a common interface.
 
-The version of a store: which migrations it has seen, and what is done where they are not those of this program.
+Errors of the database become errors of this package. The version of a store is the set of migrations that it has seen;
+a store with other ones than this program is migrated or refused.
 
-The rights of users of a PostgreSQL: roles without a login, which its administrator gives to users.
+The rights of users of a PostgreSQL are roles without a login, which its administrator gives to users:
 
     truepose_reader   reads everything
     truepose_writer   reads, puts documents and results in, claims jobs; changes and deletes no document
 
-Whoever runs the migrations owns the tables. An SQLite file has no roles: who may open it may write it.
+The user who runs the migrations owns the tables. An SQLite file has no roles: any user who may open it may write it.
 """
 
 from __future__ import annotations
@@ -43,10 +44,15 @@ _CHANGED = (tables.claim.name,)  # what a writer may change: who works on what
 
 
 def engine_of(url: str, *, forever: bool = False) -> sa.Engine:
-    """The database at an address, not yet connected: sqlite:///FILE, postgresql://USER:PASSWORD@HOST/NAME.
+    """Return the database at an address, not yet connected.
 
-    forever: a PostgreSQL may take as long as it does; else as `fleet.store.postgres` says. Raises StoreError for
-    another kind of address, for an SQLite file without a folder, or without the driver.
+    The address is sqlite:///FILE or postgresql://USER:PASSWORD@HOST/NAME. With `forever`, a PostgreSQL has no time
+    limit; otherwise that of `fleet.store.postgres`.
+
+    Raises
+    ------
+    StoreError
+        It is another kind of address, an SQLite file without a folder, or the driver is missing.
     """
     try:
         parsed = sa.make_url(url)
@@ -111,8 +117,10 @@ def _begin_sqlite(connection: sa.Connection) -> None:
 
 @contextmanager
 def refusals(engine: sa.Engine) -> Iterator[None]:
-    """Errors of the database inside are a StoreGone or a StoreError that says where and what to do; but for rows that
-    are there already (IntegrityError)."""
+    """Translate errors of the database into a StoreGone or a StoreError with place and remedy.
+
+    Rows that exist already still raise IntegrityError.
+    """
     place = shown(engine.url)
     try:
         yield
@@ -133,20 +141,23 @@ _NOBODY = ("authentication failed", "does not exist", "no pg_hba.conf entry", "n
 
 @contextmanager
 def reading(engine: sa.Engine) -> Iterator[sa.Connection]:
-    """A connection that reads; what the database refuses is refused as by `refusals`."""
+    """Open a connection that reads; errors are translated as by `refusals`."""
     with refusals(engine), engine.connect() as connection:
         yield connection
 
 
 @contextmanager
 def writing(engine: sa.Engine) -> Iterator[sa.Connection]:
-    """A transaction that writes, kept where the block ends without an error; refused as by `refusals`."""
+    """Open a transaction that writes, committed if the block ends without an error.
+
+    Errors are translated as by `refusals`.
+    """
     with refusals(engine), engine.connect().execution_options(**WRITES) as connection, connection.begin():
         yield connection
 
 
 def _refusal(error: exc.DBAPIError, place: str) -> StoreError:
-    """The refusal that the words of the database mean: SQLite has no classes for its errors."""
+    """Return the error for a message of the database; SQLite has no classes for its errors."""
     words = str(error.orig)
     first = _first_line(error.orig)
     if any(mark in words for mark in _FULL):
@@ -186,10 +197,17 @@ def _first_line(error: BaseException | None) -> str:
 
 
 def migrate(url: str, *, roles: bool = False) -> tuple[str, str]:
-    """Bring the tables of a store to this program's version, or make them; the version before ("" for none) and after.
+    """Migrate the tables of a store to this program's version, or create them.
 
-    All or nothing. roles: make the roles of a PostgreSQL as well; those that are there get their rights in any case.
-    Raises StoreError, StoreGone.
+    Returns the version before ("" for none) and after. All or nothing. With `roles`, the roles of a PostgreSQL are
+    created as well; existing ones get their rights in any case.
+
+    Raises
+    ------
+    StoreError
+        The store cannot be migrated.
+    StoreGone
+        The store does not answer.
     """
     engine = engine_of(url, forever=True)  # a step may go through every row
     try:
@@ -202,7 +220,13 @@ def migrate(url: str, *, roles: bool = False) -> tuple[str, str]:
 
 
 def carried_over(connection: sa.Connection, engine: sa.Engine) -> tuple[str, str]:
-    """Migrate within the transaction of a connection; versions before and after. Raises StoreError."""
+    """Migrate within the transaction of a connection, and return the versions before and after.
+
+    Raises
+    ------
+    StoreError
+        The store has a newer version, or is another program's.
+    """
     if engine.dialect.name == "postgresql":
         connection.execute(sa.text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
     before = version(connection, engine)
@@ -214,7 +238,13 @@ def carried_over(connection: sa.Connection, engine: sa.Engine) -> tuple[str, str
 
 
 def version(connection: sa.Connection, engine: sa.Engine) -> str:
-    """The version of a store, "" for an empty database. Raises StoreError for a newer one and another's database."""
+    """Return the version of a store, "" for an empty database.
+
+    Raises
+    ------
+    StoreError
+        The store has a newer version, or is another program's.
+    """
     names = set(sa.inspect(connection).get_table_names())
     if _VERSIONS not in names:
         if names:
@@ -253,7 +283,13 @@ def _config() -> Config:
 
 
 def give_rights(connection: sa.Connection, engine: sa.Engine, *, make: bool) -> None:
-    """Give the roles their rights in this database, and make those that are missing (`make`). Raises StoreError."""
+    """Give the roles their rights in this database; with `make`, create missing ones.
+
+    Raises
+    ------
+    StoreError
+        Roles were requested for an SQLite file.
+    """
     if engine.dialect.name != "postgresql":
         if make:
             raise StoreError(

@@ -1,10 +1,10 @@
-"""A PostgreSQL that does not answer: how long it is waited for, which an address may say.
+"""The time limits for a PostgreSQL that does not answer, which an address may set.
 
     postgresql://USER@HOST/NAME?connect_timeout=5&answer_timeout=30      seconds; answer_timeout=0: for ever
 
-A server ends a statement by itself after this time (its `statement_timeout`): one that waits for a lock, say. A server
-that hangs, or a network that swallows everything, ends nothing: so this end gives up a little later, and closes the
-connection, since nobody knows what state it is in.
+A server ends a statement by itself after this time (its `statement_timeout`), for example one that waits for a lock. A
+server that hangs, or a network that drops all packets, ends nothing. This end therefore stops a little later, and
+closes the connection, since its state is unknown.
 """
 
 from __future__ import annotations
@@ -33,8 +33,13 @@ class _Limited(psycopg.Connection[Any]):
     answer_s: float | None = None
 
     def wait(self, gen: PQGen[RV], interval: float = 0.1, timeout: float | None = None) -> RV:
-        """Wait for an answer, as any connection does. Raises OperationalError, and closes the connection, where no
-        answer has come."""
+        """Wait for an answer, as any connection does.
+
+        Raises
+        ------
+        OperationalError
+            No answer has come; the connection is closed.
+        """
         try:
             return super().wait(gen, interval, self.answer_s if timeout is None else timeout)
         except errors.OperationalError:
@@ -45,9 +50,14 @@ class _Limited(psycopg.Connection[Any]):
 
 
 def limited(url: sa.URL, place: str, *, forever: bool) -> sa.Engine:
-    """The engine of a server, not yet connected. forever: statements may take as long as they do (migrations).
+    """Return the engine of a server, not yet connected.
 
-    Raises StoreError for times that are none.
+    With `forever`, statements have no time limit (migrations).
+
+    Raises
+    ------
+    StoreError
+        A time limit is not valid.
     """
     connect_s, answer_s = _seconds(url, CONNECT, CONNECT_S, place), _seconds(url, ANSWER, ANSWER_S, place)
     engine = sa.create_engine(

@@ -1,6 +1,6 @@
-"""The parameters of a robot by a re-diagnosis of its data sets, as points of a trend.
+"""The parameters of a robot from a re-diagnosis of its data sets, as points of a trend.
 
-It says of the same readings what the cell's own model said, by another version: so it stands in the place of that model
+A re-diagnosis replaces the statement of the cell's own model on the same readings by that of another version
 (`Store.trend`), and no measurement is shown twice. Of several versions the result that was finished last counts.
 """
 
@@ -27,11 +27,11 @@ _MANY = 500  # keys in one question
 def rediagnosed(
     connection: sa.Connection, robot: RobotKey | None, parameter: str | None
 ) -> dict[RobotKey, tuple[list[TrendPoint], set[datetime]]]:
-    """The points of one parameter, or of all (None) with the error on held-out readings, of a robot, or of all (None);
-    and when the data sets were measured that have such a model.
+    """Return the points of a trend, and the times of the data sets with such a model.
 
-    Not of data sets that do not say when they were measured, whose time is that of a file; nor of those without
-    held-out readings: they are of watches, and too few for a model that one would compare.
+    The points are those of one parameter, or of all (None) with the error on held-out readings, for one robot, or for
+    all (None). Excluded are data sets that do not state their time of measurement: their time is that of a file.
+    Excluded are also those without held-out readings: they come from watches, and are too few for a model to compare.
     """
     found: dict[RobotKey, tuple[list[TrendPoint], set[datetime]]] = {}
     for row, table in _contents(connection, _last(connection, robot)):
@@ -43,8 +43,10 @@ def rediagnosed(
 
 
 def _last(connection: sa.Connection, robot: RobotKey | None) -> dict[str, Any]:
-    """The result of each data set that was finished last, by its key: key, hash, robot and time of the data set,
-    program."""
+    """Return the last finished result of each data set, by its key.
+
+    It has key, hash, robot and time of the data set, and program.
+    """
     d, r, found = tables.document.c, tables.robot.c, tables.result.c
     question = (
         sa.select(found.key, d.hash, r.serial, r.model, d.measured_at, found.program)

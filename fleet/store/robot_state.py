@@ -1,10 +1,9 @@
-"""The standing of robots: what a watch and a diagnosis said last, the calibration, the errors so far; all robots are
-asked about in as many questions as one.
+"""Robot states: last verdicts, calibration, errors and parameters over time.
 
-A document cannot have been measured after it came. Where the clock of a cell is ahead, the day on which its document
-came counts instead: else its verdict would be the last one for years.
+The verdicts are those of a watch and of a diagnosis. All robots need as many queries as one.
 
-The values of parameters over time, of one robot or of all.
+A document cannot have been measured after it came. If the clock of a cell is ahead, the day on which its document came
+counts instead; otherwise its verdict would be the last one for years.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ _MANY = 500  # numbers in one question
 
 @dataclass(frozen=True)
 class BaselineRecord:
-    """The newest calibration of a robot: what the next watch is judged by."""
+    """The newest calibration of a robot, the baseline of its next watch."""
 
     hash: str
     measured_at: datetime
@@ -37,9 +36,9 @@ class BaselineRecord:
 
 @dataclass(frozen=True)
 class RobotState:
-    """What the store knows of one robot now.
+    """A robot's state according to the store.
 
-    watched, diagnosed: the last verdict of each kind; errors: position errors, RMS in mm, oldest first.
+    `watched` and `diagnosed` are the last verdicts of each kind; `errors` are position errors, RMS in mm, oldest first.
     """
 
     known: RobotSummary
@@ -52,7 +51,10 @@ class RobotState:
 def standings(
     connection: sa.Connection, known: Sequence[RobotSummary], robot: RobotKey | None
 ) -> list[RobotState]:
-    """The standing of every robot of `known`; robot: the one of them that is asked about, None for all."""
+    """Return the state of every robot of `known`.
+
+    `robot` is the one that is requested, None for all.
+    """
     said = {(each.robot, each.kind): each for each in _said(connection, robot)}
     models = dict(_baselines(connection, robot))
     errors = points_of(connection, robot, ERROR, again=True)
@@ -115,8 +117,10 @@ def _baselines(connection: sa.Connection, robot: RobotKey | None) -> list[tuple[
 
 
 def _newest(kinds: Sequence[Kind], robot: RobotKey | None, *first: sa.ColumnElement[Any]) -> sa.Subquery:
-    """The documents of these kinds, with their place among those of their robot and kind, the newest 1; first: what
-    counts before the time."""
+    """Rank the documents of these kinds among those of their robot and kind, the newest 1.
+
+    `first` has criteria that count before the time.
+    """
     d, r = tables.document.c, tables.robot.c
     at = sa.case((d.measured_at > d.added_at, d.added_at), else_=d.measured_at)
     place = sa.func.row_number().over(
@@ -133,9 +137,10 @@ def _newest(kinds: Sequence[Kind], robot: RobotKey | None, *first: sa.ColumnElem
 def points_of(
     connection: sa.Connection, robot: RobotKey | None, parameter: str | None, *, again: bool
 ) -> dict[RobotKey, list[TrendPoint]]:
-    """The values of one parameter, or of all (None), by name and time, of a robot, or of all (None).
+    """Return the values of one parameter, or of all (None), by name and time.
 
-    again: whether what a re-diagnosis says of the same readings stands in the place of the cell's own model.
+    They are those of one robot, or of all (None). With `again`, a re-diagnosis of the same readings replaces the values
+    of the cell's own model.
     """
     p, d, r = tables.parameter.c, tables.document.c, tables.robot.c
     question = (

@@ -1,8 +1,9 @@
-"""The statements of a document as rows: parameters of a model, verdict and causes of a watch or a diagnosis.
+"""The statements of a document as rows: model parameters, verdicts and causes.
 
-Only what is named here is read; the document itself is kept whole. Of a data set nothing is read: it is data.
+Verdicts and causes come from a watch or a diagnosis. Only these values are read; the document itself is kept whole. A
+data set has no rows: it is data.
 
-A data set as one document (`truepose-fleet-dataset/1`): its table and its header, which are two files, in one.
+A data set is one document (`truepose-fleet-dataset/1`) with its table and its header, which are two files.
 """
 
 from __future__ import annotations
@@ -49,7 +50,13 @@ class Rows:
 
 
 def rows_of(document: Document) -> Rows:
-    """The rows of a document. Raises DataError, naming its key, if the content is not of its kind."""
+    """Return the rows of a document.
+
+    Raises
+    ------
+    DataError
+        The content is not of its kind; the error names its key.
+    """
     place = f"{document.kind} {document.identity}"
     table = parse_json(document.content, place)
     wanted = FORMATS.get(document.kind)
@@ -110,7 +117,7 @@ def _parameter(entry: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _thermal(program: str, table: Mapping[str, Any]) -> Rows:
-    """Thermal upkeep: parameters where nothing else had changed, else what had."""
+    """Return the rows of a thermal update: its parameters, or the causes if it was not thermal."""
     thermal = table["thermal"]
     said = {"verdict": "thermal" if thermal else "not thermal"}
     said |= {name: _text(table[name]) for name in ("in_words", "advice")}
@@ -131,8 +138,10 @@ def _thermal(program: str, table: Mapping[str, Any]) -> Rows:
 
 
 def _held_out(table: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
-    """The error on held-out readings, where there were any and no watch has changed the model since. U is that of an
-    RMS of n errors of three coordinates each."""
+    """Return the error on held-out readings, if any, unless a watch has changed the model since.
+
+    Its U is that of an RMS over n errors with three coordinates each.
+    """
     judged = table.get("held_out")
     if judged is None or table.get("updates"):
         return ()
@@ -194,12 +203,21 @@ def _number(value: Any) -> float | None:
 
 
 def dataset_content(table: str, header: str) -> bytes:
-    """The document of a data set. table: text of DATA.csv; header: text of DATA.toml. Same texts, same bytes."""
+    """Return the document of a data set from the texts of DATA.csv and DATA.toml.
+
+    Equal texts give equal bytes.
+    """
     return json.dumps({"format": FORMAT, "header": header, "table": table}, ensure_ascii=False).encode()
 
 
 def dataset_texts(content: bytes) -> tuple[str, str]:
-    """The texts of the table and of the header, as they were. Raises DataError if it is no such document."""
+    """Return the texts of the table and of the header, as they were.
+
+    Raises
+    ------
+    DataError
+        The content is not such a document.
+    """
     found = parse_json(content, "data set")
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         raise DataError("is no data set of a store.", do=f'It must hold "format": "{FORMAT}".')

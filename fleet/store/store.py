@@ -1,4 +1,4 @@
-"""A store: documents put in once each, and asked for by robot, kind and time."""
+"""A store: each document is stored once and can be requested by robot, kind and time."""
 
 from __future__ import annotations
 
@@ -55,10 +55,17 @@ class FleetStore:
 
     @classmethod
     def open(cls, url: str) -> FleetStore:
-        """The store at an address: `sqlite:///FILE`, made where there is none, or `postgresql://USER@HOST/NAME`.
+        """Open the store at an address: `sqlite:///FILE` or `postgresql://USER@HOST/NAME`.
 
-        An SQLite file of an older version is carried over. A PostgreSQL is not, since others use it too: see
-        `migrate`. Raises StoreError for one of a newer version and for another's database, StoreGone.
+        A missing SQLite file is created, and one of an older version is migrated. A PostgreSQL is not, since others use
+        it too: see `migrate`.
+
+        Raises
+        ------
+        StoreError
+            The store has a newer version, or is another program's.
+        StoreGone
+            The store does not answer.
         """
         engine = engine_of(url)
         try:
@@ -85,8 +92,13 @@ class FleetStore:
         self.close()
 
     def add(self, document: Document) -> AddResult:
-        """Keep one document; one that is there already is not kept twice. Raises DataError for what is not of its
-        kind, and for a content that the store has of another robot or as another kind."""
+        """Store one document; an existing one is not stored twice.
+
+        Raises
+        ------
+        DataError
+            The document is not of its kind, or the store has its content for another robot or kind.
+        """
         return self.add_all([document])[0]
 
     def add_all(self, documents: Sequence[Document]) -> list[AddResult]:
@@ -105,7 +117,13 @@ class FleetStore:
         )
 
     def content(self, hash: str) -> bytes:
-        """The bytes of a document. Raises DataError for a hash that the store has not."""
+        """Return the bytes of a document.
+
+        Raises
+        ------
+        DataError
+            The store does not have this hash.
+        """
         question = (
             sa.select(tables.content.c.bytes).join(tables.document).where(tables.document.c.hash == hash)
         )
@@ -191,7 +209,10 @@ class FleetStore:
         limit: int = 1000,
         identity: str | None = None,
     ) -> list[DocumentSummary]:
-        """The newest `limit` documents, newest first. since: measured then or later."""
+        """Return the newest `limit` documents, newest first.
+
+        With `since`, only those measured then or later.
+        """
         d, r = tables.document.c, tables.robot.c
         other = tables.document.alias()
         conflict = sa.exists().where(other.c.identity == d.identity, other.c.id != d.id)
@@ -223,9 +244,9 @@ class FleetStore:
     def trend(
         self, robot: RobotKey, parameter: str | None = None, *, rediagnosed: bool = True
     ) -> list[TrendPoint]:
-        """The values of one parameter of a robot, or of all (None), by name and time.
+        """Return the values of one parameter of a robot, or of all (None), by name and time.
 
-        rediagnosed: whether what a re-diagnosis says of the same readings stands in the place of the cell's own model.
+        With `rediagnosed`, a re-diagnosis of the same readings replaces the values of the cell's own model.
         """
         with reading(self._engine) as connection:
             return points_of(connection, robot, parameter, again=rediagnosed).get(robot, [])
@@ -266,7 +287,13 @@ class FleetStore:
 
 
 def _prepare(engine: sa.Engine) -> None:
-    """See to it that the tables are those of this program. Raises StoreError."""
+    """Make sure that the tables are those of this program.
+
+    Raises
+    ------
+    StoreError
+        The store has another version and cannot be migrated here.
+    """
     with engine.connect() as connection:
         found = version(connection, engine)
     if found == newest():

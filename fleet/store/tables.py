@@ -1,4 +1,6 @@
-"""The tables of a store, as the last migration leaves them (`fleet.store.migrations`); a test holds the two together.
+"""The tables of a store after the last migration (`fleet.store.migrations`).
+
+A test compares the two.
 
     robot      one robot a row
     document   one content a row: what it says of itself; `version` counts the contents of one identity
@@ -9,7 +11,7 @@
     claim      a job that somebody works on, until a time
     result     the result of a job, written once
 
-Lengths, angles and temperatures are in the unit that stands beside them; U has k = 2.
+Lengths, angles and temperatures are in the unit of their row; U has k = 2.
 """
 
 from __future__ import annotations

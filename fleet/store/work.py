@@ -1,8 +1,8 @@
-"""Work on the documents of a store: who has a job now, and its result, which is written once.
+"""Work on the documents of a store: the owner of each job, and its result, written once.
 
-A job is keyed by what decides its result: the hash of its data, the version of the program, and the task with its
-settings. A claim ends by itself, so that the job of a lost worker is done by another; whoever comes late with a
-result finds it there.
+A job is keyed by everything that determines its result: the hash of its data, the version of the program, and the task
+with its settings. A claim ends by itself, so that the job of a lost worker is done by another; a worker that finishes
+late finds the result there.
 """
 
 from __future__ import annotations
@@ -24,7 +24,17 @@ _MANY = 1000  # keys in one question
 
 @dataclass(frozen=True)
 class FleetJob:
-    """task: what to do, with its settings, as text; data: hash of the document; program: version that does it."""
+    """A job.
+
+    Attributes
+    ----------
+    task
+        The work and its settings, as text.
+    data
+        Hash of the document.
+    program
+        Version that does the work.
+    """
 
     task: str
     data: str
@@ -38,7 +48,10 @@ class FleetJob:
 
 @dataclass(frozen=True)
 class JobResult:
-    """The result of a job. owner: who did it; seconds: of work; content: the result."""
+    """The result of a job.
+
+    `owner` is the run that did it, `seconds` the time of the work, `content` the result.
+    """
 
     job: FleetJob
     owner: str
@@ -48,16 +61,18 @@ class JobResult:
 
 
 class Work:
-    """The jobs of a store. Times are given, with their zone. Raises StoreGone, StoreError as the store does."""
+    """The jobs of a store.
+
+    Times are arguments, with their time zone. Errors are those of the store: StoreGone, StoreError.
+    """
 
     def __init__(self, engine: sa.Engine) -> None:
         self._engine = engine
 
     def claim(self, jobs: Sequence[FleetJob], owner: str, now: datetime, for_s: float) -> list[FleetJob]:
-        """Claim jobs; those of the given ones that are this owner's from now on: without a result, and nobody
-        else's at this time.
+        """Claim jobs, and return those that belong to this owner from now on.
 
-        An owner claims its own again to have them for longer.
+        They have no result and no other owner at this time. An owner claims its jobs again to extend them.
         """
         until = now + timedelta(seconds=for_s)
         mine: list[FleetJob] = []
@@ -130,7 +145,7 @@ class Work:
 
 
 def _taken(connection: sa.Connection, key: str, owner: str, now: datetime, until: datetime) -> bool:
-    """Claim one job: one that nobody has, whose claim has ended, or that is the owner's already."""
+    """Claim one job if it is free, its claim has ended, or it is the owner's already."""
     c = tables.claim.c
     free = sa.update(tables.claim).where(c.key == key, sa.or_(c.until <= now, c.owner == owner))
     if connection.execute(free.values(owner=owner, until=until)).rowcount:

@@ -23,7 +23,7 @@ _SURELY_MOVED_MM = 0.5  # by the nominal robot, which knows a step of some milli
 class Expectation:
     """The expected places of the cell's targets at the joints of the robot, deg.
 
-    The places `targets_mm` (m, 3) are in the world frame.
+    The places (m, 3) are in mm, in the world frame.
     """
 
     def __init__(self, cell: Cell, planned: PlannedReading, joints_deg: Sequence[float]) -> None:

@@ -1,1 +1,4 @@
-"""The history of the tables of a store: one file a step in `versions`, which never changes once a store has seen it."""
+"""The history of the tables of a store: one file per step in `versions`.
+
+A step never changes once a store has seen it.
+"""

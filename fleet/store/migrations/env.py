@@ -1,5 +1,7 @@
-"""The environment that Alembic runs: the steps on the connection that `fleet.store.engine` hands over, in its
-transaction."""
+"""The environment in which Alembic runs the steps.
+
+They run on the connection that `fleet.store.engine` passes, in its transaction.
+"""
 
 from __future__ import annotations
 
