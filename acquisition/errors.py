@@ -37,7 +37,10 @@ class RecordInUse(Busy):
 
 
 class RobotInUse(AcquisitionError):
-    """Another campaign of this computer moves this robot. No person is asked: this one pauses."""
+    """Another campaign of this computer moves this robot.
+
+    No person is asked: this campaign pauses.
+    """
 
     code = 3106
     exit_code = 4
@@ -67,12 +70,12 @@ class OtherIndividual(ConfigError):
         self.serial = serial
 
     def as_dict(self) -> dict[str, object]:
-        """The error for JSON, with the serial number."""
+        """Return the error for JSON, with the serial number."""
         return super().as_dict() | {"serial": self.serial}
 
 
 class UnsafePlan(Refused):
-    """The plan was checked before the first motion and one of its poses may not be driven."""
+    """A pose of the plan may not be driven; the plan was checked before the first motion."""
 
     code = 3102
     exit_code = 5
@@ -104,7 +107,7 @@ class Displaced(Refused):
 
 
 class OtherBalls(Refused):
-    """A leg of the ballbar is not as long as the calibration of stage 1 says."""
+    """A leg of the ballbar is not as long as the calibration of stage 1 predicts."""
 
     code = 3110
     advice = (
@@ -114,7 +117,7 @@ class OtherBalls(Refused):
 
 
 class TouchedElsewhere(Refused):
-    """A ball of the tool was read far from the cup that it should be in."""
+    """A ball of the tool was touched far from its cup."""
 
     code = 3111
     advice = (
@@ -138,7 +141,7 @@ class NestsDisagree(Refused):
 
 
 class WronglySeated(Refused):
-    """The SMR was seen where another target should be, or nowhere near any."""
+    """The SMR was detected at the place of another target, or at none."""
 
     code = 3107
     advice = (
@@ -165,7 +168,7 @@ class NothingNew(NoisyMeasurement):
 
 
 class TurnedOtherwise(Refused):
-    """The turn of a body and that of the robot do not belong together."""
+    """The orientations of a body and of the robot do not agree."""
 
     code = 3114
     advice = (
@@ -206,7 +209,7 @@ class StorageError(AcquisitionError):
 
 
 class RecordTaken(StorageError):
-    """Another program writes this record now, past the lock of its owner."""
+    """Another program writes this record now, although this one has the lock."""
 
     code = 5101
     advice = "Find out which other program runs this campaign and end one of the two, then resume."
@@ -222,7 +225,7 @@ class ClockJumped(StorageError):
 
 
 class DamagedRecord(StorageError):
-    """The file of a record is no longer what was written; `damaged` makes it."""
+    """The file of a record was changed or damaged; `damaged` creates this error."""
 
     code = 5103
     exit_code = 2

@@ -54,7 +54,10 @@ def first_of_a_list(schema: Any) -> Any:
 
 
 class Table(BaseModel):
-    """A table of a file: immutable and strict. The first unknown key and the first error of a list are reported."""
+    """A table of a file: immutable and strict.
+
+    The first unknown key and the first error of a list are reported.
+    """
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
@@ -216,7 +219,7 @@ def _refusal(model: type[Table], values: Any, fault: Any, file: Path | str) -> D
 
 
 def _shown(value: Any) -> str:
-    """A value as a message shows it: a long one by its beginning."""
+    """Return a value as a message shows it; of a long one only the beginning."""
     text = repr(value)
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]} and so on"
 
@@ -226,14 +229,14 @@ def _remedy(field: FieldInfo | None) -> Remedy:
 
 
 def _at(values: Any, keys: list[Any]) -> Any:
-    """The value that was given at these keys."""
+    """Return the value that was given at these keys."""
     for key in keys:
         values = values.get(key) if isinstance(values, Mapping) else values[key]
     return values
 
 
 def _place(model: type[Table], loc: tuple[Any, ...]) -> tuple[list[Any], type[Table], FieldInfo | None]:
-    """The keys of a fault, the table that it is in, and the field."""
+    """Return the keys of a fault, its table, and its field."""
     keys: list[Any] = []
     table, field, within = model, None, [model]
     for part in loc:
@@ -257,7 +260,7 @@ def _tag(table: type[Table]) -> str | None:
 
 
 def _tables(annotation: Any) -> list[type[Table]]:
-    """The tables in an annotation."""
+    """Return the tables in an annotation."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
         return [annotation]
     return [table for each in get_args(annotation) for table in _tables(each)]

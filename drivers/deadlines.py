@@ -1,4 +1,4 @@
-"""Named waits of the instruments, s: of bridges and of emScon alike."""
+"""The named waits of the instruments, s, both of bridges and of emScon."""
 
 from __future__ import annotations
 

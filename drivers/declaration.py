@@ -45,7 +45,7 @@ class Option:
 
 @dataclass(frozen=True, slots=True)
 class TextOption:
-    """A text that the cell file may have for one driver, one of `allowed` where there are any."""
+    """A text in the cell file for one driver, one of `allowed` if there are any."""
 
     key: str
     allowed: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""The kinematic parameters that a controller calculates with, as it reports them."""
+"""The kinematic parameters with which a controller calculates, as it reports them."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ class DhNumbers:
     d_mm: Row
 
     def minus(self, other: DhNumbers) -> DhNumbers:
-        """The difference of each number from that of another robot."""
+        """Return the difference of each number from that of another robot."""
         names = ("alpha_deg", "a_mm", "theta_deg", "d_mm")
         rows = ((getattr(self, name), getattr(other, name)) for name in names)
         return DhNumbers(*(tuple(p - q for p, q in zip(mine, its, strict=True)) for mine, its in rows))
 
     def links(self) -> list[dict[str, float]]:
-        """A table for each link, with the keys of a robot file's `[[link]]`."""
+        """Return a table for each link, with the keys of a robot file's `[[link]]`."""
         names = ("alpha_deg", "a_mm", "theta_deg", "d_mm")
         return [{name: getattr(self, name)[i] for name in names} for i in range(6)]

@@ -1,7 +1,7 @@
-"""The canonical address of a device, however its URL is written.
+"""The canonical address of a device, for every spelling of its URL.
 
 `tcp://localhost:5000`, `TCP://127.0.0.1:05000/` and `tcp://[::1]:5000?background=5002` lead to one socket. The URL is
-taken apart by the parser that the drivers use, so that what is named here is what they connect to.
+parsed as by the drivers, so that this address is the one to which they connect.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def endpoints(url: str) -> frozenset[str]:
 
 
 def _plain(text: str) -> str:
-    """An IP address without its zone; IPv4 within IPv6 as IPv4."""
+    """Return an IP address without its zone; IPv4 within IPv6 as IPv4."""
     ip = ipaddress.ip_address(text.partition("%")[0])
     ip = getattr(ip, "ipv4_mapped", None) or ip
     # 0.0.0.0 and :: are answered by the computer that asks

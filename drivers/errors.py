@@ -79,7 +79,7 @@ class AcquisitionError(Exception):
         return f"{'' if named else f'{self.device}: '}{self.message.rstrip('.')}{end}"
 
     def as_dict(self) -> dict[str, object]:
-        """Plain values for the audit log and for problem+json; raw bytes as latin-1 text."""
+        """Return plain values for the audit log and for problem+json; raw bytes as latin-1 text."""
         return {
             "code": self.code,
             "name": type(self).__name__,
@@ -134,7 +134,7 @@ class ProtocolError(LinkError):
 
 
 class Unmeasurable(AcquisitionError):
-    """The instrument works, this point cannot be measured now."""
+    """The instrument works, but this point cannot be measured now."""
 
     code = 2000
     advice = "Look at the target and the line of sight, then repeat the measurement or skip the pose."
@@ -191,7 +191,7 @@ class Busy(Refused):
 
 
 class JointLimit(Refused):
-    """Target outside the joint limits; nothing moved."""
+    """The target is outside the joint limits; nothing moved."""
 
     code = 3003
     exit_code = 5
@@ -199,7 +199,7 @@ class JointLimit(Refused):
 
 
 class WrongMode(Refused):
-    """Controller in manual mode or motors off."""
+    """The controller is in manual mode, or its motors are off."""
 
     code = 3004
     exit_code = 4
@@ -207,7 +207,7 @@ class WrongMode(Refused):
 
 
 class NotReady(Refused):
-    """Instrument not initialised, warming up, or without weather data."""
+    """The instrument is not initialised, is warming up, or has no weather data."""
 
     code = 3005
     exit_code = 4
@@ -273,19 +273,19 @@ class SafetyStop(AcquisitionError):
 
 
 class EmergencyStop(SafetyStop):
-    """Emergency stop pressed."""
+    """The emergency stop is pressed."""
 
     code = 4001
 
 
 class ProtectiveStop(SafetyStop):
-    """Collision or supervision stop of the controller."""
+    """A collision or supervision stop of the controller."""
 
     code = 4002
 
 
 class EnableLost(SafetyStop):
-    """Enabling device released or safeguard opened."""
+    """The enabling device was released, or a safeguard opened."""
 
     code = 4003
 
@@ -299,7 +299,7 @@ class ConfigError(AcquisitionError):
 
 
 class NoOperator(AcquisitionError):
-    """A prompt needs a person and none can be reached."""
+    """A prompt needs a person, and no one can be reached."""
 
     code = 7000
     exit_code = 4

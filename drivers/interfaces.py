@@ -38,7 +38,7 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class JointReading:
-    """Joint angles as the controller reports them (deg), with the resolution of its reply (deg)."""
+    """Joint angles from the controller (deg), with the resolution of its reply (deg)."""
 
     joints_deg: tuple[float, ...]
     resolution_deg: float
@@ -124,8 +124,8 @@ class PoseReading(PointReading):
 class LengthReading:
     """An averaged length between the centres of two balls (mm).
 
-    `length_mm` is the bar's calibrated length at the temperature of the reading plus the deviation that the
-    sensor shows, less its zero: `deviation_mm` and `zero_mm` are what went into it.
+    `length_mm` is the bar's calibrated length at the temperature of the reading plus the deviation that the sensor
+    shows, less its zero; `deviation_mm` and `zero_mm` are these two values.
     """
 
     target: str
@@ -292,7 +292,10 @@ class PointMeter(Device, Protocol):
 
 @runtime_checkable
 class PoseMeter(Device, Protocol):
-    """Measures point and orientation of a target by its name. Every PoseMeter is a PointMeter as well."""
+    """An instrument that measures point and orientation of a target by its name.
+
+    Every PoseMeter is a PointMeter as well.
+    """
 
     def measure(
         self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
@@ -342,7 +345,7 @@ class SpeedLimited(Protocol):
 
 @runtime_checkable
 class OperatedByPerson(Protocol):
-    """A device that a person operates. It asks the person through `ask`."""
+    """A device that a person operates; it asks the person through `ask`."""
 
     def attend(self, ask: Asking) -> None: ...
 

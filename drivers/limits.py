@@ -1,4 +1,7 @@
-"""Limits of a robot from its cell file, of speeds and joints. Every target is checked before anything is sent."""
+"""Limits of a robot from its cell file: speeds and joints.
+
+Every target is checked before it is sent.
+"""
 
 from __future__ import annotations
 

@@ -407,5 +407,5 @@ class TcpLink:
 
 
 def _words(error: OSError | ValueError) -> str:
-    """The text of the operating system for an error, without its number."""
+    """Return the text of the operating system for an error, without its number."""
     return getattr(error, "strerror", None) or str(error)

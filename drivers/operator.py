@@ -19,7 +19,7 @@ _LETTERS = {answer.value[0]: answer for answer in Answer}
 
 
 class UnknownPrompt(Refused):
-    """An answer to a prompt that is not, or no longer, being asked, or one it does not expect."""
+    """An answer to a prompt that is not, or no longer, being asked, or that it does not expect."""
 
     code = 3020
     advice = "Look at the prompt shown now and answer that one."

@@ -21,7 +21,7 @@ from drivers.interfaces import JointReading
 
 
 def apart_deg(one: Sequence[float], other: Sequence[float]) -> float:
-    """The largest difference of a joint, in the unit of the arguments."""
+    """Return the largest difference of a joint, in the unit of the arguments."""
     return max(abs(a - b) for a, b in zip(one, other, strict=True))
 
 

@@ -22,7 +22,10 @@ BAUD = 115200
 
 
 class SerialLink:
-    """A serial port. Not shared between threads, except `close`, which is always safe."""
+    """A serial port.
+
+    It is not shared between threads, except `close`, which is always safe.
+    """
 
     poll_s = 0.05  # how long a read may hold up a `close` from another thread
 
@@ -89,7 +92,7 @@ class SerialLink:
 
     @contextmanager
     def question(self, command: str, *, unread_allowed: bool = True) -> Iterator[None]:
-        """A context manager for one question and its answer: any exception closes the link."""
+        """Enclose one question and its answer: any exception in the block closes the link."""
         try:
             yield
         except BaseException:
@@ -121,7 +124,10 @@ class SerialLink:
     def read_until(
         self, terminator: bytes, *, command: str, deadline: str, seconds: float, limit: int = 512
     ) -> bytes:
-        """Bytes up to and without the terminator; the rest stays. Raises as `TcpLink.read_until`."""
+        """Read bytes up to and without the terminator; the rest stays.
+
+        Errors are those of `TcpLink.read_until`.
+        """
         end = self._clock() + seconds
         while terminator not in self._buffer:
             if len(self._buffer) > limit:

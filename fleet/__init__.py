@@ -1,1 +1,1 @@
-"""Many robots: their store, and what writes to it and reads from it (docs/decisions/0078)."""
+"""Many robots: their store, its writers and its readers (docs/decisions/0078)."""

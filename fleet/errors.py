@@ -1,4 +1,4 @@
-"""Refusals of a store. The place (`file`) is the address of the store, without its password."""
+"""Errors of a store. The place (`file`) is the address of the store, without its password."""
 
 from __future__ import annotations
 
@@ -20,4 +20,4 @@ class StoreGone(StoreError):
 
 
 class StoreFull(StoreGone):
-    """A store whose disk has no room left."""
+    """A store whose disk is full."""

@@ -39,7 +39,7 @@ FORMAT = "truepose-campaign/1"
 
 
 class WarmUpTable(Table):
-    """The reference pose is measured until the arm is warm."""
+    """The warm-up: the reference pose is measured until the arm is warm."""
 
     below_mm: Annotated[
         float, told("The last readings must lie within this of each other, mm.", 0.02, ge=1e-4, le=10.0)
@@ -50,7 +50,7 @@ class WarmUpTable(Table):
 
 
 class NestCheckTable(Table):
-    """The nests are measured again while the campaign runs."""
+    """The repeated measurement of the nests while the campaign runs."""
 
     every: Annotated[int, told("Number of readings between two checks.", 100, ge=1, le=1_000_000)]
     limit_mm: Annotated[
@@ -67,9 +67,10 @@ def _no_more_than_one_too_many(robot: Any) -> Any:
 
 
 class CampaignTable(Table):
-    """A campaign: what `campaign.toml` holds, also as JSON.
+    """A campaign: the content of `campaign.toml`, also as JSON.
 
-    Every key has a default but `format` and `block`; one that is not known is refused by name. No null: leave it out.
+    Every key has a default except `format` and `block`. An unknown key is refused by name. Null is not allowed: leave
+    the key out.
     """
 
     format: Annotated[Literal["truepose-campaign/1"], told("The format of the table.", FORMAT)]

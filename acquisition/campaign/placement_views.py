@@ -19,7 +19,7 @@ COLOURS = {"front/up": "#c2410c", "back/down": "#4c3ba8", "front/down": "#b9770e
 
 
 def placement_picture(hexapod: HexapodSurvey, reached: Sequence[ReachResult]) -> str:
-    """The picture as a text of SVG."""
+    """Draw placements as SVG text."""
     rows = []
     for each in reached:
         cell = hexapod.moved(each.placement)

@@ -36,7 +36,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class BallPlacement:
-    """A shift, mm, and a turn, deg, of the base balls from where the cell file has them."""
+    """A shift, mm, and a turn, deg, of the base balls relative to the cell file."""
 
     shift_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     turn_deg: float = 0.0
@@ -67,12 +67,12 @@ class ReachResult:
 
     @property
     def poses(self) -> int:
-        """Stances that are reached in some branch."""
+        """Number of stances that are reached in some branch."""
         return int(self.there.any(axis=1).sum())
 
     @property
     def configurations(self) -> int:
-        """Number of stances times branches that are reached."""
+        """Number of reached pairs of stance and branch."""
         return int(self.there.sum())
 
     @property
@@ -204,7 +204,7 @@ class HexapodSurvey:
         return robot.model_angles(drawn[inside][:_PLACES])
 
     def moved(self, placement: BallPlacement) -> Cell:
-        """The cell with its base balls, and what carries them, at a placement."""
+        """Return the cell with its base balls, and the fixtures that carry them, at a placement."""
         pose = placement.pose(self._balls.mean(axis=0))
         balls = taken(self._balls, pose)
         nests = {**self.cell.nests, **{n: point(p) for n, p in zip(self.base, balls, strict=True)}}

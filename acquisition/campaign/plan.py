@@ -79,7 +79,7 @@ class Visit:
 
     @property
     def between_balls(self) -> bool:
-        """Distances between two balls of one body."""
+        """Whether the visit measures distances between two balls of one body."""
         return self.kind == "nest" and bool(self.base_targets)
 
     @property
@@ -89,7 +89,10 @@ class Visit:
 
     @property
     def stops(self) -> list[Visit]:
-        """Every rest of the robot: this one, and of a path all that follow, which have no approach."""
+        """Every rest of the robot in this visit.
+
+        A path also has its further waypoints, which have no approach.
+        """
         further = enumerate(self.waypoints, start=2)
         return [
             self,
@@ -309,7 +312,7 @@ def _within_limits(cell: Cell, stops: Sequence[Visit], joints: np.ndarray, what:
 
 
 class Forecast:
-    """Expected time until each reading of a pose is done, in the order of the plan."""
+    """The expected time until each reading of a pose is done, in the order of the plan."""
 
     def __init__(self, before_s: float, readings_s: Array) -> None:
         self._done_s = before_s + np.concatenate([[0.0], np.cumsum(readings_s)])
@@ -317,7 +320,7 @@ class Forecast:
 
     @classmethod
     def of(cls, cell: Cell, campaign: Campaign, visits: Sequence[Visit]) -> Forecast:
-        """The forecast of a whole plan. The robot is taken to be in its first pose already."""
+        """Forecast a whole plan, with the robot already in its first pose."""
         posed = [visit for visit in visits if visit.kind == "pose"]
         gate = campaign.warm_up
         before = campaign.warm_up_s + (0.0 if gate is None else (gate.over - 1) * gate.every_s)
@@ -366,13 +369,13 @@ class Forecast:
 
 
 def _rests_s(campaign: Campaign, visit: Visit) -> float:
-    """The seconds that a path rests in its waypoints."""
+    """Return the seconds that a path rests in its waypoints."""
     path = campaign.path_of(visit.block)
     return 0.0 if path is None or not visit.waypoints else path.rest_s * (len(visit.waypoints) + 1)
 
 
 def _speed(cell: Cell, campaign: Campaign, visit: Visit) -> float:
-    """The speed at which the robot drives through the waypoints of a visit, deg/s."""
+    """Return the speed, deg/s, at which the robot drives through the waypoints of a visit."""
     path = campaign.path_of(visit.block)
     return cell.robot.speed_deg_s if path is None or path.speed_deg_s is None else path.speed_deg_s
 

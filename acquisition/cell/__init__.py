@@ -1,4 +1,4 @@
-"""The cell: which robot and instrument, where, and what arm and tool must keep clear of."""
+"""The cell: robot, instrument, their places, and the obstacles of arm and tool."""
 
 from acquisition.cell.cell import Cell, cell_from, cell_of_record, read_cell
 from acquisition.cell.devices import Devices, open_devices

@@ -28,7 +28,7 @@ TOOL_RADIUS_MM = 25.0
 
 @dataclass(frozen=True)
 class CellArm:
-    """The nominal robot's body, then the tool: a capsule from the flange to every target."""
+    """The nominal robot's body and its tool: a capsule from the flange to every target."""
 
     robot: Robot
     coupling: str

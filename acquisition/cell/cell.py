@@ -379,7 +379,7 @@ class Bar:
         return self.body_mm + sum(self.extensions_mm)
 
     def in_words(self) -> str:
-        """The sentence that says to a person how to build the bar."""
+        """Return the instruction to a person how to build the bar."""
         if not self.extensions_mm:
             return f"the ballbar of {self.length_mm:g} mm, without extension bars"
         bars = " and ".join(f"{each:g}" for each in self.extensions_mm)
@@ -405,7 +405,7 @@ def bars_of(cell: Cell) -> tuple[Bar, ...]:
 
 
 def apart_mm(cell: Cell, one: str, other: str) -> float:
-    """Distance of two balls of the base, or two of the tool, by the cell file, mm."""
+    """Return the distance of two balls of the base, or two of the tool, in the cell file, mm."""
     places = cell.nests if one in cell.nests else cell.tool.targets
     return float(np.linalg.norm(np.subtract(places[one], places[other])))
 
@@ -424,7 +424,7 @@ def bar_between(cell: Cell, one: str, other: str) -> Bar | None:
 
 
 def bar_for(cell: Cell, target: str, base_target: str) -> Bar:
-    """The bar for a planned reading: of a leg, or between two balls of one body."""
+    """Return the bar for a planned reading: a leg, or two balls of one body."""
     leg = (target in cell.nests) != (base_target in cell.nests)
     between = None if leg else bar_between(cell, target, base_target)
     return bars_of(cell)[0] if between is None else between
@@ -437,7 +437,10 @@ def carries(fixture: Obstacle, balls: Array) -> bool:
 
 
 def moved(fixture: Obstacle, pose: Array) -> Obstacle:
-    """A post where the motion (4, 4) takes it; a box becomes the upright box about its corners."""
+    """Return a fixture after the motion (4, 4).
+
+    A box becomes the upright box about its moved corners.
+    """
     if isinstance(fixture, Post):
         start, end = taken(np.array([fixture.from_mm, fixture.to_mm]), pose)
         return replace(fixture, from_mm=point(start), to_mm=point(end))
@@ -449,7 +452,7 @@ def moved(fixture: Obstacle, pose: Array) -> Obstacle:
 
 
 def with_nests(cell: Cell, nests_mm: Mapping[str, Vector]) -> Cell:
-    """The cell with some of its nests elsewhere, each with the fixtures that carry it."""
+    """Return the cell with some of its nests moved, each with the fixtures that carry it."""
     fixtures = list(cell.fixtures)
     for name, place in nests_mm.items():
         pose = np.eye(4)
@@ -463,12 +466,12 @@ def with_nests(cell: Cell, nests_mm: Mapping[str, Vector]) -> Cell:
 
 
 def taken(points: Array, pose: Array) -> Array:
-    """Points (n, 3) where the motion (4, 4) takes them."""
+    """Return points (n, 3) after the motion (4, 4)."""
     return points @ pose[:3, :3].T + pose[:3, 3]
 
 
 def point(place: Array) -> Vector:
-    """A place (3,) as a cell has it, to a tenth of a micrometre."""
+    """Return a place (3,) as a cell stores it, rounded to a tenth of a micrometre."""
     x, y, z = (round(float(c), 4) for c in place)
     return x, y, z
 
@@ -492,7 +495,7 @@ class Match:
 
 
 def match_robot(cell: Cell, who: Identity) -> Match:
-    """The controller's own words against `[robot] model`."""
+    """Compare maker and model that the controller reports with `[robot] model`."""
     robot = cell.robot.model
     if cell.robot.declared.by_hand:
         return Match(None, f"{robot.name} by the cell file; nobody but its type plate says so")

@@ -99,7 +99,7 @@ class Clearance:
         return out
 
     def at(self, joints_deg: Array) -> list[Contact | None]:
-        """The deepest contact of each posture (n, N)."""
+        """Return the deepest contact of each posture (n, N)."""
         if not len(joints_deg):
             return []
         apart = self.distances(self.arm.lines(joints_deg))
@@ -205,7 +205,7 @@ class _Pieces:
         return cls(move, np.zeros(len(move)), first, last, np.repeat(room.pairs[None], len(move), axis=0))
 
     def halved(self, middle: Array, share: Array, left: Mask, right: Mask) -> _Pieces:
-        """The halves that have something open."""
+        """Return the halves that have open pairs."""
         one, two = (np.any(half, axis=(1, 2)) for half in (left, right))
         return _Pieces(
             np.concatenate([self.move[one], self.move[two]]),

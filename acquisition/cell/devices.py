@@ -1,4 +1,4 @@
-"""The devices of a cell, opened by the names of its file."""
+"""The devices of a cell, opened according to the driver names of its file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from drivers.link import WireSink
 
 
 class ManualJogging(Protocol):
-    """The hands of a person at the arm of a simulated cell; angles of the model, deg."""
+    """A simulated person who jogs the arm of a simulated cell; angles of the model, deg."""
 
     def touch(self, target: str, base_target: str, near_deg: Sequence[float]) -> None:
         """Jog the arm until a ball of the tool sits in a cup, the arm nearly as in `near_deg`."""

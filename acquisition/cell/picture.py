@@ -49,7 +49,7 @@ class CellView:
     def line(
         self, points: Array, colour: str, width: float, *, shape: str = "polyline", more: str = ""
     ) -> None:
-        """A line through points (n, 3), or a polygon."""
+        """Draw a line through points (n, 3), or a polygon."""
         path = " ".join(f"{x:.1f},{y:.1f}" for x, y in self._at(points))
         fill = f'fill="{colour}" fill-opacity="0.12"' if shape == "polygon" else 'fill="none"'
         self._parts.append(
@@ -58,11 +58,11 @@ class CellView:
         )
 
     def limb(self, ends: Array, radius_mm: float) -> None:
-        """A capsule of the arm, as thick as it is."""
+        """Draw a capsule of the arm with its thickness."""
         self.line(ends, LIMB, max(2.0 * radius_mm * self._scale, 2.0), more=' stroke-opacity="0.55"')
 
     def ball(self, place: Array, name: str, colour: str) -> None:
-        """A ball with its name."""
+        """Draw a ball with its name."""
         ((x, y),) = self._at(place)
         self._parts.append(
             f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{_BALL}" fill="{colour}"/>'
@@ -70,14 +70,14 @@ class CellView:
         )
 
     def dots(self, points: Array, colour: str) -> None:
-        """Small dots at points (n, 3)."""
+        """Draw small dots at points (n, 3)."""
         self._parts += [
             f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1.6" fill="{colour}" fill-opacity="0.6"/>'
             for x, y in self._at(points)
         ]
 
     def svg(self, column: int, row: int) -> str:
-        """The panel at its place in a picture."""
+        """Return the panel at its place in a picture."""
         return (
             f'<svg x="{column * _WIDTH:g}" y="{row * _HEIGHT:g}" width="{_WIDTH:g}" height="{_HEIGHT:g}">'
             f'<text x="8" y="14" font-size="12" fill="{QUIET}">{escape(self.title)}</text>'
@@ -86,7 +86,7 @@ class CellView:
 
 
 def as_picture(rows: Sequence[Sequence[CellView]], described: str) -> str:
-    """The SVG of some panels, row by row."""
+    """Return the SVG of some panels, row by row."""
     width, height = _WIDTH * max(map(len, rows)), _HEIGHT * len(rows)
     parts = "".join(panel.svg(i, k) for k, row in enumerate(rows) for i, panel in enumerate(row))
     return (

@@ -196,12 +196,12 @@ def _refuse_undriven(table: TomlTable, robot: Robot, driver: str) -> None:
 
 
 def read_url(table: TomlTable, *, by_hand: bool) -> str:
-    """The address of a device; a manual one has none."""
+    """Read the address of a device; a manual one has none."""
     return table.text("url", "") if by_hand else table.text("url")
 
 
 def read_options(table: TomlTable, options: Sequence[Option | TextOption]) -> dict[str, float | str]:
-    """The options of a driver in its table of the cell file; those that it needs are demanded."""
+    """Read the options of a driver from its table of the cell file; required ones must be there."""
     return {
         option.key: table.text(option.key, allowed=option.allowed or None)
         if isinstance(option, TextOption)

@@ -39,7 +39,7 @@ class CheckResult:
     exit_code: int = HEALTHY
 
     def as_dict(self) -> dict[str, object]:
-        """Plain values, for programs."""
+        """Return plain values, for programs."""
         names = ("device", "check", "level", "found", "do", "code", "error")
         return {name: getattr(self, name) for name in names}
 
@@ -105,7 +105,7 @@ class Chart:
 
 
 def exit_code_of(error: AcquisitionError) -> int:
-    """The exit code of the command line, by the family of the error."""
+    """Return the exit code of the command line for the family of the error."""
     if isinstance(error, SafetyStop):
         return UNSAFE
     if isinstance(error, ConfigError):
@@ -115,7 +115,7 @@ def exit_code_of(error: AcquisitionError) -> int:
 
 @dataclass(frozen=True)
 class Examination:
-    """Everything that was found in one cell."""
+    """All findings of one cell."""
 
     cell: str
     simulated: bool
@@ -124,7 +124,7 @@ class Examination:
 
     @property
     def faults(self) -> list[CheckResult]:
-        """The faults: what prevents a campaign."""
+        """The faults: findings that prevent a campaign."""
         return [finding for finding in self.findings if finding.level == "fault"]
 
     @property

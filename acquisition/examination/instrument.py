@@ -28,7 +28,10 @@ _BATTERY_LOW, _BATTERY_EMPTY = 20.0, 5.0
 
 
 def examine_instrument(cell: Cell, instrument: Instrument, chart: Chart, place: Place) -> None:
-    """Writes into `chart`, ends when the link breaks, and disconnects."""
+    """Examine the instrument; the findings go into `chart`.
+
+    It ends when the link breaks, and disconnects.
+    """
     more = partial(_examine, cell, instrument, chart, place.time_scale)
     examine_device(instrument, chart, place, partial(match_instrument, cell), more)
 

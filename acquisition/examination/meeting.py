@@ -42,9 +42,10 @@ class Place:
 def examine_device(
     device: Device, chart: Chart, place: Place, match: Callable[[Identity], Match], ask: Callable[[], None]
 ) -> None:
-    """Meet the device, `ask` it what only its kind can be asked, disconnect.
+    """Connect to the device, ask the questions of its kind with `ask`, and disconnect.
 
-    A question that breaks the link is left out, and the device met again for the others; ends when it does not answer.
+    A question that breaks the link is left out, and the device is connected again for the others. The examination ends
+    when the device does not answer.
     """
     left = _MOST_TIMES_MORE
 
@@ -175,7 +176,7 @@ class ClockReading:
 
     @property
     def at_s(self) -> float:
-        """Midway between question and answer."""
+        """Time midway between question and answer, s."""
         return 0.5 * (self.asked_s + self.answered_s)
 
 

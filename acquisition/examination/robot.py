@@ -25,7 +25,10 @@ _DH_OFF_MM = 0.5
 
 
 def examine_robot(cell: Cell, robot: RobotArm, chart: Chart, place: Place) -> None:
-    """Writes into `chart`, ends when the link breaks, and disconnects."""
+    """Examine the robot; the findings go into `chart`.
+
+    It ends when the link breaks, and disconnects.
+    """
     more = partial(_examine, cell, robot, chart, place.time_scale)
     examine_device(robot, chart, place, partial(match_robot, cell), more)
 
@@ -60,7 +63,7 @@ def _examine(cell: Cell, robot: RobotArm, chart: Chart, time_scale: float) -> No
 
 
 def _fitness(chart: Chart, status: RobotStatus, details: Details) -> None:
-    """Mode, safety and motors, each in its own line."""
+    """Check mode, safety and motors, each in its own line."""
     if status.mode == "manual":
         chart.fault("mode", WrongMode("controller in manual mode"))
     elif status.mode == "reduced":
@@ -95,7 +98,7 @@ def _fitness(chart: Chart, status: RobotStatus, details: Details) -> None:
 
 
 def _geometry(cell: Cell, chart: Chart, nominal: DhNumbers) -> None:
-    """The DH lengths that the controller calculates with, against the robot file."""
+    """Compare the DH lengths with which the controller calculates with the robot file."""
     robot = cell.robot.model
     if robot.convention != "dh" or robot.joints != len(nominal.a_mm):
         return
@@ -182,7 +185,7 @@ def _warmth(chart: Chart, details: Details) -> None:
 
 
 def _note_unreported(chart: Chart, status: RobotStatus, *, has_clock: bool) -> None:
-    """Silence is not taken for good news."""
+    """List the facts that the protocol does not report, so that they are not taken for good."""
     unfit = {
         "mode": status.mode == "unknown",
         "emergency stop": status.emergency_stop is None,

@@ -158,7 +158,7 @@ def campaign_text(follow_up: FollowUp, cell: Cell | None = None) -> str:
 
 
 def _inline(value: Any) -> str:
-    """A TOML value on one line: text, numbers, lists and tables of them."""
+    """Format a TOML value on one line: text, numbers, lists and tables of them."""
     if isinstance(value, list):
         return f"[{', '.join(_inline(each) for each in value)}]"
     if isinstance(value, dict):
@@ -167,7 +167,7 @@ def _inline(value: Any) -> str:
 
 
 def expectations(follow_up: FollowUp) -> list[str]:
-    """The expected distinction by the poses, a sentence for each pair."""
+    """State how well the poses are expected to distinguish each pair, one sentence per pair."""
     return [
         f"{label} from {rival}: expected squared distance {square:.0f}, "
         + ("which settles it." if square >= SEPARATES else f"short of the {SEPARATES:g} that settle it.")

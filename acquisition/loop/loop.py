@@ -78,7 +78,7 @@ _FOLLOWS_MM = 0.002  # movement within a quarter of an hour or 0.3 K below which
 
 
 def here(function: Callable[..., Any], *args: object) -> Any:
-    """The value of the function, computed in this process."""
+    """Call the function in this process and return its value."""
     return function(*args)
 
 

@@ -165,7 +165,7 @@ class _ByDevice:
 
 @contextmanager
 def wire_logs(out: Path) -> Iterator[WireSink]:
-    """Everything that passes, in OUT/wire_ROBOT.log and OUT/wire_INSTRUMENT.log."""
+    """Log all traffic in OUT/wire_ROBOT.log and OUT/wire_INSTRUMENT.log."""
     with ExitStack() as stack:
         logs = {
             name: WireLog(stack.enter_context((out / f"wire_{name}.log").open("w", encoding="utf-8")))

@@ -25,7 +25,7 @@ class Attempts:
         self._store = store
 
     def begin_arrival(self, visit: Visit) -> int:
-        """The robot is about to go to the approach point and on to the pose."""
+        """Record that the robot is about to go to the approach point and on to the pose."""
         return self._begin("arrive", visit.number, None, None)
 
     def begin_reading(self, planned: PlannedReading, arrival: int | None) -> int:
@@ -46,7 +46,7 @@ class Attempts:
             ).fetchone()[0]
 
     def arrived(self, attempt: int, reached: JointReading) -> None:
-        """The robot is in the pose."""
+        """Record that the robot is in the pose."""
         with self._store.changing() as db:
             self._close(db, attempt, "good", raw=reached.raw, read_deg=json.dumps(list(reached.joints_deg)))
             self._store.note(db, "arrived", attempt=attempt, read_deg=list(reached.joints_deg))
@@ -94,7 +94,7 @@ class Attempts:
             self._store.note(db, "reading", **data)
 
     def failed(self, attempt: int, error: AcquisitionError) -> None:
-        """The attempt came to nothing; why, and the raw reply, are kept."""
+        """Record that the attempt failed, with the reason and the raw reply."""
         with self._store.changing() as db:
             self._close(db, attempt, "failed", raw=error.raw, error_code=error.code, error=error.message)
             self._store.note(db, "attempt_failed", attempt=attempt, error=error.as_dict())
@@ -107,7 +107,7 @@ class Attempts:
     # -- prompts ------------------------------------------------------------------------------------------
 
     def ask(self, prompt: Prompt) -> None:
-        """A question is about to be put to a person."""
+        """Record that a question is about to be put to a person."""
         with self._store.changing() as db:
             expects = [answer.value for answer in prompt.expects]
             db.execute(
@@ -135,7 +135,7 @@ class Attempts:
                 self._store.change_state(db, State.RUNNING, "")
 
     def open_prompt(self) -> dict[str, Any] | None:
-        """The prompt that waits for its answer: id, text, picture, expects, entry."""
+        """Return the prompt that waits for its answer: id, text, picture, expects, entry."""
         rows = self._store.database.query("SELECT * FROM prompt WHERE answer IS NULL ORDER BY rowid DESC")
         if not rows:
             return None
@@ -153,7 +153,10 @@ class Attempts:
 
 
 def _point(reading: PointReading, world: WorldFrame | None) -> dict[str, Any]:
-    """Columns of a point and, of a pose, its turn; in the world as well once that is known."""
+    """Return the columns of a point and, for a pose, of its orientation.
+
+    They include the world coordinates once the world frame is known.
+    """
     values: dict[str, Any] = {
         "pressure_hpa": reading.pressure_hpa,
         "humidity_percent": reading.humidity_percent,

@@ -110,7 +110,7 @@ class Database:
         return connection
 
     def _refuse_others(self) -> None:
-        """Raise RecordError or DamagedRecord for a file that is no record of this version."""
+        """Raise RecordError or DamagedRecord for a file that is not a record of this version."""
         tables = {row[0] for row in self.query("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if tables and (missing := _TABLES - tables):
             raise damaged(
@@ -213,7 +213,7 @@ class Database:
                 raise _storage(self.path, error) from error
 
     def close(self) -> None:
-        """Close the file and give the record up."""
+        """Close the file and release the lock."""
         with self._lock, self._reading:
             self._reader.close()
             self._connection.close()
@@ -314,7 +314,10 @@ def _unreadable(path: Path, why: str | None) -> StorageError:
 
 
 def _begun(path: Path) -> bool:
-    """A record with its campaign, a damaged one, or a file that is none of ours."""
+    """Check whether the file has content that must be kept.
+
+    This is a record with its campaign, a damaged one, or another program's file.
+    """
     try:
         _look_at(path)
     except StorageError:

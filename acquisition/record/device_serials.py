@@ -83,7 +83,10 @@ class Individual:
         return any(a and b and a != b for a, b in zip(mine, its, strict=True))
 
     def refuse_other(self, who: Identity) -> None:
-        """Raise OtherIndividual where another device answers than this one, of which a model is."""
+        """Raise OtherIndividual if a device other than this one answers.
+
+        A model of this device will judge the readings.
+        """
         if self.is_other_than(who):
             raise OtherIndividual(
                 f"another {self.role} answers: {_words(who)}; the model is of {self}",
@@ -109,17 +112,17 @@ class Individuals:
         self._store = store
 
     def all(self) -> dict[int, Individual]:
-        """The devices by their number in the record, in the order in which they came."""
+        """Return the devices by their number in the record, in the order of their first connection."""
         rows = self._store.database.query("SELECT * FROM device ORDER BY id")
         names = [each.name for each in fields(Individual)]
         return {row["id"]: Individual(**{name: row[name] for name in names}) for row in rows}
 
     def now(self) -> dict[str, Individual]:
-        """The device of each role that was met last."""
+        """Return the device of each role that was met last."""
         return {each.role: each for each in self.all().values()}
 
     def expect(self, others: Sequence[Individual]) -> None:
-        """Expect the devices of another record in this one. Called before anything is measured."""
+        """Expect the devices of another record in this one, before anything is measured."""
         with self._store.changing():
             for each in others:
                 self._write(Individual(**asdict(each) | {"accepted_by": "", "reason": ""}))
@@ -188,7 +191,7 @@ class Individuals:
             self._store.seals.row(db, "device", number)
 
     def _complete(self, known: Individual, who: Identity) -> None:
-        """Add what the device did not report before, and reports now."""
+        """Add facts that the device did not report before, and reports now."""
         added = {
             name: getattr(who, name) for name in _COMPARED if getattr(who, name) and not getattr(known, name)
         }
@@ -240,7 +243,7 @@ def header_table(individual: Individual, of_series: str) -> dict[str, str]:
 
 
 def individual_of(table: Mapping[str, Any]) -> Individual:
-    """The device that `header_table` wrote."""
+    """Return the device from a table that `header_table` wrote."""
     return Individual(**{each.name: str(table.get(each.name, "")) for each in fields(Individual)})
 
 

@@ -140,13 +140,19 @@ def table_of(record_dir: Path) -> DataTable:
 
 
 def id_ranges(ids: Sequence[int]) -> str:
-    """Ascending ids as "5-28, 35-58": a row that is deleted from the file later is missed."""
+    """Format ascending ids as "5-28, 35-58".
+
+    With them, a row that is deleted from the file later is detected.
+    """
     starts = [i for i, n in enumerate(ids) if i == 0 or n != ids[i - 1] + 1]
     return ", ".join(f"{ids[a]}-{ids[b - 1]}" for a, b in zip(starts, [*starts[1:], len(ids)], strict=True))
 
 
 def planned_header(cell: Cell) -> dict[str, Any]:
-    """The header that readings of a cell would have, its instrument where the cell file has it."""
+    """Return the header that readings of a cell would have.
+
+    The instrument is at the station of the cell file.
+    """
     return _header(cell, cell.instrument.station_mm, "", {}, simulated=False)
 
 
@@ -224,7 +230,7 @@ def _spread(names: list[str], rows: Sequence[Numbers | None], decimals: int) -> 
 
 
 def _moment(utc: float) -> str:
-    """A moment as text that sorts by time, in UTC."""
+    """Format a time in UTC as text that sorts by time."""
     return datetime.fromtimestamp(utc, UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 

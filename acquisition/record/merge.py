@@ -119,7 +119,7 @@ def frame_of_part(
 
 
 def _began(record: Path) -> tuple[float, Cell]:
-    """The start of a record's clock, s on the clock that its cell runs by, and its cell."""
+    """Return the start of a record's clock, s on the clock of its cell, and the cell."""
     store = RecordStore.open(record, writer=False)
     try:
         row = store.campaign
@@ -199,7 +199,7 @@ def _measured(occasions: Sequence[Mapping[str, Any] | None]) -> dict[str, Any]:
 
 
 def _brought(part: CampaignPart, number: int, world: WorldFrame) -> list[dict[str, str]]:
-    """The rows of a part on the clock and in the frame of the first campaign."""
+    """Convert the rows of a part to the clock and the frame of the first campaign."""
     rows = part.data.rows
     for row in rows:
         row["reading_id"] = f"{number}-{row['reading_id']}"
@@ -257,14 +257,14 @@ class SeriesOfSets:
             self._pairs.setdefault(self._names[own], whole)
 
     def named(self, header: Mapping[str, Any], rows: Sequence[Mapping[str, str]]) -> list[dict[str, str]]:
-        """Rows of the data set that was joined last, each with its series."""
+        """Return rows of the data set that was joined last, each with its series."""
         alone = next(iter(_pairs_of(header)))
         own = [row.get("series") or alone for row in rows]
         return [{**row, "series": self._names.get(name, name)} for row, name in zip(rows, own, strict=True)]
 
     @property
     def header(self) -> dict[str, Any]:
-        """The table of the series in the header of the whole."""
+        """Return the table of the series for the header of the whole."""
         tables = [header_table(each, name) for name, pair in self._pairs.items() for each in pair.values()]
         return {"device": tables} if tables else {}
 
@@ -273,7 +273,7 @@ class SeriesOfSets:
         return next((one for one in known if not one.is_other_than(each)), None)
 
     def _new(self, role: str, each: Individual, name: str) -> Individual:
-        """A device that is not among those known; a robot must be accepted."""
+        """Add a device that is not yet known; a robot must be accepted."""
         if role != "robot":
             return each
         if self._accepted is None or not self._accepted.names(each):
@@ -284,7 +284,7 @@ class SeriesOfSets:
 
 
 def _pairs_of(header: Mapping[str, Any]) -> dict[str, Pair]:
-    """The devices of every series; one series without any where the header names none."""
+    """Return the devices of every series; a header without devices has one series without any."""
     pairs: dict[str, Pair] = {}
     for table in header.get("device", ()):
         each = individual_of(table)

@@ -177,12 +177,12 @@ class ReferenceDrift:
     t_s: float
 
     def as_dict(self) -> dict[str, Any]:
-        """The values for JSON."""
+        """Return the values for JSON."""
         return asdict(self)
 
 
 def drift_of(store: RecordStore) -> ReferenceDrift | None:
-    """The drift so far; None before a second reading of the reference pose."""
+    """Compute the drift so far; None before a second reading of the reference pose."""
     first: dict[str, np.ndarray] = {}
     drifts: list[tuple[float, np.ndarray]] = []
     rows = [row for row in readings_of(store, "reference") if row.counts]

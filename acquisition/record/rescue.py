@@ -63,13 +63,13 @@ class Salvage:
     lost: Mapping[str, int | None] = field(default_factory=dict)
 
     def sound(self, table: str) -> list[Row]:
-        """The rows that may be believed."""
+        """Return the rows that can be trusted."""
         wrong = self.damaged.get(table, frozenset())
         return [row for row in self.rows.get(table, ()) if row.get("id") not in wrong]
 
     @property
     def readings(self) -> list[int]:
-        """Ids of the good readings of poses that can be saved: with their plan and their arrival."""
+        """Ids of the good readings of poses that can be saved, with their plan and their arrival."""
         if self.campaign is None:
             return []
         poses = {row["id"] for row in self.sound("pose") if row["kind"] == "pose"}
@@ -196,7 +196,7 @@ def _one_by_one(db: sqlite3.Connection, table: str, last: int) -> Iterator[Row]:
 
 
 def _last_number(db: sqlite3.Connection, table: str) -> int | None:
-    """The highest row number, from whichever place still gives it."""
+    """Return the highest row number from the table, or from the sequence of SQLite."""
     for question in (
         f"SELECT max(rowid) FROM {table}",
         f"SELECT seq FROM sqlite_sequence WHERE name = '{table}'",
@@ -281,7 +281,7 @@ def rescue(record: Path, out: Path) -> Rescue:
 
 
 def _write(found: Salvage, out: Path, record: Path) -> tuple[str, ...]:
-    """Returns what was lost."""
+    """Write the new record, and return the losses."""
     assert found.campaign is not None
     store = RecordStore(Database(out, writer=True, new=True))
     try:
@@ -297,7 +297,7 @@ def _write(found: Salvage, out: Path, record: Path) -> tuple[str, ...]:
 
 
 def _fill(db: sqlite3.Connection, found: Salvage, campaign: Row) -> dict[str, int]:
-    """Copy everything that may be believed; how many rows of every table that were."""
+    """Copy all rows that can be trusted, and return their number by table."""
     poses = _whole_chains(found.sound("pose"))
     attempts = _attempts(found, campaign, {row["id"]: row for row in poses})
     readings = {row["pose"] for row in attempts if row["kind"] == "measure" and row["status"] == "good"}
@@ -314,7 +314,7 @@ def _fill(db: sqlite3.Connection, found: Salvage, campaign: Row) -> dict[str, in
 
 
 def _whole_chains(poses: Sequence[Row]) -> list[Row]:
-    """Planned readings, the last first; one that was replaced goes with the one in its place."""
+    """Return planned readings, the last first, without those whose replacement is lost."""
     kept: dict[int, Row] = {}
     for row in sorted(poses, key=lambda row: -row["id"]):
         if row.get("replaced_by") is None or row["replaced_by"] in kept:
@@ -323,7 +323,7 @@ def _whole_chains(poses: Sequence[Row]) -> list[Row]:
 
 
 def _attempts(found: Salvage, campaign: Row, poses: dict[int, Row]) -> list[Row]:
-    """The attempts that a record can hold, in their order; a damaged reading as one that failed."""
+    """Return the attempts that a record can have, in order; a damaged reading as a failed one."""
     sound = {row["id"]: row for row in found.sound("attempt")}
     arrivals = {n for n, row in sound.items() if row["kind"] == "arrive" and row["status"] == "good"}
     out = []

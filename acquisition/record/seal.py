@@ -37,7 +37,7 @@ _CHUNK = 1000  # rows at once: a record may be larger than one likes to hold
 
 @dataclass(frozen=True)
 class Disagreement:
-    """A row that is not what it was when it was written."""
+    """A row that does not agree with its checksum."""
 
     table: str
     id: int
@@ -90,7 +90,10 @@ def agrees(campaign: Mapping[str, Any], table: str, row: Mapping[str, Any]) -> b
 
 
 class Seals:
-    """Writes the sums of one record. Every method is called within a change, after the last of it."""
+    """Writer of the checksums of one record.
+
+    Every method is called within a change, after its last statement for the row.
+    """
 
     def __init__(self) -> None:
         self._campaign = ""  # its id, once it is known
@@ -101,7 +104,7 @@ class Seals:
         db.execute("UPDATE campaign SET checksum = ?", (checksum_of_campaign(row),))
 
     def row(self, db: sqlite3.Connection, table: str, number: int) -> None:
-        """A row was written or changed."""
+        """Write the checksum of a row that was written or changed."""
         values = dict(db.execute(f"SELECT * FROM {table} WHERE id = ?", (number,)).fetchone())
         db.execute(f"UPDATE {table} SET checksum = ? WHERE id = ?", (self._sum(db, table, values), number))
 

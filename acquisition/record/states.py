@@ -1,4 +1,4 @@
-"""States of a campaign, their codes, and the table of allowed transitions."""
+"""The states of a campaign, their codes, and the table of allowed transitions."""
 
 from __future__ import annotations
 

@@ -1,12 +1,10 @@
-"""The record of a campaign: its state, its plan, what was attempted and what came of it.
+"""The record of a campaign: its state, its plan, its attempts and their results.
 
-Intent before act: an attempt is written before the robot moves or the instrument measures, and closed by its
-outcome. One transaction a change, with its events; listeners hear of an event only after it is
-durable. No reading that was acknowledged is ever lost; at most the one in flight is repeated, and it is known.
+Intent before act: an attempt is written before the robot moves or the instrument measures, and closed by its outcome.
+Each change is one transaction with its events; listeners get an event only after it is durable. No reading that was
+acknowledged is ever lost; at most the one in progress is repeated, and this is recorded.
 
-Planned readings of a record, as its rows of `pose` hold them.
-
-An event of a record: what happened, and at which moment.
+A planned reading is a row of `pose`. An event states what happened, and when.
 """
 
 from __future__ import annotations
@@ -127,7 +125,10 @@ class RecordStore:
     @classmethod
     @contextmanager
     def reading(cls, folder: Path) -> Iterator[RecordStore]:
-        """An existing record, opened to use its readings: every row agrees with its checksum. Raises as `open`."""
+        """Open an existing record to use its readings: every row agrees with its checksum.
+
+        Errors are those of `open`.
+        """
         store = cls.open(folder, writer=False)
         try:
             seal.check(store.database)
@@ -142,7 +143,10 @@ class RecordStore:
 
     @contextmanager
     def changing(self) -> Iterator[sqlite3.Connection]:
-        """A durable change; the events noted in it reach the listeners once it is. Changes may be nested."""
+        """Enclose a durable change; changes may be nested.
+
+        The events noted in it reach the listeners once it is durable.
+        """
         with self.database.transaction() as db:
             if not self._depth:
                 self._fresh = []
@@ -177,7 +181,7 @@ class RecordStore:
         self._fresh.append(Event(row[0], now.utc, now.t_s, kind, data))
 
     def add_event(self, kind: str, **data: Any) -> None:
-        """An event by itself."""
+        """Write an event in a separate change."""
         with self.changing() as db:
             self.note(db, kind, **data)
 
@@ -191,12 +195,12 @@ class RecordStore:
             self._listeners.remove(listener)
 
     def events(self, after: int = 0, limit: int = 1000) -> list[Event]:
-        """Events with a greater id than `after`, oldest first."""
+        """Return the events with a greater id than `after`, oldest first."""
         rows = self.database.query("SELECT * FROM event WHERE id > ? ORDER BY id LIMIT ?", (after, limit))
         return [Event(r["id"], r["utc"], r["t_s"], r["kind"], self._data_of(r["data"])) for r in rows]
 
     def data_of_events(self, kind: str) -> list[dict[str, Any]]:
-        """The data of all events of a kind, oldest first."""
+        """Return the data of all events of a kind, oldest first."""
         rows = self.database.query("SELECT data FROM event WHERE kind = ? ORDER BY id", (kind,))
         return [self._data_of(row["data"]) for row in rows]
 
@@ -219,11 +223,14 @@ class RecordStore:
         return self.version
 
     def last_reading(self) -> dict[str, Any] | None:
-        """Data of the last `reading` event."""
+        """Return the data of the last `reading` event."""
         return self._last_of("reading")
 
     def last_waypoint(self) -> dict[str, Any] | None:
-        """Data of the last `waypoint` event: attempt, waypoint, of, samples and lost by role."""
+        """Return the data of the last `waypoint` event.
+
+        These are attempt, waypoint, of, samples and lost by role.
+        """
         return self._last_of("waypoint")
 
     def _last_of(self, kind: Literal["reading", "waypoint"]) -> dict[str, Any] | None:
@@ -280,7 +287,7 @@ class RecordStore:
             self.change_state(db, new, reason)
 
     def start(self) -> None:
-        """The run goes to `running`; the first time, the campaign's clock starts."""
+        """Change the state to `running`; the first time, start the campaign's clock."""
         with self.changing() as db:
             db.execute("UPDATE campaign SET started_utc = coalesce(started_utc, ?)", (self.moment().utc,))
             self.change_state(db, State.RUNNING, "")
@@ -316,7 +323,7 @@ class RecordStore:
     # -- plan ---------------------------------------------------------------------------------------------
 
     def plan(self) -> list[PlannedReading]:
-        """Every planned reading that counts, in the order of the plan."""
+        """Return every planned reading that counts, in the order of the plan."""
         return self._planned("TRUE ORDER BY visit, id", ())
 
     def left(self, status: str, *, nests: bool = False) -> list[PlannedReading]:
@@ -336,7 +343,7 @@ class RecordStore:
         return planned_of(rows)
 
     def counts(self) -> dict[str, int]:
-        """Planned readings by status, without those of nests."""
+        """Count the planned readings by status, without those of nests."""
         rows = self.database.query(
             f"SELECT status, count(*) FROM pose WHERE {COUNTED} AND replaced_by IS NULL GROUP BY status"
         )
@@ -429,13 +436,13 @@ class RecordStore:
 
     @property
     def world(self) -> WorldFrame | None:
-        """The tracker's place in the world, once the nests were measured."""
+        """The world frame of the tracker; None before the nests were measured."""
         text = self.campaign["world"]
         return None if text is None else WorldFrame.from_json(text)
 
     @property
     def world_nests_mm(self) -> dict[str, Point] | None:
-        """The nests from which the world frame was made, tracker frame, mm."""
+        """The nests from which the world frame was built, tracker frame, mm."""
         nests = json.loads(self.campaign["world"] or "{}").get("nests_mm")
         return None if nests is None else {name: tuple(point) for name, point in nests.items()}
 
@@ -450,7 +457,7 @@ class RecordStore:
             self.note(db, "world_frame", **table)
 
     def nests_mm(self) -> dict[str, Point]:
-        """The nests of the world frame as measured last, tracker frame, mm."""
+        """Return the nests of the world frame as measured last, tracker frame, mm."""
         rows = self.database.query(
             "SELECT target, tracker_x_mm, tracker_y_mm, tracker_z_mm FROM attempt JOIN pose ON "
             "pose.id = attempt.pose WHERE pose.kind = 'nest' AND pose.status = 'measured' "
@@ -466,7 +473,7 @@ class RecordStore:
 
 @dataclass(frozen=True)
 class PlannedReading:
-    """A planned reading: a target in a visit, and what became of it."""
+    """A planned reading: a target in a visit, and its status."""
 
     id: int
     visit: Visit
@@ -509,7 +516,7 @@ class Event:
     data: Mapping[str, Any]
 
     def as_dict(self) -> dict[str, Any]:
-        """The event for JSON lines and server-sent events."""
+        """Return the event for JSON lines and server-sent events."""
         return {"id": self.id, "utc": self.utc, "t_s": self.t_s, "kind": self.kind, "data": dict(self.data)}
 
 

@@ -207,7 +207,7 @@ def _tracker_text(stream: RecordedStream, simulated: bool) -> str:
 
 
 def _text(names: Sequence[str], rows: Iterable[Sequence[object]], simulated: bool) -> str:
-    """Names and rows as CSV; a column `simulated` of ones where simulators sent them."""
+    """Format names and rows as CSV, with a column `simulated` of ones for simulators."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     label = (1,) if simulated else ()

@@ -90,7 +90,7 @@ class Taught:
 
     @property
     def disagreements(self) -> dict[Pair, float]:
-        """Sides that two touches have longer than the bar, by more than a robot errs, mm."""
+        """Sides whose touched length differs from the bar by more than the error of a robot, mm."""
         off = {
             pair: float(np.linalg.norm(np.subtract(self.touched_mm[pair[0]], self.touched_mm[pair[1]])))
             - side

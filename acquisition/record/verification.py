@@ -87,7 +87,7 @@ class Verification:
 
     @property
     def ratio(self) -> float:
-        """Verified RMS over what noise and repeatability allow."""
+        """Verified RMS divided by the floor from noise and repeatability."""
         return self.verified.rms / self.floor_mm
 
 
@@ -232,7 +232,7 @@ def landed_points(
 
 
 def conditions_of(landings: Landings, model: ModelStructure, later_s: float) -> Conditions:
-    """The readings' conditions, on the clock of campaign 1, behind all its steps."""
+    """Return the conditions of the readings, on the clock of campaign 1, after all its steps."""
     series = series_among(model.targets, landings.devices)
     at = conditions_at(model, landings.joints, StatedConditions(series=series))
     moved = np.sign(landings.joints - landings.previous)

@@ -1,4 +1,7 @@
-"""A run of a campaign: the devices moved and asked, one durable reading at a time. It begins with `Run`."""
+"""A run of a campaign: devices are moved and read, one durable reading at a time.
+
+Start with `Run`.
+"""
 
 from acquisition.campaign.plan import Forecast
 from acquisition.run.clock import Clock, ScaledClock

@@ -37,11 +37,11 @@ class ScaledClock:
         return self._time_scale
 
     def now(self) -> float:
-        """Campaign seconds since this clock was made."""
+        """Return the campaign seconds since this clock was created."""
         return (time.monotonic() - self._start) * self._time_scale
 
     def utc(self) -> float:
-        """Seconds since 1970, UTC."""
+        """Return the seconds since 1970, UTC."""
         return time.time()
 
     def wait(self, seconds: float, wake: threading.Event) -> bool:

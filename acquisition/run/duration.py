@@ -40,7 +40,7 @@ def forecast_of(record_dir: Path) -> Forecast:
 
 
 def at_once(record_dir: Path) -> Future[Forecast]:
-    """The forecast, computed in the calling thread. Raises as `forecast_of`."""
+    """Compute the forecast in the calling thread; errors are those of `forecast_of`."""
     forecast: Future[Forecast] = Future()
     forecast.set_result(forecast_of(record_dir))
     return forecast

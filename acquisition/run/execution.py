@@ -13,7 +13,7 @@ from acquisition.run.status import Pace
 
 @dataclass
 class CampaignExecution:
-    """The parts of a run that live only while devices are in use."""
+    """The parts of a run that exist only while devices are in use."""
 
     control: Control
     rig: DevicePair

@@ -1,6 +1,7 @@
 """Ctrl-C at the terminal: once pauses after the current reading, twice stops the robot now.
 
-A terminal that is closed (SIGHUP) pauses at once, however often the signal comes: no person watches any more.
+A terminal that is closed (SIGHUP) pauses at once, independently of the number of signals, because no person watches any
+more.
 """
 
 from __future__ import annotations

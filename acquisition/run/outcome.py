@@ -1,4 +1,4 @@
-"""Outcomes of an execution of a campaign, and why none may begin."""
+"""The results of an execution of a campaign, and the reasons why none may begin."""
 
 from __future__ import annotations
 

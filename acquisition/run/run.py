@@ -153,11 +153,11 @@ class Run:
         Individuals(self._store).need(individual)
 
     def individuals(self) -> list[Individual]:
-        """The robot and the instrument that were met last."""
+        """Return the robot and the instrument that were met last."""
         return list(Individuals(self._store).now().values())
 
     def close(self) -> None:
-        """Give the record up. Not while executing."""
+        """Release the record. Not while executing."""
         self._store.close()
 
     def __enter__(self) -> Run:
@@ -436,7 +436,10 @@ class Run:
         return []
 
     def halt(self) -> list[AcquisitionError]:
-        """Halt the robot now, in a run that was ordered to pause at once: it then is paused. Returns as `stop`."""
+        """Halt the robot now, in a run that was ordered to pause at once; the run is then paused.
+
+        Returns the errors like `stop`.
+        """
         with self._mutex:
             execution = self._execution
         return [] if execution is None else execution.rig.halt()
@@ -457,7 +460,7 @@ class Run:
 
     @property
     def visits(self) -> Visits:
-        """The visits of the plan, to be measured again or left out."""
+        """The visits of the plan, to order that they are measured again or left out."""
         return Visits(self._store)
 
     @property
@@ -466,18 +469,21 @@ class Run:
         return self._store.database.path.parent
 
     def status(self) -> RunStatus:
-        """State, progress, prompt, last reading."""
+        """Return state, progress, prompt and last reading."""
         with self._mutex:
             execution = self._execution
         return status_of(self._store, None if execution is None else execution.pace, self._trouble)
 
     @property
     def changes(self) -> int:
-        """Number of times that this object has changed the record; reads no disk and does not wait."""
+        """Number of changes that this object has made to the record.
+
+        It reads no disk and does not wait.
+        """
         return self._store.changes
 
     def events(self, after: int = 0, limit: int = 1000) -> list[Event]:
-        """Events since `after`, oldest first."""
+        """Return the events since `after`, oldest first."""
         return self._store.events(after, limit)
 
     def wait(self, after: int, seconds: float) -> int:

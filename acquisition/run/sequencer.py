@@ -151,7 +151,10 @@ class Sequencer:
             self._wait(self._campaign.warm_up_s)
 
     def _wait(self, seconds: float) -> None:
-        """Campaign seconds in which nothing moves. A device that goes meanwhile is known at once, not at the end."""
+        """Wait for `seconds` of campaign time in which nothing moves.
+
+        A device that fails meanwhile is noticed at once, not at the end.
+        """
         end = self._clock.now() + seconds
         while (left := end - self._clock.now()) > 0.0:
             self._control.wait(min(left, LOOK_EVERY_S * self._clock.time_scale))
@@ -297,7 +300,10 @@ class Sequencer:
         return reading
 
     def _by_hand(self, planned: PlannedReading, do: Callable[[PlannedReading], Answer]) -> Answer:
-        """CONFIRM when a person has done what the reading needs; one that they skip is left out."""
+        """Have a person do the manual step of a reading, and return the answer.
+
+        CONFIRM means that it is done; a skipped reading is left out.
+        """
         answer = do(planned)
         if answer is Answer.SKIP and planned.visit.counted:
             self._done_with(planned, "skipped", self._reason or "by the operator")
@@ -335,7 +341,10 @@ class Sequencer:
     # -- reactions ----------------------------------------------------------------------------------------
 
     def _insist(self, act: Callable[[], None]) -> None:
-        """Repeat an act until it is done, or a person skips it. Raises what a reading would raise."""
+        """Repeat an act until it is done, or a person skips it.
+
+        Errors are those of a reading.
+        """
         while True:
             self._control.check()
             try:

@@ -51,12 +51,15 @@ class RunStatus:
     path: dict[str, Any] | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """The values for JSON."""
+        """Return the values for JSON."""
         return asdict(self)
 
 
 class Pace:
-    """The pace of an execution, against the forecast of its plan. `done` at its start."""
+    """The pace of an execution compared with the forecast of its plan.
+
+    `done` is the number of readings at its start.
+    """
 
     def __init__(self, clock: Clock, done: int, forecast: Future[Forecast]) -> None:
         self._clock, self._done, self._forecast = clock, done, forecast

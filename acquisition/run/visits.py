@@ -16,7 +16,10 @@ _OPEN, _DONE = ("planned", "deferred"), ("measured", "skipped")
 
 
 class Visits:
-    """The visits of a record that this program writes. Both methods return how many readings are concerned."""
+    """The visits of a record that this program writes.
+
+    Both methods return the number of affected readings.
+    """
 
     def __init__(self, store: RecordStore) -> None:
         self._store = store

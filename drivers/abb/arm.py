@@ -185,7 +185,7 @@ class AbbArm:
                 raise
 
     def _look_behind_silence(self) -> None:
-        """T_ROB1 does not answer: ask the background task, if there is one, for an emergency stop."""
+        """Ask the background task, if any, for an emergency stop when T_ROB1 does not answer."""
         with self._back.lock, suppress(LinkError):
             self._back.link.open(connect_s=self.deadlines.ping_s)
             if self._back.probe():

@@ -1,4 +1,7 @@
-"""The drivers of ABB robots declared: RAPID sockets and simple_message. Not run against hardware yet."""
+"""The declarations of the ABB drivers: RAPID sockets and simple_message.
+
+They have not been run against hardware yet.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from drivers.interfaces import RobotStatus
 
 
 def _simple_details(device: AbbSimpleArm, status: RobotStatus) -> Details:
-    """Why motion is not possible although mode, motors and emergency stop are in order."""
+    """Return why motion is not possible although mode, motors and emergency stop are in order."""
     flags = parse_state(status.raw).flags
     well = flags.mode == "auto" and flags.motors_on and flags.emergency_stop is False
     if not well or (flags.motion_possible and not flags.in_error):

@@ -89,7 +89,7 @@ class MotionServer:
                 self.open("stop")
 
     def halt_if_possible(self) -> None:
-        """Halt after a move that did not end well: its connection, if it was lost, stays closed."""
+        """Halt after a move that did not end well; a lost connection stays closed."""
         with self._saying, suppress(LinkError):
             was_open = self.is_open
             self.halt()

@@ -58,7 +58,10 @@ class Flags:
 
 @dataclass(frozen=True, slots=True)
 class AbbState:
-    """A JOINT message and the STATUS after it. `joints_rad` (6,), `external` (4,) as received."""
+    """A JOINT message and the STATUS after it.
+
+    `joints_rad` (6,) and `external` (4,) are as received.
+    """
 
     joints_rad: tuple[float, ...]
     external: tuple[float, ...]
@@ -112,7 +115,7 @@ def parse_state(raw: bytes) -> AbbState:
 def encode_point(
     sequence: int, joints_rad: Sequence[float], external: Sequence[float], duration_s: float
 ) -> bytes:
-    """A JOINT_TRAJ_PT that asks for a reply. The controller does not use its velocity."""
+    """Encode a JOINT_TRAJ_PT that requests a reply. The controller does not use its velocity."""
     return _POINT.pack(64, _TRAJ_PT, _REQUEST, 0, sequence, *joints_rad, *external, 0.0, duration_s)
 
 

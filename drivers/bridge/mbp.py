@@ -100,12 +100,15 @@ class Message:
 
 
 def checksum(data: bytes) -> str:
-    """CRC-16/CCITT-FALSE as four hexadecimal digits ("123456789" gives 29B1)."""
+    """Compute CRC-16/CCITT-FALSE as four hexadecimal digits ("123456789" gives 29B1)."""
     return f"{binascii.crc_hqx(data, 0xFFFF):04X}"
 
 
 def encode(number: int, command: str, fields: Mapping[str, object]) -> bytes:
-    """A request line with checksum and LF. Numbers are written so that they read back to the same double."""
+    """Encode a request line with checksum and LF.
+
+    Numbers are written so that they read back to the same double.
+    """
     text = " ".join([str(number), command, *(f"{key}={_text(value)}" for key, value in fields.items())])
     body = text.encode("ascii")
     return body + b"*" + checksum(body).encode() + b"\n"
@@ -239,7 +242,7 @@ class MbpClient:
 
     @property
     def checksums(self) -> bool:
-        """Whether every line of the bridge has to carry its checksum. Once open."""
+        """Whether every line of the bridge must have its checksum. Once open."""
         return self._checksum_needed
 
     def shout(self, command: str) -> None:

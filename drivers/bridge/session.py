@@ -77,7 +77,10 @@ class SessionArguments(TypedDict, total=False):
 
 
 class MbpSession:
-    """The client of a bridge of `kind`. Questions block; `stop` may be called from any thread."""
+    """The client of a bridge of `kind`.
+
+    Questions block; `stop` may be called from any thread.
+    """
 
     def __init__(
         self,

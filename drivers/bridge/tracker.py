@@ -35,7 +35,7 @@ _VOID: Mapping[str, type[AcquisitionError]] = {"BEAM_BROKEN": BeamBroken, "TARGE
 
 @dataclass(frozen=True, slots=True)
 class MeasureRequest:
-    """The question; `lasted_s` is the averaging time."""
+    """A requested measurement; `lasted_s` is the averaging time."""
 
     target: str
     samples: int

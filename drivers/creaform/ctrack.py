@@ -140,7 +140,7 @@ class CTrack:
 
     @property
     def bodies(self) -> Mapping[str, int]:
-        """Number of reflective targets of every body that the bridge knows, read when armed."""
+        """Number of reflective targets of every body known to the bridge, read when armed."""
         return dict(self._bodies)
 
     def measure(
@@ -272,7 +272,7 @@ def _word(text: str, device: str) -> None:
 def _bodies(reply: mbp.Message) -> dict[str, int]:
     """Parse the bodies of a reply.
 
-    The fields `names=base,T1 totals=16,9` give {"base": 16, "T1": 9}.
+    The fields `names=base,T1 totals=16,9` give `{"base": 16, "T1": 9}`.
 
     Raises
     ------

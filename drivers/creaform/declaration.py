@@ -1,4 +1,4 @@
-"""The driver of Creaform's C-Track declared. Not run against hardware yet."""
+"""The declaration of the driver of Creaform's C-Track, not run against hardware yet."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from drivers.interfaces import InstrumentStatus
 
 
 def _details(device: CTrack, status: InstrumentStatus) -> Details:
-    """The battery of the C-Track and the bodies that it knows (MODELS)."""
+    """Return the battery charge of the C-Track and the bodies that it knows (MODELS)."""
     reply = device.session.ask("MODELS", {})
     names, totals = (reply.fields.get(key, "").split(",") for key in ("names", "totals"))
     bodies = {name: int(total) for name, total in zip(names, totals, strict=False) if total.isdecimal()}

@@ -277,7 +277,7 @@ class FanucArm:
         return self._controller.status()
 
     def _settled(self, target: tuple[float, ...]) -> JointReading:
-        """The reading of a robot that is at the target."""
+        """Wait until the robot is at the target and return its reading."""
         end = self._clock() + self.deadlines.settle_s
         before = self._controller.joints()
         while True:

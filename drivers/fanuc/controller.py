@@ -56,9 +56,10 @@ class FanucDeadlines:
 
 @dataclass(frozen=True, slots=True)
 class JointMove:
-    """An absolute joint move: target (deg), speed (% of the joints' maximum), longest time (s).
+    """An absolute joint move.
 
-    `stopped` is set by a stop from another thread, which may have overtaken the move.
+    It has its target (deg), speed (% of the joints' maximum) and longest time (s). `stopped` is set by a stop from
+    another thread, which may have overtaken the move.
     """
 
     target: tuple[float, ...]
@@ -106,7 +107,7 @@ _ALARMS: dict[tuple[int, int], tuple[type[AcquisitionError], str]] = {
 
 
 def alarm(facility: int, number: int) -> tuple[type[AcquisitionError], str]:
-    """The error class and the text for an alarm that ended a move."""
+    """Return the error class and the text for an alarm that ended a move."""
     return _ALARMS.get((facility, number), (ProtectiveStop, f"alarm {facility}-{number:03d}"))
 
 
@@ -127,7 +128,7 @@ _ENDS: dict[int, tuple[type[AcquisitionError], str]] = {
 
 
 def other_version(program: str, version: int, device: str) -> ProtocolError:
-    """The robot's program is not the one that this driver speaks to."""
+    """Return the error for a robot program of another version than the driver needs."""
     return ProtocolError(
         f"{program} on the controller is program version {version}, needed {VERSION}",
         device=device,
@@ -137,7 +138,7 @@ def other_version(program: str, version: int, device: str) -> ProtocolError:
 
 
 def ended(status: int) -> tuple[type[AcquisitionError], str]:
-    """Class and text of a move's end other than at its target."""
+    """Return class and text for a move that ended away from its target."""
     return _ENDS.get(status, (ProtectiveStop, f"the robot's program ended the move with status {status}"))
 
 

@@ -1,4 +1,4 @@
-"""The driver of Fanuc robots declared. Not run against hardware yet."""
+"""The declaration of the driver of Fanuc robots, not run against hardware yet."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from drivers.interfaces import RobotStatus
 
 
 def _details(device: FanucArm, status: RobotStatus) -> Details:
-    """The meaning of its alarm."""
+    """Return the meaning of the alarm."""
     facility, number = divmod(status.error_number or 0, 1000)
     if not facility or status.mode == "manual":  # an enabled pendant is an alarm of its own
         return Details()

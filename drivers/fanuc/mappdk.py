@@ -127,12 +127,12 @@ class MappdkController:
         self._logger.link.close()
 
     def identity(self) -> Identity:
-        """The identity; a stock server reports none."""
+        """Return the identity; a stock server reports none."""
         self.joints()
         return self._ours or Identity("Fanuc", "", "", "", "mappdk")
 
     def prepare(self) -> None:
-        """Our server gets its watchdog; a stock one has nothing to prepare."""
+        """Set the watchdog of our server; a stock one needs no preparation."""
         if self._ours is not None:
             found = self._numbered(self._logger, self._request(b"calbeat", b"%05d" % _WATCHDOG_MS), BEAT)
             self._compare((int(found[2]),), (_WATCHDOG_MS,), found[0])
@@ -253,7 +253,7 @@ class MappdkController:
         return RobotStatus(mode, bool(power), bool(stop), bool(moving), number or None, found[0])
 
     def _request(self, what: bytes, *rest: bytes) -> bytes:
-        """A question of our server, with the next number."""
+        """Return a question of our server, with the next number."""
         return b":".join((what, b"%04d" % next(self._numbers), *rest))
 
     def _numbered(

@@ -66,7 +66,7 @@ ENDED = _form(b"0:c=", rb"(\d{4}),r=(\d),k=\d{3};")
 
 
 def sum_of(text: bytes) -> int:
-    """Sum of the codes of a text, modulo 1000: any one byte that is wrong changes it."""
+    """Compute the sum of the codes of a text, modulo 1000: any one wrong byte changes it."""
     return sum(text) % 1000
 
 

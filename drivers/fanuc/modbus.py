@@ -188,7 +188,7 @@ class ModbusRegisters:
 
 
 class ModbusController:
-    """The dialect of the registers of a controller, in the profile that the address names."""
+    """The register dialect of a controller, in the profile that the address names."""
 
     def __init__(self, link: TcpLink, deadlines: FanucDeadlines) -> None:
         self.name = link.device
@@ -233,7 +233,7 @@ class ModbusController:
         self._registers.link.close()
 
     def identity(self) -> Identity:
-        """The identity; the registers report no serial number or type."""
+        """Return the identity; the registers report no serial number or type."""
         self.joints()
         return Identity("Fanuc", "", "", "", self.dialect)
 
@@ -326,7 +326,7 @@ class ModbusController:
         )
 
     def _beat(self) -> None:
-        """Feeds the watchdog of the robot's program."""
+        """Feed the watchdog of the robot's program."""
         self._beats += 1
         self._profile.beat(self._registers, self._beats)
 

@@ -98,7 +98,7 @@ def _unpack(words: Sequence[int], kind: ModbusClientMixin.DATATYPE) -> list[floa
 
 
 def sum_of(words: Sequence[int]) -> int:
-    """The checksum of a command, below 65521 and different from that of all-zero words."""
+    """Compute the checksum of a command, below 65521 and different from that of all-zero words."""
     total = 7919
     for word in words:
         total = (31 * total + word) % 65521
@@ -166,7 +166,10 @@ class HmiProfile:
         registers.poke(self._R88, [count % 32768])
 
     def status(self, registers: FanucRegisters) -> RobotStatus:
-        """Mode and motors are not in these registers; an emergency stop shows as its alarm."""
+        """Return the status.
+
+        Mode and motors are not in these registers; an emergency stop shows as its alarm.
+        """
         words = registers.read("holding", *self._VIEW)
         facility, number = words[self._ALARM : self._ALARM + 2]
         pressed = words[self._STATE] == self._PAUSED and (facility, number) in ((11, 1), (11, 2), (11, 7))
@@ -176,7 +179,9 @@ class HmiProfile:
 
 
 class IoProfile:
-    """Inputs of the robot: command, speed %, beat, joints, sum. Outputs: status, alarm, speed %, joints, version.
+    """The layout `io`.
+
+    Inputs of the robot: command, speed %, beat, joints, sum. Outputs: status, alarm, speed %, joints, version.
 
     Command word: bit 0 go, bit 1 stop, bits 8-15 number. Status word: bit 0 busy, 1 done, 2 error, 3 ready (servo on,
     pendant off), 4 emergency stop, 5 program running, bits 8-15 number. Alarm word: with bit 2 the status of a move.

@@ -1,4 +1,4 @@
-"""The driver of FARO trackers declared. Not run against hardware yet."""
+"""The declaration of the driver of FARO trackers, not run against hardware yet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The drivers of Leica trackers declared: behind a bridge, and over emScon packets. Not run against hardware yet."""
+"""The declarations of the Leica drivers: behind a bridge, and over emScon packets.
+
+They have not been run against hardware yet.
+"""
 
 from __future__ import annotations
 

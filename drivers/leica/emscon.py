@@ -235,10 +235,10 @@ class EmsconTracker:
     def measure(
         self, target: str, *, samples: int = 100, near_mm: Sequence[float] | None = None
     ) -> PointReading:
-        """A stationary measurement as long as `samples` at `rate_hz` take, 0.5 s at least.
+        """Make a stationary measurement as long as `samples` at `rate_hz` take, 0.5 s at least.
 
-        With `near_mm` (tracker frame) the beam is first pointed there to find the reflector; without, the reflector
-        in the beam is measured, because emScon has no names of targets. Raises as `drivers.faro.ion`.
+        With `near_mm` (tracker frame) the beam is first pointed there to find the reflector. Without it, the reflector
+        in the beam is measured, because emScon has no names of targets. Errors are those of `drivers.faro.ion`.
         """
         if samples < 1:
             raise ConfigError(f"samples = {samples} must be at least 1", device=self.name, command="measure")

@@ -106,7 +106,7 @@ class Packet:
 
 
 def command(number: int, *arguments: float) -> bytes:
-    """The bytes of a command."""
+    """Encode a command."""
     body = struct.pack("<i" + _ARGUMENTS.get(number, ""), number, *arguments)
     return HEADER.pack(HEADER.size + len(body), COMMAND) + body
 
@@ -160,7 +160,10 @@ def parse(data: bytes) -> Packet:
 
 
 def error_of(packet: Packet, device: str, what: str) -> AcquisitionError:
-    """The error that a status other than 0 means. Numbers not known here void a measurement and refuse all else."""
+    """Return the error for a status other than 0.
+
+    An unknown number voids a measurement, and refuses any other command.
+    """
     measures = packet.number in (START_MEASUREMENT, GO_POSITION)
     kind, words = _ERRORS.get(packet.status, (TargetNotSeen if measures else CommandRefused, ""))
     text = f"tracker says {packet.status}" + (f" ({words})" if words else "")

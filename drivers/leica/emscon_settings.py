@@ -55,7 +55,7 @@ def can_be(settings: Sequence[int]) -> bool:
 
 
 def put_in_order(settings: Sequence[int]) -> str:
-    """The names of the settings that `needed` changes."""
+    """Return the names of the settings that `needed` changes."""
     changed = zip(_NEEDED, settings, needed(settings), strict=True)
     return ", ".join(name for name, before, after in changed if before != after)
 

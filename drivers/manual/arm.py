@@ -93,11 +93,11 @@ class ManualArm:
         self.disarm()
 
     def disconnect(self) -> None:
-        """Never raises."""
+        """Disarm; never raises."""
         self.disarm()
 
     def identify(self) -> Identity:
-        """The identity, with the serial number of the cell file; maker and model are unknown."""
+        """Return the serial number of the cell file; maker and model are unknown."""
         return Identity("", "", self._serial, "", "by hand")
 
     def arm(self) -> None:
@@ -105,7 +105,7 @@ class ManualArm:
         self._armed = True
 
     def disarm(self) -> None:
-        """Allow no prompts until armed again, and forget the position of the robot. Never raises."""
+        """Allow no prompts until armed again, and discard the position of the robot. Never raises."""
         self._armed = False
         self._here = None
 
@@ -131,7 +131,10 @@ class ManualArm:
         return self._here
 
     def move_to(self, joints_deg: Sequence[float]) -> JointReading:
-        """Ask a person to drive to joint angles, deg; returns the angles on the pendant. Raises as `move_over`."""
+        """Ask a person to drive to joint angles, deg, and return the angles on the pendant.
+
+        Errors are those of `move_over`.
+        """
         return self.move_over((), joints_deg)
 
     def move_over(self, over_deg: Sequence[Sequence[float]], joints_deg: Sequence[float]) -> JointReading:
@@ -181,7 +184,7 @@ class ManualArm:
         )
 
     def status(self) -> RobotStatus:
-        """The status; nothing is reported."""
+        """Return a status without information."""
         return RobotStatus("unknown", None, None, None)
 
     def _shown(self, q: float) -> str:

@@ -69,7 +69,7 @@ class TypingDoubt(InvalidEntry):
 
 
 def in_words(slip: TypingSlip, names: Sequence[str], unit: str) -> str:
-    """The slip as a question."""
+    """Return the slip as a question."""
     name = "" if slip.index is None else names[slip.index]
     meant = "" if slip.index is None else f" ({slip.meant[slip.index]:g} {unit})"
     return {

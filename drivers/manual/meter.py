@@ -70,11 +70,11 @@ class ManualMeter:
         self._armed = False
 
     def disconnect(self) -> None:
-        """Never raises."""
+        """Disarm; never raises."""
         self._armed = False
 
     def identify(self) -> Identity:
-        """The identity, with the serial number of the cell file; maker and model are unknown."""
+        """Return the serial number of the cell file; maker and model are unknown."""
         return Identity("", "", self._serial, "", "by hand")
 
     def arm(self) -> None:
@@ -131,7 +131,7 @@ class ManualMeter:
         self._armed = False
 
     def status(self) -> InstrumentStatus:
-        """The status; nothing is reported."""
+        """Return a status without information."""
         return InstrumentStatus("READY")
 
     def _scatter(self, rows: Sequence[TypedRow]) -> tuple[float, ...]:
@@ -140,7 +140,10 @@ class ManualMeter:
         return tuple(self._mm * stdev(each) for each in zip(*(row.values for row in rows), strict=True))
 
     def _wrong(self, rows: Sequence[TypedRow], near_mm: Sequence[float] | None) -> InvalidEntry | None:
-        """Rows that are not of one point, and a point that is not where it should be."""
+        """Return the mistake or doubt in typed rows, or None.
+
+        The rows must belong to one point, and the point must be where it is expected.
+        """
         middle = [fmean(each) for each in zip(*(row.values for row in rows), strict=True)]
         for number, row in enumerate(rows, start=1):
             if (off := self._mm * math.dist(row.values, middle)) > _ONE_POINT_MM:

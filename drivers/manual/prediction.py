@@ -32,12 +32,12 @@ class Prediction:
         self._seen: list[Sequence[float]] = []
 
     def learn(self, near_mm: Sequence[float], seen_mm: Sequence[float]) -> None:
-        """A point that was taken, and where the nominal robot had it."""
+        """Add an accepted point, and its place according to the nominal robot."""
         self._near.append(near_mm)
         self._seen.append(seen_mm)
 
     def expect(self, near_mm: Sequence[float]) -> tuple[tuple[float, ...], float]:
-        """The place where a point is expected, and how far from there it may be."""
+        """Return the expected place of a point, and its largest permitted distance from there."""
         near, seen = np.array(self._near).reshape(-1, 3), np.array(self._seen).reshape(-1, 3)
         if len(near) < ENOUGH or np.linalg.svd(near - near.mean(axis=0))[1][1] < _SPREAD_MM:
             return tuple(near_mm), self._within_mm
@@ -51,7 +51,7 @@ class Prediction:
 
 
 def carried(near: Points, seen: Points) -> tuple[Points, Points]:
-    """The turn (3, 3) and shift (3,) that carry (n, 3) points nearest onto others."""
+    """Compute the rotation (3, 3) and shift (3,) that move (n, 3) points closest to others."""
     a, b = near.mean(axis=0), seen.mean(axis=0)
     u, _, v = np.linalg.svd((near - a).T @ (seen - b))
     mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(v.T @ u.T))])

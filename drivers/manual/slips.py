@@ -44,7 +44,7 @@ def slip_of(row: TypedRow, expected: Sequence[float], within: float) -> TypingSl
 
 
 def apart(one: Sequence[float], other: Sequence[float]) -> float:
-    """The largest difference of two rows."""
+    """Return the largest difference of two rows."""
     return max(abs(a - b) for a, b in zip(one, other, strict=True))
 
 
@@ -61,7 +61,7 @@ def _in_another_unit(row: TypedRow) -> Iterator[TypingSlip]:
 
 
 def _single(row: TypedRow) -> tuple[list[TypingSlip], ...]:
-    """Every slip in one number, the likeliest kind first."""
+    """Return every slip in one number, by kind, the likeliest first."""
     kinds = (("sign", _signs), ("swap", _swaps), ("point", _points), ("digit", _digits))
     return tuple(
         [

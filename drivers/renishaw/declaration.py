@@ -1,4 +1,4 @@
-"""The driver of Renishaw's ballbar declared. Not run against hardware yet."""
+"""The declaration of the driver of Renishaw's ballbar, not run against hardware yet."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LONGEST_BAR_MM = 5000.0
 
 
 def _details(device: Qc20w, status: InstrumentStatus) -> Details:
-    """The battery of the ballbar and the calibrated length of the bar (CAL)."""
+    """Return the battery charge of the ballbar and the calibrated length of the bar (CAL)."""
     reply = device.session.ask("CAL", {})
     with device.session.understood():
         length = mbp.number(reply, "L0", 1.0, _LONGEST_BAR_MM)

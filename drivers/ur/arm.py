@@ -137,12 +137,12 @@ class UrArm:
 
     @property
     def can_stop(self) -> bool:
-        """Every UR controller can be stopped by network."""
+        """True: every UR controller can be stopped by network."""
         return True
 
     @property
     def feed(self) -> str:
-        """Feed in which the last connect found states: `rtde` or `realtime`."""
+        """The source of states that the last connect found: `rtde` or `realtime`."""
         return "rtde" if self._feed is self._rtde else "realtime"
 
     @property
@@ -192,7 +192,10 @@ class UrArm:
             _LOG.warning("%s: nobody answers RTDE; without it no watchdog guards a move", self.name)
 
     def disconnect(self) -> None:
-        """Close all connections and disarm; never raises. A move under way sees it and orders the arm to stop."""
+        """Close all connections and disarm; never raises.
+
+        A move under way notices it and orders the arm to stop.
+        """
         self._armed = False
         self._motion.stopped.set()  # a program that is about to be sent stays here
         self._rtde.close()
@@ -325,7 +328,7 @@ class UrArm:
         return joint_stream(Rtde(self._link(self._address), self._deadlines, rate_hz))
 
     def at_speed(self, speed_deg_s: float) -> AbstractContextManager[None]:
-        """A context manager in which moves are no faster than this, nor than the arm's own limits. From one thread."""
+        """Limit the speed of moves in the block, below the arm's own limits. From one thread."""
         return self._motion.at_most(math.radians(speed_deg_s))
 
     def stop(self) -> None:
@@ -384,5 +387,5 @@ class UrArm:
 
 
 def _reading(state: UrState) -> JointReading:
-    """The reading of a state; the reply has doubles, so nothing is rounded."""
+    """Return the reading of a state, which has doubles and is therefore not rounded."""
     return JointReading(tuple(math.degrees(q) for q in state.actual_rad), 0.0, state.raw)

@@ -1,4 +1,4 @@
-"""Named waits of the UR driver, seconds."""
+"""The named waits of the UR driver, s."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The driver of UR arms declared. Not run against hardware yet."""
+"""The declaration of the driver of UR arms, not run against hardware yet."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class UrScriptMove:
         return (*(float(f"{q:.8f}") for q in self.goal_rad), *map(float, self._named.values()))
 
     def text(self) -> str:
-        """The text that is sent."""
+        """The text of the program."""
         goal = ", ".join(f"{q:.8f}" for q in self.goal_rad)
         if self.number is None:
             lines = [f"movej([{goal}], a={self.acceleration:.6f}, v={self.speed:.6f})"]
@@ -113,7 +113,7 @@ class UrScriptMove:
 
 
 def not_ready(state: UrState) -> AcquisitionError | None:
-    """The reason why no program may be sent now, or None."""
+    """Return the reason why no program may be sent now, or None."""
     problem = unfit(state, moving=False)
     if problem is None and not (state.runtime_state == STOPPED and state.at_rest):
         return Busy(
@@ -147,7 +147,7 @@ class Motion:
 
     @contextmanager
     def at_most(self, speed: float) -> Iterator[None]:
-        """The leading joint is no faster than this, rad/s, in moves that begin within the block."""
+        """Limit the leading joint to this speed, rad/s, in moves that begin within the block."""
         usual, self._limits = self._limits, replace(self._limits, speed=min(speed, self._limits.speed))
         try:
             yield
@@ -220,7 +220,7 @@ class Motion:
     def _begin(
         self, feed: Rtde | Realtime, witness: StateConfirmer, here: UrState, goal: Vector
     ) -> AcquisitionError | None:
-        """Send the program, see it begin and let it go."""
+        """Send the program, check that it begins, and release it."""
         number = None
         if feed.numbered and here.echo is not None:
             number = here.echo % _LAST_NUMBER + 1  # what the register does not hold yet
@@ -274,7 +274,7 @@ class Motion:
     def _follow(
         self, witness: StateConfirmer, goal: Vector, seconds: float
     ) -> tuple[UrState, AcquisitionError | None]:
-        """States until the arm is at rest at the end of its program."""
+        """Read states until the arm is at rest at the end of its program."""
         end = self._clock() + seconds
         rest_since = math.inf
         while True:

@@ -131,7 +131,7 @@ class Realtime:
         """Do nothing: this port does not report which client controls."""
 
     def release(self, number: int) -> None:
-        """Do nothing: a program without a number waits for nothing."""
+        """Do nothing: a program without a number does not wait."""
 
     @contextmanager
     def _connection(self, command: str, *, outlives_close: bool = False) -> Iterator[TcpLink]:

@@ -130,7 +130,10 @@ class Rtde:
 
     @property
     def confirms(self) -> bool:
-        """Whether the controller has the registers with which a program shows its target and waits. Once open."""
+        """Whether the controller has the registers in which a program shows its target. Once open.
+
+        The program then waits until the target is confirmed.
+        """
         return self._echoed
 
     @property
@@ -164,7 +167,7 @@ class Rtde:
                 self._set_up()
 
     def _set_up(self, *more: tuple[str, str]) -> bool:
-        """Set up the fields of a state, and `more`. False when the controller lacks one of `more`."""
+        """Set up the fields of a state, and `more`; False if the controller lacks one of `more`."""
         names = [name for name, _ in (*_FIELDS, *more)]
         wanted = [kind for _, kind in (*_FIELDS, *more)]
         reply = self._ask(_OUTPUTS, struct.pack(">d", self._rate_hz) + ",".join(names).encode(), "connect")
@@ -258,7 +261,7 @@ class Rtde:
             raise ProtocolError("controller did not start or pause its data", raw=reply)
 
     def _ask(self, kind: int, payload: bytes, command: str) -> bytes:
-        """The payload of the reply; data packages in between are checked and not used."""
+        """Return the payload of the reply; data packages in between are checked and not used."""
         self._link.send(encode(kind, payload), command=command, send_s=self.deadlines.send_s)
         end = self._clock() + self.deadlines.reply_s
         while True:

@@ -59,7 +59,7 @@ class Factory:
 
     @property
     def correction(self) -> DhNumbers | None:
-        """The corrections that the factory's calibration adds to the nominal numbers."""
+        """The corrections by the factory's calibration to the nominal numbers."""
         return None if self.calibrated is None else self.calibrated.minus(self.nominal)
 
 

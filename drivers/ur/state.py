@@ -92,11 +92,11 @@ class UrState:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the arm is neither ordered to move nor moving."""
+        """Whether the arm is neither commanded to move nor moving."""
         return max(map(abs, self.target_rad_s + self.actual_rad_s)) < STILL_RAD_S
 
     def off_rad(self, goal_rad: Sequence[float]) -> float:
-        """Largest distance of a joint, as read back, from `goal_rad`."""
+        """Return the largest distance of a joint, as read back, from `goal_rad`."""
         return max(abs(a - b) for a, b in zip(self.actual_rad, goal_rad, strict=True))
 
 
@@ -158,7 +158,7 @@ def carries(before: UrState, now: UrState) -> bool:
 
 
 class StateConfirmer:
-    """A reader of states that accepts one when the next confirms it."""
+    """A reader of states that accepts one if the next confirms it."""
 
     def __init__(self, read: Callable[[], UrState]) -> None:
         self._read = read

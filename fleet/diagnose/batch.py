@@ -56,7 +56,7 @@ class DatasetSource:
 
 
 class DatasetMismatch(Exception):
-    """The files of a data set are not what was listed, on the computer that should read them."""
+    """The files of a data set on this computer are not those that were listed."""
 
 
 def in_files(given: Sequence[Path]) -> list[DatasetSource]:
@@ -221,7 +221,7 @@ class DiagnosisOrder:
         return TASK if self.most == MOST_EFFECTS else f"{TASK} most={self.most}"
 
     def job(self, source: DatasetSource) -> FleetJob:
-        """The job of one data set."""
+        """Return the job of one data set."""
         return FleetJob(self.task, source.hash, self.expected)
 
 
@@ -322,7 +322,7 @@ def _statement(
 
 @contextmanager
 def _renewed(work: Work, jobs: Sequence[FleetJob], order: DiagnosisOrder) -> Iterator[None]:
-    """The claims renewed while they are worked on, as long as this process lives."""
+    """Renew the claims while they are worked on, as long as this process lives."""
     over = threading.Event()
 
     def renew() -> None:
@@ -342,4 +342,7 @@ def _renewed(work: Work, jobs: Sequence[FleetJob], order: DiagnosisOrder) -> Ite
 
 
 class EngineGone(DataError):
-    """There is no scheduler, or no worker of the same build. Results so far are kept, and the call may be repeated."""
+    """There is no scheduler, or no worker of the same build.
+
+    Results so far are kept, and the call may be repeated.
+    """

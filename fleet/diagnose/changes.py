@@ -45,7 +45,7 @@ class VersionStatement:
 
 @dataclass(frozen=True)
 class VersionDifference:
-    """One data set of which the versions say different things."""
+    """A data set with different results of two versions."""
 
     data: str
     name: str
@@ -54,12 +54,12 @@ class VersionDifference:
 
     @property
     def gone(self) -> list[str]:
-        """Effects that are no longer named."""
+        """Effects that are no longer identified."""
         return [label for label in self.was.effects if label not in self.now.effects]
 
     @property
     def new(self) -> list[str]:
-        """Effects that were not named before."""
+        """Effects that were not identified before."""
         return [label for label in self.now.effects if label not in self.was.effects]
 
     @property
@@ -171,8 +171,10 @@ def this_program() -> str:
 
 
 def fingerprint(folder: Path) -> str:
-    """The SHA-256 over names and contents of the sources below a folder, its first digits. Ends of lines as Unix has
-    them: a checkout on Windows is the same program."""
+    """Compute the SHA-256 over names and contents of the sources below a folder, shortened.
+
+    Line ends are those of Unix, so that a checkout on Windows is the same program.
+    """
     found = hashlib.sha256()
     for file in sorted(each for pattern in _DECIDES for each in folder.rglob(pattern)):
         content = file.read_bytes().replace(b"\r\n", b"\n")
@@ -182,5 +184,5 @@ def fingerprint(folder: Path) -> str:
 
 
 def release(of: str) -> str:
-    """The version of a program without its fingerprint."""
+    """Return the version of a program without its fingerprint."""
     return of.partition("+")[0]

@@ -36,7 +36,7 @@ _PLAIN = {
 
 
 def processors() -> int:
-    """The number of processes this one may have at work at once."""
+    """Return the number of processes that this process may run at once."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -48,15 +48,15 @@ class ProgressCounts:
 
     @property
     def left(self) -> int:
-        """Data sets still to come."""
+        """Number of remaining data sets."""
         return self.total - self.known - self.done - self.found - self.twice - len(self.failed)
 
     @property
     def seconds_each(self) -> float | None:
-        """Processor seconds of one data set; None before the first."""
+        """Processor seconds per data set; None before the first."""
         return self.seconds / self.done if self.done else None
 
     @property
     def seconds_left(self) -> float | None:
-        """Seconds to come, at the pace so far; None before the first data set."""
+        """Remaining seconds at the pace so far; None before the first data set."""
         return self.elapsed / self.done * self.left if self.done else None

@@ -60,7 +60,7 @@ def size_of(left: int, workers: int, seconds_each: float | None) -> int:
 
 
 class FleetRun:
-    """One call: the data sets that wait, and the batches that are out."""
+    """One call: the data sets that wait, and the batches at the workers."""
 
     def __init__(
         self,
@@ -123,7 +123,7 @@ class FleetRun:
 
     @property
     def in_hand(self) -> list[DatasetSource]:
-        """The data sets given out that have not come back."""
+        """The data sets that are at workers."""
         return [source for batch in self._out.values() for source in batch]
 
     def _see_who_is_there(self) -> None:
@@ -212,7 +212,7 @@ class FleetRun:
         return future
 
     def _ended(self) -> list[Future]:
-        """The batches that have ended, after a wait for one."""
+        """Wait for a batch to end, and return those that have ended."""
         if not self._out:
             time.sleep(LOOK_S / 10.0)  # for a worker, or for what somebody else holds
             return []
@@ -223,7 +223,10 @@ class FleetRun:
         return list(ended.done)
 
     def _take(self, future: Future) -> None:
-        """Count a batch that has ended. One whose outcome was lost with its worker before it came here is out again."""
+        """Count a batch that has ended.
+
+        A batch whose result was lost with its worker before it came here is distributed again.
+        """
         try:
             error: Any = future.exception(timeout=LOOK_S)
             outcome: Any = None if error is not None else future.result(timeout=LOOK_S)
@@ -279,11 +282,11 @@ class StoreRetry:
 
     @property
     def away(self) -> bool:
-        """Whether the store did not answer when it was last asked."""
+        """Whether the store did not answer on the last attempt."""
         return self._since is not None
 
     def refused(self, error: StoreGone) -> None:
-        """The store is away. Raises the error where it has been away for too long."""
+        """Note that the store does not answer, and raise the error if this lasts too long."""
         now = self._clock()
         if self._since is None:
             self._since, self._pause_s = now, FIRST_S
@@ -302,7 +305,7 @@ class StoreRetry:
         return self._clock() >= self._next
 
     def answered(self) -> None:
-        """The store has answered."""
+        """Note that the store has answered."""
         if self._since is not None:
             self._tell(f"the store answers again, after {self._clock() - self._since:.0f} s")
             self._since = None
@@ -336,7 +339,7 @@ async def _enrol(expected: str, dask_worker: Worker) -> WorkerReport:
 
 
 class WorkerPool:
-    """The workers seen so far: those at work, and those refused with the reason, by address."""
+    """The workers met so far: active ones, and refused ones with the reason, by address."""
 
     def __init__(self, client: Client, expected: str) -> None:
         self._client, self._expected = client, expected
@@ -379,7 +382,7 @@ class WorkerPool:
         return said
 
     def _why_not(self, told: object) -> str:
-        """The reason for which a worker may not compute, from its answer; "" where it may."""
+        """Return why a worker may not compute, according to its answer; "" if it may."""
         if not isinstance(told, WorkerReport):
             return f"it cannot say which TruePose it runs ({type(told).__name__}: {told}); install {self._expected}"
         if told.program != self._expected:

@@ -21,7 +21,7 @@ REFUSED = "refused"
 
 
 def of_diagnosis(name: str, found: DiagnosisFit) -> dict[str, Any]:
-    """Verdict, effects and errors on held-out readings (mm) of a data set of this name."""
+    """Return verdict, effects and errors on held-out readings (mm) of a data set."""
     data = found.dataset
     return {
         "format": FORMAT,
@@ -58,7 +58,7 @@ def of_refusal(name: str, error: DataError) -> dict[str, Any]:
 
 
 def _parameters(found: DiagnosisFit) -> list[dict[str, Any]]:
-    """The parameters of the base model and of named effects, as trends take them."""
+    """Return the parameters of the base model and of identified effects, as trends use them."""
     final = found.final
     carried = {p.name for e in final.model.effects if e.is_carried for p in e.parameters}
     entries = parameters_of(final.model, final.estimate, final.standard_errors)
@@ -70,7 +70,7 @@ def _parameters(found: DiagnosisFit) -> list[dict[str, Any]]:
 
 
 def _short(value: float) -> float | None:
-    """Numbers to nine digits: a hundred thousand of these tables are kept."""
+    """Round numbers to nine digits, because a hundred thousand of these tables are kept."""
     return float(f"{value:.9g}") if math.isfinite(value) else None
 
 
@@ -93,5 +93,5 @@ def _errors(errors: ErrorStatistics | None) -> Mapping[str, float | int | None] 
 
 
 def _number(value: float) -> float | None:
-    """JSON knows neither NaN nor infinity."""
+    """Return None for NaN and infinity, which JSON does not have."""
     return float(value) if math.isfinite(value) else None

@@ -247,7 +247,7 @@ def _refuse_simulated(simulated: bool, cell: CellFolder, path: Path) -> None:
 
 
 def _moment(text: str, path: Path) -> datetime:
-    """The time at which the readings began; the time of the file where it does not say."""
+    """Return the time at which the readings began, or the time of the file if it states none."""
     for form in ("%Y-%m-%d %H:%M UTC", "%Y-%m-%d %H:%M:%S UTC"):
         try:
             return datetime.strptime(text, form).replace(tzinfo=UTC)

@@ -48,7 +48,7 @@ class UploadAnswer:
 
 
 class _Nobody(Exception):
-    """The server cannot be reached: another document would not fare better."""
+    """The server cannot be reached: another document would fail as well."""
 
 
 class ServerLink:
@@ -112,8 +112,15 @@ class ServerLink:
         return self._meaning(answer, data, document.hash)
 
     def _exchange(self, document: Document) -> tuple[http.client.HTTPResponse, bytes]:
-        """Send a request and read its answer. Raises _Nobody without a connection, OSError and HTTPException where
-        there was one."""
+        """Send a request and read its answer.
+
+        Raises
+        ------
+        _Nobody
+            There is no connection.
+        OSError, HTTPException
+            The connection failed later.
+        """
         if self._connection.sock is not None:
             with suppress(ConnectionError):  # it was kept open, and may have ended meanwhile
                 return self._send(document)
@@ -186,7 +193,7 @@ def _document(data: bytes) -> Mapping[str, Any]:
 
 
 def _seconds(text: str) -> float | None:
-    """Retry-After in seconds; dates, which the server of a fleet does not send, are left."""
+    """Parse Retry-After in seconds; dates, which a fleet server does not send, are ignored."""
     return float(text) if text.isdecimal() and len(text) < 8 else None
 
 

@@ -71,11 +71,11 @@ class QueuedDocument:
 class Outbox:
     """The queue file of one cell. Several processes may open it at once.
 
-    Every verb raises DataError where the file cannot be used: a full disk, a damaged file, a file of a newer version.
+    Every method raises DataError if the file cannot be used: a full disk, a damaged file, a file of a newer version.
     """
 
     def __init__(self, path: Path) -> None:
-        """Open the file, or make it; its folder must exist."""
+        """Open the file, or create it; its folder must exist."""
         self.path = path
         with self._translated():
             self._connection = sqlite3.connect(
@@ -155,18 +155,18 @@ class Outbox:
         self._write("INSERT OR REPLACE INTO file VALUES (?, ?, ?)", (os.fsdecode(path), stamp, said))
 
     def not_taken(self) -> list[tuple[Path, str]]:
-        """Files that were looked at and not taken in, each with the reason."""
+        """Return the files that were read and not accepted, each with the reason."""
         rows = self._read("SELECT path, said FROM file WHERE said <> '' ORDER BY path")
         return [(Path(path), said) for path, said in rows]
 
     def look_again(self) -> None:
-        """Forget which files were looked at and not taken in."""
+        """Discard the notes on files that were read and not accepted."""
         self._write("DELETE FROM file WHERE said <> ''")
 
     # -- out --------------------------------------------------------------------------------------------------
 
     def entries(self, *states: State) -> list[QueuedDocument]:
-        """The documents in these states, oldest first."""
+        """Return the documents in these states, oldest first."""
         marks = ", ".join("?" * len(states))
         rows = self._read(
             "SELECT hash, kind, serial, model, identity, measured_at, coalesce(length(content), 0), state, changed_at, "
@@ -210,18 +210,18 @@ class Outbox:
         )
 
     def acknowledged(self, hash_: str, now: datetime) -> None:
-        """The server has this content: it leaves the queue, the hash stays."""
+        """Remove the content of a document that the server has; its hash stays."""
         self._write(
             "UPDATE entry SET state = 'sent', content = NULL, changed_at = ?, said = '' WHERE hash = ?",
             (_text(now), hash_),
         )
 
     def tried(self, hash_: str, said: str) -> None:
-        """A try has failed and the document waits on."""
+        """Note that an attempt has failed; the document still waits."""
         self._write("UPDATE entry SET tries = tries + 1, said = ? WHERE hash = ?", (said, hash_))
 
     def set_aside(self, hash_: str, said: str, now: datetime) -> None:
-        """The server refuses the document: it is kept, and not sent again by itself."""
+        """Note that the server refuses the document: it is kept, and not sent again automatically."""
         self._write(
             "UPDATE entry SET state = 'aside', tries = tries + 1, said = ?, changed_at = ? "
             "WHERE hash = ? AND state = 'waiting'",
@@ -229,7 +229,7 @@ class Outbox:
         )
 
     def retry(self, hash_: str, now: datetime) -> bool:
-        """Let a document that was set aside wait again; whether there was one."""
+        """Let a rejected document wait again, and return whether there was one."""
         return self._write(
             "UPDATE entry SET state = 'waiting', changed_at = ? WHERE hash = ? AND state = 'aside'",
             (_text(now), hash_),
@@ -238,7 +238,7 @@ class Outbox:
     # -- the file ---------------------------------------------------------------------------------------------
 
     def _write(self, sql: str, values: Sequence[Any] = ()) -> bool:
-        """One statement, durable when this returns; whether it changed anything."""
+        """Run one statement, durably, and return whether it changed anything."""
         with self._translated(), self._transaction() as db:
             db.execute(sql, values)
             ((changed,),) = db.execute("SELECT changes()").fetchall()
@@ -270,7 +270,7 @@ class Outbox:
 
 
 def refuse_large(document: Document) -> None:
-    """Raise DataError for a document that no server takes."""
+    """Raise DataError for a document that no server accepts."""
     if len(document.content) > LARGEST:
         raise DataError(
             f"has {len(document.content) / 1024**2:.0f} MB; a document has at most {LARGEST / 1024**2:.0f}.",
@@ -299,7 +299,7 @@ def _refusal(path: Path, error: sqlite3.Error) -> DataError:
 
 
 def _sync(folder: Path) -> None:
-    """The name of a new file is only durable with its folder."""
+    """Sync the folder of a new file: only then is its name durable."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)

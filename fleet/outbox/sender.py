@@ -60,7 +60,7 @@ class SendRound:
 
 @dataclass
 class _Patience:
-    """Failures in a row, and until when to wait after the last."""
+    """Failures in a row, and the end of the wait after the last one."""
 
     failures: int = 0
     until: float = 0.0
@@ -122,7 +122,7 @@ class Sender:
         return SendRound(kept, refused, left, trouble, barred, self._wait(left))
 
     def _try(self, hash_: str) -> UploadAnswer:
-        """Upload one document and write down what became of it, before anything else is done."""
+        """Upload one document and store the result before anything else is done."""
         document = self.outbox.document(hash_)
         if hashlib.sha256(document.content).hexdigest() != hash_:
             answer = UploadAnswer(

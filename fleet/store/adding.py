@@ -22,11 +22,11 @@ _DEADLOCK = "40P01"  # PostgreSQL has ended this one of two that wait for each o
 
 
 class ConcurrentInsert(Exception):
-    """Another program has added the same document, identity or robot since it was looked for."""
+    """Another program has added the same document, identity or robot in the meantime."""
 
 
 def already(connection: sa.Connection, hashes: Sequence[str]) -> dict[str, tuple[int, str, int]]:
-    """The documents of these hashes that are there: number, kind, robot."""
+    """Return number, kind and robot of the existing documents with these hashes."""
     d = tables.document.c
     found: dict[str, tuple[int, str, int]] = {}
     for begin in range(0, len(hashes), _MANY):
@@ -36,7 +36,7 @@ def already(connection: sa.Connection, hashes: Sequence[str]) -> dict[str, tuple
 
 
 def _versions(connection: sa.Connection, identities: Sequence[str]) -> dict[str, list[str]]:
-    """The hashes of each identity, oldest first."""
+    """Return the hashes of each identity, oldest first."""
     d = tables.document.c
     found: dict[str, list[str]] = defaultdict(list)
     for begin in range(0, len(identities), _MANY):
@@ -64,7 +64,7 @@ def _insert(connection: sa.Connection, table: sa.Table, rows: list[dict[str, Any
 
 
 def _robots(connection: sa.Connection, keys: Sequence[RobotKey]) -> dict[RobotKey, int]:
-    """The numbers of robots, made where there are none."""
+    """Return the numbers of robots; missing ones are created."""
     r = tables.robot.c
 
     def look() -> dict[RobotKey, int]:

@@ -84,7 +84,7 @@ def engine_of(url: str, *, forever: bool = False) -> sa.Engine:
 
 
 def shown(url: sa.URL) -> str:
-    """An address without its password, for people."""
+    """Return an address without its password, for people."""
     plain = url.set(drivername=url.get_backend_name())
     return unquote(plain.render_as_string(hide_password=True))
 
@@ -97,7 +97,10 @@ def _prepare_sqlite(connection: sqlite3.Connection, _: object) -> None:
 
 
 def _write_ahead(connection: sqlite3.Connection) -> None:
-    """Switch the file to a write-ahead log. SQLite does not wait there for a program that is making the same file."""
+    """Switch the file to a write-ahead log.
+
+    SQLite does not wait here for another program that creates the same file.
+    """
     until = time.monotonic() + BUSY_S
     while True:
         try:
@@ -267,7 +270,7 @@ def version(connection: sa.Connection, engine: sa.Engine) -> str:
 
 
 def newest() -> str:
-    """The version of this program's tables."""
+    """Return the version of this program's tables."""
     return _scripts().get_current_head() or ""
 
 

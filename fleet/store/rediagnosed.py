@@ -70,7 +70,7 @@ def _contents(connection: sa.Connection, rows: Mapping[str, Any]) -> list[tuple[
 
 
 def _points(row: Any, table: Mapping[str, Any], parameter: str | None) -> list[TrendPoint]:
-    """The points of one result."""
+    """Return the points of one result."""
     points = [
         TrendPoint(
             row.measured_at,

@@ -71,7 +71,7 @@ def standings(
 
 
 def _said(connection: sa.Connection, robot: RobotKey | None) -> list[VerdictRecord]:
-    """The last verdict of each kind on each robot."""
+    """Return the last verdict of each kind on each robot."""
     v, c, r = tables.verdict.c, tables.cause.c, tables.robot.c
     last = _newest(("watch", "diagnosis"), robot)
     question = (
@@ -95,10 +95,10 @@ def _said(connection: sa.Connection, robot: RobotKey | None) -> list[VerdictReco
 
 
 def _baselines(connection: sa.Connection, robot: RobotKey | None) -> list[tuple[RobotKey, BaselineRecord]]:
-    """The newest calibration of each robot; its newest model where there is no calibration.
+    """Return the newest calibration of each robot, or its newest model if it has none.
 
-    What a watch has updated, and so is as old as its readings, is none: by it, what has changed would look unchanged
-    before anybody mended it.
+    A model that a watch has updated does not count; it has the time of the watch's readings. Judged by it, a changed
+    robot would look unchanged before it is repaired.
     """
     d, w, r = tables.document.c, tables.document.alias(), tables.robot.c
     updated = sa.exists().where(

@@ -104,7 +104,7 @@ def _rows(kind: Kind, table: Mapping[str, Any]) -> Rows:
 
 
 def _parameter(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """A parameter with its standard error `std`, or with U where `u` is given."""
+    """Return a parameter with its standard error `std`, or with U if `u` is given."""
     value = _number(entry["value"])
     if value is None:
         raise ValueError(f"{entry['name']} has no value")
@@ -150,7 +150,7 @@ def _held_out(table: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
 
 
 def _missed(table: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
-    """The error at the check poses; watches of older versions have none."""
+    """Return the error at the check poses; watches of older versions have none."""
     found = table.get("error_mm")
     rms, u = (None, None) if found is None else (_number(found["rms"]), _number(found["u"]))
     return () if rms is None else (_error(rms, u),)

@@ -42,14 +42,14 @@ _TRIES = 20  # of a batch of which another program has just added a part
 
 
 class FleetStore:
-    """A store of documents; may be used by several threads, and by several programs at once.
+    """A store of documents, for several threads and several programs at once.
 
-    Every method raises StoreGone where the database is away or full (nothing was kept then: ask again), StoreError
-    where it refuses.
+    Every method raises StoreGone if the database does not answer or is full (nothing was kept then: repeat the call),
+    and StoreError if it refuses.
     """
 
     def __init__(self, engine: sa.Engine) -> None:
-        """The store in a database whose tables are those of this program; see `open`."""
+        """Use a database whose tables are those of this program; see `open`."""
         self._engine = engine
         self.work = Work(engine)
 
@@ -78,7 +78,7 @@ class FleetStore:
 
     @property
     def place(self) -> str:
-        """The address, without its password."""
+        """The address of the store, without its password."""
         return shown(self._engine.url)
 
     def close(self) -> None:
@@ -102,7 +102,10 @@ class FleetStore:
         return self.add_all([document])[0]
 
     def add_all(self, documents: Sequence[Document]) -> list[AddResult]:
-        """Keep documents, all or none of them, durably: when this returns they survive a power cut. Raises as `add`."""
+        """Store documents durably, all or none of them.
+
+        They survive a power cut when this returns. Errors are those of `add`.
+        """
         rows = [rows_of(each) for each in documents]
         for _ in range(_TRIES):
             try:
@@ -134,12 +137,12 @@ class FleetStore:
         return bytes(found)
 
     def known(self, hashes: Sequence[str]) -> set[str]:
-        """The hashes, of those given, that the store has."""
+        """Return those of the given hashes that the store has."""
         with reading(self._engine) as connection:
             return set(already(connection, hashes))
 
     def named(self) -> list[RobotKey]:
-        """The keys of all robots, by type and serial number: no document is looked at."""
+        """Return the keys of all robots, by type and serial number, without reading documents."""
         r = tables.robot.c
         with reading(self._engine) as connection:
             return [
@@ -148,7 +151,7 @@ class FleetStore:
             ]
 
     def robots(self, robot: RobotKey | None = None) -> list[RobotSummary]:
-        """All robots, by type and serial number; or one."""
+        """Return all robots, by type and serial number; or one."""
         d, r = tables.document.c, tables.robot.c
         its = sa.select(r.id).where(*_of(robot, None, None))
         came = sa.case((d.measured_at > d.added_at, d.added_at), else_=d.measured_at)  # a clock may be ahead
@@ -252,7 +255,7 @@ class FleetStore:
             return points_of(connection, robot, parameter, again=rediagnosed).get(robot, [])
 
     def standings(self, robot: RobotKey | None = None) -> list[RobotState]:
-        """The standing of every robot, or of one, by type and serial number."""
+        """Return the state of every robot, or of one, by type and serial number."""
         known = self.robots(robot)
         with reading(self._engine) as connection:
             return standings(connection, known, robot)
@@ -260,7 +263,7 @@ class FleetStore:
     def verdicts(
         self, robot: RobotKey | None = None, kind: Kind | None = None, since: datetime | None = None
     ) -> list[VerdictRecord]:
-        """The verdicts of watches and diagnoses, of a robot or of all, oldest first."""
+        """Return the verdicts of watches and diagnoses, of one robot or of all, oldest first."""
         v, d, r, c = tables.verdict.c, tables.document.c, tables.robot.c, tables.cause.c
         question = (
             sa.select(d.id, r.serial, r.model, d.measured_at, d.kind, d.hash, v.verdict, v.in_words, v.advice)
@@ -312,7 +315,10 @@ def _prepare(engine: sa.Engine) -> None:
 
 
 def _of(robot: RobotKey | None, kind: Kind | None, since: datetime | None) -> list[sa.ColumnElement[bool]]:
-    """The conditions for documents of a robot, of a kind, measured then or later; None for any."""
+    """Return the conditions for documents of a robot, of a kind, measured then or later.
+
+    None means any.
+    """
     d, r = tables.document.c, tables.robot.c
     conditions: list[sa.ColumnElement[bool]] = []
     if robot is not None:

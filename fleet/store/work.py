@@ -42,7 +42,7 @@ class FleetJob:
 
     @cached_property
     def key(self) -> str:
-        """SHA-256 of the three, 64 hexadecimal digits."""
+        """SHA-256 of the three fields, 64 hexadecimal digits."""
         return hashlib.sha256("\n".join((self.task, self.data, self.program)).encode()).hexdigest()
 
 
@@ -84,7 +84,7 @@ class Work:
         return sorted(mine, key=lambda each: order[each])
 
     def finish(self, job: FleetJob, owner: str, content: bytes, now: datetime, seconds: float) -> bool:
-        """Keep the result of a job; False where it has one already, which stays as it is."""
+        """Store the result of a job; False if it has one already, which is not changed."""
         row = {
             "key": job.key,
             "task": job.task,
@@ -103,14 +103,14 @@ class Work:
         return True
 
     def done(self, jobs: Sequence[FleetJob]) -> set[FleetJob]:
-        """The jobs, of those given, that have a result."""
+        """Return those of the given jobs that have a result."""
         with reading(self._engine) as connection:
             return self._done(connection, jobs)
 
     def results(
         self, task: str | None = None, data: str | None = None, program: str | None = None
     ) -> list[JobResult]:
-        """Results of a task, of a document, of a version, oldest first."""
+        """Return results of a task, of a document, of a version, oldest first."""
         c = tables.result.c
         question = sa.select(tables.result).order_by(c.finished_at, c.key)
         for column, value in ((c.task, task), (c.data, data), (c.program, program)):
@@ -129,7 +129,7 @@ class Work:
             ]
 
     def programs(self, task: str) -> list[str]:
-        """The versions that have results of a task, the one that finished one last at the end."""
+        """Return the versions with results of a task; the one that finished one last comes last."""
         c = tables.result.c
         question = sa.select(c.program).where(c.task == task).group_by(c.program)
         with reading(self._engine) as connection:

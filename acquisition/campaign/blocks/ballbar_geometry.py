@@ -66,7 +66,7 @@ class BallbarGeometryBlock(Block):
         return [*self._measured(of_tool), *touches, *self._measured(of_base)]
 
     def _measured(self, spans: list[tuple[float, str, str]]) -> list[BlockVisit]:
-        """A visit a distance, those of one bar after one another."""
+        """Return one visit per distance, sorted by the bar that is needed."""
         lengths = list(dict.fromkeys(length for length, _, _ in spans))
         return [
             BlockVisit(f"distance {one} to {other}", (), (), (), ((one, other),))
@@ -76,6 +76,6 @@ class BallbarGeometryBlock(Block):
 
     @staticmethod
     def _spans(cell: Cell, names: tuple[str, ...]) -> list[tuple[float, str, str]]:
-        """Length of the bar, mm, and the two balls of every distance that can be measured."""
+        """Return the bar length, mm, and the two balls of every distance that can be measured."""
         found = [(bar_between(cell, *two), *two) for two in combinations(names, 2)]
         return [(bar.length_mm, one, other) for bar, one, other in found if bar is not None]

@@ -54,7 +54,7 @@ Set = Annotated[
 
 
 class RandomStream(IntEnum):
-    """Streams of random numbers from the seed of a campaign, one for each thing that is drawn."""
+    """Streams of random numbers from the seed of a campaign, one per purpose."""
 
     POSE, SIDE, ORDER, REFERENCE, POSTURE, REACH = range(6)
 
@@ -99,7 +99,10 @@ class ApproachTable(Table):
         return self
 
     def within(self, default: ApproachTable, where: str = "") -> ApproachTable:
-        """This table, what it leaves out as in `default`. Raises what `refused` makes, for a key below `where`."""
+        """Return this table with missing keys from `default`.
+
+        A length out of range raises the error of `refused`, for a key below `where`.
+        """
         given = {key: getattr(self, key) for key in self.model_fields_set}
         kept = {} if "offset_deg" in given else {"longest_deg": default.longest_deg}
         found = default.model_copy(update={"longest_deg": None, **kept, **given})
@@ -183,7 +186,7 @@ class Site:
     taken: tuple[Joints, ...] = ()
 
     def rng(self, stream: RandomStream) -> np.random.Generator:
-        """A random generator that belongs to this block alone."""
+        """Return a random generator that belongs to this block alone."""
         return np.random.default_rng([self.seed, stream, self.number])
 
     def visit(
@@ -194,13 +197,13 @@ class Site:
         distances: Sequence[tuple[str, str]] = (),
         reach_deg: float | None = None,
     ) -> BlockVisit:
-        """A visit with the approach of its block, or with another length of the last move."""
+        """Return a visit with the approach of its block, or with another length of the last move."""
         return BlockVisit(
             what, joints_deg, sides, self.approach.point(joints_deg, sides, reach_deg), distances
         )
 
     def sides(self) -> tuple[int, ...]:
-        """The usual side on every joint, or one drawn for each."""
+        """Return the usual side on every joint, or one drawn for each."""
         joints = self.cell.robot.model.joints
         if self.approach.sides == "one":
             return (self.approach.side,) * joints
@@ -307,7 +310,7 @@ class Block(Table):
 
 
 def rounded(joints_deg: Iterable[float]) -> Joints:
-    """The joint angles as they are sent and recorded."""
+    """Round joint angles to the form in which they are sent and recorded."""
     return tuple(round(float(q), DECIMALS) for q in joints_deg)
 
 

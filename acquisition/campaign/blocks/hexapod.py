@@ -44,7 +44,7 @@ def _known(branches: tuple[str, ...]) -> tuple[str, ...]:
 
 
 class HexapodBlock(Block):
-    """The tool on six legs of the ballbar's length."""
+    """A block in which the tool stands on six ballbar legs."""
 
     of_lengths: ClassVar[bool] = True
 

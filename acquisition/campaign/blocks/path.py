@@ -21,7 +21,7 @@ FEWEST = 3
 
 
 class PathBlock(Chosen):
-    """The robot drives through waypoints while joints and points are recorded."""
+    """A block in which joints and points are recorded while the robot drives."""
 
     kind: Annotated[Literal["path"], told("The kind of block.", "path")]
     set: Set = "calibration"
@@ -41,7 +41,7 @@ class PathBlock(Chosen):
 
     @property
     def rates_hz(self) -> Mapping[str, float]:
-        """Asked of each stream, by role."""
+        """Requested rate of each stream, Hz, by role."""
         return {"robot": self.robot_hz, "instrument": self.instrument_hz}
 
     def visits_at(self, site: Site) -> list[BlockVisit]:

@@ -15,7 +15,7 @@ from acquisition.file_table import told
 
 
 class RepeatBlock(Chosen):
-    """The same few poses again and again: repeatability (ISO 9283)."""
+    """A block that visits the same few poses repeatedly, for repeatability (ISO 9283)."""
 
     usual_count: ClassVar[int | None] = 5  # as the visits, of ISO 9283
 

@@ -32,7 +32,7 @@ _MOST = 20  # points tried for each that is wanted
 
 
 class SphereBlock(Block):
-    """Points on a sphere about a taught centre: the ballbar check of a calibrated robot."""
+    """A block of points on a sphere about a taught centre, to check a calibrated robot."""
 
     usual_settle_s: ClassVar[float | None] = 2.0
 
@@ -62,7 +62,7 @@ class SphereBlock(Block):
 
     @property
     def lengths(self) -> bool:
-        """Whether it is measured with a ballbar."""
+        """Whether the block is measured with a ballbar."""
         return self.base is not None
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
@@ -148,6 +148,6 @@ def cap(count: int, above_deg: float) -> Array:
 
 
 def _moved(before: Joints, after: Joints, usual: tuple[int, ...]) -> tuple[int, ...]:
-    """The sides from which the joints came; one that did not turn keeps the usual side."""
+    """Return the sides from which the joints came; a joint that did not turn has the usual side."""
     turned = np.sign(np.array(after) - np.array(before)).astype(int)
     return tuple(int(turn) or side for turn, side in zip(turned, usual, strict=True))

@@ -45,7 +45,7 @@ _BATCH = 200
 
 
 class SweepBlock(Block):
-    """One joint turns step by step; the others do not move."""
+    """A block in which one joint turns step by step and the others do not move."""
 
     kind: Annotated[Literal["sweep"], told("The kind of block.", "sweep")]
     set: Set = "calibration"
@@ -158,7 +158,7 @@ class _Turn:
         return out
 
     def sides(self, usual: tuple[int, ...]) -> list[tuple[int, ...]]:
-        """The side of approach of every joint on each pass of a sweep: up, and down again."""
+        """Return the side of approach of every joint on each pass of a sweep: up, and down again."""
         k = self.joint - 1
         return [(*usual[:k], side, *usual[k + 1 :]) for side in ((1, -1) if self.both_ways else (usual[k],))]
 

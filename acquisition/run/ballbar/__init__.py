@@ -1,1 +1,1 @@
-"""Runs with a ballbar: lengths judged, cups placed as touched, the second stage."""
+"""Runs with a ballbar: checks of lengths, cups as touched, the second stage."""

@@ -42,7 +42,7 @@ class BallbarChecks:
 
     @cached_property
     def _stage(self) -> tuple[CalibratedModel, float]:
-        """The model of stage 1, and what its legs miss it by, RMS."""
+        """Return the model of stage 1, and the RMS of the residuals of its legs."""
         rows = self._store.database.query(
             "SELECT json_extract(data, '$.rms_mm') FROM event WHERE kind = 'second_stage' ORDER BY id DESC LIMIT 1"
         )
@@ -50,7 +50,7 @@ class BallbarChecks:
 
     @property
     def path(self) -> Path:
-        """The file in which the model of stage 1 is kept."""
+        """The file of the model of stage 1."""
         return self._store.database.path.parent / STAGE_1
 
     def expected(self, planned: PlannedReading) -> tuple[float, float] | None:
@@ -118,7 +118,7 @@ class BallbarChecks:
         )
 
     def battery(self, reading: LengthReading) -> None:
-        """Say once that the battery of the bar is low."""
+        """Report once that the battery of the bar is low."""
         left = reading.battery_percent
         if left is not None and left < LOW_PERCENT and not self._battery_reported:
             self._battery_reported = True

@@ -157,7 +157,7 @@ class SecondStage:
 
 
 def _rms_mm(fitted: IdentificationFit) -> float:
-    """The RMS of the residuals of a fit's legs, mm."""
+    """Compute the RMS of the residuals of a fit's legs, mm."""
     readings = fitted.readings
     frames = BoundModel(fitted.model, readings.conditions).frames(fitted.estimate, ())
     lengths = readings.observed.lengths

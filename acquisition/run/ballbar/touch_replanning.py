@@ -59,7 +59,10 @@ class Placing:
         self._looked: int | None = None  # the last of the readings that were there when it was looked at
 
     def cell(self) -> Cell:
-        """The cell with its cups where they were touched, once the poses were planned for that."""
+        """Return the cell with its cups where they were touched.
+
+        Before the poses are planned for them, it is the cell of the file.
+        """
         taught = taught_of(self._store, self._cell)
         if taught is None or not self._planned_for(taught):
             return self._cell
@@ -109,7 +112,7 @@ class Placing:
         return bool(rows) and rows[0][0] == _as_json(taught.readings)
 
     def _some_are_left(self) -> bool:
-        """Touches, or sides in their block, that are not measured yet."""
+        """Check whether touches, or sides in their block, are not measured yet."""
         return any(each.status == "planned" for each in block_of_touches(self._store, self._cell))
 
     def _doubted(self, taught: Taught) -> bool:
@@ -223,7 +226,7 @@ def _as_json(readings: Sequence[int]) -> str:
 
 
 def _same_pose(visit: Visit, found: Sequence[BlockVisit]) -> BlockVisit | None:
-    """The one with the same legs that is nearest in joint space, if it is near."""
+    """Return the pose with the same legs that is nearest in joint space, if it is near."""
     legs = set(visit.readings)
     alike = [elsewhere for elsewhere in found if set(elsewhere.distances) == legs]
     if not alike:

@@ -22,7 +22,7 @@ WITHIN_DEG = 5.0
 
 
 class Attitudes:
-    """The turns of the bodies of one execution."""
+    """The orientations of the bodies in one execution."""
 
     def __init__(self, cell: Cell) -> None:
         self._cell = cell

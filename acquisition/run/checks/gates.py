@@ -115,7 +115,7 @@ class Gates:
         return self._warming is None or self._is_warm(self._warming, planned)
 
     def measured(self, planned: PlannedReading, world_mm: Sequence[float] | None) -> None:
-        """A good reading of a pose; `world_mm` of a point."""
+        """Note a good reading of a pose; `world_mm` is that of a point."""
         self._since_nests.append(planned.id)
         if self._since_zero is not None:
             self._since_zero += 1
@@ -163,7 +163,7 @@ class Gates:
         self._since_nests = []
 
     def look_back(self) -> None:
-        """After the last reading: is the instrument still where it was when the nests were measured?"""
+        """Check the nests after the last reading, to detect a movement of the instrument."""
         if (check := self._campaign.nest_check) is not None and self._since_nests:
             self._check_nests(check)
 

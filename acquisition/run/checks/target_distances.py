@@ -18,7 +18,7 @@ CHANGED_MM = 1.0  # no tool bends so far, and SMRs of two sizes differ by 3 mm o
 
 
 class TargetDistanceCheck:
-    """The distances of a record, from its first reading on: a pause forgives nothing."""
+    """The target distances of a record, from its first reading on, also across pauses."""
 
     def __init__(self, store: RecordStore) -> None:
         self._visit: int | None = None

@@ -1,1 +1,1 @@
-"""The right to move the robot, and to stop it: orders, lease, the lock on a robot."""
+"""The right to move the robot, and to stop it: orders, lease, and the lock on a robot."""

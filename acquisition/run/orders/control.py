@@ -1,8 +1,8 @@
-"""The orders that people and watchdogs may give to a running campaign, from any thread.
+"""The orders of people and watchdogs to a running campaign, from any thread.
 
-pause          after the reading in hand, for which the robot may still have to go to its pose
-rest           pause, and begin no other motion: what is under way ends by itself
-stop           the order goes to the robot at once, over its own connection, whatever the sequencer is waiting for
+pause          after the current reading, for which the robot may still have to go to its pose
+rest           pause, and begin no other motion: the current one ends by itself
+stop           the order goes to the robot at once, over a separate connection, in any state of the sequencer
 new station    the instrument is moved: nests before poses
 """
 
@@ -17,7 +17,7 @@ ON_REQUEST = "Paused on request."
 
 
 class Pausing(Exception):
-    """Unwinds the sequencer to a pause; its text is the reason."""
+    """Exception that unwinds the sequencer to a pause; its text is the reason."""
 
 
 class Stopping(Exception):
@@ -25,7 +25,7 @@ class Stopping(Exception):
 
 
 class Control:
-    """The orders, and waits that they end."""
+    """The orders, and the waits that they end."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -72,7 +72,7 @@ class Control:
         self._notify()
 
     def new_station(self, reason: str) -> None:
-        """The instrument is moved: before the next pose its nests are to be measured."""
+        """Order that the nests are measured before the next pose, because the instrument is moved."""
         with self._mutex:
             self._station = reason
 
@@ -129,6 +129,9 @@ class Control:
         self.check()
 
     def settle(self, seconds: float) -> None:
-        """Campaign seconds with the robot at rest; a pause waits for the reading. Raises as `check_stop`."""
+        """Wait for `seconds` of campaign time with the robot at rest; a pause waits for the reading.
+
+        Errors are those of `check_stop`.
+        """
         self._clock.wait(seconds, self._now)
         self.check_stop()

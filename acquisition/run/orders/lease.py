@@ -34,7 +34,7 @@ class LeaseDeadline:
 
     @property
     def left_s(self) -> float:
-        """Seconds until it ends; not positive once it has."""
+        """Seconds until the lease ends; not positive once it has ended."""
         return self._ends - self._clock.now()
 
     @contextmanager

@@ -52,7 +52,7 @@ class ManualSteps:
         return answer
 
     def aim(self, planned: PlannedReading) -> Answer:
-        """The beam is on the SMR of a nest."""
+        """Have the beam aimed at the SMR of a nest."""
         if not self._aimed or planned.visit.kind != "nest" or not self._lost(planned):
             return Answer.CONFIRM
         return self._ask(
@@ -61,7 +61,7 @@ class ManualSteps:
         )
 
     def free(self, planned: PlannedReading) -> Answer:
-        """Free the robot of the ballbar, since it goes to the pose of the reading next."""
+        """Have the ballbar removed, because the robot goes to the pose of the reading next."""
         if not self._ballbar or self._free:
             return Answer.CONFIRM
         answer = self._ask(
@@ -73,7 +73,7 @@ class ManualSteps:
         return answer
 
     def span(self, planned: PlannedReading) -> Answer:
-        """The ballbar is between the balls of the reading."""
+        """Have the ballbar attached between the balls of the reading."""
         if planned.base_target is None or self._spanned == (planned.base_target, planned.target):
             return Answer.CONFIRM
         self._free, self._spanned = False, None
@@ -90,7 +90,10 @@ class ManualSteps:
         return answer
 
     def zero(self, bar: Bar | None) -> Answer:
-        """The ballbar is in its calibrator, built to another length where `bar` says to which."""
+        """Have the ballbar put into its calibrator.
+
+        If `bar` is given, it is built to that length before.
+        """
         self._spanned = None
         if bar is not None:
             return self._ask(
@@ -104,7 +107,7 @@ class ManualSteps:
         )
 
     def _drawing(self, planned: PlannedReading, now: tuple[str, str] | None) -> str:
-        """The pose of a reading with its legs, or two balls of one body."""
+        """Draw the pose of a reading with its legs, or two balls of one body."""
         visit = planned.visit
         legs = [(base, target) for target, base in visit.readings if base is not None]
         return scene(self._cell, visit.joints_deg or None, legs if visit.joints_deg else (), now)

@@ -92,7 +92,10 @@ class Touches:
         return answer
 
     def leave(self) -> None:
-        """Have the arm taken out of the cup before anything else. If it is skipped, the path from there is checked."""
+        """Have the arm moved out of the cup before anything else.
+
+        If this is skipped, the path from there is checked.
+        """
         if self._sits is None:
             return
         ball, cup = self._sits
@@ -111,7 +114,7 @@ class Touches:
         return np.zeros(len(self._cell.robot.limits_deg)) if home is None else np.array(home)
 
     def _of_model(self, joints_deg: Array) -> list[float]:
-        """Joints of the model, as a simulator counts them, deg or mm."""
+        """Convert joints to those of the model, as a simulator counts them, deg or mm."""
         robot = self._cell.robot
         return (robot.model_angles(joints_deg[None])[0] / robot.model.joint_units).tolist()
 

@@ -45,7 +45,7 @@ class Feed:
     _last: Sample | None = None
 
     def take(self, sample: Sample, now_s: float) -> None:
-        """A sample has arrived at this time of the campaign."""
+        """Store a sample that has arrived at this time of the campaign."""
         lost = self._missing(sample)
         self._last = sample
         self.waiting.append(Arrived(sample.t_s, now_s, lost, bool(sample.doubt), sample.values))
@@ -87,8 +87,11 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """The streams end, and all that came is durable. Raises what a stream or the record raised meanwhile, unless
-        another error is being raised: the rig hears of it in any case, and arms again what has disarmed itself."""
+        """End the streams and make all samples durable.
+
+        An error of a stream or of the record is raised, unless another one is being raised already. The rig is informed
+        in any case, and arms a device again that has disarmed itself.
+        """
         self._ended.set()
         self._pool.shutdown(wait=True)
         if self._writer is not None and self._writer.exception() is None:
@@ -130,7 +133,10 @@ class Recorder:
                 )
 
     def _errors(self) -> list[AcquisitionError]:
-        """The errors that ended streams; the rig notes what each means for the state of its device."""
+        """Return the errors that ended streams.
+
+        The rig notes their effect on the state of each device.
+        """
         found = []
         for role, future in self._readers.items():
             try:

@@ -57,7 +57,10 @@ class ConnectedDevice:
 
 
 class DevicePair:
-    """The devices of one execution. `met` hears of every connection, before anything moves."""
+    """The devices of one execution.
+
+    `met` is called after each connection, before anything moves.
+    """
 
     def __init__(self, devices: Devices, control: Control, met: Callable[[ConnectedDevice], None]) -> None:
         self._devices = devices
@@ -238,7 +241,7 @@ class DevicePair:
 
     @property
     def hands(self) -> ManualJogging | None:
-        """The hands that jog the arm of a simulated cell."""
+        """The simulated person who jogs the arm of a simulated cell."""
         return self._devices.hands
 
     def at_rest(self) -> JointReading:
@@ -345,7 +348,7 @@ class DevicePair:
 
     @contextmanager
     def using(self, role: str) -> Iterator[None]:
-        """Remembers what an error means for the connection and the arming of a device."""
+        """Track the effect of an error on the connection and the arming of a device."""
         try:
             yield
         except Unmeasurable:

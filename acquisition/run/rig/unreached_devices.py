@@ -1,4 +1,4 @@
-"""The reason of a run, with the devices that its last stop did not reach."""
+"""The reason of a run with the devices that its last stop did not reach."""
 
 from __future__ import annotations
 
