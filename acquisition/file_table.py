@@ -178,7 +178,7 @@ def read_table(
         return model.model_validate(table, context={"folder": folder})
     except ValidationError as error:
         faults = error.errors(include_url=False)
-        # A mistyped key first: what it should have been is often missing too.
+        # A mistyped key first: the intended key is then often missing too.
         fault = min(faults, key=lambda each: (each["loc"] != ("format",), each["type"] != "extra_forbidden"))
         raise _refusal(model, table, fault, file) from error
 
@@ -244,7 +244,7 @@ def _place(model: type[Table], loc: tuple[Any, ...]) -> tuple[list[Any], type[Ta
         if tagged:
             within = tagged
         elif isinstance(part, int):
-            if field is not None and _tables(field.annotation):  # of a row of numbers the list is named
+            if field is not None and _tables(field.annotation):  # for a row of numbers, the list is named
                 keys.append(part)
         elif part != "[key]":
             table = within[0] if within else table

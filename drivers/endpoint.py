@@ -31,7 +31,7 @@ def endpoints(url: str) -> frozenset[str]:
     address = parse_url(url)
     try:
         found = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
-    except (OSError, UnicodeError):  # no such name; a name that no name server could be asked for
+    except (OSError, UnicodeError):  # no such name; a name that is not valid for a name server
         return frozenset({f"{address.host.casefold().rstrip('.')}:{address.port}"})
     return frozenset(f"{_plain(str(place[0]))}:{address.port}" for *_, place in found)
 

@@ -162,7 +162,7 @@ class TcpLink:
                 f"{where} did not accept within connect = {connect_s:g} s",
                 device=self.device,
                 command="connect",
-                what_to_do=LinkError.advice,  # nothing there says a word, not even no
+                what_to_do=LinkError.advice,  # no reply at all, not even a refusal
             ) from error
         except ConnectionRefusedError as error:
             raise LinkLost(

@@ -13,7 +13,7 @@ from typing import TextIO
 from drivers.errors import Busy, NoOperator, Refused
 from drivers.interfaces import Answer, Prompt, Typed
 
-_SHOWN = 60  # characters of what was typed
+_SHOWN = 60  # characters of the typed text
 _NO_TEXT = "\ufffd"
 _LETTERS = {answer.value[0]: answer for answer in Answer}
 

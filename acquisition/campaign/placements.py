@@ -25,7 +25,7 @@ from calib.selection import Balls, Lengths, uncertainty_of
 from calib.units import DEG
 from drivers.errors import ConfigError
 
-LEG_RADIUS_MM = 15.0  # half of what a QC20-W is thick, with its bars
+LEG_RADIUS_MM = 15.0  # half of the thickness of a QC20-W with its bars
 _PLACES = 300
 _DRAWN = 40_000
 _AT_ONCE = 40  # placements, to bound the memory

@@ -39,7 +39,7 @@ from drivers.errors import ConfigError
 __all__ = ["DECIMALS", "Visit", "make_plan"]
 Kind = Literal["nest", "pose"]
 START_AND_STOP_S = 0.3  # of a move
-READING_S = 1.0  # beam and reply, beside the samples
+READING_S = 1.0  # beam and reply, in addition to the samples
 SAMPLES_PER_S = 1000.0
 
 

@@ -20,7 +20,7 @@ from acquisition.cell.workspace import facing, is_allowed
 from drivers.errors import ConfigError
 
 _BATCH, _LOOKED_AT = 500, 50
-_FRUITLESS = 200  # batches: give up after 100,000 random poses without a good one
+_FRUITLESS = 200  # batches: stop after 100,000 random poses without a good one
 _MOST = 1000  # batches in all
 
 
@@ -81,7 +81,7 @@ def draw_poses(
             f"{cell.robot.named(tight)}: the limits leave no room for an approach of {reach:g} "
             f"{cell.robot.model.units[tight]}"
         )
-    longer = rng.spawn(1)[0]  # of its own: poses and sides are the same whether lengths vary or not
+    longer = rng.spawn(1)[0]  # separate: poses and sides are the same whether lengths vary or not
     found: list[Pose] = []
     for batch in range(_MOST):
         if len(found) == most or (batch == _FRUITLESS and not found):
@@ -100,10 +100,10 @@ def draw_poses(
         before = joints - sides * lengths[:, None]
         seen = facing(cell, joints, targets)
         joints, sides, lengths, before = joints[seen], sides[seen], lengths[seen], before[seen]
-        # Within the limits they were drawn; rounding may have left them.
+        # They were drawn within the limits, but rounding may have left them.
         clear = is_allowed(cell, joints) & is_allowed(cell, before)
         joints, sides, lengths, before = joints[clear], sides[clear], lengths[clear], before[clear]
-        # The moves cost most: only as many are looked at as are likely to be wanted.
+        # The moves cost most: only as many are checked as will probably be needed.
         for i in range(0, len(joints), _LOOKED_AT):
             if len(found) < most:
                 some = slice(i, i + _LOOKED_AT)

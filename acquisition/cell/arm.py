@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from calib.arm import BasePoses, Capsule, Chain, Robot, nominal_values, propagate
 
 Array = NDArray[np.float64]
-# Radius of what carries a target, where the cell file does not say; an SMR of 1.5 inches has 19
+# Radius of the carrier of a target, if the cell file does not state it; an SMR of 1.5 inches has 19
 TOOL_RADIUS_MM = 25.0
 
 

@@ -59,8 +59,8 @@ from drivers.interfaces import Identity
 FORMAT = "truepose-cell/1"
 SEAT_MM = 0.005  # centring and seat of an SMR in its nest; makers state 2.5 to 12 um for the centring
 FALSE_ALARM = 1e-3
-_STRAY = 3.0  # standard deviations by which two balls may be apart from what the cell file says
-CARRIES_MM = 30.0  # a fixture that comes so near to the centre of a ball carries it
+_STRAY = 3.0  # standard deviations by which the distance of two balls may differ from the cell file
+CARRIES_MM = 30.0  # a fixture that comes this near to the centre of a ball carries it
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class NoiseFigures:
     range_ppm: float = 2.0
     transverse_mm: float = 0.010
     transverse_ppm: float = 6.0
-    rotation_mrad: float = 0.0  # 0: turns are recorded and not weighed
+    rotation_mrad: float = 0.0  # 0: orientations are recorded and have no weight
     length_mm: float = 0.0005
 
 
@@ -255,7 +255,7 @@ def _whole(source: str, table: Mapping[str, Any], file: Mapping[str, Any] | None
     """
     if file is None or "file" in table["robot"]:
         return source or tomli_w.dumps(table)
-    if source:  # behind the text, which keeps its comments, where TOML allows that: it adds nothing to robot = { ... }
+    if source:  # appended, which keeps comments, if TOML allows that: it adds no key to robot = { ... }
         whole = f"{source.rstrip()}\n\n{tomli_w.dumps({'robot': {'file': file}})}"
         with suppress(tomllib.TOMLDecodeError):
             tomllib.loads(whole)

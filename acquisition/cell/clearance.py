@@ -22,11 +22,11 @@ from acquisition.cell.arm import CellArm
 from acquisition.cell.obstacles import Array, Obstacle, Post
 from calib.units import percent
 
-NEAREST_MM = 1.0  # what comes nearer touches
+NEAREST_MM = 1.0  # anything nearer counts as touching
 _AT_ONCE = 256  # moves, to bound the memory
-_STILL_MM = 1e-6  # what moves less is still: a foot that turns about its own axis
+_STILL_MM = 1e-6  # anything that moves less is at rest: a foot that turns about its own axis
 _STANCES = 16  # of joints 1 and 2 each
-_HALVINGS = 24  # then a piece is some micrometres long; what cannot be decided touches
+_HALVINGS = 24  # then a piece is micrometres long; an undecided piece counts as touching
 
 Mask = NDArray[np.bool_]
 

@@ -143,7 +143,7 @@ def read_robot(table: TomlTable, beside: Path | None) -> RobotSection:
                 f"joint {i} [{low:g}, {high:g}] is not within the robot's [{least:g}, {most:g}].",
                 "Limits of a cell only make those of the robot narrower.",
             )
-    # A robot file with one joint matrix says how its controller counts.
+    # A robot file with one joint matrix states the count of its controller.
     usual = next(iter(robot.joint_matrices)) if len(robot.joint_matrices) == 1 else "none"
     return RobotSection(
         model=robot,
@@ -172,7 +172,7 @@ def _refuse_undriven(table: TomlTable, robot: Robot, driver: str) -> None:
     try:
         declared = robot_driver(driver)
     except ConfigError:
-        return  # whoever needs the driver says so
+        return  # the code that needs the driver reports it
     if declared.by_hand:
         return
     slides = [axis for axis, kind in zip(robot.axes, robot.kinds, strict=True) if kind == "slides"]

@@ -58,7 +58,7 @@ def examine(
     with ThreadPoolExecutor(max_workers=len(charts)) as pool, ExitStack() as stack:
         under_way = {pool.submit(examine_computer, cell, computer, record): computer}
         try:
-            if not simulated and not cell.robot.declared.by_hand:  # simulated cells are as many as one likes
+            if not simulated and not cell.robot.declared.by_hand:  # simulated cells may be any number
                 stack.enter_context(Mover(cell.robot.url))
         except RobotInUse as error:
             robot.fault("lease", error)

@@ -39,14 +39,14 @@ def examine_instrument(cell: Cell, instrument: Instrument, chart: Chart, place: 
 def _examine(cell: Cell, instrument: Instrument, chart: Chart, time_scale: float) -> None:
     declared = cell.instrument.declared
     if declared.by_hand:
-        return  # nothing can be asked but of a person
+        return  # only a person can be asked
     clock = partial(declared.clock_s, instrument)
     first = read_clock(clock, chart)
     status = chart.ask("status", instrument.status)
     if status is not None:
         details = chart.ask("details", partial(declared.details, instrument, status)) or Details()
         _state(chart, status.state)
-        if details.weather_station is False:  # what is reported then is old
+        if details.weather_station is False:  # values reported then are old
             status = replace(status, t_air_c=None, pressure_hpa=None, humidity_percent=None)
         _weather(chart, status, needed=declared.needs_weather)
         if details.battery_percent is not None:

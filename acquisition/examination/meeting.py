@@ -85,7 +85,7 @@ def _meet(device: Device, chart: Chart, place: Place, match: Callable[[Identity]
         chart.fault("safety" if isinstance(error, SafetyStop) else "link", error)
         if isinstance(
             error.__cause__, ConnectionRefusedError
-        ):  # a computer is there: another port may tell whose
+        ):  # a computer is there: another port may identify it
             with suppress(AcquisitionError):
                 who = device.identify()
                 _compare(chart, who, match(who))

@@ -40,7 +40,7 @@ def _examine(cell: Cell, robot: RobotArm, chart: Chart, time_scale: float) -> No
             "moved by hand: Stop does not reach it",
             "Agree on a word for stop with whoever drives it.",
         )
-        return  # nothing more can be asked but of a person
+        return  # only a person can be asked more
     first_read = chart.ask("position", robot.position)
     clock = partial(cell.robot.declared.clock_s, robot)
     first = read_clock(clock, chart)

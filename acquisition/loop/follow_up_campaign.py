@@ -151,7 +151,7 @@ def campaign_text(follow_up: FollowUp, cell: Cell | None = None) -> str:
     lines += ["", tomli_w.dumps({key: value for key, value in table.items() if key != "block"})]
     for block in table["block"]:
         *given, poses = block.items()
-        # one pose a line, which a writer of TOML would spread over eight
+        # one pose per line, which a writer of TOML would spread over eight
         lines += ["[[block]]", *(f"{key} = {_inline(value)}" for key, value in given)]
         lines += ["joints_deg = [", *(f"    {_inline(pose)}," for pose in poses[1]), "]", ""]
     return "\n".join(lines)

@@ -63,8 +63,8 @@ from calib.saved import refuse_worse
 from calib.units import DEG
 from drivers.errors import ConfigError
 
-FEW = 1  # poses that are corrected at once where the model follows time or temperature
-_NEW_POSES = 77  # random stream, beside those of the plan
+FEW = 1  # poses that are corrected at once if the model follows time or temperature
+_NEW_POSES = 77  # random stream, in addition to those of the plan
 Create = Callable[[Path, Cell, Campaign, bool], AbstractContextManager[Run]]
 Guard = Callable[[Run], AbstractContextManager[None]]
 Say = Callable[[str], None]
@@ -72,7 +72,7 @@ Listen = Callable[[Run], Callable[[Event], None]]
 Resumed = Callable[[Run, ExecutionOutcome], bool]
 Compute = Callable[..., Any]
 Diagnose = Callable[[Path, Say], DiagnosisFit]
-APPROACH_DEG = -5.0  # from below on every joint (Nubiola 2.5): the condition for which corrections hold
+APPROACH_DEG = -5.0  # from below on every joint (Nubiola 2.5): the condition for which corrections are valid
 _LEVER_MM = 500.0  # that turns an angle into a length
 _FOLLOWS_MM = 0.002  # movement within a quarter of an hour or 0.3 K below which it does not
 
@@ -453,7 +453,7 @@ def correction(cell: Cell, diagnosis: DiagnosisFit, goals_deg: Array, stated: St
     robot, limits = cell.robot, np.array(cell.robot.limits_deg)
     units = cell.robot.model.joint_units
     final = _used(diagnosis, cell.robot.coupling)
-    room = 10.0**-DECIMALS  # what rounding may add
+    room = 10.0**-DECIMALS  # the largest effect of rounding
     limits = np.column_stack([limits[:, 0] - APPROACH_DEG + room, limits[:, 1] - room]) * units[:, None]
     done = correct(
         final.model,

@@ -29,13 +29,13 @@ from calib.text import replace_file
 from drivers.link import WireLog, WireSink
 
 TIME_SCALE = 100.0  # a session of some 40 min in 24 s
-SECONDS_PER_READING = 7.5  # what a reading takes on the simulated cell, moves and pauses shared out
+SECONDS_PER_READING = 7.5  # duration of a reading on the simulated cell, with its share of moves and pauses
 CALIBRATION, VALIDATION = 60, 40
 NARROW = 0.35
 """Share of the joint ranges of a narrow start: there effects look alike that a wide one distinguishes."""
 _NARROW_STREAM = 78
 _APPROACH_DEG = -5.0
-_ROOM_MM = 180.0  # above the table: by so much an approach from any side may lower the arm
+_ROOM_MM = 180.0  # above the table: an approach from any side may lower the arm by this
 
 CELL: dict[str, Any] = {
     "format": "truepose-cell/1",

@@ -15,7 +15,7 @@ from acquisition.record.store import PlannedReading, RecordStore
 from drivers.errors import AcquisitionError
 from drivers.interfaces import JointReading, LengthReading, PointReading, PoseReading, Prompt, Reading
 
-VOID = "void"  # the answer of a prompt that nobody waits for any more
+VOID = "void"  # the answer of a prompt for which no one waits any more
 
 
 class Attempts:

@@ -29,7 +29,7 @@ from acquisition.errors import RecordError, RecordInUse, StorageError, damaged
 from acquisition.record.schema import LAST_TO_READ_OLDER, SCRIPT, UNSEALED, VERSION
 
 FILE, LOCK = "record.sqlite3", "owner.lock"
-_GLANCE_S = 0.2  # a look by `is_owned` keeps nobody from owning a record
+_GLANCE_S = 0.2  # a check by `is_owned` must not prevent another owner
 BUSY_S = 5.0  # how long another program may hold the file, on the wall
 _TABLES = frozenset({"campaign", "pose", "attempt", "prompt", "command", "event"})  # of every version
 _LOCKED = "Close the other program that has the record open (a database browser?), then resume."
@@ -73,7 +73,7 @@ class Database:
             try:
                 if not new:
                     self._refuse_others()
-                    if writer:  # only now: what is refused is never changed
+                    if writer:  # only now: a refused file is never changed
                         self._connection.close()
                         self._connection = self._reader = self._connect("rw")
                 if writer:
@@ -260,7 +260,7 @@ def is_owned(folder: Path) -> bool:
     try:
         with FileLock(folder / LOCK, thread_local=False).acquire(timeout=0):
             return False
-    except (Timeout, OSError):  # a folder that cannot be written tells nothing
+    except (Timeout, OSError):  # a folder that cannot be written gives no information
         return True
 
 
@@ -322,8 +322,8 @@ def _begun(path: Path) -> bool:
         _look_at(path)
     except StorageError:
         return True
-    # Reading only: whoever closes a file that he may write to merges its journal. A journal of the other kind, to be
-    # rolled back, has only a file whose making was interrupted.
+    # Reading only: a program that closes a writable file merges its journal. A journal of the other kind, to be rolled
+    # back, has only a file whose creation was interrupted.
     mode = "rw" if path.with_name(f"{path.name}-journal").exists() else "ro"
     with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode={mode}", uri=True)) as connection:
         try:

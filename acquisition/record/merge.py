@@ -48,7 +48,7 @@ _OF_A_CAMPAIGN = (
 )
 
 _TURN = ("rot_w", "rot_x", "rot_y", "rot_z")
-Pair = dict[str, Individual]  # by role; what is not known is left out
+Pair = dict[str, Individual]  # by role; unknown ones are left out
 
 
 @dataclass(frozen=True)
@@ -250,7 +250,7 @@ class SeriesOfSets:
         for own, pair in _pairs_of(header).items():
             whole = dict(first)
             for role, each in pair.items():
-                first.setdefault(role, each)  # what the first does not report, a later one does
+                first.setdefault(role, each)  # a later set may report a device that the first does not
                 whole[role] = self._known(role, each) or self._new(role, each, name)
             known = (known for known, devices in self._pairs.items() if devices == whole)
             self._names[own] = next(known, series_of(*map(whole.get, ROLES)))

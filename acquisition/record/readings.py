@@ -188,9 +188,7 @@ def drift_of(store: RecordStore) -> ReferenceDrift | None:
     rows = [row for row in readings_of(store, "reference") if row.counts]
     for row in rows:
         point = np.array(row.world)
-        if (
-            store.driven_by_hand
-        ):  # never twice in the same place: what the nominal robot does from one to the other
+        if store.driven_by_hand:  # never twice in the same place: the motion of the nominal robot in between
             at = targets_at(store.cell, np.array([row.joints]))[0]
             point = point - at[list(store.cell.tool.targets).index(row.target)]
         if row.target in first:

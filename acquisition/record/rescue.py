@@ -152,7 +152,7 @@ def _read(copy: Path, path: Path) -> Salvage:
         with suppress(sqlite3.Error):
             version = db.execute("PRAGMA user_version").fetchone()[0]
         db.row_factory = sqlite3.Row
-        db.execute("PRAGMA writable_schema = ON")  # else SQLite refuses a whole file that was cut short
+        db.execute("PRAGMA writable_schema = ON")  # otherwise SQLite refuses a whole file that was cut short
         db.text_factory = lambda text: text.decode("utf-8", "replace")  # a checksum will show damage
         rows: dict[str, list[Row]] = {}
         lost: dict[str, int | None] = {}
@@ -211,7 +211,7 @@ def _last_number(db: sqlite3.Connection, table: str) -> int | None:
 
 
 DAMAGED = "damaged"
-_OF_AN_ATTEMPT = ("id", "pose", "arrival", "began_utc", "began_t_s")  # what is kept of one that is damaged
+_OF_AN_ATTEMPT = ("id", "pose", "arrival", "began_utc", "began_t_s")  # the columns kept from a damaged one
 _NAMES = {
     "attempt": "attempts",
     "chunk": "chunks of streams",
@@ -258,7 +258,7 @@ def rescue(record: Path, out: Path) -> Rescue:
     if out.resolve() == record.resolve():
         raise RecordError(f"{out}: is the damaged record itself", what_to_do="Name a new folder.")
     with ExitStack() as stack:
-        with suppress(StorageError):  # a folder that cannot be written is written by nobody else either
+        with suppress(StorageError):  # a folder that cannot be written has no other writer either
             stack.callback(own(record, new=False).release)
         found = salvage(record)
         if found.campaign is None:

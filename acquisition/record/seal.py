@@ -32,7 +32,7 @@ _OF_CAMPAIGN = (
     "unsealed_attempts",
     "unsealed_devices",
 )
-_CHUNK = 1000  # rows at once: a record may be larger than one likes to hold
+_CHUNK = 1000  # rows at once: a record may be larger than the memory should hold
 
 
 @dataclass(frozen=True)

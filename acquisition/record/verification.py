@@ -31,7 +31,7 @@ from calib.data import Conditions, Dataset
 from calib.fit import ErrorStatistics, IdentificationFit, statistics_of
 from calib.model import BoundModel, ModelStructure, StatedConditions, conditions_at
 
-FRAME_HOLDS_MM = 1.0  # nests off by more than any drift brings them: somebody moved the instrument
+FRAME_HOLDS_MM = 1.0  # nests displaced by more than any drift: the instrument was moved
 
 _FEWEST_FOR_A_LINE = 3
 _MOST_CHANGE_K = 1.0  # the air of a hall does not change faster; a line through a noisy sensor may
@@ -83,7 +83,7 @@ class Verification:
     refused: tuple[str, ...]  # why targets were left out
     nests_off_mm: float  # between the nests measured again and the frame of campaign 1
     approach: str
-    accepted: tuple[str, ...] = ()  # other devices than those of campaign 1, by whose leave and why
+    accepted: tuple[str, ...] = ()  # other devices than in campaign 1, who accepted them and why
 
     @property
     def ratio(self) -> float:

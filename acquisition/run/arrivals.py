@@ -89,7 +89,7 @@ class Arrivals:
         except AcquisitionError as error:
             self._attempts.failed(arrival, error)
             raise
-        with self._store.changing():  # both at once: a sync of the disk is what a pose costs most
+        with self._store.changing():  # both at once: a sync of the disk is the largest cost of a pose
             self._attempts.arrived(arrival, reached)
             by_hand = planned.base_target is not None
             attempt = None if by_hand else self._attempts.begin_reading(planned, arrival)

@@ -45,13 +45,13 @@ def pausing_on_interrupt(run: Run, tell: Callable[[str], None] = lambda _: None)
         order: Callable[[str], None] = run.pause
         while number := ear.recv(1):
             if number[0] in heard:
-                # In a thread of its own: the second order must not wait for the first.
+                # In a separate thread: the second order must not wait for the first.
                 does = hang_up if number[0] == _HANG_UP else order
                 given.append(threading.Thread(target=does, args=("terminal",), daemon=True))
                 given[-1].start()
                 order = order if does is hang_up else stop
 
-    # Whoever has it ignored (`nohup`) goes on without a terminal.
+    # If it is ignored (`nohup`), the program continues without a terminal.
     closes = _HANG_UP and signal.getsignal(_HANG_UP) is not signal.SIG_IGN
     heard = (*_ORDERS, _HANG_UP) if closes else _ORDERS
     listener = threading.Thread(target=listen, daemon=True)
@@ -66,7 +66,7 @@ def pausing_on_interrupt(run: Run, tell: Callable[[str], None] = lambda _: None)
         signal.set_wakeup_fd(bell_before)
         bell.close()
         listener.join()
-        for each in given:  # what a stop did not reach is told before the end
+        for each in given:  # devices that a stop did not reach are reported before the end
             each.join()
         ear.close()
 

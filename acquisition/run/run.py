@@ -78,7 +78,7 @@ class Run:
             None  # another device than the record's, in the next execution
         )
         self._mover: Mover | None = None
-        self._trouble: str | None = None  # what the record could not take
+        self._trouble: str | None = None  # why the record could not store a state
 
     @classmethod
     def create(
@@ -116,7 +116,7 @@ class Run:
             simulated=simulated,
         )
         run = cls(store, cell, campaign)
-        if campaign.robot and not simulated:  # a rehearsal is judged by nobody
+        if campaign.robot and not simulated:  # a rehearsal is not judged
             run.need(individual_of({"role": "robot", **campaign.robot}))
         return run
 
@@ -202,7 +202,7 @@ class Run:
         with ExitStack() as stack:
             if (
                 not simulated and not self.cell.robot.declared.by_hand
-            ):  # simulated cells are as many as one likes
+            ):  # there may be any number of simulated cells
                 self._mover = stack.enter_context(Mover(self.cell.robot.url))
             if on_event is not None:
                 stack.enter_context(self._store.listening(on_event))
@@ -225,13 +225,13 @@ class Run:
                 ending, reason = verdict_of(self._store)
             except Pausing as pausing:
                 reason = str(pausing)
-                if execution.rig.adrift:  # nobody looks after a move that is still being made
+                if execution.rig.adrift:  # no one supervises a move that is still being made
                     execution.rig.halt()
             except Stopping:
                 ending, reason = State.STOPPED, "Stopped on request."
             except AcquisitionError as caught:
                 error, reason = caught, caught.sentence
-                if execution.control.stopping:  # whatever the devices make of it
+                if execution.control.stopping:  # independently of the reaction of the devices
                     ending, reason = State.STOPPED, f"Stopped on request; {reason}"
                 execution.rig.halt()
             finally:
@@ -326,7 +326,7 @@ class Run:
 
     def _owner_is_silent(self, lease: LeaseDeadline, control: Control) -> None:
         control.rest(f"{lease.owner} was not heard of for {lease.seconds:g} s.")
-        with suppress(StorageError):  # the pause counts; where it cannot be noted the run pauses for that
+        with suppress(StorageError):  # the pause counts; if it cannot be recorded, that is the reason
             self._store.command("pause", f"watchdog of {lease.owner}")
 
     # -- from any thread ----------------------------------------------------------------------------------
@@ -378,7 +378,7 @@ class Run:
             if not self._store.command("restation", by, key):
                 return
             self._store.note(db, "restation", by=by, reason=reason)
-        if execution is not None:  # else the next execution begins with the nests
+        if execution is not None:  # otherwise the next execution begins with the nests
             execution.control.new_station(reason)
 
     def resume(self, by: str = "", key: str | None = None, accepted: DeviceAcceptance | None = None) -> None:

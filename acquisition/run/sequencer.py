@@ -53,9 +53,9 @@ from drivers.interfaces import Answer, LengthReading, PointReading, Reading, Typ
 LINK_TRIES = 5
 FIRST_BACK_OFF_S = 0.1  # on the wall; doubles with every try
 LOOK_EVERY_S = 5.0  # on the wall, at devices in a long wait
-GIVEN_UP_IN_A_ROW = 10  # then it is no longer the poses: somebody has to look
-# Before any target was seen the arm may be another than the one by which it keeps clear; what an instrument says again
-# and again is no pose's fault either.
+GIVEN_UP_IN_A_ROW = 10  # then the poses are not the cause: a person has to check
+# Before any target was measured, the arm may be another than the one used for clearance. An error that an instrument
+# repeats is not caused by the pose either.
 GIVEN_UP_AT_FIRST = 3
 
 
@@ -99,7 +99,7 @@ class Sequencer:
         self._second_stage = SecondStage(store, cell, campaign, self._placing.cell)
         self._nests = Nests(store, cell, lambda nest: self._try(nest, last=True), self._consult)
         self._arrival: Arrival | None = None
-        # The bar that is built, where it is always that of the legs; else nobody knows until it is built.
+        # The bar that is built, if it is always that of the legs; otherwise unknown until it is built.
         one = not any(isinstance(block, BallbarGeometryBlock) for block in campaign.blocks)
         self._bar = bars_of(cell)[0] if one and cell.instrument.declared.measures_lengths else None
         self._reason = ""  # of the last answer
@@ -125,7 +125,7 @@ class Sequencer:
         self._warm_up()
         self._measure_nests("resumed: is the instrument still where it was?")
         self._gates.ask_about_nests()
-        # What comes next is asked of the record every time: a reading may be put off, or wanted once more.
+        # The next reading is read from the record every time: one may be deferred, or requested again.
         while self._store.left("planned") or self._store.left("deferred"):
             while left := self._store.left("planned"):
                 self._next(left[0], last=False)
@@ -454,7 +454,7 @@ class Sequencer:
         if given.answer is Answer.REDO and again:
             self._store.measure_again(again, given.reason or "by the operator")
             self._last = ()
-            self._hands.doubt()  # somebody looks before the robot goes back there
+            self._hands.doubt()  # a person checks before the robot goes back there
         self._reason = given.reason
         return given
 

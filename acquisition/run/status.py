@@ -120,7 +120,7 @@ def read_status(record_dir: Path) -> RunStatus:
     store = RecordStore.open(record_dir, writer=False)
     try:
         seen = status_of(store)
-        # The state is asked once more, for the owner may just have come to its end.
+        # The state is read again, because the owner may just have ended.
         if State(seen.state).active and not is_owned(record_dir) and store.state.active:
             return status_of(store, trouble=LEFT_BEHIND)
         return seen

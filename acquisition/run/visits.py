@@ -53,7 +53,7 @@ class Visits:
         statuses: tuple[str, ...],
         change: Callable[[list[PlannedReading], str], None],
     ) -> int:
-        with self._store.changing():  # what is looked at is what is changed
+        with self._store.changing():  # the rows that are checked are those that are changed
             if self._store.state.final:
                 raise not_resumed(self._store.state, f"the campaign has {self._store.state.value}", verb)
             concerned = [

@@ -45,8 +45,8 @@ _STOCK_DECIMALS = 2
 _WIDEST_DEG = 1000.0  # no joint of any ABB arm turns further; beyond it the answer is damaged
 _IDENTITY = re.compile(rb"98 (?:0 |1 ([^*#]+)\*([^*#]+)\*([^*#]+))")
 _MOST_LOOKS = 3  # beyond the first
-_REDUCED_MM_S = 250.0  # what a controller allows the tool in manual mode at reduced speed (ISO 10218)
-# Whether RAPID's NumToStr writes zeros at the end is told nowhere: without them the last joint has no recognisable end.
+_REDUCED_MM_S = 250.0  # the limit of a controller for the tool in manual mode at reduced speed (ISO 10218)
+# It is not documented whether RAPID's NumToStr writes zeros at the end. Without them the last joint has no clear end.
 _STOCK_JOINT = rb"-?\d{1,3}(?:\.\d{0,2})?"
 _STOCK_JOINTS = re.compile(rb"4 (?:0 |1 (" + rb" ".join([_STOCK_JOINT] * _JOINTS) + rb"))")
 _ENDED_JOINTS = re.compile(rb"4 (?:0 |1 .*\.\d{2})")
@@ -283,7 +283,7 @@ class AbbArm:
                     self._stock_move(target, seconds)
                 reached = self._settled(target)
             except BaseException:
-                self._armed = False  # wherever the robot is now, somebody has to look first
+                self._armed = False  # wherever the robot is now, a person has to check first
                 raise
             self._where = reached.joints_deg
         return reached

@@ -52,7 +52,7 @@ _LOG = logging.getLogger(__name__)
 _WIDEST_DEG = 1000.0
 _RAMP_S = 0.5  # added to every duration: the caps hold while the robot speeds up and slows down
 _AGREE_DEG, _AGREE_M = 0.002, 1e-4  # two states of a robot at rest and of its external axes
-_ALIKE = 3  # so many states in a row that agree are believed
+_ALIKE = 3  # this number of consecutive states that agree is accepted
 _WEAKNESS = (
     "simple_message has no checksum and moves on a trajectory at once: a point that is damaged on its way moves the "
     "robot there, and is seen only afterwards, from 0.002 deg on"
@@ -222,7 +222,7 @@ class AbbSimpleArm:
         with self._lock, ExitStack() as undo:
             if not self._armed:
                 raise NotArmed("motion without arming", device=self.name, command="move_to")
-            undo.callback(self.disarm)  # wherever the robot is now, somebody has to look first
+            undo.callback(self.disarm)  # wherever the robot is now, a person has to check first
             here = self._state_at_rest("move_to")
             raise_if_unfit(here, self.name, "move_to")
             seconds = self._duration(here, target)

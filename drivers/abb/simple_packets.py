@@ -29,7 +29,7 @@ from drivers.errors import (
 )
 
 JOINTS = 6
-START, END, STOP = -1, -3, -4  # sequence of a point: first, last; stop and forget
+START, END, STOP = -1, -3, -4  # sequence of a point: first, last, and stop and discard
 JOINT_LENGTH, STATUS_LENGTH, REPLY_LENGTH = 56, 40, 12
 SUCCESS, FAILURE = 1, 2
 _JOINT, _TRAJ_PT, _STATUS = 10, 11, 13

@@ -192,9 +192,9 @@ class MbpClient:
     wire: WireSink | None = None
     clock: Callable[[], float] = time.monotonic
     strangers: int = 0  # answers to other questions, discarded
-    samples: int = 0  # of somebody's stream, discarded
+    samples: int = 0  # of another client's stream, discarded
     events: list[Message] = field(default_factory=list)
-    # How many events came before the last question was acknowledged; None: it was not
+    # Number of events before the last question was acknowledged, None if it was not
     acked: int | None = None
     serial: SerialLink | None = None  # instead of TCP: sums are mandatory, and no number ever comes twice
     link: TcpLink | SerialLink = field(init=False)

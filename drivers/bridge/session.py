@@ -111,7 +111,7 @@ class MbpSession:
         self.armed = False
         self._name = name
         self._kind = kind
-        self._limits = limits  # asked anew every time: the driver's deadlines may be changed meanwhile
+        self._limits = limits  # called every time: the driver's deadlines may be changed meanwhile
         self._heartbeat_s = heartbeat_s
         self._clock = clock
         self._lock = threading.RLock()
@@ -167,7 +167,7 @@ class MbpSession:
         needed = {"proto": "1", "kind": self._kind, "units": ",".join(_UNITS)}
         shown = {key: hello.fields.get(key) for key in needed}
         given = (hello.fields.get("units") or "").casefold().split(",")[: len(_UNITS)]
-        # What a greeting leaves out is as the protocol has it; those of temperature and pressure are not used.
+        # A unit that the greeting leaves out is that of the protocol; those of temperature and pressure are not used.
         shown["units"] = ",".join(one or other for one, other in zip_longest(given, _UNITS))
         for key, wanted in needed.items():
             if shown[key] != wanted:

@@ -17,7 +17,7 @@ from drivers.bridge.tracker import FARTHEST_MM
 from drivers.errors import LinkTimeout, MotionStopped
 from drivers.interfaces import Sample
 
-QUIET_S = 0.2  # after which whoever reads the stream may look around
+QUIET_S = 0.2  # after which the reader of the stream may do other work
 BEAT_S = 4.0
 SILENT_S = 10.0  # without an answer to two PINGs the bridge is gone
 _COMMAND = "STREAM"

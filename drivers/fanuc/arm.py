@@ -223,7 +223,7 @@ class FanucArm:
                 self._controller.move(JointMove(target, percent, seconds, self._stopped))
                 reached = self._settled(target)
             except BaseException:
-                self._armed = False  # wherever the robot is now, somebody has to look first
+                self._armed = False  # wherever the robot is now, a person has to check first
                 raise
             self._where = reached.joints_deg
         return reached

@@ -94,7 +94,7 @@ class FanucController(Protocol):
     def status(self) -> RobotStatus: ...
 
 
-# Facility code and number of alarms with a class of their own (SRVO 11, MOTN 15).
+# Facility code and number of alarms with a separate class (SRVO 11, MOTN 15).
 _ALARMS: dict[tuple[int, int], tuple[type[AcquisitionError], str]] = {
     (11, 1): (EmergencyStop, "SRVO-001, emergency stop of the operator panel"),
     (11, 2): (EmergencyStop, "SRVO-002, emergency stop of the teach pendant"),

@@ -12,7 +12,7 @@ from drivers.interfaces import RobotStatus
 def _details(device: FanucArm, status: RobotStatus) -> Details:
     """Return the meaning of the alarm."""
     facility, number = divmod(status.error_number or 0, 1000)
-    if not facility or status.mode == "manual":  # an enabled pendant is an alarm of its own
+    if not facility or status.mode == "manual":  # an enabled pendant is a separate alarm
         return Details()
     kind, text = alarm(facility, number)
     return Details(trouble=kind(text, raw=status.raw))

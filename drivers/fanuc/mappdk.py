@@ -80,7 +80,7 @@ class MappdkController:
         logger = TcpLink(behind, f"{self.name}-logger", wire=link.wire, clock=link.clock)
         self._logger = MappdkLink(logger, deadlines)
         self._numbers = itertools.cycle(range(1, 10000))
-        self._ours: Identity | None = None  # of our own server; None: a stock one
+        self._ours: Identity | None = None  # of our own server, None for a stock one
 
     @property
     def deadlines(self) -> FanucDeadlines:

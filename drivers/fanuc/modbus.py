@@ -167,7 +167,7 @@ class ModbusRegisters:
                 if kept == list(words):
                     return
                 kept = self.read("holding", address, len(words))
-                if kept == before:  # said twice: it is so, and no damaged answer
+                if kept == before:  # two equal answers: it is true, and no damaged answer
                     break
         raise NotReady(
             f"the controller keeps {kept}, not {list(words)}",

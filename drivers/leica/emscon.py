@@ -71,7 +71,7 @@ class EmsconTracker:
         self.name = name
         self.deadlines = deadlines or InstrumentDeadlines()
         self._reflector = reflector
-        self._reflector_first: int | None = None  # where none is named: of the first arming
+        self._reflector_first: int | None = None  # if none is named: of the first arming
         self._rate_hz = rate_hz
         self._search_radius_mm = search_radius_mm
         self._scatter_limit_mm = scatter_limit_mm
@@ -171,7 +171,7 @@ class EmsconTracker:
                 self._ask(tpi.SET_REFLECTOR, self._reflector_number(self._reflector))
             self._refuse_another_reflector()
             self._time_ms = 0
-            self._ask(tpi.GET_TRACKER_STATUS)  # the changes made here have been told before its answer
+            self._ask(tpi.GET_TRACKER_STATUS)  # the changes made here have been reported before its answer
             self._changes.clear()
             self._stopping.clear()
             self._armed = True
@@ -252,7 +252,7 @@ class EmsconTracker:
             if near_mm is not None:
                 try:
                     self._point(near_mm)
-                except Unmeasurable as error:  # in other units nothing is where it is looked for
+                except Unmeasurable as error:  # in other units no target is where it is expected
                     self._refuse_meddling(error.raw)
                     raise
             status = self._ask(tpi.GET_TRACKER_STATUS)  # nothing of an earlier measurement can come after it
@@ -398,7 +398,7 @@ class EmsconTracker:
             end = self._clock() + (self.deadlines.reply_s if seconds is None else seconds)
             packet = self._next(what, deadline, end)
             while packet.kind == tpi.ERROR and packet.number != number:
-                # Unsolicited, as when somebody walks through the beam
+                # Unsolicited, for example when a person walks through the beam
                 packet = self._next(what, deadline, end)
             if packet.kind not in (tpi.COMMAND, tpi.ERROR) or packet.number != number:
                 raise _strange(packet)

@@ -31,7 +31,7 @@ from drivers.errors import (
 
 COMMAND, ERROR, SINGLE, CHANGE = 0, 1, 2, 8
 NIVEL, REFLECTOR_POSITION, PROBE_POSITION = 6, 7, 11
-UNASKED = (NIVEL, REFLECTOR_POSITION, PROBE_POSITION)  # for whoever shows where the beam is
+UNASKED = (NIVEL, REFLECTOR_POSITION, PROBE_POSITION)  # for programs that show where the beam is
 HEADER = struct.Struct("<ii")
 _LONGEST_ANSWER = 256
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from drivers.errors import NotReady
 
 _CORRECTS = 2  # the weather station is read and its refraction is used
-# The nine in their order, and what they have to be; None: any.
+# The nine in their order, with the required value, None for any.
 _NEEDED: dict[str, int | None] = {
     "weather correction": _CORRECTS,
     "transformation": 0,

@@ -339,7 +339,7 @@ class Qc20w:
         ):
             if bad:
                 raise NoisyMeasurement(f"length {why}", raw=reply.raw)
-        # So many values of which one differs by one step scatter by a step over the root of their number.
+        # If one of n values differs by one step, their scatter is a step divided by the root of n.
         if samples >= _MANY and 0.0 < sd < 0.5 * RESOLUTION_MM / math.sqrt(samples):
             raise NotReady(
                 f"its values scatter by {sd:.2g} mm, less than the sensor can show",

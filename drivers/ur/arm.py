@@ -48,7 +48,7 @@ from drivers.ur.stream import joint_stream
 
 _LOG = logging.getLogger(__name__)
 _WIDEST_DEG = 360.0
-# From full speed, 3.2 rad/s, by the 4 rad/s2 of a stop, and what the controller takes to hear it.
+# From full speed, 3.2 rad/s, with the 4 rad/s2 of a stop, plus the reaction time of the controller.
 _BRAKES_S = 1.5
 _WEAKNESS = (
     "without the registers of RTDE (software 3.9) a program moves the arm as it arrives: one that is damaged on its "
@@ -298,7 +298,7 @@ class UrArm:
                 if problem is not None:
                     raise self._named(problem, "move_to")
             except BaseException:
-                self._armed = False  # wherever the robot is now, somebody has to look first
+                self._armed = False  # wherever the robot is now, a person has to check first
                 raise
         return _reading(state)
 

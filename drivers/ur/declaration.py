@@ -34,7 +34,7 @@ def _details(device: UrArm, status: RobotStatus) -> Details:
             what_to_do="Switch the controller to remote control on the pendant.",
         )
     nominal = None
-    with suppress(LinkError):  # whoever asked for the identity has been told
+    with suppress(LinkError):  # the error was reported when the identity was read
         nominal = device.factory().nominal
     return Details(
         trouble=trouble,

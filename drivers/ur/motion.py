@@ -165,7 +165,7 @@ class Motion:
             if problem is not None:
                 return state, problem
             with ExitStack() as undo:
-                undo.callback(self._halt_if_possible)  # however this ends, the arm shall be at rest
+                undo.callback(self._halt_if_possible)  # however this ends, the arm must be at rest
                 problem = self._begin(feed, witness, state, goal)
                 if problem is None:
                     state, problem = self._follow(witness, goal, self._move_seconds(state, goal))
@@ -223,7 +223,7 @@ class Motion:
         """Send the program, check that it begins, and release it."""
         number = None
         if feed.numbered and here.echo is not None:
-            number = here.echo % _LAST_NUMBER + 1  # what the register does not hold yet
+            number = here.echo % _LAST_NUMBER + 1  # a value that the register does not hold yet
         limits = self._limits
         program = UrScriptMove(goal, limits.acceleration, self._capped(here, goal), number, limits.watchdog_s)
         with self._realtime.talk("move_to") as (_, send):

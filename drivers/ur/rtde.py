@@ -27,7 +27,7 @@ from drivers.ur.state import StateConfirmer, UrState, check_state
 _LOG = logging.getLogger(__name__)
 
 REGISTER, GO_REGISTER = 46, 47
-FIRST_ARGUMENT, ARGUMENTS = 24, 10  # doubles that a program shows of what it was given
+FIRST_ARGUMENT, ARGUMENTS = 24, 10  # doubles in which a program shows its arguments
 FREQUENCY_HZ = 125.0  # of a CB3; faster controllers accept it
 _VERSION, _CONTROLLER, _OUTPUTS, _INPUTS = b"V"[0], b"v"[0], b"O"[0], b"I"[0]
 _START, _PAUSE, _DATA, _TEXT = b"S"[0], b"P"[0], b"U"[0], b"M"[0]
@@ -108,7 +108,8 @@ def parse_text(payload: bytes) -> str:
     if len(rest) != 1 or rest[0] > 3:
         raise ProtocolError("text message of a wrong length", raw=payload)
     said = f"{texts[1]}: {texts[0]}"
-    return "".join(each if each.isprintable() else "\ufffd" for each in said)  # else a terminal would obey
+    # A terminal would obey control characters.
+    return "".join(each if each.isprintable() else "\ufffd" for each in said)
 
 
 class Rtde:

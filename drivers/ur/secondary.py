@@ -29,7 +29,7 @@ _LONGEST = 65536
 _CONFIGURATION_LAYOUT = ">12d12d5d24d4i"  # limits; speeds, accelerations; defaults; a d alpha theta; types
 _KINEMATICS_LAYOUT = ">6I24dI"  # checksums; theta a d alpha; status
 _TYPES = {1: "UR5", 2: "UR10", 3: "UR3", 4: "UR16e", 7: "UR20", 8: "UR30"}
-_TWICE = ("UR5", "UR10", "UR3")  # the e-Series bears the types of the CB series; its software is 5 or later
+_TWICE = ("UR5", "UR10", "UR3")  # the e-Series has the types of the CB series; its software is 5 or later
 _MOST_PACKAGES = 50
 _COMMAND = "factory"
 

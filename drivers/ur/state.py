@@ -57,7 +57,7 @@ SAFETY_MODES: dict[int, tuple[type[SafetyStop] | None, str]] = {
     13: (EnableLost, "enabling device released"),
 }
 STILL_RAD_S = 2e-3  # largest joint speed of an arm at rest
-AGREE_RAD = 1e-4  # two packages of an arm at rest: its read-back may tremble by so much
+AGREE_RAD = 1e-4  # scatter of the read-back between two packages of an arm at rest
 _WIDEST_RAD = 4 * math.pi  # joints turn +-2 pi; beyond twice that the package is damaged
 _FASTEST_RAD_S = 20.0
 _MOST_STATES = 250

@@ -123,7 +123,7 @@ def for_workers(store: str, scheduler: str) -> str:
     """
     try:
         url = sa.make_url(store)
-    except exc.ArgumentError:  # refused by the store itself, in its words
+    except exc.ArgumentError:  # refused by the store itself, with its message
         return store
     if url.get_backend_name() != "sqlite" or not url.database:
         return store

@@ -27,7 +27,7 @@ from fleet.store import JobResult
 WORTH = 0.01
 """Share by which the held-out error must differ to be told; sizes of effects by their standard error."""
 
-_DECIDES = ("*.py", "*.toml")  # of calib: the numerics and the robots in the box
+_DECIDES = ("*.py", "*.toml")  # of calib: the numerics and the built-in robots
 _DIGITS = 12
 
 

@@ -24,10 +24,10 @@ CONNECT_S = 10
 _PLAIN = {
     "distributed.scheduler.allowed-failures": 1,
     "distributed.deploy.lost-worker-timeout": "1h",  # a busy computer takes its time to begin another one
-    "distributed.scheduler.http.routes": [],  # pages that nobody asked for
+    "distributed.scheduler.http.routes": [],  # web pages that no one requested
     "distributed.worker.http.routes": [],
-    "distributed.worker.profile.enabled": False,  # would look at the work a hundred times a second
-    # What looks after itself many times a second, in every process: 2 % of a processor each, for nobody.
+    "distributed.worker.profile.enabled": False,  # would check the work a hundred times per second
+    # Dask's own monitoring many times per second, in every process: 2 % of a processor each, without a use here.
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
     "distributed.worker.memory.monitor-interval": "500ms",
@@ -46,7 +46,7 @@ def processors() -> int:
 def local(workers: int) -> Iterator[Client]:
     """Run an engine of `workers` local processes, one thread each, during the block."""
     os.environ["PYTHONSAFEPATH"] = (
-        "1"  # what lies in the current folder, as a `json.py`, is no part of a worker
+        "1"  # a file in the current folder, such as a `json.py`, is not part of a worker
     )
     with config.set(_PLAIN):
         cluster = LocalCluster(
@@ -78,7 +78,7 @@ def connected(address: str) -> Iterator[Client]:
     for name in (
         "distributed",
         "distributed.client",
-    ):  # the second has a level of its own: tracebacks on a terminal
+    ):  # the second has a separate level: tracebacks on a terminal
         logging.getLogger(name).setLevel(logging.CRITICAL)
     security = _security(address)
     try:

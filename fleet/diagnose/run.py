@@ -84,7 +84,7 @@ class FleetRun:
             Counter[DatasetSource](),
         )  # workers lost with it
         self._by_itself: Future | None = None  # the last one given so
-        self._held: list[DatasetSource] = []  # somebody else works on them; asked again later
+        self._held: list[DatasetSource] = []  # another call works on them; claimed again later
         self._out: dict[Future, tuple[DatasetSource, ...]] = {}
         self._lost_before: dict[Future, int] = {}  # workers, when it was given
         self._store = StoreRetry(tell)
@@ -116,7 +116,7 @@ class FleetRun:
                     progress(self._counted())
                 if time.monotonic() - self._looked >= LOOK_S:
                     self._look()
-            self._see_who_is_there()  # a worker lost since the last look is told, too
+            self._see_who_is_there()  # a worker lost since the last check is reported, too
         except (CancelledError, CommClosedError) as error:
             raise EngineGone("the scheduler is gone.", do=_AGAIN) from error
         return self._counted()
@@ -214,7 +214,7 @@ class FleetRun:
     def _ended(self) -> list[Future]:
         """Wait for a batch to end, and return those that have ended."""
         if not self._out:
-            time.sleep(LOOK_S / 10.0)  # for a worker, or for what somebody else holds
+            time.sleep(LOOK_S / 10.0)  # for a worker, or for data sets of another call
             return []
         try:
             ended: Any = wait(list(self._out), timeout=LOOK_S, return_when="FIRST_COMPLETED")
@@ -356,7 +356,7 @@ class WorkerPool:
             The scheduler is gone.
         """
         told: Any = self._client.scheduler_info(n_workers=-1)
-        if self._client.status != "running":  # then it tells what it knew last, or nothing
+        if self._client.status != "running":  # then it reports its last state, or nothing
             raise CommClosedError("the connection to the scheduler is lost")
         present = set(told["workers"])
         said = []

@@ -153,7 +153,7 @@ class ServerLink:
         )  # sent piece by piece: the timeout is of a piece, on a slow line too
         with suppress(
             ConnectionError
-        ):  # a server may refuse before it has heard everything: its answer tells
+        ):  # a server may refuse before it has received everything: its answer states it
             self._connection.request("PUT", f"{self._base}{document.hash}?{urlencode(said)}", body, headers)
         answer = self._connection.getresponse()
         data = answer.read(LONGEST_ANSWER)

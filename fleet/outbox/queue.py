@@ -256,7 +256,7 @@ class Outbox:
             yield db
             db.execute("COMMIT")
         except BaseException:
-            if db.in_transaction:  # SQLite has rolled back by itself where the disk is full
+            if db.in_transaction:  # SQLite has rolled back by itself if the disk is full
                 db.execute("ROLLBACK")
             raise
 

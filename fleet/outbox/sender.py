@@ -24,7 +24,7 @@ from fleet.store import Document, utc_now
 
 FIRST_S, LONGEST_S = 1.0, 600.0
 PATIENCE_S = 3600.0  # the longest that a server may ask for
-IN_A_ROW = 3  # uploads that fail one after another: then it is not the document
+IN_A_ROW = 3  # uploads that fail one after another: then the document is not the cause
 DAMAGED = 20  # times that a document may arrive damaged, before it is set aside
 
 

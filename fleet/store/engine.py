@@ -40,7 +40,7 @@ _SCRIPTS = Path(__file__).parent / "migrations"
 _VERSIONS = "alembic_version"
 _LOCK = 0x74727565  # of PostgreSQL: two migrations at once wait for each other
 READER, WRITER = "truepose_reader", "truepose_writer"
-_CHANGED = (tables.claim.name,)  # what a writer may change: who works on what
+_CHANGED = (tables.claim.name,)  # the tables that a writer may change: claims of jobs
 
 
 def engine_of(url: str, *, forever: bool = False) -> sa.Engine:
@@ -127,7 +127,7 @@ def refusals(engine: sa.Engine) -> Iterator[None]:
     place = shown(engine.url)
     try:
         yield
-    except exc.IntegrityError:  # two at once: whoever writes says what that means
+    except exc.IntegrityError:  # two at once: the writing code handles this
         raise
     except exc.DBAPIError as error:
         raise _refusal(error, place) from error

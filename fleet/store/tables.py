@@ -34,7 +34,7 @@ class Utc(sa.types.TypeDecorator[datetime]):
             return None
         try:
             moment = value.astimezone(UTC)
-        except OverflowError:  # asked for: nothing is kept of such times
+        except OverflowError:  # only in queries: no such time is stored
             moment = value.replace(tzinfo=UTC)
         return moment.replace(tzinfo=None) if dialect.name == "sqlite" else moment
 

@@ -28,7 +28,7 @@ from calib.units import DEG
 from drivers.errors import ConfigError
 
 _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
-_MOST = 20  # points tried for each that is wanted
+_MOST = 20  # points tried per required point
 
 
 class SphereBlock(Block):
@@ -58,7 +58,7 @@ class SphereBlock(Block):
     _suppress: bool = PrivateAttr(False)
 
     def model_post_init(self, _: Any) -> None:
-        self._suppress = "approach" in self.model_fields_set  # else it is driven from point to point
+        self._suppress = "approach" in self.model_fields_set  # otherwise it is driven from point to point
 
     @property
     def lengths(self) -> bool:

@@ -188,7 +188,7 @@ def _drawn(site: Site, turns: list[_Turn], usual: tuple[int, ...]) -> Joints:
     low, high = np.array(site.cell.robot.limits_deg).T
     for _ in range(_TRIES // _BATCH):
         postures = np.round(rng.uniform(low, high, (_BATCH, len(low))), 1)
-        # What is cheap to know and seldom true comes first.
+        # Conditions that are cheap to test and seldom true come first.
         for turn in turns:
             postures = postures[_at_all(turn.joints(postures), lambda q: facing(site.cell, q, site.targets))]
         for turn in turns:

@@ -26,7 +26,7 @@ class Attitudes:
 
     def __init__(self, cell: Cell) -> None:
         self._cell = cell
-        self._mounted: dict[str, Rotation] = {}  # of each body, beside the flange, by the pose measured first
+        self._mounted: dict[str, Rotation] = {}  # of each body relative to the flange, from its first pose
 
     def refuse_another(
         self, reading: PointReading, world: WorldFrame | None, joints_deg: Sequence[float]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from acquisition.errors import ClockJumped
 from acquisition.run.clock import Clock
 
-# A clock that is being disciplined slews by 500 ppm at most; what it steps beyond twice that was no discipline.
+# A clock that is being disciplined slews by 500 ppm at most; a step beyond twice that has another cause.
 STEP_S, SLEW = 5.0, 1e-3
 
 

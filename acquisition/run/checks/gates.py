@@ -79,7 +79,7 @@ class Gates:
         self._measure_nests = measure_nests
         self._zeroing = zeroing
         self._since_zero: int | None = None
-        self._station: int | None = None  # of the instrument now; None: not yet looked up
+        self._station: int | None = None  # of the instrument now, None before it was read
         self._since_nests: list[int] = []  # planned readings of poses that were measured
         self._visit: int | None = None  # of the last reading
         self._block: int | None = None  # of the last reading of a pose
@@ -186,7 +186,7 @@ class Gates:
         for each in moved[len(self._store.data_of_events("nests_judged")) :]:
             standing = {
                 planned.id for planned in self._store.plan()
-            }  # what was measured anew meanwhile is replaced
+            }  # readings that were measured again meanwhile are replaced
             since = [number for number in each["since"] if number in standing]
             self._ask(
                 f"Nest {each['nest']} is {each['off_mm']:.3f} mm from where the world frame has it, "

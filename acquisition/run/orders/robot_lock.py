@@ -88,7 +88,7 @@ def _lock_in_kernel(stack: ExitStack, digest: str, where: str) -> Callable[[], b
         lock.bind(address)
     except OSError as error:
         raise _refusal(where, _holder(address) if error.errno == errno.EADDRINUSE else "", error) from error
-    lock.listen(128)  # who asks is told the process
+    lock.listen(128)  # the other program is told the process
     return lambda: True
 
 

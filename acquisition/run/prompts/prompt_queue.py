@@ -102,7 +102,7 @@ class PromptQueue:
         with self._changed:
             self._pending, self._answer, self._failure = prompt, None, None
         if picture.drawing is not None and self._picture is not None:
-            with suppress(OSError):  # a full disk is said where it costs a reading
+            with suppress(OSError):  # a full disk is reported when it costs a reading
                 self._picture.write_text(picture.drawing, encoding="utf-8")
         self._attempts.ask(prompt)
         operator = self._operator if entry is None else self._person
@@ -169,6 +169,6 @@ class PromptQueue:
         while asker.is_alive():  # it may not even have begun to ask; the next prompt must find it gone
             shown = operator.pending
             if shown is not None and shown.id == prompt.id:
-                with suppress(UnknownPrompt):  # somebody answered in this moment
+                with suppress(UnknownPrompt):  # a person answered in this moment
                     operator.answer(prompt.id, Answer.ABORT)
             asker.join(0.01)

@@ -23,7 +23,7 @@ from drivers.errors import AcquisitionError, TargetNotSeen
 from drivers.interfaces import Sample
 
 CHUNK_S = 0.4  # on the wall, as all of these
-SILENT_S = 5.0  # without a sample nobody can say that a stream flows
+SILENT_S = 5.0  # without a sample it is not known whether a stream flows
 _LATE = 1.5  # periods after which a sample is missing
 
 
@@ -162,7 +162,7 @@ class Recorder:
                     if self._ended.is_set():
                         return
         finally:
-            feed.flows.set()  # nobody waits for what will not come
+            feed.flows.set()  # do not wait for samples that will not come
 
     def _write(self) -> None:
         while not self._ended.wait(CHUNK_S):

@@ -75,11 +75,11 @@ class DevicePair:
         self.moving = False
         self.lost_in_move = False
         self.adrift = False  # its link broke in a move, and it has not been seen at rest since
-        self.unheard: list[AcquisitionError] = []  # what the last halt did not stop
+        self.unheard: list[AcquisitionError] = []  # devices that the last halt did not stop
         self._halting = threading.Condition()
         self._halts = 0  # under way
         self._released = False
-        self._endings = 0  # connections to be ended, asked for and not yet seen to
+        self._endings = 0  # requests to end the connections that are not yet carried out
 
     def meet(self) -> None:
         """Connect the devices that are not connected, without arming them.
@@ -173,7 +173,7 @@ class DevicePair:
             try:
                 reached = move()
             except LinkError:
-                # A robot that cannot be stopped may still be moving: nobody but a person may say go on.
+                # A robot that cannot be stopped may still be moving: only a person may decide to continue.
                 self.lost_in_move = not self._can_stop
                 self.adrift = True
                 raise
@@ -380,7 +380,7 @@ class DevicePair:
                 self._halts -= 1
                 self._halting.notify_all()
                 late = self._released
-            if late:  # a robot that cannot be reached is connected anew to be stopped, and has one place for a program
+            if late:  # a robot that cannot be reached is connected again to be stopped, and has one place for a program
                 self._let_go()
 
     def _halt(self) -> list[AcquisitionError]:
