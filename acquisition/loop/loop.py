@@ -206,7 +206,7 @@ def close_loop(
     DataError
         The readings cannot be used, or on held-out readings the model is worse than the nominal robot.
     ConfigError, UnsafePlan
-        The loop is refused before anything moves.
+        A campaign cannot be planned in the cell, or no new pose can be corrected.
     """
     check_loop(equipment.cell)
     say("campaign 1: calibration and validation poses")

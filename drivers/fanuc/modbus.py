@@ -249,7 +249,7 @@ class ModbusController:
         Busy
             A move is under way.
         NotReady
-            The registers cannot be used.
+            The program cannot move the robot.
         """
         seen = self._progress()
         if seen.trouble is not None:

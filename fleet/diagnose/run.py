@@ -3,8 +3,8 @@
 **Distribution.** The workers write finished results to the store; this end only distributes. It may be ended at any
 time, and the same call later does the rest.
 
-**Retries.** If the store does not answer, the call retries with one data set at a time, and finally fails. A database
-that is restarted or out of reach for an hour must not end the work of a night.
+**Retries.** If the store does not answer, the call retries with one data set at a time, and fails after `STORE_S`
+seconds. A database that is restarted or out of reach for an hour must not end the work of a night.
 
 **Workers of a scheduler.** A worker gets work when it has reported that it runs the same program. It is asked when it
 is first detected, also when it joins later, and then offers the resource that every batch requires. A worker of another
