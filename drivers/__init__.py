@@ -15,7 +15,6 @@ from drivers.deadlines import InstrumentDeadlines
 from drivers.declaration import InstrumentDriver, Option, RobotDriver, TextOption
 from drivers.details import Details
 from drivers.dh_numbers import DhNumbers
-from drivers.entry_points import installed
 from drivers.errors import (
     AcquisitionError,
     BeamBroken,
@@ -84,6 +83,7 @@ from drivers.operator import RehearsalOperator, RemoteOperator, TerminalOperator
 from drivers.registry import (
     INSTRUMENTS,
     ROBOTS,
+    installed,
     instrument_driver,
     open_instrument,
     open_robot,

@@ -1,21 +1,20 @@
 """The table of all drivers, one line per maker.
 
-A new driver needs its folder and a line here.
-
-Other packages bring theirs with entry points of the group `truepose.drivers`: modules with `DRIVERS`, like a maker's
-`declaration.py`. They are loaded when a requested name is not in the tables.
+A new driver needs its folder and a line here. Other packages bring theirs with entry points of the group
+`truepose.drivers`: modules with `DRIVERS`, like a maker's `declaration.py`. They are loaded when a requested name is
+not in the tables.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
 
 from drivers.abb import declaration as abb
 from drivers.creaform import declaration as creaform
 from drivers.declaration import InstrumentDriver, RobotDriver
-from drivers.entry_points import installed
 from drivers.errors import ConfigError
 from drivers.fanuc import declaration as fanuc
 from drivers.faro import declaration as faro
@@ -26,7 +25,9 @@ from drivers.renishaw import declaration as renishaw
 from drivers.ur import declaration as ur
 
 GROUP = "truepose.drivers"
+
 _D = TypeVar("_D", RobotDriver, InstrumentDriver)
+
 _T = TypeVar("_T")
 
 
@@ -35,6 +36,7 @@ def _by_name(makers: Iterable[Iterable[_D]]) -> dict[str, _D]:
 
 
 ROBOTS: Mapping[str, RobotDriver] = _by_name([abb.DRIVERS, fanuc.DRIVERS, ur.DRIVERS, manual.ROBOTS])
+
 INSTRUMENTS: Mapping[str, InstrumentDriver] = _by_name(
     [creaform.DRIVERS, faro.DRIVERS, leica.DRIVERS, renishaw.DRIVERS, manual.INSTRUMENTS]
 )
@@ -110,3 +112,28 @@ def _make(kind: str, name: str, make: Callable[..., _T], url: str, options: Mapp
         return make(url, **options)
     except TypeError as error:
         raise ConfigError(f"{kind} driver {name!r}: {error}") from error
+
+
+def installed(group: str, name: str) -> Iterator[Any]:
+    """Yield the members of the lists named `name` in the modules of a group of entry points.
+
+    Such a name is `DRIVERS`, for example.
+
+    Raises
+    ------
+    ConfigError
+        A package cannot be loaded.
+    """
+    for point in entry_points(group=group):
+        yield from _list_in(point, name)
+
+
+def _list_in(point: EntryPoint, name: str) -> Any:
+    package = point.dist.name if point.dist is not None else point.value
+    try:
+        return getattr(point.load(), name)
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(
+            f"{name.lower()} '{point.name}' of the package {package} cannot be loaded: {error}",
+            what_to_do="Repair or remove the package.",
+        ) from error

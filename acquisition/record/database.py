@@ -8,6 +8,8 @@ any device is touched, because two sequencers on one record would both move the 
 
 A file that was cut short, overwritten or replaced by another program's is refused as a DamagedRecord, in the one place
 where errors of SQLite are translated. Nothing is written to it; `record.rescue` works on a copy.
+
+The progress of a path: its finished share, and the samples of an interrupted program.
 """
 
 from __future__ import annotations
@@ -29,11 +31,17 @@ from acquisition.errors import RecordError, RecordInUse, StorageError, damaged
 from acquisition.record.schema import LAST_TO_READ_OLDER, SCRIPT, UNSEALED, VERSION
 
 FILE, LOCK = "record.sqlite3", "owner.lock"
+
 _GLANCE_S = 0.2  # a check by `is_owned` must not prevent another owner
+
 BUSY_S = 5.0  # how long another program may hold the file, on the wall
+
 _TABLES = frozenset({"campaign", "pose", "attempt", "prompt", "command", "event"})  # of every version
+
 _LOCKED = "Close the other program that has the record open (a database browser?), then resume."
+
 _DAMAGE = "SQLITE_CORRUPT"
+
 _MISSING = (
     "no such table",
     "no such column",
@@ -386,3 +394,29 @@ def _storage(path: Path, error: sqlite3.Error) -> StorageError:
         return damaged(path, f"is damaged ({error})")
     locked = name.startswith("SQLITE_BUSY")
     return StorageError(f"{path}: {error}", command="record", what_to_do=_LOCKED if locked else None)
+
+
+def share_of_path(database: Database, last: dict[str, Any] | None) -> float:
+    """Return the finished share of the current path, 0 to 1, according to the last waypoint.
+
+    It is 0 if no path is being driven.
+    """
+    if last is None or last["of"] < 2:
+        return 0.0
+    rows = database.query("SELECT status FROM attempt WHERE id = ?", (last["attempt"],))
+    return (last["waypoint"] - 1) / (last["of"] - 1) if rows and rows[0]["status"] == "open" else 0.0
+
+
+def streams_kept(db: sqlite3.Connection, attempt: int) -> dict[str, Any]:
+    """Return the state of the streams of an attempt by role, or nothing if it has none.
+
+    The state has the number of samples kept, the number lost, the device's clock at the last, and its arrival, campaign
+    s.
+    """
+    rows = db.execute(
+        "SELECT role, sum(samples), sum(lost), max(until_t_s), max(arrived_t_s) FROM chunk WHERE attempt = ? "
+        "GROUP BY role",
+        (attempt,),
+    ).fetchall()
+    keys = ("samples", "lost", "until_t_s", "arrived_t_s")
+    return {"streams": {row[0]: dict(zip(keys, tuple(row)[1:], strict=True)) for row in rows}} if rows else {}

@@ -28,8 +28,7 @@ from typing import Any
 
 import tomli_w
 
-from acquisition.cell.cell import Cell, cell_of_record
-from acquisition.cell.position_uncertainty import MADE_MM, TAUGHT_MM
+from acquisition.cell.cell import MADE_MM, TAUGHT_MM, Cell, cell_of_record
 from acquisition.errors import RecordError
 from acquisition.record.device_serials import ROLES, Individual, Individuals, header_table, series_of
 from acquisition.record.readings import Numbers, Reading, readings_of, spans_of

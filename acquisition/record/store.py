@@ -27,8 +27,7 @@ from acquisition.cell.cell import Cell, cell_of_record
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import RecordTaken, damaged
 from acquisition.record import seal
-from acquisition.record.database import Database
-from acquisition.record.path_progress import streams_kept
+from acquisition.record.database import Database, streams_kept
 from acquisition.record.states import LEFT_BEHIND, State, check_transition
 
 Point = tuple[float, ...]

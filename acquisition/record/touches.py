@@ -16,8 +16,7 @@ from itertools import combinations
 
 import numpy as np
 
-from acquisition.cell.cell import Cell, point
-from acquisition.cell.position_uncertainty import TAUGHT_MM
+from acquisition.cell.cell import TAUGHT_MM, Cell, point
 from acquisition.cell.workspace import targets_at
 from acquisition.record.readings import spans_of, touches_of
 from acquisition.record.store import PlannedReading, RecordStore

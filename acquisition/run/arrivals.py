@@ -15,11 +15,9 @@ from acquisition.errors import Displaced
 from acquisition.record.attempts import Attempts
 from acquisition.record.store import PlannedReading, RecordStore
 from acquisition.run.orders.control import Control
-from acquisition.run.rig.rig import DevicePair
-from acquisition.run.rig.settling import until_still
+from acquisition.run.rig.rig import DevicePair, until_still
 from drivers.errors import AcquisitionError, NotReached
-from drivers.interfaces import JointReading
-from drivers.read_back import apart_deg
+from drivers.interfaces import JointReading, apart_deg
 
 DISPLACED_DEG = 0.02  # above what servos hold and the coarsest controller reads back, 0.01
 

@@ -28,17 +28,15 @@ from acquisition.record.states import State
 from acquisition.record.store import Event, EventTime, RecordStore
 from acquisition.run.clock import Clock, ScaledClock
 from acquisition.run.duration import Foresee, at_once
-from acquisition.run.execution import CampaignExecution
 from acquisition.run.orders.control import ON_REQUEST, Control, Pausing, Stopping
 from acquisition.run.orders.lease import LeaseDeadline
 from acquisition.run.orders.robot_lock import Mover
 from acquisition.run.orders.stop_orders import StopOrders
 from acquisition.run.outcome import ExecutionOutcome, not_resumed, verdict_of
 from acquisition.run.prompts.prompt_queue import PromptQueue
-from acquisition.run.rig.rig import ConnectedDevice, DevicePair
-from acquisition.run.rig.unreached_devices import with_unheard
+from acquisition.run.rig.rig import ConnectedDevice, DevicePair, with_unheard
 from acquisition.run.sequencer import Sequencer
-from acquisition.run.status import Pace, RunStatus, status_of
+from acquisition.run.status import CampaignExecution, Pace, RunStatus, status_of
 from acquisition.run.visits import Visits
 from drivers.errors import AcquisitionError
 from drivers.interfaces import Answer

@@ -1,4 +1,4 @@
-"""The status of a run for people and programs, with the fields of the contract."""
+"""The execution of a run, and its status for people and programs with the fields of the contract."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from typing import Any
 
 from acquisition.campaign.plan import Forecast
 from acquisition.record.attempts import Attempts
-from acquisition.record.database import is_owned
-from acquisition.record.path_progress import share_of_path
+from acquisition.record.database import is_owned, share_of_path
 from acquisition.record.readings import drift_of
 from acquisition.record.states import LEFT_BEHIND, State
 from acquisition.record.store import RecordStore
 from acquisition.run.clock import Clock
+from acquisition.run.orders.control import Control
+from acquisition.run.orders.stop_orders import StopOrders
+from acquisition.run.prompts.prompt_queue import PromptQueue
+from acquisition.run.rig.rig import DevicePair
 
 
 @dataclass(frozen=True)
@@ -126,3 +129,14 @@ def read_status(record_dir: Path) -> RunStatus:
         return seen
     finally:
         store.close()
+
+
+@dataclass
+class CampaignExecution:
+    """The parts of a run that exist only while devices are in use."""
+
+    control: Control
+    rig: DevicePair
+    desk: PromptQueue
+    pace: Pace
+    noting: StopOrders

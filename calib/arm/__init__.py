@@ -20,9 +20,9 @@ from calib.arm.kinematics import (
     nominal_values,
     propagate,
 )
-from calib.arm.loads import HEAVIEST_KG
 from calib.arm.robot import (
     FARTHEST_MM,
+    HEAVIEST_KG,
     MOST_TURN,
     Load,
     Robot,

@@ -6,6 +6,8 @@ is `Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)`. beta is Hayati's twist between ax
 parallel. A joint that turns adds to theta, one that slides to d.
 
 The hash of a robot covers all numbers on which its motion depends, but no description.
+
+**Loads** are masses that load the joints, from the `[[loads]]` of a robot file or a data set.
 """
 
 from __future__ import annotations
@@ -32,20 +34,88 @@ from calib.arm.joint_kinds import (
     limits_of,
     parse_joint_matrix,
 )
-from calib.arm.loads import FARTHEST_MM, Load, parse_loads
 from calib.array import Array
 from calib.errors import DataError
 from calib.text.flags import refuse_flags
 from calib.text.toml_table import did_you_mean, read_toml, refuse_unknown
 from calib.units import DEG
 
+FARTHEST_MM = 1e5
+
+HEAVIEST_KG = 1e5
+
+"""No link is longer or heavier: what is was given in another unit."""
+
+
+@dataclass(frozen=True)
+class Load:
+    """A mass on link `link` (1-based), kg, with its centre of gravity in that link's frame, mm."""
+
+    link: int
+    mass_kg: float
+    cog_mm: tuple[float, float, float]
+
+
+def parse_loads(entries: Any, joints: int, path: Path | str) -> tuple[Load, ...]:
+    """Parse the `[[loads]]` of a robot file or a data set.
+
+    Raises
+    ------
+    DataError
+        A load is incomplete or not physical.
+    """
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise DataError(
+            "is not a list of tables.", do="Write every load as [[loads]].", file=path, key="loads"
+        )
+    refuse_flags(entries, path, "loads")
+    return tuple(_load(entry, joints, path) for entry in entries)
+
+
+def _load(entry: Mapping[str, Any], joints: int, path: Path | str) -> Load:
+    try:
+        link = entry["link"]
+        mass, cog = float(entry["mass_kg"]), tuple(float(x) for x in entry["cog_mm"])
+    except KeyError as error:
+        raise DataError(
+            "a load lacks this key.", do="Give link, mass_kg, cog_mm.", file=path, key=error.args[0]
+        ) from error
+    except (TypeError, ValueError) as error:
+        raise DataError(
+            f"a load is not made of numbers ({error}).",
+            do="Give link (a joint's number), mass_kg and cog_mm = [x, y, z].",
+            file=path,
+            key="loads",
+        ) from error
+    if type(link) is not int or not 1 <= link <= joints or len(cog) != 3:
+        raise DataError(
+            f"a load names link {link} with {len(cog)} coordinates.",
+            do=f"Use a link from 1 to {joints} and three coordinates in mm.",
+            file=path,
+            key="loads",
+        )
+    if not (0.0 < mass <= HEAVIEST_KG and all(abs(x) <= FARTHEST_MM for x in cog)):
+        raise DataError(
+            f"a load of {mass} kg is not possible.",
+            do=f"Give its mass in kg, above zero, and its centre within {FARTHEST_MM:g} mm.",
+            file=path,
+            key="loads",
+        )
+    return Load(link, mass, (cog[0], cog[1], cog[2]))
+
+
 FORMAT = "truepose-robot/1"
+
 BUILT_IN = Path(__file__).parent / "robots"
+
 MOST_JOINTS = 20
+
 MOST_TURN = 1e4 * DEG
+
 """No joint turns further: what does was given in another unit."""
 
 Convention = Literal["mdh", "dh"]
+
 BasePlacement = Literal["plain", "thesis"]
 
 _KEYS = (
@@ -54,10 +124,13 @@ _KEYS = (
 )
 
 _NO_ROOM = 0.1  # deg or mm between the limits of a joint that follows others
+
 _LEANS = 10.0 * DEG
+
 """Axes that lean by more are not meant to be parallel."""
 
 DESCRIPTION = ("name", "maker", "source", "capsules")
+
 """Keys of a robot that are words, or its capsules, and move nothing."""
 
 

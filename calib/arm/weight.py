@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from calib.arm.kinematics import statics
-from calib.arm.loads import HEAVIEST_KG, Load
-from calib.arm.robot import Robot
+from calib.arm.robot import HEAVIEST_KG, Load, Robot
 from calib.array import Array
 from calib.errors import DataError
 

@@ -68,11 +68,10 @@ from calib.errors import DataError
 from calib.fit import robust
 from calib.fit.held_out import HeldOutFaults, all_readings, errors_on, held_out_faults
 from calib.fit.identification import IdentificationFit
-from calib.fit.identify import Progress, carry, fit, identify, silent, within_type
+from calib.fit.identify import Progress, carry, fit, fit_again, identify, silent, within_type
 from calib.fit.least_squares import DroppedParameter, Linearisation, find_dependent, solve
 from calib.fit.placing import base_model_of, place_nominal
 from calib.fit.readings import FitReadings, readings_of
-from calib.fit.refit import fit_again
 from calib.fit.statistics import ErrorStatistics, statistics_of, worse
 from calib.fit.type_prior import TypeFit, TypePrior, centred
 from calib.model.base_model import named_in

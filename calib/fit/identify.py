@@ -9,6 +9,8 @@ The usual size of compliances is that of industrial arms. Small arms have softer
 `softer_than_usual` widens it. `astray` finds distances between balls of one body that contradict the
 rest of a fit, because of another bar or a ball that moved. `refuse_misfit` refuses fits that miss the
 readings, or that come out as another robot.
+
+`refit` continues a fit with another model, from its estimate and with its readings.
 """
 
 from __future__ import annotations
@@ -54,7 +56,9 @@ from calib.model.model import BoundModel, ModelStructure
 from calib.units import percent, to_display
 
 Progress = Callable[[str], None]
+
 _LOOSE = {"mm": 5.0, "deg": 0.5}  # standard error from which on a parameter is not known by itself
+
 _UNSETTLED = 2.0  # ratio of found noise to declared above which the first steps may not have arrived
 
 _CROWDED = (
@@ -62,13 +66,21 @@ _CROWDED = (
 )
 
 _FAR = 10.0  # ratio of found noise to declared, or its inverse, that is reported
+
 _SOFTER = 3.0  # usual sizes from which on the readings contradict the size
+
 _ASTRAY = 5.0  # standard deviations by which a distance may miss what everything else says of it
+
 _CLEAR = 1e-9  # of a distance that nothing else shows
+
 _MISFIT_FAR = 0.05  # share of the extent of the measured points that a fitted robot may miss them by
+
 _LEAST_MM = 10.0
+
 _OTHER = 0.05  # share of the reach by which no length of a robot differs from its file
+
 _SURE = 10.0  # standard errors of such a length
+
 _NOISE = 10.0  # ratio of what is left to the declared noise below which the fit is no such matter
 
 
@@ -633,3 +645,20 @@ def _refuse_other_lengths(dataset: Dataset, found: IdentificationFit) -> None:
             file=dataset.path.with_suffix(".toml"),
             key="robot",
         )
+
+
+def fit_again(dataset: Dataset, fitted: IdentificationFit, model: ModelStructure) -> IdentificationFit:
+    """Fit another model to the readings of a fit, from its estimate.
+
+    The model has the same parameters. Readings that took no part still take none.
+    """
+    return fit_plain(
+        dataset,
+        model,
+        fitted.readings,
+        fitted.estimate,
+        np.diag(fitted.covariance) > 0.0,
+        fitted.dropped,
+        fitted.faulty_rows,
+        fitted.relabelled_rows,
+    )

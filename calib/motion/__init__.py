@@ -1,7 +1,6 @@
 """Alignment of a moving robot: two streams of samples, clocks, rests and path errors."""
 
-from calib.motion.alignment import Aligned, align
-from calib.motion.path_error import SpeedBandErrors, by_speed, split
+from calib.motion.alignment import Aligned, SpeedBandErrors, align, by_speed, split
 from calib.motion.poses import SLOW_MM_S, Origin, Standstills, data_set, standstills
 from calib.motion.read import read_joints, read_points
 from calib.motion.streams import JointStream, PointStream

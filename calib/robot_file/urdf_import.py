@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calib.arm import BasePoses, Chain, Load, Robot, forward, nominal_values, propagate
-from calib.arm.loads import FARTHEST_MM
+from calib.arm.robot import FARTHEST_MM
 from calib.array import Array
 from calib.errors import DataError
 from calib.robot_file.draft import Draft, DraftLink, written_robot

@@ -29,8 +29,7 @@ from drivers.errors import (
     ProtocolError,
     WrongMode,
 )
-from drivers.interfaces import RobotStatus
-from drivers.read_back import apart_deg
+from drivers.interfaces import RobotStatus, apart_deg
 from drivers.wait import Waiting
 
 JOINTS = 6

@@ -43,10 +43,9 @@ from drivers.errors import (
     NotArmed,
     NotReached,
 )
-from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.interfaces import Identity, JointReading, RobotStatus, apart_deg, is_there
 from drivers.limits import Caps
 from drivers.link import TcpLink, WireSink, beside, parse_url
-from drivers.read_back import apart_deg, is_there
 
 _LOG = logging.getLogger(__name__)
 _WIDEST_DEG = 1000.0
@@ -68,7 +67,7 @@ class AbbSimpleArm:
     Parameters
     ----------
     hold_deg
-        Largest distance from its target at which a servo may hold a joint (`drivers.read_back`).
+        Largest distance from its target at which a servo may hold a joint (`drivers.interfaces`).
     """
 
     unverified_on_hardware = True

@@ -38,10 +38,9 @@ from drivers.fanuc.controller import (
 )
 from drivers.fanuc.mappdk import MappdkController
 from drivers.fanuc.modbus import ModbusController
-from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.interfaces import Identity, JointReading, RobotStatus, apart_deg, is_there
 from drivers.limits import Caps
 from drivers.link import TcpLink, WireSink, parse_url
-from drivers.read_back import apart_deg, is_there
 
 _LOG = logging.getLogger(__name__)
 _MAX_DEG_S = (350.0, 350.0, 400.0, 450.0, 450.0, 720.0)  # LR Mate 200iC, data sheet; `?max_deg_s=` for others
@@ -56,7 +55,7 @@ class FanucArm:
     Parameters
     ----------
     hold_deg
-        Largest distance from its target at which a servo may hold a joint (`drivers.read_back`).
+        Largest distance from its target at which a servo may hold a joint (`drivers.interfaces`).
     """
 
     unverified_on_hardware = True

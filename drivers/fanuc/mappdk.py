@@ -55,9 +55,8 @@ from drivers.fanuc.mappdk_link import (
     sealed,
     sum_of,
 )
-from drivers.interfaces import Identity, JointReading, RobotStatus
+from drivers.interfaces import Identity, JointReading, RobotStatus, apart_deg
 from drivers.link import TcpLink, beside
-from drivers.read_back import apart_deg
 from drivers.wait import Waiting
 
 _WATCHDOG_MS = 2000

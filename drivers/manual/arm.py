@@ -18,9 +18,7 @@ from drivers.errors import CannotStop, ConfigError, JointLimit, NotArmed
 from drivers.interfaces import Asking, Identity, JointReading, RobotStatus, TypedEntry
 from drivers.limits import Caps
 from drivers.link import WireSink
-from drivers.manual.asking import Questions, TypingDoubt, in_words
-from drivers.manual.slips import apart, slip_of
-from drivers.manual.typed import InvalidEntry, TypedRow
+from drivers.manual.meter import InvalidEntry, Questions, TypedRow, TypingDoubt, apart, in_words, slip_of
 
 RESOLUTION_DEG = 0.01
 BY_HAND = "this robot is moved by hand: Stop does not reach it"

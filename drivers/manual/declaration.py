@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from drivers.declaration import InstrumentDriver, Option, RobotDriver, TextOption
 from drivers.manual.arm import RESOLUTION_DEG, ManualArm
-from drivers.manual.meter import ManualMeter
-from drivers.manual.typed import MM_OF
+from drivers.manual.meter import MM_OF, ManualMeter
 
 _SERIAL = TextOption("serial")
 

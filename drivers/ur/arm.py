@@ -41,10 +41,9 @@ from drivers.ur.deadlines import SERVICES, UrDeadlines
 from drivers.ur.fallback_stop import halt_elsewhere
 from drivers.ur.motion import STOP_SCRIPT, Motion, MotionLimits, not_ready
 from drivers.ur.realtime import Realtime
-from drivers.ur.rtde import Rtde
+from drivers.ur.rtde import Rtde, joint_stream
 from drivers.ur.secondary import Factory, read_factory
 from drivers.ur.state import JOINTS, RUNNING, UrState
-from drivers.ur.stream import joint_stream
 
 _LOG = logging.getLogger(__name__)
 _WIDEST_DEG = 360.0
@@ -67,7 +66,7 @@ class UrArm:
         Distance from axis 1 to the end of the tool, arm outstretched (850 for a UR5, 1300 for a UR10, plus the tool).
         The speed of the joints is limited so that the tool there stays below `speed_mm_s`.
     hold_deg
-        Largest distance from its target at which a servo may hold a joint (`drivers.read_back`).
+        Largest distance from its target at which a servo may hold a joint (`drivers.interfaces`).
     """
 
     unverified_on_hardware = True

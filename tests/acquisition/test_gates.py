@@ -18,7 +18,7 @@ from acquisition import Devices, Event, ExecutionOutcome, Run, export
 from acquisition.campaign.blocks.block import Settle
 from acquisition.campaign.campaign import campaign_of_record
 from acquisition.record.readings import ReferenceDrift, drift_of
-from acquisition.run.rig.settling import TRIES, until_still
+from acquisition.run.rig.rig import TRIES, until_still
 from calib import read_dataset
 from drivers import Answer, ConfigError, JointReading, NoisyMeasurement, NoOperator, PointReading, Prompt
 from tests.acquisition.fakes import (

@@ -22,7 +22,7 @@ from acquisition.errors import RobotInUse
 from acquisition.run.orders import robot_lock as movers
 from acquisition.run.orders.robot_lock import Mover
 from drivers import ConfigError, Identity
-from drivers.endpoint import endpoints
+from drivers.link import endpoints
 from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_campaign, a_cell, devices_of
 
 ROOT = Path(__file__).parents[2]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from acquisition import Run, export
-from acquisition.cell.position_uncertainty import MADE_MM, TAUGHT_MM
+from acquisition.cell.cell import MADE_MM, TAUGHT_MM
 from acquisition.cell.world_frame import from_nests
 from acquisition.errors import NestsDisagree
 from acquisition.record import export_together

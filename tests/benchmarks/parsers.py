@@ -26,8 +26,8 @@ from calib.text import TextTable, parse_json, parse_toml, rows_of
 from calib.watch import read_history
 from drivers import ProtocolError
 from drivers.bridge import mbp
-from drivers.manual.typed import InvalidEntry
-from drivers.manual.typed import rows_of as rows_typed
+from drivers.manual.meter import InvalidEntry
+from drivers.manual.meter import rows_of as rows_typed
 from service.programs import KnownFrames, parse
 from tests.benchmarks.clock import line, seconds
 

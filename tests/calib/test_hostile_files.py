@@ -16,9 +16,8 @@ import pytest
 
 from calib.errors import DataError
 from calib.foreign import propose, read_map
-from calib.foreign.files.layout import layout_of
+from calib.foreign.files.layout import layout_of, split
 from calib.foreign.files.sheet import text_sheet
-from calib.foreign.files.unit_words import split
 from calib.foreign.files.workbook import workbook_sheets
 from calib.foreign.meanings.words import meaning_of
 from calib.foreign.readings.matching import with_target

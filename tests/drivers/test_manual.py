@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from drivers import CannotStop, JointLimit, LeftOut, ManualArm, ManualMeter, NoOperator, NotArmed, TypedEntry
-from drivers.manual.prediction import ENOUGH
-from drivers.manual.slips import slip_of
-from drivers.manual.typed import InvalidEntry, rows_of
+from drivers.manual.meter import ENOUGH, InvalidEntry, rows_of, slip_of
 
 AXES = ("x", "y", "z")
 LIMITS = [(-170.0, 170.0)] * 7

@@ -32,8 +32,8 @@ from calib.robot_file import import_dh, import_urdf
 from calib.saved.model_file import CalibratedModel, load_model, save_model
 from calib.watch import read_history
 from drivers.errors import ConfigError
-from drivers.manual.typed import InvalidEntry
-from drivers.manual.typed import rows_of as typed_rows
+from drivers.manual.meter import InvalidEntry
+from drivers.manual.meter import rows_of as typed_rows
 from mocks.campaign import make_campaign
 from service.programs import KnownFrames, compensate
 from service.programs.read import read_program

@@ -363,7 +363,7 @@ CHANGES = (
         ("tests/acquisition/test_export.py",),
     ),
     Change(
-        "acquisition/run/rig/settling.py",
+        "acquisition/run/rig/rig.py",
         "        if apart <= max(now.resolution_deg, before.resolution_deg):",
         "        if apart <= 1.0:",
         "an arm that still swings is read",

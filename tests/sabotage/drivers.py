@@ -277,7 +277,7 @@ CHANGES = (
         ("tests/drivers/test_manual.py",),
     ),
     Change(
-        "drivers/manual/slips.py",
+        "drivers/manual/meter.py",
         "return min(fitting,",
         "return max(fitting,",
         "of the slips that explain a number the farthest is proposed",

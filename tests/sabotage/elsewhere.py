@@ -96,14 +96,14 @@ CHANGES = (
         ("tests/end_to_end/test_loop.py",),
     ),
     Change(
-        "drivers/manual/typed.py",
+        "drivers/manual/meter.py",
         '    if any("," in number for number in numbers) and any("." in number for number in numbers):\n',
         "    if False:\n",
         "1,234 beside 5.6 is taken for 1.234",
         _MANUAL,
     ),
     Change(
-        "drivers/manual/typed.py",
+        "drivers/manual/meter.py",
         "    if token != name:\n        raise InvalidEntry",
         "    if False:\n        raise InvalidEntry",
         "y typed where x belongs is taken for x",

@@ -58,7 +58,7 @@ CHANGES = (
         _MOTION,
     ),
     Change(
-        "calib/motion/path_error.py",
+        "calib/motion/alignment.py",
         "lag_ms=-1e3 *",
         "lag_ms=1e3 *",
         "points that come late are said to come early",

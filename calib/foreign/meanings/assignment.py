@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from calib.arm.robot import load_robot
 from calib.array import Array
 from calib.data.plausible import READ_APART, turned_apart
-from calib.foreign.files.layout import Layout
+from calib.foreign.files.layout import Layout, unit_of
 from calib.foreign.files.number import Notation, notation_of, suffix_of
-from calib.foreign.files.unit_words import unit_of
 from calib.foreign.map.entry import ANGLES, FEW, HUGE_MM, LARGE_DEG, LENGTHS, MOST_RAD, SMALL_MM
 from calib.foreign.map.map_file import ANGLES_OF, MATRIX, NAME_OF, UNDECIDED, USUAL
 from calib.foreign.meanings.assigned import (

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from calib.foreign.files.unit_words import LONGEST, split
+from calib.foreign.files.layout import LONGEST, split
 
 Kind = Literal[
     "joint", "external", "point", "angle", "quaternion", "id", "target", "time", "temperature", "status", "set",

@@ -9,6 +9,8 @@ For this, the nominal robot is put in its best place with an unknown tool. An an
 robot then misses by less than 3 % of the extent of the readings and every other answer misses five times
 as much. Conventions of orientation are decided in the same way with angles. A robot that meets the
 readings to a hundredth of a millimetre was not measured: these are its controller's own numbers.
+
+Proposal of a map, with the findings about its columns and the open questions.
 """
 
 from __future__ import annotations
@@ -32,24 +34,33 @@ from calib.foreign.files.layout import Layout, joined, layouts_of
 from calib.foreign.files.sheet import Sheet, taken_apart, text_sheet
 from calib.foreign.files.workbook import workbook_sheets
 from calib.foreign.map.map_file import BY, UNDECIDED, Map
-from calib.foreign.meanings.assigned import LEAVE, Answers, Assigned, ColumnQuestion
+from calib.foreign.meanings.assigned import LEAVE, Answers, Assigned, ColumnFinding, ColumnQuestion
 from calib.foreign.meanings.assignment import assign, at_zero
-from calib.foreign.proposal.proposed import MapProposal, TableProposal
 from calib.foreign.readings.matching import pose_name, with_target
 from calib.foreign.readings.one_file import readings_of
 from calib.foreign.readings.readings import ForeignReadings
 from calib.units import DEG
 
 WORKBOOKS = (".xlsx", ".xlsm", ".xls")
+
 MOST_FILES = 2
+
 ASSUMED_SIGMA_MM = 0.05
+
 _ALWAYS = ("robot", "instrument", "sigma_mm", "match", "within_s", "sheet", "1.sheet", "2.sheet")
+
 _ENOUGH = 0.8  # share of the poses whose names must be among the points
+
 _BELIEVED = 0.03  # share of the extent, or rad, by which a robot may miss what it was measured at
+
 _LEAST_DEG = 0.1  # below it two conventions are alike
+
 _TURNED_WRONG = 5.0 * DEG  # by which no arm that reaches the points errs
+
 _MOST = 128  # combinations of answers that are tried
+
 ENOUGH = 300
+
 """Readings that tell."""
 
 _TOO_GOOD_MM = 0.005
@@ -499,3 +510,45 @@ def _tried(proposal: MapProposal) -> Fit | None:
         return fit_of(readings.of_robot(robot, "the proposal"), robot)
     except DataError:  # an answer under which the files cannot be read is not the one
         return None
+
+
+@dataclass(frozen=True)
+class TableProposal:
+    """A table of the proposal, with the findings about its columns."""
+
+    layout: Layout
+    findings: tuple[ColumnFinding, ...]
+
+
+@dataclass(frozen=True)
+class MapProposal:
+    """A proposed map, complete or with open questions.
+
+    Attributes
+    ----------
+    questions : tuple of ColumnQuestion
+        Open questions.
+    missing : tuple of str
+        Information that no file holds.
+    said : tuple of str
+        Remarks on how the files were read.
+    keys : frozenset of str
+        Keys of everything that may be answered.
+    """
+
+    made: Map
+    parts: tuple[TableProposal, ...]
+    questions: tuple[ColumnQuestion, ...]
+    missing: tuple[str, ...]
+    said: tuple[str, ...]
+    keys: frozenset[str]
+
+    @property
+    def layouts(self) -> tuple[Layout, ...]:
+        """The tables in the order of the map."""
+        return tuple(part.layout for part in self.parts)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the map can be used."""
+        return not self.questions and not self.missing
