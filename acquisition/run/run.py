@@ -34,7 +34,7 @@ from acquisition.run.orders.robot_lock import Mover
 from acquisition.run.orders.stop_orders import StopOrders
 from acquisition.run.outcome import ExecutionOutcome, not_resumed, verdict_of
 from acquisition.run.prompts.prompt_queue import PromptQueue
-from acquisition.run.rig.rig import ConnectedDevice, DevicePair, with_unheard
+from acquisition.run.rig.rig import ConnectedDevice, DevicePair, add_unreached_devices
 from acquisition.run.sequencer import Sequencer
 from acquisition.run.status import CampaignExecution, Pace, RunStatus, status_of
 from acquisition.run.visits import Visits
@@ -236,7 +236,7 @@ class Run:
                 # Also for Ctrl-C and for faults of this program: nothing stays armed, the record says so.
                 execution.rig.release()
                 if ending is State.STOPPED or execution.rig.adrift:
-                    reason = with_unheard(reason, execution.rig.unheard)
+                    reason = add_unreached_devices(reason, execution.rig.unheard)
                 error = self._end(ending, reason) or error
         return ExecutionOutcome(State.PAUSED if self._trouble else ending, self._trouble or reason, error)
 

@@ -132,7 +132,7 @@ class Sequencer:
             self._second_stage.plan()
             while left := self._store.left("planned") or self._store.left("deferred"):
                 self._next(left[0], last=True)
-            self._gates.look_back()
+            self._gates.check_nests_at_end()
 
     # -- before the first pose ----------------------------------------------------------------------------
 
@@ -295,7 +295,7 @@ class Sequencer:
         near = tuple(float(x) for x in self._nests.world.to_tracker(expected.world_mm))
         reading = self._rig.measure(planned.target, self._campaign.samples, near)
         expected.refuse_another(reading, self._nests.world.to_world(reading.xyz_mm))
-        self._anew.refuse_again(reading, expected.world_mm)
+        self._anew.refuse_repeated_point(reading, expected.world_mm)
         self._attitudes.refuse_another(reading, self._nests.world, stands)
         return reading
 

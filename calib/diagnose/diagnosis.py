@@ -340,7 +340,7 @@ def _judged(
         if chance is not None:
             found = [replace(f, evidence=f.evidence.at_most_as_sure_as(chance)) for f in found]
         found.sort(key=lambda f: -f.evidence.explained_variance)
-        carried = carried_gains(space, selection.effects, Blocks.dealt(space)).sum(axis=1)
+        carried = carried_gains(space, selection.effects, Blocks.random_blocks(space)).sum(axis=1)
         idle = {e.label for e, gain in zip(selection.effects, carried, strict=True) if gain <= 0.0}
         weak = [f for f in found if f.evidence.p_value > CLAIM or f.effect.label in idle]
         if not weak:
@@ -635,7 +635,7 @@ class Blocks:
         return cls(rank * count // n, count)
 
     @classmethod
-    def dealt(cls, space: Space) -> Blocks:
+    def random_blocks(cls, space: Space) -> Blocks:
         """Short stretches of whole poses, in the order in which they were first visited, dealt out to the blocks: no
         block has a pose of another, nor all that shows a step."""
         conditions = space.fitted.readings.conditions

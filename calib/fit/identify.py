@@ -6,7 +6,7 @@ not belong are then relabelled or rejected, and plain least squares follow on th
 of the data set take part.
 
 The usual size of compliances is that of industrial arms. Small arms have softer gears, so
-`softer_than_usual` widens it. `astray` finds distances between balls of one body that contradict the
+`softer_than_usual` widens it. `inconsistent_distances` finds distances between balls of one body that contradict the
 rest of a fit, because of another bar or a ball that moved. `refuse_misfit` refuses fits that miss the
 readings, or that come out as another robot.
 
@@ -45,10 +45,10 @@ from calib.fit.readings import FitReadings, begun, readings_of
 from calib.fit.type_prior import (
     TypeFit,
     TypePrior,
-    held_to,
-    loosened,
-    stranger,
+    farthest_from_type,
     together,
+    with_type_prior,
+    without_type_prior,
 )
 from calib.model.base_model import COMPLIANCE, adapted, named_in
 from calib.model.effect import Parameter
@@ -145,7 +145,7 @@ def _beside_type(
     start = np.zeros(len(plain.parameters))
     readings = readings_of(dataset, dataset.fit_rows, plain, start)
     at = Linearisation(BoundModel(plain, readings.conditions), readings.observed, start)
-    model, beside = held_to(at, prior, named_in(plain.effects, header.priors))
+    model, beside = with_type_prior(at, prior, named_in(plain.effects, header.priors))
     refuse_too_few(dataset, model)
 
     def fitted(model: ModelStructure) -> IdentificationFit:
@@ -176,14 +176,16 @@ def within_type(
     fitted : callable
         Fits a model to the same readings.
     """
-    while (stray := stranger(found.weighed, beside.prior.robots)) is not None and not beside.no_member:
+    while (
+        stray := farthest_from_type(found.weighed, beside.prior.robots)
+    ) is not None and not beside.no_member:
         beside = replace(beside, outside=(*beside.outside, stray))
-        found = fitted(loosened(found.model, usual, stray.name))
+        found = fitted(without_type_prior(found.model, usual, stray.name))
     square, freedom = together(found.model, found.estimate, found.covariance, 1.0 / found.held_std)
     beside = replace(beside, chi_square=square, freedom=freedom)
     if beside.no_member:
         beside = replace(beside, left_out=True)
-        found = fitted(loosened(found.model, usual))
+        found = fitted(without_type_prior(found.model, usual))
     return replace(found, beside=beside, warnings=(*beside.warnings(), *found.warnings))
 
 
@@ -352,7 +354,7 @@ def _result(
             else "[noise] is far too large"
         )
         warnings.append(f"The residuals are {scale:.2g} times the declared noise: {why}; look at its units.")
-    warnings += astray(solution)
+    warnings += inconsistent_distances(solution)
     warnings += _unused(dataset)
     warnings += remarks(dataset)
     warnings += _of_faulty(readings, faulty)
@@ -564,7 +566,7 @@ def softer_than_usual(found: IdentificationFit, told: Collection[str]) -> dict[s
     return soft
 
 
-def astray(solution: Solution) -> list[str]:
+def inconsistent_distances(solution: Solution) -> list[str]:
     """Find ball-to-ball distances that contradict readings and stated positions, worst first.
 
     If one distance is left out, the fit misses it by r / (1 - h), with the variance 1 / (1 - h), where h

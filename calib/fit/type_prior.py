@@ -199,7 +199,7 @@ class TypeFit:
         return [*out, *(f"The prior of {name} was left out: {why}." for name, why in self.open.items())]
 
 
-def held_to(
+def with_type_prior(
     at: Linearisation, prior: TypePrior, spoken_for: frozenset[str] = frozenset()
 ) -> tuple[ModelStructure, TypeFit]:
     """Put the type's prior in the place of the usual sizes of a base model.
@@ -237,7 +237,7 @@ def centred(model: ModelStructure, prior: TypePrior, names: frozenset[str]) -> M
     return _with(model, with_prior, "robot")
 
 
-def loosened(
+def without_type_prior(
     model: ModelStructure, usual: Mapping[str, Parameter], name: str | None = None
 ) -> ModelStructure:
     """Give one parameter of a model its usual size again, or all if `name` is None."""
@@ -262,7 +262,7 @@ def weighed(
     return tuple(out)
 
 
-def stranger(shown: tuple[ParameterWeight, ...], robots: int) -> ParameterWeight | None:
+def farthest_from_type(shown: tuple[ParameterWeight, ...], robots: int) -> ParameterWeight | None:
     """Find the parameter farthest outside the type; None if chance explains its distance.
 
     Chance is judged for the number of parameters tested. `robots` is the number of robots from which the

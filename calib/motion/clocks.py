@@ -45,7 +45,7 @@ LEAST_STEP_S = 0.05
 
 _SHORTEST_GAP_S, _SHORTEST_PART_S = 0.2, 15.0
 SURE = 0.9
-"""A likeness from which on two stretches show the same moves."""
+"""Correlation from which on two stretches show the same moves."""
 
 _ROUNDING = 1e-9  # of the transform, as a share of the largest sum of squares
 _SIGMA = 6.0
@@ -146,7 +146,7 @@ def correlated(
     if (cut := set_at_gap(robot, tracker)) is not None:
         before, added, at = cut
         return ClockRelation(before, 0.0, tracker.begin + middle * step, added, at), None
-    lags, alike, both = likeness(robot, tracker)
+    lags, alike, both = correlation_by_lag(robot, tracker)
     highest = float(alike.max())
     good = np.flatnonzero(alike >= (highest - _SAME if highest > SURE else highest))
     best = int(good[np.argmax(both[good])])
@@ -201,7 +201,7 @@ def _windows(robot: Speeds, tracker: Speeds, whole: int, reach: int) -> tuple[Ar
             continue
         window = Speeds(0.0, robot.step, tracker.speed[part], tracker.seen[part])
         stretch = Speeds(0.0, robot.step, robot.speed[first:last], robot.seen[first:last])
-        lag, alike, _ = likeness(stretch, window)
+        lag, alike, _ = correlation_by_lag(stretch, window)
         best = int(np.argmax(alike))
         if alike[best] >= SURE:
             places.append(float(part.mean()))
@@ -264,7 +264,7 @@ def _parted(stream: Speeds) -> tuple[Speeds, Speeds] | None:
 
 def _offset(part: Speeds, other: Speeds) -> float | None:
     """Compute the clock of a part minus the other one, s; None if the speeds may differ."""
-    lags, alike, _ = likeness(part, other)
+    lags, alike, _ = correlation_by_lag(part, other)
     best = int(np.argmax(alike))
     if alike[best] < SURE:
         return None
@@ -284,7 +284,7 @@ class Speeds:
     seen: NDArray[np.bool_]
 
 
-def likeness(robot: Speeds, tracker: Speeds) -> tuple[NDArray[np.int64], Array, Array]:
+def correlation_by_lag(robot: Speeds, tracker: Speeds) -> tuple[NDArray[np.int64], Array, Array]:
     """Correlate two series by lag.
 
     Returns

@@ -157,7 +157,7 @@ def root_of(covariance: Array) -> Array:
     return size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def scatter_beyond(saved: CalibratedModel, dataset: Dataset) -> Array:
+def unmodelled_scatter(saved: CalibratedModel, dataset: Dataset) -> Array:
     """(N,) the angles, rad, by which the joints scatter more than declared, as the file of the model says.
 
     Of a file that does not say it, the one angle by which all would have to for the errors that the calibration found

@@ -54,7 +54,7 @@ from calib.model.effect import Effect, effect
 from calib.model.model import BoundModel, ModelStructure
 from calib.model.regressors import Constant
 from calib.saved import CalibratedModel
-from calib.watch.baseline import Baseline, in_series, root_of, scatter_beyond
+from calib.watch.baseline import Baseline, in_series, root_of, unmodelled_scatter
 
 _FEWEST = 3
 _STEP_MM = 1e-3  # by which a nest is moved to see what its errors do
@@ -87,7 +87,7 @@ class WhitenedReadings:
     ) -> WhitenedReadings:
         """The usable readings of a data set. frame_known False: the positions of robot and instrument are not compared.
 
-        lack (N,): what the model lacks, as scatter of every joint, rad; None: as `scatter_beyond` finds it.
+        lack (N,): what the model lacks, as scatter of every joint, rad; None: as `unmodelled_scatter` finds it.
 
         Raises DataError as the readers do; what makes them no watch of this robot is `refusals.refuse_unlike`'s.
         """
@@ -117,7 +117,7 @@ class WhitenedReadings:
         of_frame = of_others[:, ends[-1] :] @ root_of(
             frame_covariance(header.nests, header.noise, model.station)
         )
-        lack = scatter_beyond(saved, dataset) if lack is None else lack
+        lack = unmodelled_scatter(saved, dataset) if lack is None else lack
         lasting = np.column_stack([of_parameters @ root_of(covariance), of_frame])
         if lack.any():
             lasting = np.column_stack([lasting, _by_joint(readings, frames, model, lack)[measured]])

@@ -87,10 +87,10 @@ def test_derivative(tmp_path: Path) -> None:
 def test_one_that_the_rest_does_not_bear_out_is_named(tmp_path: Path) -> None:
     spans = [span(*side) for side in SIDES[:3]] + [span("T1", "T2"), span("T2", "T3"), span("T3", "T1", 0.4)]
     warnings = identify(dataset(tmp_path, spans)).warnings
-    astray = [text for text in warnings if text.startswith("The distance")]
-    assert len(astray) == 1
-    assert "T3 to T1 (reading T3T1" in astray[0]
-    assert "measure it again" in astray[0]
+    inconsistent_distances = [text for text in warnings if text.startswith("The distance")]
+    assert len(inconsistent_distances) == 1
+    assert "T3 to T1 (reading T3T1" in inconsistent_distances[0]
+    assert "measure it again" in inconsistent_distances[0]
 
 
 def test_rejected_and_validation_rows_are_left_out(tmp_path: Path) -> None:

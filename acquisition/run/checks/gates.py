@@ -162,7 +162,7 @@ class Gates:
         self._measure_nests(reason, aim=aim)
         self._since_nests = []
 
-    def look_back(self) -> None:
+    def check_nests_at_end(self) -> None:
         """Check the nests after the last reading, to detect a movement of the instrument."""
         if (check := self._campaign.nest_check) is not None and self._since_nests:
             self._check_nests(check)

@@ -79,7 +79,7 @@ class RepeatedPointCheck:
         self._last: dict[str, tuple[tuple[float, float, float], Array]] = {}  # of each target
         self._last_length: tuple[float, tuple[object, ...]] | None = None
 
-    def refuse_again(self, reading: PointReading, expected_mm: Array) -> None:
+    def refuse_repeated_point(self, reading: PointReading, expected_mm: Array) -> None:
         """Refuse a reading that repeats the last point of a target that has moved.
 
         `expected_mm` (3,) is the expected place of the target in the world frame.

@@ -482,7 +482,7 @@ def until_still(position: Callable[[], JointReading], wait: Callable[[float], No
     )
 
 
-def with_unheard(reason: str, unheard: Sequence[AcquisitionError]) -> str:
+def add_unreached_devices(reason: str, unheard: Sequence[AcquisitionError]) -> str:
     """Add the devices that the last stop did not reach to the reason.
 
     The advice to press the emergency stop comes first. Nothing is repeated.

@@ -15,7 +15,7 @@ from calib.data.header import Header
 from calib.errors import DataError
 from calib.saved import CalibratedModel
 from calib.units import DEG
-from calib.watch.baseline import scatter_beyond
+from calib.watch.baseline import unmodelled_scatter
 from calib.watch.judge import RATE, odds_of
 from calib.watch.planning.choose import choose
 from calib.watch.planning.planned import PlannedVisits, planned
@@ -75,7 +75,7 @@ def plan(
     both = times is None or times > 1
     offered = candidates.again(2 if both else 1)
     would = planned(saved, header, offered)
-    lack = scatter_beyond(saved, would)
+    lack = unmodelled_scatter(saved, would)
     # What the model lacks is drawn anew with each pose, as the repeatability is with each visit. The noise has one
     # figure for all joints: that of a wrist, which may be off by ten times as much, would hide the others.
     noise, usual = header.noise, float(np.median(lack))
