@@ -1,4 +1,4 @@
-"""The watch: is a robot still the one that was calibrated; what has changed, by how much, and what to do."""
+"""Watch of a calibrated robot: whether and how it has changed, and what to do."""
 
 from calib.watch.baseline import too_few_poses
 from calib.watch.cause import in_display

@@ -1,12 +1,12 @@
-"""The baseline of a watch: the saved model, for readings that were taken after its campaign.
+"""Baseline of a watch: the saved model, for readings taken after its campaign.
 
-The lack of a baseline: additional scatter of the joints, as its file says (`calib.saved.unresolved_effects`);
-of a file that does not, by the errors that it left on readings it had not seen:
+A baseline does not explain everything: its joints scatter more than declared. The model file states this unmodelled
+scatter (`calib.saved.unresolved_effects`). For a file without it, it is estimated from the held-out error:
 
-    held-out error^2 = noise + repeatability + what its parameters are uncertain by + lack
+    held-out error^2 = noise^2 + repeatability^2 + parameter uncertainty^2 + unmodelled^2
 
-each as the mean square of a reading, of its point where points were measured, else of its distance. What a model lacks
-is mostly angles; a slide is taken to lack as many mm as others deg.
+Each term is the mean square per reading: of the point if points were measured, otherwise of the distance. Most of what
+a model does not explain is angles; for a sliding joint, as many mm are assumed as deg for the others.
 """
 
 from __future__ import annotations
@@ -28,8 +28,12 @@ from calib.saved import CalibratedModel
 
 
 def in_series(saved: CalibratedModel, dataset: Dataset) -> Dataset:
-    """The readings in the one series of a model, whatever both call it, after all that the model says happened during
-    the calibration, and where no law of the model needs the air, in that of the calibration unless they say theirs."""
+    """Prepare later readings for prediction by a saved model.
+
+    The readings get the name of the only series of the model, whatever name the data set gives it. They are placed
+    after every event of the calibration. If no term of the model depends on the air temperature, missing temperatures
+    are replaced by the usual one of the calibration.
+    """
     model, conditions = saved.model, saved.loaded(dataset).conditions
     air = conditions.temperature
     if not any(isinstance(term.regressor, Temperature) for effect in model.effects for term in effect.terms):
@@ -47,10 +51,15 @@ _ANGLES = 2.5  # of joints in all poses, for each parameter
 
 
 def too_few_poses(saved: CalibratedModel) -> str:
-    """A sentence where a baseline was calibrated at too few poses to hold a stated rate of false alarms, else empty.
+    """Warn if a baseline was calibrated at too few poses to keep a stated false-alarm rate.
 
-    With 10 poses a model of some 31 parameters absorbs most of what it lacks without naming it: of 14 such arms 3
-    alarmed in every watch. With 17 poses none did (`tests.benchmarks.watch_baselines`).
+    With 10 poses a model of about 31 parameters absorbs most of its unmodelled errors without identifying them: of 14
+    such arms 3 raised an alarm in every watch. With 17 poses none did (`tests.benchmarks.watch_baselines`).
+
+    Returns
+    -------
+    str
+        The warning, or an empty text.
     """
     poses = None if saved.left_open is None else saved.left_open.poses
     free = np.count_nonzero(np.diag(saved.covariance))
@@ -65,11 +74,22 @@ def too_few_poses(saved: CalibratedModel) -> str:
 
 @dataclass(frozen=True)
 class Baseline:
-    """The baseline that later readings are compared with: model, estimate (m + k,) and covariance (m + k, m + k), with
-    what the calibration left open and without what the instrument did with time in its own campaign.
+    """Baseline that later readings are compared with.
 
-    plain (m + k,): the estimate by which the saved model itself predicts, and corrects. Carried functions of time have
-    the value that they had at the end of the campaign.
+    It includes the unresolved effects of the calibration. The drift of the instrument during its own campaign is
+    removed.
+
+    Attributes
+    ----------
+    model : ModelStructure
+        Structure of the saved model, extended by the unresolved effects.
+    estimate : array of shape (m + k,)
+        Parameter values, internal units.
+    covariance : array of shape (m + k, m + k)
+        Covariance of the estimate.
+    plain : array of shape (m + k,)
+        Estimate with which the saved model itself predicts and corrects. Carried functions of time have the value that
+        they had at the end of the campaign.
     """
 
     model: ModelStructure
@@ -79,7 +99,7 @@ class Baseline:
 
     @classmethod
     def of(cls, saved: CalibratedModel) -> Baseline:
-        """The baseline that a saved model is."""
+        """Build the baseline of a saved model."""
         model, estimate, covariance = saved.model, saved.estimate, saved.covariance
         if saved.left_open is not None:
             model, estimate, covariance = saved.left_open.beside(model, estimate, covariance)
@@ -106,10 +126,11 @@ class Baseline:
 def _after_campaign(
     model: ModelStructure, estimate: Array, covariance: Array, plain: Array
 ) -> tuple[ModelStructure, Array, Array, Array]:
-    """A baseline whose carried functions of time keep their last value, whenever a watch is.
+    """Freeze the carried functions of time of a baseline at their last value.
 
-    Why a term follows time is not known, so it may do after the campaign what it did in its second half. That is one
-    more uncertainty per parameter; a step that is over in the first half adds nothing, a slow wave its whole size.
+    It is not known why a term follows time, so after the campaign it may change as it did in the second half of the
+    campaign. This adds one uncertainty per parameter. A step that ends in the first half adds nothing, a slow wave adds
+    its whole amplitude.
     """
     effects, again, spread = [], [], []
     for effect in model.effects:
@@ -143,25 +164,33 @@ def _last(function: OfTime) -> float:
 
 
 def _moved_late(function: OfTime) -> float:
-    """Root mean square of the difference from the last value, over the second half of the campaign."""
+    """Compute the RMS difference from the last value over the second half of the campaign."""
     times = np.linspace(0.5 * (function.times[0] + function.times[-1]), function.times[-1], 200)
     values = np.interp(times, function.times, function.values)
     return float(np.sqrt(np.mean((values - function.values[-1]) ** 2)))
 
 
 def root_of(covariance: Array) -> Array:
-    """(m, m) R with R R' = covariance, which may be singular, and has squares of mm beside such of rad/(N.mm)."""
+    """Compute R, shape (m, m), with R R' = covariance.
+
+    The covariance may be singular, and may contain mm^2 together with (rad/(N.mm))^2.
+    """
     size = np.sqrt(np.diag(covariance))
     scale = np.where(size > 0.0, size, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     return size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def unmodelled_scatter(saved: CalibratedModel, dataset: Dataset) -> Array:
-    """(N,) the angles, rad, by which the joints scatter more than declared, as the file of the model says.
+def scatter_beyond(saved: CalibratedModel, dataset: Dataset) -> Array:
+    """Return the joint scatter beyond the declared repeatability.
 
-    Of a file that does not say it, the one angle by which all would have to for the errors that the calibration found
-    on readings it had not seen; without such readings, for those of its fit. Nothing where these are as declared.
+    The model file states it. For a file without it, one angle for all joints is estimated from the held-out error, or
+    from the errors of the fit if no readings were held out. It is zero if these errors are as declared.
+
+    Returns
+    -------
+    array of shape (N,)
+        Standard deviation of each joint, rad, or mm for sliding joints.
     """
     if saved.left_open is not None and saved.left_open.scatter is not None:
         return saved.left_open.scatter

@@ -1,4 +1,4 @@
-"""A cause of a change: its size by some readings, through the exact chain, and its sentences."""
+"""Cause of a change: its size, fitted through the exact chain, and its sentences."""
 
 from __future__ import annotations
 
@@ -34,8 +34,23 @@ class Size:
 
 @dataclass(frozen=True)
 class Cause:
-    """A cause with its parameters (p,) and their covariance (p, p), internal units; left: what it leaves of the
-    whitened residual (q,); gain: by how much it lowers the sum of squares; evidence: log of its Bayes factor."""
+    """Cause of a change, fitted to readings.
+
+    Attributes
+    ----------
+    values : array of shape (p,)
+        Parameter values, internal units.
+    covariance : array of shape (p, p)
+        Covariance of the values.
+    left : array of shape (q,)
+        Whitened residual that the cause does not explain.
+    gain : float
+        Reduction of the sum of squares.
+    evidence : float
+        Logarithm of the Bayes factor.
+    size : Size
+        Size for display.
+    """
 
     effect: Effect
     values: Array
@@ -47,12 +62,12 @@ class Cause:
 
     @property
     def label(self) -> str:
-        """Label of its effect."""
+        """Label of the effect."""
         return self.effect.label
 
     @property
     def changed(self) -> str:
-        """The sentence that says what has happened."""
+        """Sentence that describes the change."""
         return kind_of(self.label).changed_of(self.label, str(self.size))
 
     @property
@@ -63,15 +78,21 @@ class Cause:
 
 
 def fitted(seen: WhitenedReadings, effect: Effect, whiten: Array, mean: Array | None = None) -> Cause:
-    """A cause fitted to what a baseline sees, held weakly to its usual sizes. whiten (q, q): of
-    `WhitenedReadings.spread`.
+    """Fit a cause to the whitened readings, with its usual sizes as a weak prior.
 
-    The usual size of a lone parameter decides how likely it is, not how large: a scale that is usually within 10 ppm
-    and is 60 would be told as 35, with a U that does not reach the truth.
+    The usual size of a lone parameter decides how likely it is, but not how large. Otherwise a scale that is usually
+    within 10 ppm and is now 60 ppm would be reported as 35 ppm, with a U that does not reach the truth.
 
-    What shifts and turns is as likely to have only shifted: its values are the mean of both fits by their evidence,
-    since turns that are only noise would move the robot where nothing was measured. mean (q,): residual of
-    several watches, whitened by noise alone; small, and explained by the derivative.
+    A cause that shifts and turns is as likely to have shifted only. Its values are the mean of both fits, weighted by
+    their evidence: turns that are only noise would move the robot where nothing was measured.
+
+    Parameters
+    ----------
+    whiten : array of shape (q, q)
+        Whitening matrix, from `WhitenedReadings.spread`.
+    mean : array of shape (q,), optional
+        Mean residual of several watches, whitened by noise only. It is small, so the derivative explains it instead of
+        the exact chain.
     """
     units = np.array([p.unit for p in effect.parameters])
     whole = _fit(seen, effect, whiten, mean, units != "")
@@ -94,7 +115,7 @@ def fitted(seen: WhitenedReadings, effect: Effect, whiten: Array, mean: Array | 
 
 
 def _freed(seen: WhitenedReadings, cause: Cause, whiten: Array, mean: Array | None) -> Cause:
-    """A cause of one parameter without the pull of its usual size; gain and evidence stay."""
+    """Remove the pull of the usual size from a cause with one parameter; keep gain and evidence."""
     p = cause.effect.parameters[0]
     kept = 1.0 - cause.covariance[0, 0] / to_internal(p.size or 1.0, p.unit) ** 2
     if kept < _SHOWN:  # no reading shows it
@@ -113,7 +134,7 @@ def _freed(seen: WhitenedReadings, cause: Cause, whiten: Array, mean: Array | No
 def _fit(
     seen: WhitenedReadings, effect: Effect, whiten: Array, mean: Array | None, free: NDArray[np.bool_]
 ) -> Cause:
-    """A cause with some of its parameters free (p,), the others nothing."""
+    """Fit a cause with the parameters that `free` (p,) marks; the others stay zero."""
     prior = np.array([to_internal(p.size or 1.0, p.unit) for p in effect.parameters])
     columns = (whiten @ seen.columns[seen.causes.index(effect)]) * free
     values = np.zeros(len(prior))
@@ -141,8 +162,11 @@ def _fit(
 
 
 def size_of(seen: WhitenedReadings, effect: Effect, values: Array, covariance: Array) -> Size:
-    """The size of a cause: of a lone parameter its value; of what moves the tool or the base, by how much it moves the
-    measured targets, root mean square over the readings, mm; else of the parameters of one unit."""
+    """Return the size of a cause for display.
+
+    A cause that moves the tool or the base is given by the displacement of the measured targets, mm, RMS over the
+    readings. Any other cause is given by its parameter, or by the amplitude of its parameters of one unit.
+    """
     if effect.label.endswith("_shift"):
         moves = seen.displacement(effect)
         there = moves @ values
@@ -155,7 +179,7 @@ def size_of(seen: WhitenedReadings, effect: Effect, values: Array, covariance: A
 
 
 def in_display(effect: Effect, values: Array, covariance: Array) -> list[dict[str, float | str]]:
-    """Parameters of a cause with their expanded uncertainty, in the units that they are shown in."""
+    """List the parameters of a cause with their expanded uncertainty, in display units."""
     return [
         {
             "name": p.short,

@@ -1,8 +1,8 @@
-"""The history of a robot's watches: one JSON object a line, appended (`truepose-watch-history/1`).
+"""History of a robot's watches, one JSON object per line (`truepose-watch-history/1`).
 
-A line has the residuals whitened by noise, so that the mean over watches needs no old data sets, and the hashes of the
-readings, of the baseline and of the poses: only lines of the same baseline and poses belong to one mean. A line that
-holds a data set already is never written again.
+Lines are appended. A line contains the residuals whitened by noise, so that the mean over watches needs no old data
+sets. It also contains the hashes of the readings, of the baseline and of the poses: only lines of the same baseline and
+poses are averaged. A data set that is already in the history is not written again.
 """
 
 from __future__ import annotations
@@ -31,13 +31,22 @@ _LARGEST = 1e12  # of a residual, which counts in standard deviations
 
 @dataclass(frozen=True)
 class WatchHistory:
-    """The lines of a history file, oldest first."""
+    """Lines of a history file, oldest first."""
 
     lines: tuple[dict[str, Any], ...]
 
     def before(self, seen: WhitenedReadings, dataset: Dataset, baseline: str) -> tuple[list[Array], int]:
-        """Residuals (q,) of earlier watches that belong with this one, up to the last line of this data set where it
-        was judged already; and how many lines were left out."""
+        """Collect the residuals of earlier watches that can be averaged with this one.
+
+        If this data set was judged already, the search stops at its line.
+
+        Returns
+        -------
+        found : list of array of shape (q,)
+            Residuals of the watches of the same baseline and poses, oldest first.
+        left_out : int
+            Number of lines that do not match.
+        """
         marks = (baseline, poses_hash(seen))
         found, left_out = [], 0
         for line in self.lines:
@@ -54,12 +63,18 @@ class WatchHistory:
         return found, left_out
 
     def holds(self, dataset: Dataset) -> bool:
-        """Whether a data set was judged before."""
+        """Check if a data set was judged before."""
         return any(line["data_sha256"] == dataset.sha256 for line in self.lines)
 
 
 def read_history(path: Path) -> WatchHistory:
-    """Read a history; one that does not exist is empty. Raises DataError naming the line."""
+    """Read a history file; a file that does not exist is an empty history.
+
+    Raises
+    ------
+    DataError
+        A line is not a watch; the message names the line.
+    """
     if not path.exists():
         return WatchHistory(())
     lines = []
@@ -77,7 +92,7 @@ def read_history(path: Path) -> WatchHistory:
 
 
 def _whole(line: Any) -> bool:
-    """Whether a line is that of a watch: texts by their keys, and finite residuals (q,)."""
+    """Check that a line is a watch: texts under their keys, and finite residuals (q,)."""
     if not isinstance(line, dict) or line.get("format") != FORMAT:
         return False
     residual = line.get("residual")
@@ -100,7 +115,15 @@ def _broken(path: Path, number: int) -> DataError:
 def append(
     path: Path, seen: WhitenedReadings, dataset: Dataset, baseline: str, verdict: WatchVerdict
 ) -> None:
-    """Append a watch. Raises OSError, DataError for a file that cannot be read."""
+    """Append a watch to a history file.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read.
+    OSError
+        The file cannot be written.
+    """
     occasion = dataset.header.occasion
     line = {
         "format": FORMAT,
@@ -118,7 +141,10 @@ def append(
 
 
 def poses_hash(seen: WhitenedReadings) -> str:
-    """SHA-256 of where and how the readings were taken, in their order: joints, sides, targets, what was measured."""
+    """Hash the positions and the order of the readings (SHA-256).
+
+    The hash covers joints, sides of approach, targets, and the kind of each measurement.
+    """
     conditions = seen.readings.conditions
     columns = np.column_stack(
         [
@@ -134,5 +160,5 @@ def poses_hash(seen: WhitenedReadings) -> str:
 
 
 def baseline_hash(saved: CalibratedModel) -> str:
-    """SHA-256 of what a baseline predicts with: its estimate and the data that it was fitted to."""
+    """Hash the estimate of a baseline and the data that it was fitted to (SHA-256)."""
     return hashlib.sha256(saved.data_sha256.encode() + saved.estimate.tobytes()).hexdigest()

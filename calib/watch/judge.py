@@ -1,13 +1,14 @@
-"""The verdict on a robot that was measured again: unchanged, or what has changed and what to do.
+"""Verdict on a robot that was measured again: unchanged, or what has changed.
 
-The mean over watches with forgetting (MEWMA), of residuals at the same poses against the same baseline.
+The verdict uses the mean over watches with forgetting (MEWMA), of residuals at the same poses against the same
+baseline:
 
     z_i = g r_i + (1 - g) z_(i-1),    z_0 = 0,
 
-here divided by b_i = 1 - (1 - g)^i, so that a lasting change keeps its size. Noise and frame have the share
-g / (2 - g) (1 - (1 - g)^(2 i)) / b_i^2 of their variance; what the baseline does not know is the same in every watch
-and stays as it is. The covariance of each mean is known, so its chi-squared holds its rate of false alarms at every
-watch, not an average run length. Source: Lowry et al. 1992.
+here divided by b_i = 1 - (1 - g)^i, so that a lasting change keeps its size. The variance of noise and frame falls to
+the share g / (2 - g) (1 - (1 - g)^(2 i)) / b_i^2. The uncertainty of the baseline is the same in every watch and does
+not fall. The covariance of each mean is known, so its chi-squared keeps the false-alarm rate at every watch, instead of
+an average run length. Source: Lowry et al. 1992.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ WEIGHT = 0.2
 
 @dataclass(frozen=True)
 class Mean:
-    """The mean residual (q,) of so many watches, and the share of the variance of noise that is left in it."""
+    """Mean residual (q,) of several watches, and the remaining share of the noise variance."""
 
     residual: Array
     share: float
@@ -38,7 +39,7 @@ class Mean:
 
 
 def mean_of(residuals: Array) -> Mean:
-    """The mean of residuals (i, q), oldest first, whitened by noise."""
+    """Average residuals (i, q), oldest first, whitened by noise."""
     weights = WEIGHT * (1.0 - WEIGHT) ** np.arange(len(residuals))[::-1]
     total = float(np.sum(weights))
     return Mean(weights @ residuals / total, float(np.sum(weights**2)) / total**2, len(residuals))
@@ -52,8 +53,19 @@ Kind = Literal["unchanged", "changed", "ambiguous", "unexplained"]
 
 @dataclass(frozen=True)
 class ChangeTest:
-    """A test of the alarm: T-squared of all rows and its limit, and the smallest p-value, of T-squared and of
-    every cause, and its limit. share: of the variance of noise that is left; watches: how many were averaged."""
+    """Test of the alarm.
+
+    Attributes
+    ----------
+    t_squared, limit : float
+        T-squared of all rows, and its limit.
+    rows : int
+        Number of rows.
+    p_value, p_limit : float
+        Smallest p-value of T-squared and of every cause, and its limit.
+    watches : int
+        Number of watches that were averaged.
+    """
 
     t_squared: float
     limit: float
@@ -70,8 +82,19 @@ class ChangeTest:
 
 @dataclass(frozen=True)
 class WatchVerdict:
-    """The verdict. causes: the class with its weights, likeliest first; left: p-value of what the likeliest leaves;
-    apart: whether other poses could distinguish the members of the class."""
+    """Verdict of a watch.
+
+    Attributes
+    ----------
+    rate : float
+        False-alarm rate of an unchanged robot.
+    causes : tuple of (Cause, float)
+        Possible causes with their weights, likeliest first.
+    left : float or None
+        P-value of the residual that the likeliest cause does not explain.
+    apart : bool
+        Whether other poses could distinguish the possible causes.
+    """
 
     kind: Kind
     rate: float
@@ -83,7 +106,7 @@ class WatchVerdict:
 
     @property
     def cause(self) -> Cause | None:
-        """The cause, where one is named alone."""
+        """Cause, if exactly one is identified."""
         return self.causes[0][0] if self.kind == "changed" else None
 
     @property
@@ -97,10 +120,17 @@ class WatchVerdict:
 
 
 def judge(seen: WhitenedReadings, before: Sequence[Array] = (), rate: float = RATE) -> WatchVerdict:
-    """Judge readings as a baseline sees them.
+    """Decide whether the robot has changed since its baseline.
 
-    before: residuals (q,) of earlier watches at the same poses, whitened by noise, oldest first; each of the two
-    questions then has half of the rate of false alarms.
+    Parameters
+    ----------
+    seen : WhitenedReadings
+        Readings of the check poses, whitened for the baseline.
+    before : sequence of array of shape (q,), optional
+        Residuals of earlier watches at the same poses, whitened by noise, oldest first. Each of the two tests then uses
+        half of `rate`.
+    rate : float, optional
+        False-alarm rate of an unchanged robot.
     """
     share = rate if not len(before) else rate / 2.0
     now = _asked(seen, seen.residual, 1.0, share, 1)
@@ -117,7 +147,7 @@ def judge(seen: WhitenedReadings, before: Sequence[Array] = (), rate: float = RA
 
 @dataclass(frozen=True)
 class _Asked:
-    """A question, its white residual (q,) and the causes that could explain it."""
+    """Test with its white residual (q,) and the causes that could explain it."""
 
     question: ChangeTest
     residual: Array
@@ -144,7 +174,7 @@ def _asked(
 
 
 def odds_of(seen: WhitenedReadings, share: float = 1.0) -> tuple[Array, Odds]:
-    """The matrix (q, q) that makes residuals of unchanged robots white, and the causes in its rows."""
+    """Return the matrix (q, q) that whitens residuals of unchanged robots, and the possible causes."""
     whiten: Array = np.asarray(np.linalg.inv(np.linalg.cholesky(seen.spread(share))), dtype=np.float64)
     return whiten, Odds.of(seen.causes, [whiten @ columns for columns in seen.columns])
 

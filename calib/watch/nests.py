@@ -1,7 +1,7 @@
-"""Nests measured again during a watch: the test whether the instrument has moved since.
+"""Test whether the instrument has moved, from nests measured again during a watch.
 
 Two readings of a nest differ by noise with twice its covariance. With s^2 along its worst direction the square of the
-difference over 2 s^2 is at most chi-squared with 3 degrees of freedom; the rate holds for all nests together
+difference over 2 s^2 is at most chi-squared with 3 degrees of freedom. The rate holds for all nests together
 (Bonferroni).
 """
 
@@ -20,7 +20,15 @@ from calib.errors import DataError
 
 @dataclass(frozen=True)
 class NestLimit:
-    """limit_mm: by which a nest may differ; seen_mm: the shift of the instrument that exceeds it in 95 of 100."""
+    """Limit for nests that are measured twice.
+
+    Attributes
+    ----------
+    limit_mm : float
+        Difference that a nest may have, mm.
+    seen_mm : float
+        Shift of the instrument, mm, that exceeds the limit with the requested probability.
+    """
 
     limit_mm: float
     seen_mm: float
@@ -29,8 +37,22 @@ class NestLimit:
 def nest_limit(
     nests: Mapping[str, tuple[float, float, float]], noise: Noise, rate: float, chance: float = 0.95
 ) -> NestLimit:
-    """The limit for nests, mm, that an instrument of some noise measures twice. Raises DataError without nests, or
-    noise."""
+    """Compute the limit for nests that an instrument measures twice.
+
+    Parameters
+    ----------
+    nests : mapping of name to (x, y, z)
+        Positions of the nests, mm.
+    rate : float
+        False-alarm rate for all nests together.
+    chance : float, optional
+        Probability with which a shift of `NestLimit.seen_mm` is detected.
+
+    Raises
+    ------
+    DataError
+        There are no nests, or the instrument has no declared noise.
+    """
     if not nests:
         raise DataError("are none.", do="Name the places of the nests.", key="nests")
     places = np.array(list(nests.values()))

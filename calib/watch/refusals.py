@@ -30,11 +30,28 @@ def refuse_unlike(
     missing_allowed: bool,
     warmth_known: bool = True,
 ) -> tuple[str, ...]:
-    """Raise DataError where readings cannot be judged by the baseline of the file `path`; returns what could not be
-    checked.
+    """Refuse readings that cannot be judged by a baseline.
 
-    frame_known False: robot or instrument were moved on purpose; missing_allowed: poses may be missing;
-    warmth_known False: how warm the robot is is what the readings are to say.
+    Parameters
+    ----------
+    path : Path
+        File of the baseline, for the messages.
+    frame_known : bool
+        False if robot or instrument were moved on purpose.
+    missing_allowed : bool
+        Whether poses may be missing.
+    warmth_known : bool, optional
+        False if the readings are to show how warm the robot is.
+
+    Returns
+    -------
+    tuple of str
+        Conditions that could not be checked, and other notes.
+
+    Raises
+    ------
+    DataError
+        The readings are from another robot, tool, load, temperature or frame, or some are missing.
     """
     refuse_other_robot(saved, dataset, path)
     notes = _robot(saved, dataset, path)
@@ -81,7 +98,11 @@ def refuse_unlike(
 
 
 def missing(dataset: Dataset) -> list[str]:
-    """Readings that were given up and not taken again, and those that the header names and the file lacks, in words."""
+    """List the missing readings as text.
+
+    These are rejected readings that were not taken again, and readings that the header lists but the file does not
+    contain.
+    """
     conditions = dataset.conditions
     keys = np.column_stack([conditions.pose, conditions.target, conditions.anchor])
     good = {tuple(key) for key in keys[dataset.usable]}
@@ -98,7 +119,7 @@ def missing(dataset: Dataset) -> list[str]:
 
 
 def _robot(saved: CalibratedModel, dataset: Dataset, path: Path) -> tuple[str, ...]:
-    """Refuse another robot, by its serial number; returns what was not reported."""
+    """Refuse another robot by its serial number; return notes on serial numbers not reported."""
     was, now = (_serial(devices, "robot") for devices in (saved.devices, dataset.header.devices))
     if was and now and was != now:
         raise DataError(
@@ -126,13 +147,13 @@ def _serial(devices: Sequence[Mapping[str, str]], role: str) -> str:
 
 
 def _same_tool(saved: CalibratedModel, dataset: Dataset) -> None:
-    """Refuse other tool targets, or another load, than those of the baseline."""
+    """Refuse tool targets or a load that differ from those of the baseline."""
     conditions, header = dataset.conditions, dataset.header
     known = next(iter(saved.model.targets.values()))
     stated = header.targets_of(conditions.series_names[0])
     for t in np.unique(conditions.target[dataset.fit_rows]):
         name = conditions.target_names[t]
-        # a model that has found its tool begins from nominal places of its own
+        # a model that has found its tool starts from its own nominal positions
         found = any(p.name.startswith(f"{name}.") for p in saved.model.parameters)
         if name not in known or (
             not found and np.max(np.abs(np.subtract(known[name], stated[name]))) > _SAME_MM
@@ -195,8 +216,16 @@ def _same_frame(saved: CalibratedModel, dataset: Dataset) -> tuple[str, ...]:
 
 
 def refuse_copies(dataset: Dataset) -> None:
-    """Raise DataError for a copy of a reading under another id, which averages no noise. Where no times are known,
-    readings of a coarse instrument may agree, and only a file of nothing but copies is refused."""
+    """Refuse a copy of a reading under another id, because it averages no noise.
+
+    If no times are known, readings of a coarse instrument may agree by chance. Then only a file that consists of copies
+    is refused.
+
+    Raises
+    ------
+    DataError
+        A reading is repeated; the message names it.
+    """
     rows, conditions = dataset.fit_rows, dataset.conditions
     columns = [conditions.joints, conditions.side, dataset.points, dataset.lengths, conditions.time]
     read = np.column_stack([*columns, conditions.target, conditions.anchor])[rows]
@@ -216,7 +245,7 @@ def refuse_copies(dataset: Dataset) -> None:
 
 
 def _same_sides(saved: CalibratedModel, dataset: Dataset) -> None:
-    """Refuse other sides of approach than the baseline's: old play must not look new."""
+    """Refuse sides of approach that the baseline does not know: old backlash must not look new."""
     side = dataset.conditions.side[dataset.fit_rows]
     for k, holds in enumerate(saved.holds_for.get("approach") or ()):
         wrong = {"from below": -1.0, "from above": 1.0}.get(holds)

@@ -1,22 +1,23 @@
-"""Thermal upkeep: a few readings between watches update how warm the arm is, and nothing else.
+"""Thermal update: a few readings between watches correct only the warmth of the arm.
 
     r = A x + J e + T w + F f + noise,    x ~ N(0, S^2)
 
-with x the change of the model's thermal parameters since it was written, by their usual sizes, and the rest as in a
-watch (`calib.watch.whitened_readings`). First the rest is judged: with A S among what may differ with nothing changed,
-the questions of a watch (T-squared, and every cause that is not thermal) ask whether anything else has changed,
-at the stated rate of false alarms. Only where they do not, x is estimated, and added to the parameters.
+with x the change of the model's thermal parameters since it was written, S their usual sizes, and the other terms as in
+a watch (`calib.watch.whitened_readings`). First the other terms are judged: A S is added to what may differ in an
+unchanged robot. The tests of a watch (T-squared, and every cause that is not thermal) then show whether anything else
+has changed, at the stated false-alarm rate. Only if nothing else has changed, x is estimated and added to the
+parameters.
 
-A model that warms up follows a clock that began with a cold robot, so the readings must be on that clock (`later`).
+A model that warms up uses a clock that started with a cold robot, so the readings must use that clock (`later`).
 
-The update of a baseline: the parameters of one cause change, everything else stays.
+The same equations update a baseline after a change: the parameters of one cause change, all others stay.
 
 With e ~ P the error of the baseline and r = A x + J e + ... (`calib.watch.whitened_readings`), the estimate of x
-is that of a least squares in which e is noise; so
+is that of a least squares in which e is noise. Therefore
 
     cov(x) = N = (A' C^-1 A + S^-2)^-1,      cov(e, x) = -P J' C^-1 A N,
 
-and predictions at the poses of the watch are as sure as its readings, whatever the baseline did not know there.
+and predictions at the poses of the watch are as certain as its readings, for any error of the baseline there.
 """
 
 from __future__ import annotations
@@ -47,10 +48,20 @@ _PASSING = ("arm_growth", "drift_translation", "drift_rotation")
 
 @dataclass(frozen=True)
 class ThermalUpdate:
-    """The warmth of the arm by some readings.
+    """Change of the thermal parameters according to some readings.
 
-    rest: the verdict on what is left beside it, `unchanged` where that is chance; parameters, before (p,), change (p,)
-    and covariance (p, p) of the changed ones, internal units; model: the updated one, None where the rest is no chance.
+    Attributes
+    ----------
+    rest : WatchVerdict
+        Verdict on the remaining residual: `unchanged` if it is explained by chance.
+    parameters : tuple of Parameter
+        Changed parameters.
+    before, change : array of shape (p,)
+        Their values before the update and the changes, internal units.
+    covariance : array of shape (p, p)
+        Covariance of the changes, internal units.
+    model : CalibratedModel or None
+        Updated model. None if the remaining residual is not explained by chance.
     """
 
     rest: WatchVerdict
@@ -64,9 +75,23 @@ class ThermalUpdate:
 def keep_up(
     saved: CalibratedModel, dataset: Dataset, rate: float = RATE, *, path: Path | None = None
 ) -> ThermalUpdate:
-    """Update the thermal parameters of a model by the usable readings of a data set that is no watch for another reason
-    (`calib.watch.refusals`). Raises DataError for a model without a thermal effect, naming what would be needed, and
-    for readings that do not show it. path: of the model, for that."""
+    """Update the thermal parameters of a model from the usable readings of a data set.
+
+    Check with `calib.watch.refusals` first that the data set can be compared with the model in all other respects.
+
+    Parameters
+    ----------
+    rate : float, optional
+        False-alarm rate of the test for other changes.
+    path : Path, optional
+        File of the model, for messages.
+
+    Raises
+    ------
+    DataError
+        The model has no thermal effect (the message names the effect that would be needed), or the readings do not show
+        it.
+    """
     seen = WhitenedReadings.of(saved, dataset)
     model = saved.model
     thermal = [e for e in model.effects if e.group == "thermal" and e.owner == "robot"]
@@ -98,13 +123,13 @@ def keep_up(
 
 
 def later(dataset: Dataset, seconds: float) -> Dataset:
-    """The readings on a clock that began so many seconds before that of the data set."""
+    """Shift the readings to a clock that started `seconds` before that of the data set."""
     conditions = dataset.conditions
     return replace(dataset, conditions=replace(conditions, time=conditions.time + seconds))
 
 
 def warms_up(model: ModelStructure) -> bool:
-    """Whether a model follows the time since a cold start."""
+    """Check if a model depends on the time since a cold start."""
     return any(
         isinstance(term.regressor, WarmUpRegressor) and effect.owner == "robot"
         for effect in model.effects
@@ -113,8 +138,10 @@ def warms_up(model: ModelStructure) -> bool:
 
 
 def _beside(seen: WhitenedReadings, columns: Array) -> WhitenedReadings:
-    """The readings as seen where the changes of some columns (q, p) of unit variance are no change, and warmth is no
-    cause."""
+    """Treat changes along some columns (q, p) of unit variance as no change.
+
+    Warmth is then no longer a possible cause.
+    """
     kept = [i for i, cause in enumerate(seen.causes) if cause.label != _WARMTH]
     return replace(
         seen,
@@ -148,8 +175,18 @@ def _without_effect(seen: WhitenedReadings, rate: float, path: Path | None) -> D
 def updated(
     saved: CalibratedModel, seen: WhitenedReadings, cause: Cause
 ) -> tuple[ModelStructure, Array, Array]:
-    """Model, estimate (m,) and covariance (m, m) with a change, internal units. What the model has already under the
-    label of the cause is changed, else the effect is appended."""
+    """Apply a change to a model.
+
+    If the model has an effect with the label of the cause, its parameters are changed. Otherwise the effect is
+    appended.
+
+    Returns
+    -------
+    model : ModelStructure
+    estimate : array of shape (m,)
+    covariance : array of shape (m, m)
+        In internal units.
+    """
     effect = next(e for e in seen.causes if e.label == cause.label)
     model, old = saved.model, len(saved.estimate)
     if any(p.name in model.index for p in effect.parameters):
@@ -166,26 +203,37 @@ def updated(
 
 @dataclass(frozen=True)
 class ParameterChange:
-    """A change x of some parameters as readings see it: C^-1 A (q, p), and its covariance N (p, p), internal units."""
+    """Change x of some parameters according to the readings.
+
+    Attributes
+    ----------
+    weighed : array of shape (q, p)
+        C^-1 A, internal units.
+    normal : array of shape (p, p)
+        Covariance N of the change, internal units.
+    """
 
     weighed: Array
     normal: Array
 
     @classmethod
     def of(cls, seen: WhitenedReadings, columns: Array, prior: Array) -> ParameterChange:
-        """The change along columns (q, p), whitened by noise; prior (p,): usual sizes of the parameters."""
+        """Build the change along columns (q, p), whitened by noise.
+
+        The argument `prior` (p,) contains the usual sizes of the parameters.
+        """
         weighed: Array = np.asarray(np.linalg.solve(seen.spread(), columns), dtype=np.float64)
         information = columns.T @ weighed + np.diag(prior**-2.0)
         return cls(weighed, np.asarray(np.linalg.inv(information), dtype=np.float64))
 
     def estimate(self, residual: Array) -> Array:
-        """The change (p,) that a whitened residual (q,) shows, internal units."""
+        """Estimate the change (p,) from a whitened residual (q,), internal units."""
         return self.normal @ (self.weighed.T @ residual)
 
     def covariance_of(
         self, saved: CalibratedModel, seen: WhitenedReadings, place: Sequence[int], size: int
     ) -> Array:
-        """(size, size) covariance of the estimate once the change is added at some places of it."""
+        """Compute the covariance (size, size) of the estimate after the change is added at `place`."""
         old = len(saved.estimate)
         # not what the instrument did with time in its own campaign
         acts = np.flatnonzero(np.diag(seen.covariance)[:old] > 0.0)
@@ -198,8 +246,17 @@ class ParameterChange:
 
 
 def cause_to_update(verdict: WatchVerdict) -> Cause:
-    """The cause by which a model may be updated: one that is named alone, or the likeliest of those that no poses tell
-    apart, since they move the robot alike. Raises DataError for another verdict."""
+    """Return the cause by which a model may be updated.
+
+    It is the identified cause, or the likeliest of several that no poses distinguish, because they move the robot
+    alike.
+
+    Raises
+    ------
+    DataError
+        Nothing has changed, the change is not explained, it passes by itself, or other poses could distinguish its
+        causes.
+    """
     if verdict.kind == "unchanged":
         raise DataError(
             "nothing has changed: there is nothing to update.", do="Go on with the model.", file="--update"

@@ -1,8 +1,8 @@
-"""The worth of an updated model: how uncertain its predictions are beside those of its baseline.
+"""Uncertainty of the predictions of an updated model compared with its baseline.
 
-A recalibration by the campaign of the baseline would be about as uncertain as that is. An update keeps what the
-baseline did not know and adds what few readings leave open of the change; at the check poses it is as sure as they
-are, so it is asked elsewhere: at random poses within the limits of the robot.
+A recalibration with the campaign of the baseline would be about as uncertain as the baseline. An update keeps the
+uncertainty of the baseline and adds the uncertainty of the change, which has few readings. At the check poses the
+update is as certain as these readings, so the comparison uses random poses within the limits of the robot.
 """
 
 from __future__ import annotations
@@ -27,8 +27,15 @@ _POSES = 200
 def times_as_uncertain(
     saved: CalibratedModel, updated: CalibratedModel, header: Header, targets: Sequence[str]
 ) -> float:
-    """Uncertainty of the positions of some targets by an updated model over that by its baseline, root mean square over
-    random poses; NaN where a model needs a condition that nobody stated, or is not uncertain at all."""
+    """Compute the position uncertainty of an updated model divided by that of its baseline.
+
+    Both are the root mean square over random poses and the given targets.
+
+    Returns
+    -------
+    float
+        The ratio. NaN if a model needs a condition that was not stated, or if the baseline has no uncertainty.
+    """
     robot, rng = saved.model.robot, np.random.default_rng(3)
     joints = rng.uniform(robot.lower, robot.upper, (_POSES, robot.joints))
     sides = rng.choice((-1.0, 1.0), size=joints.shape)

@@ -1,32 +1,35 @@
-"""The view of a calibrated model on readings taken later: residuals, and why they may differ from nothing.
+"""Residuals of later readings against a calibrated model, and their causes and covariance.
 
     r = measured - predicted = A x + J e + T w + F f + noise
 
-x: what has changed. Nothing of the rest is a change: e ~ P is what the calibration left uncertain, of its own model and
-of effects that this does not hold (`calib.saved.unresolved_effects`); w what the model was shown to lack by its own
-validation, as if the joints scattered more (the same in every watch at the same poses); f the frame, set up
-anew each time; and noise with the robot's repeatability. All rows are whitened by the noise as in a fit.
+x is what has changed. The other terms are no change:
 
-Readings in a frame of their own, laid over what the baseline predicts: the rigid motion that fits them best.
+- e ~ P is the uncertainty of the calibration, of its model and of effects that the model does not include
+  (`calib.saved.unresolved_effects`).
+- w is the unmodelled scatter that the validation of the model has shown. It acts as additional scatter of the joints
+  that is the same in every watch at the same poses.
+- f is the frame, which is set up again for each watch.
+- The noise includes the robot's repeatability. All rows are whitened by the noise as in a fit.
 
-The rest of the frame is small then, and free by its derivative (`calib.watch.whitened_readings`). Source: Kabsch 1976.
+**Free frame.** Readings in a separate frame are placed on the predictions of the baseline by the best rigid motion
+(`placed`). The remaining error of the frame is small and is freed by its derivative. Source: Kabsch 1976.
 
-The uncertainty of a world frame that is set up anew on its nests before every campaign.
+**Uncertainty of the frame.** The world frame is set up again on its nests before every campaign. A frame by 3-2-1
+(`calib.arm.world_frame`) on nests that are measured with the covariances N_i is off by a shift and a turn with
 
-A frame by 3-2-1 (`calib.arm.world_frame`) on nests that are measured with the covariances N_i each is off by a shift
-and a turn with
+    covariance sum J_i N_i J_i',    J_i: derivative of shift and turn by the position of nest i,
 
-    covariance sum J_i N_i J_i',    J_i: what an error of nest i does to them,
+and so is the frame of the calibration. A watch of an unchanged robot may be off by both together. A frame that is
+fitted to its nests would be less uncertain: about z, on the corners of a square, by a factor of 2.7 in the variance.
 
-and so is the one of the calibration. Both together are what a watch may be off by with nothing changed. A frame that
-is fitted to its nests would be less so: about z by 2.7 times in the variance on the corners of a square.
-
-The error of the corrected robot at the check poses, with its U, to be compared with the permitted error.
+**Check pose errors.** The error of the corrected robot at the check poses has an uncertainty U, so that it can be
+compared with the permitted error.
 
     rms^2 = sum e_i^2 / n,    u(rms)^2 = sum g_i' N_i g_i + (J' g)' F (J' g),    g_i = e_i d_i / (n rms)
 
-d_i: direction of the error e_i; N_i: what the instrument scatters by; F: covariance of its frame, J: what that moves.
-The robot's own repeatability and what the model lacks are errors, and in no U.
+Here d_i is the direction of the error e_i, N_i the covariance of the instrument, F the covariance of its frame, and J
+the derivative of the points by the frame. The robot's repeatability and the unmodelled scatter are errors, and are not
+part of U.
 """
 
 from __future__ import annotations
@@ -62,11 +65,22 @@ _STEP_MM = 1e-3  # by which a nest is moved to see what its errors do
 
 @dataclass(frozen=True)
 class WhitenedReadings:
-    """Readings of q measured rows as a baseline sees them, whitened by noise and repeatability.
+    """Residuals of q measured rows against a baseline, whitened by noise and repeatability.
 
-    estimate (m,), covariance (m, m), plain (m,): the baseline's (`calib.watch.baseline`), internal units; residual
-    (q,); lasting (q, a), passing (q, b): columns of unit variance of what stays the same from watch to watch, and of
-    what is drawn anew; causes, and the columns (q, p) of each.
+    Attributes
+    ----------
+    estimate, covariance, plain : array of shape (m,), (m, m) and (m,)
+        Those of the baseline (`calib.watch.baseline`), internal units.
+    residual : array of shape (q,)
+        Whitened residual.
+    lasting : array of shape (q, a)
+        Columns of unit variance of the errors that are the same in every watch.
+    passing : array of shape (q, b)
+        Columns of unit variance of the errors that differ from watch to watch.
+    causes : tuple of Effect
+        Possible causes of a change.
+    columns : tuple of array of shape (q, p)
+        Columns of each cause.
     """
 
     model: ModelStructure
@@ -85,11 +99,21 @@ class WhitenedReadings:
     def of(
         cls, saved: CalibratedModel, dataset: Dataset, *, frame_known: bool = True, lack: Array | None = None
     ) -> WhitenedReadings:
-        """The usable readings of a data set. frame_known False: the positions of robot and instrument are not compared.
+        """Whiten the usable readings of a data set.
 
-        lack (N,): what the model lacks, as scatter of every joint, rad; None: as `unmodelled_scatter` finds it.
+        Call `refusals.refuse_unlike` to check that the readings are a watch of this robot.
 
-        Raises DataError as the readers do; what makes them no watch of this robot is `refusals.refuse_unlike`'s.
+        Parameters
+        ----------
+        frame_known : bool, optional
+            False if the positions of robot and instrument cannot be compared with the calibration.
+        lack : array of shape (N,), optional
+            Unmodelled scatter of every joint, rad. Default: from `scatter_beyond`.
+
+        Raises
+        ------
+        DataError
+            As raised by the readers of the data set.
         """
         dataset = in_series(saved, dataset)
         baseline = Baseline.of(saved)
@@ -141,24 +165,26 @@ class WhitenedReadings:
         )
 
     def spread(self, share: float = 1.0) -> Array:
-        """(q, q) covariance of the residual with nothing changed; share: of the variance of noise and frame, below one
-        for a mean over watches."""
+        """Compute the covariance (q, q) of the residual of an unchanged robot.
+
+        The variance of noise and frame is multiplied by `share`, which is below one for a mean over watches.
+        """
         of_noise = np.eye(len(self.residual)) + self.passing @ self.passing.T
         return share * of_noise + self.lasting @ self.lasting.T
 
     @cached_property
     def measured(self) -> NDArray[np.bool_]:
-        """(k n,) rows that were measured."""
+        """Mask of the rows that were measured, shape (k n,)."""
         return _measured(self.readings)
 
     @cached_property
     def visit(self) -> NDArray[np.int64]:
-        """(q,) to which visit each row belongs."""
+        """Visit that each row belongs to, shape (q,)."""
         visit = self.readings.conditions.visit
         return np.tile(visit, len(self.measured) // len(visit))[self.measured]
 
     def lever_mm(self, joint: int) -> float | None:
-        """The distance of the axis of a joint from the targets, root mean square over the readings; None of a slide."""
+        """Return the RMS distance of a joint's axis from the targets, mm; None for a sliding joint."""
         robot = self.model.robot
         if joint in robot.slides:
             return None
@@ -167,7 +193,7 @@ class WhitenedReadings:
         return float(np.sqrt(np.mean(np.sum(frames.velocities((slot,)) ** 2, axis=1))))
 
     def exact(self, cause: Effect, values: Array) -> Array:
-        """(q,) residual where a cause has some values (p,), through the whole chain."""
+        """Compute the residual (q,) through the whole chain for given values (p,) of a cause."""
         model = replace(self.model, effects=(*self.model.effects, cause.apart(_SINCE)))
         frames = BoundModel(model, self.readings.conditions).frames(
             np.concatenate([self.estimate, values]), ()
@@ -175,7 +201,7 @@ class WhitenedReadings:
         return self.readings.observed.residual(frames).reshape(-1)[self.measured]
 
     def displacement(self, cause: Effect) -> Array:
-        """(3 n, p) derivative of the predicted points by the parameters of a cause, mm."""
+        """Differentiate the predicted points by the parameters of a cause, mm, shape (3 n, p)."""
         baseline = BoundModel(self.model, self.readings.conditions)
         design = BoundModel(
             ModelStructure(self.model.robot, (cause,), self.model.targets, anchors=self.model.anchors),
@@ -189,7 +215,7 @@ _FREE = 1e4  # standard deviations of the noise by which an unknown frame may be
 
 
 def _causes(saved: CalibratedModel, dataset: Dataset, readings: FitReadings) -> tuple[Effect, ...]:
-    """The causes that may have set in. Where the model has an effect already, its bounds hold for both together."""
+    """List the possible causes. If the model has an effect already, its bounds apply to the sum of both."""
     model, estimate = saved.model, saved.estimate
     survey = Survey(
         robot=model.robot,
@@ -219,13 +245,16 @@ def _station(dataset: Dataset) -> tuple[float, float, float]:
 
 
 def _measured(readings: FitReadings) -> NDArray[np.bool_]:
-    """(k n,) rows of the readings that were measured."""
+    """Mark the rows of the readings that were measured, shape (k n,)."""
     return np.any(readings.observed.whiten != 0.0, axis=1).reshape(-1)
 
 
 def _by_joint(readings: FitReadings, frames: Frames, model: ModelStructure, lack: Array) -> Array:
-    """(k n, N V) whitened change of the readings where one joint is off by its `lack` in one of V poses, in all visits
-    to it; a slide by as many mm as others deg."""
+    """Compute the whitened change of the readings if one joint is off in one pose, (k n, N V).
+
+    The joint is off by its `lack`, in all visits to that one of the V poses. A sliding joint is off by as many mm as
+    deg.
+    """
     robot, pose = model.robot, readings.conditions.pose
     columns = (lack * robot.steps)[:, None, None] * readings.observed.columns(frames, robot.joint_slots)
     each = pose == np.arange(pose.max() + 1)[:, None]
@@ -239,8 +268,10 @@ def _length(columns: Array) -> Array:
 
 
 def placed(dataset: Dataset, model: ModelStructure, estimate: Array) -> Dataset:
-    """The data set with points, turns and station where the usable points lie nearest to the predicted ones; as it is
-    where there are fewer than three points."""
+    """Place points, orientations and station so that the points are nearest to the predictions.
+
+    With fewer than three usable points the data set is returned unchanged.
+    """
     rows = dataset.fit_rows & dataset.pointed
     if int(rows.sum()) < _FEWEST:
         return dataset
@@ -262,7 +293,10 @@ def placed(dataset: Dataset, model: ModelStructure, estimate: Array) -> Dataset:
 
 
 def frame_effect() -> Effect:
-    """The instrument's frame shifted, mm, and turned about the model's station, deg."""
+    """Return the effect of a shift, mm, and a turn, deg, of the instrument's frame.
+
+    The frame turns about the station of the model.
+    """
     acts = {
         axis: ("mm" if len(axis) == 1 else "deg", None, [(f"frame.{axis}", Constant())])
         for axis in ("x", "y", "z", "rx", "ry", "rz")
@@ -273,8 +307,18 @@ def frame_effect() -> Effect:
 def frame_covariance(
     nests: Mapping[str, tuple[float, float, float]], noise: Noise, centre: tuple[float, float, float]
 ) -> Array:
-    """(6, 6) of shift, mm, and turn about `centre`, rad, of a frame on the first three of some nests; zero without
-    three. Raises DataError where these lie in a line."""
+    """Compute the covariance of a frame that is set up on its first three nests.
+
+    Returns
+    -------
+    array of shape (6, 6)
+        Covariance of the shift, mm, and of the turn about `centre`, rad. Zero for fewer than three nests.
+
+    Raises
+    ------
+    DataError
+        The nests lie on a line.
+    """
     if len(nests) < 3:
         return np.zeros((6, 6))
     try:
@@ -299,8 +343,17 @@ def frame_covariance(
 
 @dataclass(frozen=True)
 class CheckPoseErrors:
-    """RMS and largest of n errors, mm: of positions, or of distances where no point was measured; u: expanded
-    uncertainty U (k = 2) of the RMS."""
+    """Errors of n check readings, mm.
+
+    The errors are position errors, or length errors for measured distances.
+
+    Attributes
+    ----------
+    rms, max : float
+        RMS and largest error.
+    u : float
+        Expanded uncertainty U (k = 2) of the RMS.
+    """
 
     n: int
     rms: float
@@ -309,7 +362,7 @@ class CheckPoseErrors:
 
 
 def missed(seen: WhitenedReadings, dataset: Dataset) -> CheckPoseErrors:
-    """The errors of the readings of a watch against its baseline."""
+    """Compute the errors of the readings of a watch compared with its baseline."""
     rows = seen.readings.rows
     design = BoundModel(seen.model, seen.readings.conditions)
     frames = design.frames(seen.plain, {*design.slots})

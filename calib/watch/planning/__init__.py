@@ -1,1 +1,1 @@
-"""The planning of a watch: where the robot rests, from which sides it comes, how often it is read, what that shows."""
+"""Planning of a watch: poses, sides of approach, number of readings, detectable changes."""

@@ -1,20 +1,20 @@
-"""The check poses: the few of many candidates whose readings say most about what may have changed.
+"""Selection of check poses: the candidates that best show what may have changed.
 
 The unknowns are the baseline's error e ~ P, the frame f, and the parameters x of the lasting causes with a tenth of
-their usual size as prior. The information of poses adds up, M = M_0 + sum X_i' X_i over the rows of each pose, and
+their usual size as prior. The information of poses adds up, M = M_0 + sum X_i' X_i over the rows of each pose. The
+readings inform about x, with e and f as uncertain as they are, by
 
     log det M - log det M_ef
 
-with M_ef the block of e and f alone, is what the readings say about x when e and f are as little known as they are
-(Bayesian D_s-optimality, Chaloner and Verdinelli 1995). Poses are taken one by one, then exchanged until none is
-better.
+with M_ef the block of e and f alone (Bayesian D_s-optimality, Chaloner and Verdinelli 1995). Poses are taken one by
+one, then exchanged until no exchange improves the selection.
 
-That is good on the average over causes, and a wrist is the worst of them. So they are exchanged once more for
+This optimises the average over causes, and causes in a wrist are the worst. Therefore the poses are exchanged again for
 
     sum over causes of (needed / has)^2
 
-has: the non-centrality of a cause of the size that should be seen (`calib.watch.planning.sizes`), needed: that with
-which it is seen. The cause that is missed by most counts most.
+Here *has* is the non-centrality of a cause of the size that must be detected (`calib.watch.planning.sizes`), and
+*needed* is the non-centrality at which it is detected. The cause that is missed by most counts most.
 """
 
 from __future__ import annotations
@@ -40,8 +40,20 @@ _P_LIMIT = 1e-3  # of an alarm, about: how many questions there are hardly matte
 
 
 def choose(seen: WhitenedReadings, visit: NDArray[np.int64], count: int) -> list[int]:
-    """The visits to take, of those that `seen` has rows of, each with as many as any other; visit (q,): to which each
-    row belongs, or to which pair of visits that are taken together. Ascending."""
+    """Choose visits among those that `seen` has rows for.
+
+    Each visit must have as many rows as any other.
+
+    Parameters
+    ----------
+    visit : array of int, shape (q,)
+        Visit that each row belongs to, or the pair of visits that are taken together.
+
+    Returns
+    -------
+    list of int
+        Chosen visits, ascending.
+    """
     in_order = np.argsort(visit, kind="stable")
     visits = int(visit.max()) + 1
 
@@ -76,8 +88,10 @@ def choose(seen: WhitenedReadings, visit: NDArray[np.int64], count: int) -> list
 
 
 def _stated(seen: WhitenedReadings) -> list[Array]:
-    """(q, w each) columns of the causes that have a size that should be seen, at that size, where any reading shows
-    it."""
+    """Return the columns (q, w each) of the causes with a stated size, at that size.
+
+    Causes that no reading shows are left out.
+    """
     out = []
     for cause, columns in zip(seen.causes, seen.columns, strict=True):
         if (size := wanted_of(cause)) is not None:
@@ -89,8 +103,17 @@ def _stated(seen: WhitenedReadings) -> list[Array]:
 
 @dataclass(frozen=True)
 class _Short:
-    """The causes short of being seen: shared (V, k, s) columns of unit variance, stated (V, k, w) of the causes at the
-    sizes that should be seen, of widths that add up to w."""
+    """Shortfall of the causes that must be detected.
+
+    Attributes
+    ----------
+    shared : array of shape (V, k, s)
+        Columns of unit variance of the errors that the poses share.
+    stated : array of shape (V, k, w)
+        Columns of the causes at the sizes that must be detected.
+    widths : tuple of int
+        Number of columns of each cause, w in total.
+    """
 
     shared: Array
     stated: Array
@@ -101,7 +124,7 @@ class _Short:
         return np.array([needed(width, _P_LIMIT) for width in self.widths])
 
     def exchanged(self, chosen: list[int]) -> list[int]:
-        """The chosen visits, each exchanged for the one with which the causes are shortest of nothing. Ascending."""
+        """Exchange each chosen visit for the one with the least shortfall; return them ascending."""
         chosen = list(chosen)
         for _ in range(_ROUNDS):
             before = list(chosen)
@@ -116,9 +139,9 @@ class _Short:
         return sorted(chosen)
 
     def _with_each_beside(self, taken: list[int]) -> Array:
-        """(V,) how short the causes are with each visit beside those that are taken.
+        """Compute the shortfall (V,) of the causes with each visit added to those already taken.
 
-        Of the columns A of causes beside B of what is shared a further visit adds R' (I + B K B')^-1 R to the
+        With the columns A for the causes and B for the shared errors, a further visit adds R' (I + B K B')^-1 R to the
         information, R = A - B K (sum B' A), K = (I + sum B' B)^-1.
         """
         b, a = (each[taken].reshape(-1, each.shape[2]) for each in (self.shared, self.stated))
@@ -137,21 +160,24 @@ class _Short:
 
 
 def _shared(seen: WhitenedReadings) -> Array:
-    """(q, s) columns of unit variance of what the poses share: the baseline's error and the frame."""
+    """Return columns (q, s) of unit variance of the errors that the poses share.
+
+    These are the errors of the baseline and of the frame.
+    """
     root = root_of(seen.covariance)
     of_baseline = seen.of_parameters @ root[:, np.any(root != 0.0, axis=0)]
     return np.column_stack([of_baseline, np.sqrt(2.0) * seen.passing])
 
 
 def _gain(x: Array, information: Array, known: int, taken: list[int]) -> Array:
-    """(V,) by how much each visit of x (V, k, s) would add; those that are taken add nothing."""
+    """Compute the gain (V,) of each visit of x (V, k, s); visits that are taken add nothing."""
     gain = _log_det(x, information) - _log_det(x[:, :, :known], information[:known, :known])
     gain[taken] = -np.inf
     return gain
 
 
 def _log_det(x: Array, information: Array) -> Array:
-    """(V,) log det(I + X M^-1 X')."""
+    """Compute log det(I + X M^-1 X') of each visit, shape (V,)."""
     root = np.linalg.solve(np.linalg.cholesky(information), x.reshape(-1, x.shape[2]).T)
     root = root.T.reshape(x.shape)
     return np.linalg.slogdet(np.eye(x.shape[1]) + root @ root.transpose(0, 2, 1))[1]

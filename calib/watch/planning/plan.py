@@ -1,6 +1,6 @@
-"""The plan of a watch: which visits to make from which sides, how much to read in each, and what they will show.
+"""Plan of a watch: visits, sides of approach and readings, and the changes they detect.
 
-The distance off the last axis that a target needs for the wrist to show what should be seen.
+The module also finds the distance from the last axis that a target needs to show the required changes of the wrist.
 """
 
 from __future__ import annotations
@@ -33,12 +33,28 @@ _FARTHEST_MM = 1000.0
 
 @dataclass(frozen=True)
 class WatchPlan:
-    """The chosen of some candidates, by index; the visits, each chosen one as often as asked; what they show.
+    """Plan of a watch.
 
-    rounds: how often each is visited; repeats: how often everything is read in a visit; beyond: labels of causes that
-    no number of readings shows from the size at which they should be seen; enough: how many poses, visited and read so
-    often, would show all causes from there, or all others, None where these do or none would; lever: where a cause of
-    the last joint is seen worst, its label and how far off its axis the one target would have to be, mm.
+    Attributes
+    ----------
+    chosen : tuple of int
+        Indices of the chosen candidates.
+    visits : PlannedVisits
+        All visits, with each chosen candidate `rounds` times.
+    shown : DetectableSizes
+        Sizes that the plan detects.
+    rounds : int
+        Number of visits to each chosen candidate.
+    repeats : int
+        Number of times that everything is read in a visit.
+    enough : int or None
+        Number of poses that would detect all causes at the required size, or all others, with the same rounds and
+        repeats. None if this plan does so, or if no number of poses would.
+    beyond : tuple of str
+        Labels of causes that no number of readings detects at the required size.
+    lever : (str, float) or None
+        If a cause of the last joint is detected worst: its label, and the distance from the axis, mm, that the only
+        target would need.
     """
 
     chosen: tuple[int, ...]
@@ -62,22 +78,39 @@ def plan(
     repeats: int | None = 1,
     frame_known: bool = True,
 ) -> WatchPlan:
-    """Choose `count` of the candidates, visit each so many times, every other time from the opposite sides, and read
-    everything so many times in each visit.
+    """Plan a watch: choose poses among candidates, and the visits and readings at each.
 
-    header: what the readings would be taken with; every candidate has as many readings as any other. times, repeats
-    None: as few as show every cause from the size that it should be seen at, or about as small as any do. frame_known
-    False: the position of the instrument or the artefact will not be compared.
-    Raises DataError for too few visits to show anything, or more than there are candidates.
+    Every other visit to a pose comes from the opposite sides.
+
+    Parameters
+    ----------
+    header : Header
+        Header of the data set that the readings would have.
+    candidates : PlannedVisits
+        Candidates, each with the same number of readings.
+    count : int
+        Number of poses to choose.
+    rate : float, optional
+        False-alarm rate of the watch.
+    times, repeats : int or None, optional
+        Visits to each pose, and readings of everything in each visit. None: the fewest that detect every cause at the
+        required size, or at nearly the smallest size that any number detects.
+    frame_known : bool, optional
+        False if the position of the instrument or the artefact will not be compared.
+
+    Raises
+    ------
+    DataError
+        The number of poses is too small to show anything, or exceeds the number of candidates.
     """
     if not FEWEST <= count <= len(candidates):
         raise DataError(f"is {count}.", do=f"Give {FEWEST} to {len(candidates)} poses.", key="--poses")
     both = times is None or times > 1
     offered = candidates.again(2 if both else 1)
     would = planned(saved, header, offered)
-    lack = unmodelled_scatter(saved, would)
-    # What the model lacks is drawn anew with each pose, as the repeatability is with each visit. The noise has one
-    # figure for all joints: that of a wrist, which may be off by ten times as much, would hide the others.
+    lack = scatter_beyond(saved, would)
+    # The unmodelled scatter differs with each pose, as the repeatability does with each visit. The noise has one
+    # value for all joints: that of a wrist, which may be off by ten times as much, would hide the others.
     noise, usual = header.noise, float(np.median(lack))
     rougher = replace(
         noise,
@@ -99,7 +132,10 @@ def plan(
     found = judged(saved, header, visits, rate, frame_known=frame_known, lack=lack)
 
     def enough(goal: Mapping[str, float]) -> int | None:
-        """The number of poses that reach a goal by the same rounds; None where these do, or none that are tried."""
+        """Return the number of poses that reach a goal with the same rounds.
+
+        None if the current poses reach it, or if no number that is tried does.
+        """
         poses, tried, most = count, replace(best, goal=goal), min(len(candidates), _MOST)
         for _ in range(_TRIES):
             if not 1.0 < tried.short < np.inf:
@@ -139,7 +175,10 @@ def judged(
     frame_known: bool = True,
     lack: Array | None = None,
 ) -> DetectableSizes:
-    """The causes that some visits will show. lack: as `WhitenedReadings.of`."""
+    """Compute the sizes of the causes that some visits detect.
+
+    The unmodelled scatter `lack` is used as in `WhitenedReadings.of`.
+    """
     seen = WhitenedReadings.of(saved, planned(saved, header, visits), frame_known=frame_known, lack=lack)
     return shown(seen, rate)
 
@@ -147,11 +186,22 @@ def judged(
 def lever_needed(
     ways: RepetitionOptions, visits: PlannedVisits, rounds: Repetitions, label: str, lever_mm: float
 ) -> float | None:
-    """The distance, mm, from its axis at which the one target of some visits would have to be for them to show a cause
-    of the last joint from the size that it should be seen at; lever_mm: how far it is.
+    """Find the distance from the last axis that a target needs for a cause to be detected.
 
-    The noise of the arm grows with the lever, so the size falls more slowly than the lever rises. None for several
-    targets, where the last axis is not that of the flange, or where no lever that a tool has is long enough.
+    The noise of the arm grows with the lever, so the size falls more slowly than the lever rises.
+
+    Parameters
+    ----------
+    label : str
+        Label of a cause of the last joint.
+    lever_mm : float
+        Current distance of the only target from the axis, mm.
+
+    Returns
+    -------
+    float or None
+        Required distance, mm. None if there are several targets, if the last axis is not the axis of the flange, or if
+        no practicable lever is long enough.
     """
     series, targets = next(iter(ways.saved.model.targets.items()))
     names = {target for each in visits.read for target, _ in each}

@@ -1,13 +1,12 @@
-"""Readings that could be taken: the data set that a baseline would predict in some visits.
+"""Planned visits of a watch, and the readings that the baseline predicts for them.
 
-Check poses of a ballbar: joints at which the baseline has every leg as long as the bar.
+A visit states where the robot rests, from which side it arrives, and what is read there.
 
-A stance is drawn for the nominal robot, which misses it by millimetres; the bar shows one. With the model that the
-calibration found the joints are moved until the legs have their length, by Gauss-Newton on the exact chain:
+For a ballbar, a stance is drawn for the nominal robot. The real robot misses it by millimetres, which the bar shows.
+With the calibrated model, `within_stroke` moves the joints until every leg is as long as the bar, by Gauss-Newton on
+the exact chain:
 
     dq = J+ (length - predicted),    J (6, N): u . dp/dq of each leg, u the unit vector from its ball on the base
-
-Visits that a watch could make: where the robot rests, from where it comes, and what is read there.
 """
 
 from __future__ import annotations
@@ -39,9 +38,16 @@ its point."""
 
 
 def planned(saved: CalibratedModel, header: Header, visits: PlannedVisits) -> Dataset:
-    """The readings of some visits as the baseline predicts them: points, with the turn of the tool where the header has
-    noise of one, or distances to base targets. Raises DataError for a target or a base target that the
-    baseline has not."""
+    """Predict the readings of some visits with the baseline.
+
+    The readings are points or distances to base targets. Points include the orientation of the tool if the header
+    declares noise of an orientation.
+
+    Raises
+    ------
+    DataError
+        The baseline does not have a target or a base target.
+    """
     series = next(iter(saved.model.targets))
     read = [pair for each in visits.read for pair in each]
     targets, bases = (list(names) for names in zip(*read, strict=True))
@@ -109,8 +115,17 @@ def _dataset(header: Header, conditions: Conditions, points: Array, frames: Fram
 def within_stroke(
     saved: CalibratedModel, header: Header, visits: PlannedVisits, length_mm: float
 ) -> tuple[PlannedVisits, Array]:
-    """The visits with joints at which their legs, as many in each, have a length; and (V,) by how much the worst leg
-    of each still differs, mm."""
+    """Move the joints of visits until their legs have a given length.
+
+    Every visit must have the same number of legs.
+
+    Returns
+    -------
+    visits : PlannedVisits
+        Visits with adjusted joints.
+    off : array of shape (V,)
+        Remaining difference of the worst leg of each visit, mm.
+    """
     robot, count = saved.model.robot, len(visits)
     off: Array = np.full(count, np.inf)
     for _ in range(_STEPS):
@@ -128,8 +143,19 @@ def within_stroke(
 
 @dataclass(frozen=True)
 class PlannedVisits:
-    """V visits: joints (V, N), rad or mm; sides (V, N), +1 from below, -1 from above; reach (V,), rad: length of the
-    last move; read: of each visit what is read."""
+    """V visits of a robot.
+
+    Attributes
+    ----------
+    joints : array of shape (V, N)
+        Joint values, rad or mm.
+    sides : array of shape (V, N)
+        Side of approach, +1 from below, -1 from above.
+    reach : array of shape (V,)
+        Length of the last move, rad.
+    read : tuple of Read
+        Readings of each visit.
+    """
 
     joints: Array
     sides: Array
@@ -138,7 +164,7 @@ class PlannedVisits:
 
     @classmethod
     def of_points(cls, joints: Array, sides: Array, reach: Array, targets: Sequence[str]) -> PlannedVisits:
-        """Points of the same targets in every visit."""
+        """Plan points of the same targets in every visit."""
         return cls(joints, sides, reach, (tuple((name, "") for name in targets),) * len(joints))
 
     def __len__(self) -> int:
@@ -150,20 +176,20 @@ class PlannedVisits:
         return sum(len(each) for each in self.read)
 
     def take(self, index: Sequence[int] | NDArray[np.int64]) -> PlannedVisits:
-        """Some of the visits."""
+        """Select some of the visits."""
         some = np.asarray(index, dtype=np.int64)
         return PlannedVisits(
             self.joints[some], self.sides[some], self.reach[some], tuple(self.read[i] for i in some)
         )
 
     def read_again(self, times: int) -> PlannedVisits:
-        """The visits with every reading repeated so many times in each rest of the robot."""
+        """Repeat every reading `times` times in each rest of the robot."""
         return replace(
             self, read=tuple(tuple(pair for pair in each for _ in range(times)) for each in self.read)
         )
 
     def again(self, times: int) -> PlannedVisits:
-        """Every visit so many times, every other time from the opposite sides; the whole round before the next."""
+        """Repeat the whole round of visits `times` times, every other round from the opposite sides."""
         rounds = [replace(self, sides=self.sides * (-1.0) ** k) for k in range(times)]
         return PlannedVisits(
             np.concatenate([each.joints for each in rounds]),

@@ -1,17 +1,16 @@
-"""The rounds of a watch, visits to each check pose and readings there: as seldom as shows every cause that should be
-seen.
+"""Number of visits and readings of a watch: the fewest that detect every required cause.
 
 Repeated readings during a rest average the instrument's noise and cost a second or two. Another visit from the opposite
-sides also averages the robot's repeatability, shows play by itself, and costs a move. Neither helps against
-what the baseline does not know, what it lacks, or a frame that is set up anew: a cause that these hide is to be seen
-from about where the most readings see it.
+sides also averages the robot's repeatability, shows backlash by itself, and costs a move. Neither helps against the
+uncertainty of the baseline, its unmodelled scatter, or a frame that is set up again. A cause that these hide must be
+detected at about the size at which the largest number of readings detects it.
 
-Proposals to see more: other targets at the same poses, more readings in a visit, more visits.
+`proposals` suggests how to detect more: other targets at the same poses, more readings in a visit, more visits.
 
-The readings of a wrist are short of lever, not of choice: of joint 6 every pose shows the same, by how much its targets
-are off the axis. With the lever r, n readings and their noise s a zero is seen from about 5 s / (r sqrt(n)), play from
-twice as much; so what helps are targets farther off, more targets, more readings in each rest, and more
-visits, which cost most.
+A different choice of poses does not help a wrist, but a longer lever does. For joint 6 every pose shows the same: the
+distance of its targets from the axis. With the lever r, n readings and their noise s a zero is detected from about
+5 s / (r sqrt(n)), backlash from twice as much. Targets farther from the axis, more targets, and more readings in each
+rest therefore help, and so do more visits, which cost most.
 """
 
 from __future__ import annotations
@@ -36,24 +35,31 @@ _NEAR = 1.1  # of the smallest size that any readings show, up to which fewer ar
 
 @dataclass(frozen=True)
 class Repetitions:
-    """Visits to each pose, and readings of everything in each visit."""
+    """Number of visits to each pose, and of readings of everything in each visit."""
 
     times: int = 1
     repeats: int = 1
 
     def of(self, visits: PlannedVisits) -> PlannedVisits:
-        """The visits made and read so often."""
+        """Repeat the visits and their readings."""
         return visits.read_again(self.repeats).again(self.times)
 
     def cost(self, visits: PlannedVisits) -> float:
-        """The cost of the rounds, in readings."""
+        """Compute the cost of the rounds, in readings."""
         return self.times * (_MOVE * len(visits) + self.repeats * visits.readings)
 
 
 @dataclass(frozen=True)
 class RepetitionOptions:
-    """The possible repetitions of some readings. limit: p-value of an alarm; lack: as
-    `WhitenedReadings.of`."""
+    """Possible repetitions of some readings.
+
+    Attributes
+    ----------
+    limit : float
+        P-value of an alarm.
+    lack : array of shape (N,) or None
+        Unmodelled scatter, as in `WhitenedReadings.of`.
+    """
 
     saved: CalibratedModel
     header: Header
@@ -62,14 +68,20 @@ class RepetitionOptions:
     lack: Array | None = None
 
     def sizes(self, visits: PlannedVisits, rounds: Repetitions) -> dict[str, float]:
-        """The size from which every cause is seen that has one at which it should be; infinite where nothing shows
-        it."""
+        """Compute the smallest detected size of every cause with a required size.
+
+        The size is infinite if no reading shows the cause.
+        """
         would = planned(self.saved, self.header, rounds.of(visits))
         seen = WhitenedReadings.of(self.saved, would, frame_known=self.frame_known, lack=self.lack)
         return seen_from(seen, self.limit)
 
     def goal(self, visits: PlannedVisits) -> dict[str, float]:
-        """The size from which every cause should be seen, where any number of readings at these poses can show it."""
+        """Return the size at which every cause should be detected.
+
+        If no number of readings at these poses detects it at the required size, the goal is 1.1 times the smallest
+        size.
+        """
         best = self.sizes(visits, Repetitions(_times(visits)[-1], REPEATS[-1]))
         return {
             label: wanted(label) if size <= wanted(label) else _NEAR * size for label, size in best.items()
@@ -78,7 +90,7 @@ class RepetitionOptions:
 
 @dataclass(frozen=True)
 class DetectionResult:
-    """The sizes that some rounds show: from which size every cause is seen, and from which it should be."""
+    """Sizes that some rounds detect, and the sizes that they should detect."""
 
     rounds: Repetitions
     sizes: Mapping[str, float]
@@ -86,17 +98,17 @@ class DetectionResult:
 
     @property
     def worst(self) -> str:
-        """The cause that is furthest from the size that should be seen."""
+        """Cause that is farthest from its required size."""
         return max(self.sizes, key=lambda each: self.sizes[each] / wanted(each))
 
     @property
     def beyond(self) -> tuple[str, ...]:
-        """The causes that no readings show from the size at which they should be seen."""
+        """Causes that no number of readings detects at the required size."""
         return tuple(label for label, size in self.goal.items() if size > wanted(label))
 
     @property
     def short(self) -> float:
-        """The factor by which the size is too large, of the cause that is furthest from its goal; none above 1."""
+        """Ratio of detected size to goal of the worst cause; no goal is missed up to 1."""
         factors = (
             self.sizes.get(each, np.inf) / goal for each, goal in self.goal.items() if np.isfinite(goal)
         )
@@ -111,8 +123,10 @@ def fewest(
     times: int | None = None,
     repeats: int | None = None,
 ) -> DetectionResult:
-    """The cheapest rounds of visits that reach a goal; where none do, what comes nearest. times, repeats: where they
-    are given."""
+    """Find the cheapest rounds of visits that reach a goal, or those that come nearest.
+
+    Pass `times` or `repeats` to fix the number of visits or of readings.
+    """
 
     def tried(rounds: Repetitions) -> DetectionResult:
         return DetectionResult(rounds, ways.sizes(visits, rounds), goal)
@@ -127,15 +141,17 @@ def fewest(
 
 
 def _times(visits: PlannedVisits) -> tuple[int, ...]:
-    """The numbers of visits to try: once where every joint always comes from one side, since the next visit would
-    come from the other."""
+    """Return the numbers of visits to try.
+
+    It is one if every joint always arrives from one side, since the next visit would come from the other side.
+    """
     return TIMES[:1] if np.all(visits.sides == visits.sides[:1]) else TIMES
 
 
 def _first(
     tried: Callable[[Repetitions], DetectionResult], most: DetectionResult, repeats: tuple[int, ...]
 ) -> DetectionResult:
-    """The fewest repeats that are enough, by halving: more never show less."""
+    """Find the fewest sufficient repeats by bisection: more repeats never show less."""
     low, high, best = 0, len(repeats) - 1, most
     while low < high:
         middle = (low + high) // 2
@@ -147,16 +163,34 @@ def _first(
 
 
 def wanted(label: str) -> float:
-    """The size at which the cause of a label should be seen, deg or mm."""
+    """Return the size at which the cause of a label should be detected, deg or mm."""
     return WANTED[label.partition(":")[0]]
 
 
 @dataclass(frozen=True)
 class WatchPlanProposal:
-    """Some targets at every pose, how often each is visited, and how often everything is read in a visit; what the
-    readings are, and the cause that is furthest from the size that should be seen, with the size from which it is;
-    reached: whether every cause is seen from there; beyond: causes that no readings of these targets show from there,
-    by label with the size from which these do."""
+    """Proposal for a watch with some targets at every pose.
+
+    Attributes
+    ----------
+    targets : tuple of str
+        Targets to measure.
+    rounds : int
+        Number of visits to each pose.
+    readings : int
+        Number of readings in total.
+    label : str
+        Cause that is farthest from its required size.
+    size : float
+        Smallest size at which that cause is detected, deg or mm.
+    reached : bool
+        Whether every cause is detected at its required size.
+    repeats : int
+        Number of times that everything is read in a visit.
+    beyond : tuple of (str, float)
+        Causes that no number of readings of these targets detects at the required size, with the size that these
+        readings detect.
+    """
 
     targets: tuple[str, ...]
     rounds: int
@@ -177,9 +211,23 @@ def proposals(
     *,
     frame_known: bool = True,
 ) -> tuple[WatchPlanProposal, ...]:
-    """The proposals: of each choice of targets the cheapest rounds of the visits that show every cause from the size
-    that it should be seen at, and a cause that no readings show from there about as well as any do; first what shows
-    most causes, then what costs least. limit: p-value of an alarm."""
+    """Propose the cheapest rounds of visits for each choice of targets.
+
+    The rounds detect every cause at its required size. A cause that no number of readings detects there is detected
+    nearly as well as possible.
+
+    Parameters
+    ----------
+    choices : sequence of tuple of str
+        Choices of targets.
+    limit : float
+        P-value of an alarm.
+
+    Returns
+    -------
+    tuple of WatchPlanProposal
+        First those that detect most causes, then the cheapest.
+    """
     ways, found = RepetitionOptions(saved, header, limit, frame_known), []
     for targets in choices:
         those = PlannedVisits.of_points(visits.joints, visits.sides, visits.reach, targets)

@@ -1,11 +1,10 @@
-"""The sizes that some check poses will show: of each cause the smallest size that is seen, and from which size it is
-named alone.
+"""Detectable sizes of check poses: the smallest size of each cause, and its identification.
 
-Seen: the alarm is raised in 95 of 100 watches, by the cause's own chi-squared at the limit that all questions share.
-Named alone: in 80 of 100, counted in draws. Of several parameters of one unit, such as the three directions of a tool,
-the direction is the one that is seen worst.
+A cause is detected if the alarm is raised in 95 of 100 watches, by its own chi-squared at the limit that all tests
+share. It is identified if it is named alone in 80 of 100 draws. For several parameters of one unit, such as the three
+directions of a tool, the direction that is detected worst counts.
 
-The sizes that a watch should see, and how much readings must say of a cause for that.
+The module also states the sizes that a watch should detect, and the non-centrality that readings need for that.
 """
 
 from __future__ import annotations
@@ -35,11 +34,22 @@ WANTED = {"joint_step": 0.01, "backlash": 0.01, "tool_shift": 0.1, "base_shift":
 
 @dataclass(frozen=True)
 class SmallestDetected:
-    """The sizes of one cause that are seen: smallest size and its unit; from which size it is named alone, None where
-    that takes more than ten times as much; always: labels of causes that cannot be distinguished from it at any size.
+    """Sizes at which one cause is detected.
 
-    wanted: the size that should be seen, None where none is stated; share: of watches in which that is seen;
-    lever_mm: of a joint's cause how far its axis is from the targets, root mean square, else None.
+    Attributes
+    ----------
+    size : float
+        Smallest detected size, in `unit`.
+    alone : float or None
+        Size from which the cause is identified; None if that takes more than ten times as much.
+    always : tuple of str
+        Labels of causes that cannot be distinguished from it at any size.
+    wanted : float or None
+        Size that should be detected; None if no size is stated.
+    share : float or None
+        Share of watches in which `wanted` is detected.
+    lever_mm : float or None
+        For a cause of a joint, RMS distance of its axis from the targets, mm.
     """
 
     label: str
@@ -55,8 +65,19 @@ class SmallestDetected:
 
 @dataclass(frozen=True)
 class DetectableSizes:
-    """The yield of some visits: every cause; labels of those that they do not show at all; limit: the p-value of an
-    alarm; readings: how many there are."""
+    """Sizes of the causes that some visits detect.
+
+    Attributes
+    ----------
+    causes : tuple of SmallestDetected
+        Every cause that the visits show.
+    unseen : tuple of str
+        Labels of the causes that they do not show at all.
+    limit : float
+        P-value of an alarm.
+    readings : int
+        Number of readings.
+    """
 
     causes: tuple[SmallestDetected, ...]
     unseen: tuple[str, ...]
@@ -65,7 +86,7 @@ class DetectableSizes:
 
 
 def shown(seen: WhitenedReadings, rate: float = RATE) -> DetectableSizes:
-    """Smallest change seen of every cause."""
+    """Compute the smallest detected size of every cause."""
     whiten, odds = odds_of(seen)
     limit = odds.limit(rate)
     rng = np.random.default_rng(7)
@@ -103,8 +124,21 @@ def shown(seen: WhitenedReadings, rate: float = RATE) -> DetectableSizes:
 
 
 def seen_from(seen: WhitenedReadings, limit: float) -> dict[str, float]:
-    """Smallest size of every cause that has a wanted one, at the p-value of an alarm: `shown` infinite where nothing
-    shows it. `shown` without its draws, and without a matrix of all rows, however many there are."""
+    """Compute the smallest detected size of every cause with a required size.
+
+    The result is as from `shown`, but without its draws, and without a matrix of all rows, so it suits any number of
+    rows.
+
+    Parameters
+    ----------
+    limit : float
+        P-value of an alarm.
+
+    Returns
+    -------
+    dict
+        Size by label, deg or mm; infinite if no reading shows the cause.
+    """
     beside = np.column_stack([seen.lasting, seen.passing])
     inner = np.linalg.inv(np.eye(beside.shape[1]) + beside.T @ beside)
     out = {}
@@ -120,15 +154,21 @@ def seen_from(seen: WhitenedReadings, limit: float) -> dict[str, float]:
 
 
 def _worst(seen: WhitenedReadings, effect: Effect, whiten: Array) -> tuple[float, Array] | None:
-    """The worst of a cause: in the direction that is seen worst, of the parameters of its first unit: the
-    non-centrality of the square of one unit, and the white residual (q,) of one unit; None where nothing is seen."""
+    """Find the direction of a cause that is detected worst, among the parameters of its first unit.
+
+    Returns the non-centrality of one unit squared, and the white residual (q,) of one unit. Returns None if no reading
+    shows the cause.
+    """
     one = whiten @ of_one_unit(effect, seen.columns[seen.causes.index(effect)])
     values, vectors = np.linalg.eigh(one.T @ one)
     return None if values[0] < _NOTHING else (float(values[0]), one @ vectors[:, 0])
 
 
 def _alone(odds: Odds, index: int, moved: Array, noise: Array) -> float | None:
-    """The multiple of a displacement (q,) from which the cause is named alone, in draws of noise (d, q)."""
+    """Return the multiple of a displacement (q,) from which the cause is identified.
+
+    It is counted in draws of noise (d, q).
+    """
     for times in _TIMES:
         named = odds.named(times * moved + noise)
         if np.mean(named.alone & (named.best == index)) >= ALONE:
@@ -137,20 +177,22 @@ def _alone(odds: Odds, index: int, moved: Array, noise: Array) -> float | None:
 
 
 def wanted_of(cause: Effect) -> float | None:
-    """The size at which a cause should be seen, deg or mm; None where none is stated."""
+    """Return the size at which a cause should be detected, deg or mm; None if not stated."""
     stated = WANTED.get(cause.label.partition(":")[0])
     return stated if cause.parameters[0].unit in ("deg", "mm") else None
 
 
 def of_one_unit(cause: Effect, columns: Array) -> Array:
-    """(q, w) columns of the parameters of a cause that have the unit of its first one, of one unit each; columns
-    (q, p): of all its parameters, internal units."""
+    """Return the columns (q, w) of the parameters with the unit of the first one, per unit.
+
+    The argument `columns` (q, p) contains all parameters of the cause, internal units.
+    """
     unit = cause.parameters[0].unit
     same = [k for k, p in enumerate(cause.parameters) if p.unit == unit]
     return columns[:, same] * to_internal(1.0, unit)
 
 
 def needed(freedom: int, p_limit: float) -> float:
-    """The non-centrality with which chi-squared exceeds the limit of a p-value in the share `SEEN` of all cases."""
+    """Compute the non-centrality at which chi-squared exceeds the limit in the share `SEEN` of cases."""
     limit = stats.chi2.isf(p_limit, freedom)
     return float(chndtrinc(limit, freedom, 1.0 - SEEN))
