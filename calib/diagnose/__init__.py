@@ -1,4 +1,4 @@
-"""The diagnosis: effects that the base model lacks, each with its evidence and the rivals that fit nearly as well."""
+"""Diagnosis: effects missing from the base model, their evidence, and rival explanations."""
 
 from calib.diagnose.carried import CarriedTerm, Shares
 from calib.diagnose.diagnosis import CarryOver, DiagnosedEffect, DiagnosisFit, carry_over, diagnose

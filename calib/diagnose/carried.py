@@ -1,13 +1,13 @@
-"""Two layers of a diagnosed model: named effects, and carried terms that have no name.
+"""Two layers of a diagnosed model: named effects, and carried terms without a known cause.
 
 A carried term is an effect of the group "carried": a slot of the chain times a condition, with a size by evidence. The
-readings left out confirm it, so it improves predictions; its label is no cause, since two halves of the same readings
-choose different terms. Names and terms compete in one pursuit from the base model (`calib.diagnose.pursuit`), where a
-name has a small advantage over columns that do the same. A name is withdrawn
+left-out readings confirm it, so it improves predictions. Its label is no cause, since two halves of the same readings
+choose different terms. Named effects and terms compete in one pursuit from the base model (`calib.diagnose.pursuit`),
+in which a named effect has a small advantage over columns that do the same. A named effect is withdrawn
 
-  - if it does not enter, or does not hold beside all that entered;
-  - if terms of the same condition remain beside it that explain more than a tenth of what it explains: then the
-    condition is right, and the law or the place is not.
+  - if it does not enter, or is not significant together with all that entered;
+  - if terms of the same condition remain that explain more than a tenth of what the effect explains: then the
+    condition is right, but the law or the place is not.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _WINDOWS = np.radians((6.0, 12.0, 24.0))
 _FEWEST_TOGETHER = 3  # poses
 _BY_CHANCE = 1e-3
 _ROUNDS = 3  # Gauss-Newton steps of the final fit: the terms are small
-_REMAINS = 0.1  # share of what a name explains that terms of its condition may explain beside it
+_REMAINS = 0.1  # share of what a name explains that other terms of its condition may explain
 _NEAR, _MOST_AVERAGED = 60, 8  # change points to either side of a step, and steps that are averaged over them
 _MOST_PLACES = 8
 _BY_ROWS = "order of the rows"
@@ -47,9 +47,17 @@ _SURE = 0.95  # of the interval for the moment of a change
 
 @dataclass(frozen=True)
 class CarriedTerm:
-    """A carried term. explained: share of the squared error left by the named effects that it explained as it entered;
-    condition: what it follows, as places of structure are named; between: ids of the readings before and after the
-    moment of a change, which lies between them with 95 % confidence; None for other terms."""
+    """Carried term of a model.
+
+    Attributes
+    ----------
+    explained : float
+        Share of the squared error left by the named effects that the term explained when it entered.
+    condition : str
+        Condition that the term follows, named as in `ResidualStructure.where`.
+    between : (str, str) or None
+        For a step, ids of the readings before and after the change, which lies between them with 95 % confidence.
+    """
 
     effect: Effect
     values: Array  # (p,) internal units
@@ -61,12 +69,12 @@ class CarriedTerm:
 
     @property
     def slot(self) -> str:
-        """The slot of the chain on which the term acts."""
+        """Slot of the chain on which the term acts."""
         return self.effect.terms[0].slot
 
     @property
     def place(self) -> str:
-        """The slot in words, as places of structure are named."""
+        """Slot as text, named as in `ResidualStructure.acts_on`."""
         kind, number = self.slot.rstrip("0123456789"), self.slot.lstrip("abcdefghijklmnopqrstuvwxyz")
         body = self.slot.partition(".")[0]
         words = {"theta": f"joint {number}", "d": f"the offset {self.slot}", "a": f"the length {self.slot}"}
@@ -78,8 +86,10 @@ class CarriedTerm:
 
 @dataclass(frozen=True)
 class Shares:
-    """Shares of the squared error that the base model leaves: explained by named effects, carried without a name, and
-    noise; they add up to 1."""
+    """Shares of the squared error that the base model leaves; they add up to 1.
+
+    The parts are explained by named effects, explained by carried terms, and noise.
+    """
 
     named: float
     carried: float
@@ -87,7 +97,7 @@ class Shares:
 
     @classmethod
     def of(cls, base: IdentificationFit, named: IdentificationFit, final: IdentificationFit) -> Shares:
-        """The shares on the readings of the final fit."""
+        """Compute the shares on the readings of the final fit."""
         conditions, observed = final.readings.conditions, final.readings.observed
         squares = [
             float(np.sum(observed.residual(BoundModel(fit.model, conditions).frames(fit.estimate, ())) ** 2))
@@ -100,14 +110,16 @@ class Shares:
 
 @dataclass(frozen=True)
 class Layers:
-    """A fit with carried terms, and these terms with the one that explains most first."""
+    """Fit with carried terms, and these terms in descending order of what they explain."""
 
     fitted: IdentificationFit
     terms: tuple[CarriedTerm, ...]
 
     def places(self, left: Sequence[ResidualStructure]) -> list[ResidualStructure]:
-        """The places of structure, of carried terms and of what tests found `left` by the named effects, each condition
-        once, the one that explains most first."""
+        """List the places of structure, each condition once, largest explained share first.
+
+        They come from the carried terms, and from the structure `left` that tests found after the named effects.
+        """
         own = [
             ResidualStructure(t.condition, t.p_value, t.explained, t.place) for t in self.terms[:_MOST_PLACES]
         ]
@@ -120,12 +132,22 @@ class Layers:
 def competed(
     base: IdentificationFit, readings: FitReadings, everywhere: Conditions, named: tuple[Effect, ...]
 ) -> tuple[PursuitResult, tuple[Effect, ...]]:
-    """What a pursuit from the base model chooses among terms and names, and the names that hold.
+    """Let terms and named effects compete in a pursuit from the base model.
 
-    everywhere: the conditions of all rows that must be predicted.
+    If no number of terms pays, all named effects are kept: the readings then show no more than the search for effects
+    did. A term that entered under a withdrawn name stays as a carried term, because left-out readings confirm it.
 
-    All names hold where no number of terms pays: the readings then say no more than the search for names did. What
-    entered under a name that is withdrawn stays as a carried term: left-out readings confirm it.
+    Parameters
+    ----------
+    everywhere : Conditions
+        Conditions of all rows that must be predicted.
+
+    Returns
+    -------
+    chosen : PursuitResult
+        Choice of the pursuit.
+    holding : tuple of Effect
+        Named effects that are kept.
     """
     chosen = pursue(base, readings, everywhere, named)
     if not chosen.choices:
@@ -136,7 +158,10 @@ def competed(
 
 
 def _holds(name: Effect, entered: Mapping[str, PursuitTerm], terms: Sequence[PursuitTerm]) -> bool:
-    """Whether a name holds beside all that entered, and explains its condition together with the other names of it."""
+    """Check that a named effect is significant and explains its condition.
+
+    The other named effects of the condition count with it.
+    """
     own = _conditions_of(name)
     named = sum(
         c.explained for c in entered.values() if c.entry.effect and own & _conditions_of(c.entry.effect)
@@ -149,7 +174,7 @@ def _holds(name: Effect, entered: Mapping[str, PursuitTerm], terms: Sequence[Pur
 
 
 def _conditions_of(effect: Effect) -> set[str | int]:
-    """The conditions that an effect follows: "time", "air", or the numbers of joints."""
+    """Return the conditions that an effect follows: "time", "air", or the numbers of joints."""
     found: set[str | int] = set()
     for term in effect.terms:
         if isinstance(term.regressor, StepAt | CreepBetween | Time | WarmUpRegressor | OfTime):
@@ -163,13 +188,16 @@ def _conditions_of(effect: Effect) -> set[str | int]:
 
 
 def _kind(effect: Effect) -> str:
-    """The kind of entry whose condition an effect follows first."""
+    """Return the kind of entry for the first condition that an effect follows."""
     own = _conditions_of(effect)
     return "time" if "time" in own else "air" if "air" in own else "joint" if own else "constant"
 
 
 def _condition(entry: Entry, clock: str) -> str:
-    """The condition of an entry, as places of structure are named; without times only the order of rows is known."""
+    """Name the condition of an entry as in `ResidualStructure.where`.
+
+    Without times only the order of the rows is known.
+    """
     kind, joints = entry.kind, list(entry.joints)
     if entry.effect is not None:
         kind = _kind(entry.effect)
@@ -186,7 +214,7 @@ def _conditions_of_entry(entry: Entry) -> set[str | int]:
 def with_terms(
     dataset: Dataset, named: IdentificationFit, readings: FitReadings, chosen: PursuitResult
 ) -> Layers:
-    """The fit of base model and names with the carried terms of a pursuit, everything together on the exact chain."""
+    """Fit the base model, the named effects and the carried terms together on the exact chain."""
     carried = chosen.carried(named={e.label for e in named.model.effects})
     if not carried:
         return Layers(named, ())
@@ -257,7 +285,10 @@ def _effect(
 
 
 def _unnamed(choice: PursuitTerm, number: int, conditions: Conditions, clock: str) -> Effect:
-    """A named effect as a carried term: what drives it is held at the border of what was measured."""
+    """Turn a named effect into a carried term.
+
+    Its drivers keep the value at the border of the measured range beyond that range.
+    """
     named = choice.entry.effect
     assert named is not None
     label = f"carried:{named.terms[0].slot}:{CONDITIONS[_kind(named)].split()[0]}:{number}"
@@ -289,7 +320,7 @@ def _averaged(
     step: PursuitTerm,
     known: Array,
 ) -> tuple[Regressor, tuple[float, float]]:
-    """A step averaged over the moments that the readings allow, and the interval that contains 95 % of them."""
+    """Average a step over its possible moments; return also the interval with 95 % of them."""
     assert step.entry.at is not None
     here = int(np.searchsorted(known, step.entry.at))
     low, high = max(here - _NEAR, 0), min(here + _NEAR, len(known) - 1)
@@ -331,7 +362,7 @@ def _averaged(
 def _between(
     dataset: Dataset, readings: FitReadings, clock: str, moment: tuple[float, float]
 ) -> tuple[str, str]:
-    """Ids of the last reading of the fit at or before an interval, and of the first at or after it."""
+    """Return the ids of the last reading up to an interval, and of the first from its end."""
     times, rows = getattr(dataset.conditions, clock), readings.rows
     before = rows[times[rows] <= moment[0]]
     after = rows[times[rows] >= moment[1]]
@@ -343,9 +374,10 @@ def _between(
 def _fitted(
     named: IdentificationFit, readings: FitReadings, effects: Iterable[Effect], kappa: float
 ) -> IdentificationFit:
-    """Model and terms fitted together, the model with a leash to its own fit, each term held by its evidence.
+    """Fit the model and the terms together.
 
-    The noise is what left-out blocks show: the residual's times kappa.
+    A ridge ties the model to its own fit, and evidence limits each term. The noise is that of the left-out blocks: the
+    noise of the residual times kappa.
     """
     model = named.model.append(*effects)
     start = carry(named.model, named.estimate, model)
@@ -387,8 +419,17 @@ def _fitted(
 
 
 def readings_back(dataset: Dataset, fitted: IdentificationFit) -> tuple[FitReadings, NDArray[np.int64]]:
-    """The readings of a fit with those it left out that lie together in a window of one joint, beyond chance, and the
-    rows of the latter in the data set: they show a place where the model fails, and are no accidents."""
+    """Add rejected readings that are not accidental to the readings of a fit.
+
+    Rejected readings that cluster in a window of one joint beyond chance show a place where the model fails.
+
+    Returns
+    -------
+    readings : FitReadings
+        Readings of the fit with those that came back.
+    back : array of int
+        Rows of the latter in the data set.
+    """
     from scipy.stats import hypergeom  # half a second that a service need not take to begin
 
     readings, out = all_readings(dataset, fitted)

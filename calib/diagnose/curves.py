@@ -1,23 +1,24 @@
-"""Curves of gears: all whole orders of a joint's transmission error at once, fitted in one linear solve.
+"""Curves of gears: all whole orders of a joint's transmission error, in one linear solve.
 
-Where many waves of a gear are above the noise, their names say little and each is a choice that other readings would
-make otherwise: on a UR10 sixty waves and five curves, found in one series, followed the range they were found in.
-Evidence sizes the prior of a curve by joint and half octave, beside the base model and the named effects, whose
-parameters stay free. A joint keeps its curve where left-out blocks of the campaign gain from it, and an order that is
-far larger than its neighbours is named as a wave of its own. While names are searched for on what is left, the curves
-are held: a candidate then counts for no more than it explains beside them.
+If many waves of a gear are above the noise, their names mean little, and other readings would lead to a different
+choice. On a UR10, sixty waves and five curves found in one series depended on the range in which they were found.
+Evidence sizes the prior of a curve by joint and half octave. The base model and the named effects are fitted together
+with the curves, and their parameters stay free. A joint keeps its curve if left-out blocks of the campaign gain from
+it. An order that is far larger than its neighbours is named as a separate wave. While named effects are searched for in
+the remaining residual, the curves are fixed: a candidate then counts only for what it explains in addition to them.
 
 The columns are too many for memory, but the fit is linearised and its prior Gaussian, so J'J and J'y of each block of
 the campaign are all that is needed:
 
     x = (N + P)^-1 (g + P mean),    N = sum of J'J over the blocks, P = s^2 / size^2 on the diagonal.
 
-Sizes are those of the largest marginal likelihood; with gamma_i = 1 - P_i C_ii, C = (N + P)^-1, how much the readings
-determine of parameter i, they are fixed points of
+Sizes are those of the largest marginal likelihood. With C = (N + P)^-1, the readings determine parameter i by the share
+gamma_i = 1 - P_i C_ii, and the sizes are fixed points of
 
     size^2 = sum x_i^2 / sum gamma_i,    s^2 = |y - J x|^2 / (rows - sum gamma_i).
 
-What a fit without block B leaves there is |y_B|^2 - 2 x'g_B + x'N_B x, x from the other blocks. Source: MacKay 1992.
+A fit without block B leaves the squared error |y_B|^2 - 2 x'g_B + x'N_B x there, with x from the other blocks.
+Source: MacKay 1992.
 """
 
 from __future__ import annotations
@@ -52,8 +53,11 @@ _LEAST_SHARE = 1e-3  # of a parameter that a band must determine before its size
 
 
 def blocks_of(conditions: Conditions) -> NDArray[np.int64]:
-    """(n,) block of every reading: stretches of equal length, of each series, in the order in which its poses were
-    first visited. Poses are whole: a curve of many orders learns by heart what a pose has of its own."""
+    """Assign each reading to a block, shape (n,).
+
+    A block is a stretch of equal length of each series, in the order in which the poses were first visited. Poses stay
+    whole, because a curve of many orders overfits the error of a single pose.
+    """
     block = np.zeros(len(conditions), dtype=np.int64)
     for s in np.unique(conditions.series):
         rows = np.flatnonzero(conditions.series == s)
@@ -69,8 +73,17 @@ def blocks_of(conditions: Conditions) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Estimate (a,), covariance (a, a) for unit noise, variance of the noise, prior variances (a,), determined (a,),
-    prior means (a,)."""
+    """Posterior of a linear fit.
+
+    Attributes
+    ----------
+    estimate, variance, determined, mean : array of shape (a,)
+        Estimate, prior variances, share that the readings determine, and prior means.
+    covariance : array of shape (a, a)
+        Covariance for unit noise.
+    noise : float
+        Variance of the noise.
+    """
 
     estimate: Array
     covariance: Array
@@ -82,7 +95,19 @@ class Posterior:
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """J'J (B, a, a) and J'y (B, a) of every block, |y|^2 (B,), and the number of rows; y counts from estimate zero."""
+    """Normal equations of a linear fit, by block.
+
+    Attributes
+    ----------
+    gram : array of shape (B, a, a)
+        J'J of each block.
+    right : array of shape (B, a)
+        J'y of each block; y is relative to an estimate of zero.
+    square : array of shape (B,)
+        |y|^2 of each block.
+    rows : int
+        Number of rows.
+    """
 
     gram: Array
     right: Array
@@ -93,7 +118,10 @@ class NormalEquations:
     def of(
         cls, model: ModelStructure, readings: FitReadings, estimate: Array, active: NDArray[np.bool_]
     ) -> NormalEquations:
-        """The normal equations of a model linearised at an estimate (m,), over its active parameters (mask (m,))."""
+        """Compute the normal equations of a model linearised at an estimate (m,).
+
+        Only the parameters in the mask `active` (m,) take part.
+        """
         block, count = blocks_of(readings.conditions), int(active.sum())
         gram, right, square = np.zeros((BLOCKS, count, count)), np.zeros((BLOCKS, count)), np.zeros(BLOCKS)
         for b in range(BLOCKS):
@@ -108,7 +136,7 @@ class NormalEquations:
         return cls(gram, right, square, readings.observed.count)
 
     def take(self, columns: NDArray[np.int64]) -> NormalEquations:
-        """The normal equations of some of the columns only."""
+        """Return the normal equations of some of the columns."""
         return replace(self, gram=self.gram[:, columns[:, None], columns], right=self.right[:, columns])
 
     def posterior(
@@ -119,10 +147,18 @@ class NormalEquations:
         rounds: int,
         mean: Array | None = None,
     ) -> Posterior:
-        """The fit, its noise and the sizes of its bands by evidence.
+        """Compute the fit, its noise, and the sizes of its bands by evidence.
 
-        prior: (a,) variance, infinite where free; for columns of a band (band >= 0) it is the start. measured: priors
-        that are measurements, which count beside the declared noise. mean: (a,) of the priors, None: zero.
+        Parameters
+        ----------
+        prior : array of shape (a,)
+            Prior variances, infinite for free parameters; start values for the columns of a band.
+        band : array of int, shape (a,)
+            Band of each column; -1 outside the bands.
+        measured : array of bool, shape (a,)
+            Priors that are measurements; their weight is relative to at least the declared noise.
+        mean : array of shape (a,), optional
+            Means of the priors. Default: zero.
         """
         gram, right, square = self.gram.sum(axis=0), self.right.sum(axis=0), float(self.square.sum())
         variance, banded = prior.copy(), band >= 0
@@ -144,8 +180,11 @@ class NormalEquations:
             variance[banded] = np.clip(size, _LEAST_SIZE, _LARGEST_SIZE)[band[banded]] ** 2
 
     def left_out(self, posterior: Posterior, groups: list[NDArray[np.int64]]) -> Array:
-        """(groups, B) by how much the squared error on each left-out block falls because the model has a group of
-        columns, at the priors of `posterior`; negative where the group does harm to readings it was not fitted to."""
+        """Compute the gain (groups, B) of each group of columns on each left-out block.
+
+        The gain is the decrease of the squared error of the block at the priors of `posterior`. It is negative if the
+        group does harm to readings that it was not fitted to.
+        """
         gram, right = self.gram.sum(axis=0), self.right.sum(axis=0)
         penalty = posterior.noise / posterior.variance
         gains = np.zeros((len(groups), BLOCKS))
@@ -162,7 +201,7 @@ class NormalEquations:
 
 
 def _without(estimate: Array, covariance: Array, columns: NDArray[np.int64]) -> Array:
-    """The estimate (a,) under the condition that some columns' parameters are zero."""
+    """Compute the estimate (a,) under the condition that some parameters are zero."""
     within = covariance[np.ix_(columns, columns)]
     out = estimate - covariance[:, columns] @ np.linalg.solve(within, estimate[columns])
     out[columns] = 0.0
@@ -170,9 +209,12 @@ def _without(estimate: Array, covariance: Array, columns: NDArray[np.int64]) -> 
 
 
 def inverse(gram: Array, penalty: Array) -> Array:
-    """(a, a) inverse of J'J + diag(penalty), scaled to a unit diagonal meanwhile.
+    """Compute the inverse (a, a) of J'J + diag(penalty), scaled internally to a unit diagonal.
 
-    Raises LinAlgError where readings and priors together leave a direction open.
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Readings and priors together leave a direction undetermined.
     """
     size = np.sqrt(np.diag(gram) + penalty)
     scaled = gram / np.outer(size, size)
@@ -201,7 +243,7 @@ Sizes = Mapping[int, Array]  # joint -> (BANDS,) usual size of the amplitudes of
 
 @dataclass(frozen=True)
 class GearCurveFit:
-    """A fit with curves of gears beside everything else, all of it free, and the curves' usual sizes."""
+    """Fit with curves of gears, all other parameters free, and the usual sizes of the curves."""
 
     fitted: IdentificationFit
     curves: Mapping[int, Effect]  # by joint
@@ -210,7 +252,7 @@ class GearCurveFit:
 
     @property
     def held(self) -> IdentificationFit:
-        """The fit with the curves held: part of the nominal motion, no parameters."""
+        """Fit with the curves fixed, as part of the nominal motion without parameters."""
         fitted, model = self.fitted, self.fitted.model
         others = tuple(e for e in model.effects if e not in self.curves.values())
         curves = tuple(
@@ -228,8 +270,11 @@ class GearCurveFit:
 
 
 def gears_to_carry(fitted: IdentificationFit, dataset: Dataset) -> list[int]:
-    """The joints whose curves these readings can carry; none where they, or the poses among them, are too few: what a
-    pose shows again says nothing new about a curve."""
+    """List the joints for which these readings can determine curves.
+
+    The list is empty if there are too few readings, or too few different poses: repeating a pose adds no information
+    about a curve.
+    """
     moving = Survey.of(fitted, dataset).moving
     pose = fitted.readings.conditions.pose
     numbers = fitted.readings.observed.count * (int(pose.max()) + 1) / len(pose)
@@ -239,8 +284,10 @@ def gears_to_carry(fitted: IdentificationFit, dataset: Dataset) -> list[int]:
 def with_gears(
     dataset: Dataset, named: IdentificationFit, joints: list[int], *, progress: Progress = silent
 ) -> GearCurveFit | None:
-    """The effects `named`, with a curve for each of the joints that left-out blocks confirm, and with names for the
-    orders that are far above their neighbours. None where no joint is confirmed."""
+    """Add a curve for each of the joints that left-out blocks confirm to the effects of `named`.
+
+    Orders that are far above their neighbours become named waves. Returns None if no joint is confirmed.
+    """
     if not joints:
         return None
     progress(f"curves of whole orders for the gears of {len(joints)} joints")
@@ -262,14 +309,17 @@ def with_gears(
 
 
 def beside(named: IdentificationFit, sizes: Sizes) -> GearCurveFit:
-    """Everything of `named` and a curve for each joint of `sizes`, fitted together."""
+    """Fit everything of `named` together with a curve for each joint of `sizes`."""
     trial = _Trial.of(named, sizes)
     return trial.carried(trial.posterior(_AGAIN))
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """Curves and everything else, linearised at the fit so far; `active` (m,) and what follows (a,) over the active."""
+    """Curves and all other effects, linearised at the current fit.
+
+    `active` has shape (m,); the attributes after it have shape (a,) over the active parameters.
+    """
 
     named: IdentificationFit
     model: ModelStructure
@@ -281,7 +331,7 @@ class _Trial:
 
     @classmethod
     def of(cls, named: IdentificationFit, sizes: Sizes) -> _Trial:
-        """The curves of some joints, with the sizes that a fit before had, or a first guess."""
+        """Build the curves of some joints with given sizes."""
         orders = _named_orders(named.model.effects)
         robot = named.model.robot
         curves = {
@@ -307,12 +357,12 @@ class _Trial:
         )
 
     def columns(self, curve: Effect) -> NDArray[np.int64]:
-        """Places of a curve's parameters among the active ones."""
+        """Return the indices of a curve's parameters among the active ones."""
         place = np.cumsum(self.active) - 1
         return place[self.model.positions(curve)]
 
     def keeping(self, joints: list[int], posterior: Posterior) -> tuple[_Trial, Posterior]:
-        """The curves of some joints only, from the same normal equations, with the sizes found for all."""
+        """Keep the curves of some joints, from the same normal equations and sizes."""
         curves = {k: self.curves[k] for k in joints}
         gone = [curve for k, curve in self.curves.items() if k not in joints]
         stay = np.ones(len(self.start), dtype=bool)
@@ -329,14 +379,14 @@ class _Trial:
         return _Trial(self.named, model, curves, self.start[stay], active, band, normal), found
 
     def posterior(self, rounds: int) -> Posterior:
-        """The fit, with sizes by evidence."""
+        """Compute the fit, with sizes by evidence."""
         model, active = self.model, self.active
         usual = usual_sizes(model, self.named.dropped)
         measured, mean = model.measured[active], model.prior_mean[active]
         return self.normal.posterior(usual[active] ** 2, self.band, measured, rounds, mean)
 
     def carried(self, posterior: Posterior) -> GearCurveFit:
-        """The fit in full, its residual from the exact chain."""
+        """Build the full fit, with its residual from the exact chain."""
         named, active = self.named, self.active
         sizes = {k: np.full(BANDS, _FIRST_SIZE) for k in self.curves}
         for i, of_joint in enumerate(sizes.values()):
@@ -372,7 +422,10 @@ class _Trial:
 
 
 def _named_orders(effects: tuple[Effect, ...]) -> dict[int, set[int]]:
-    """Joint -> whole orders that are named as waves of their own, and so are no part of the joint's curve."""
+    """Map each joint to the whole orders that are named as separate waves.
+
+    These are no part of the joint's curve.
+    """
     named: dict[int, set[int]] = {}
     for effect in effects:
         if effect.wave is None:
@@ -384,8 +437,10 @@ def _named_orders(effects: tuple[Effect, ...]) -> dict[int, set[int]]:
 
 
 def _belonging(dataset: Dataset, fitted: IdentificationFit) -> IdentificationFit:
-    """The fit with all readings that it can place: some that only curves explain had been left out, and others had
-    hidden among the errors of the gears."""
+    """Select again the readings that the fit can explain.
+
+    Some readings that only curves explain had been rejected. Others had been hidden by the errors of the gears.
+    """
     readings, _ = all_readings(dataset, fitted)
     residual = readings.observed.alone.residual(
         BoundModel(fitted.model, readings.conditions).frames(fitted.estimate, ())
@@ -396,7 +451,7 @@ def _belonging(dataset: Dataset, fitted: IdentificationFit) -> IdentificationFit
 
 
 def _naming(fitted: IdentificationFit, orders: list[tuple[int, int]]) -> IdentificationFit:
-    """The fit with waves of some orders (joint, order) in its model, from zero."""
+    """Add waves of some orders (joint, order) to the model of a fit, from zero."""
     waves = tuple(periodic(joint, float(order)) for joint, order in orders)
     model = fitted.model.append(*waves)
     count, more = len(fitted.estimate), 2 * len(waves)
@@ -412,10 +467,10 @@ def _naming(fitted: IdentificationFit, orders: list[tuple[int, int]]) -> Identif
 
 
 def _outstanding(carried: GearCurveFit) -> list[tuple[int, int]]:
-    """Joint and order of every wave that is larger than its neighbours make likely, the largest first.
+    """List joint and order of every wave far above its neighbours, largest first.
 
-    What the readings alone say of an order, y with covariance V, is its estimate with its own prior taken out again.
-    With m neighbours of mean square s^2 the test is y'(V + s^2 I)^-1 y / 2 against F(2, 2m), all orders counted.
+    The readings alone determine an order as y with covariance V: its estimate with its own prior removed.
+    With m neighbours of mean square s^2 the test is y'(V + s^2 I)^-1 y / 2 against F(2, 2m), corrected for all orders.
     """
     found = []
     for joint, curve in carried.curves.items():

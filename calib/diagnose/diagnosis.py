@@ -1,20 +1,20 @@
-"""The diagnosis: identify, search for effects, refit, and judge on held-out readings.
+"""Diagnosis: identify, search for effects, refit, and judge on held-out readings.
 
 The choice of effects, the refits and the rejection of rows use calibration rows only. Validation rows are predicted at
 the end, by the nominal robot in its place, by the base model, and by the model with the effects. `carry_over` judges
-what was found on another data set of the same robot.
+the result on another data set of the same robot.
 
-Cross-validation of effects within a data set: each is judged on blocks of readings that the fit has not seen.
+Effects are cross-validated within a data set: each is judged on blocks of readings that the fit has not used.
 
-The readings are cut into blocks (stretches of time; where the poses follow a path these are regions too). With H the
-hat matrix of the linearised fit, what a fit without block B leaves there is
+The readings are cut into blocks of time, which are regions too if the poses follow a path. With H the hat matrix of
+the linearised fit, the residual of a fit without block B is, in that block,
 
     e_B = (I - H_BB)^-1 r_B,        H = Q Q',
 
-so no fit is repeated. An effect that is taken out of the model takes its own direction q out of H and gives its share
-c back to the residual: H - q q', r + q c. Its gain in a block is by how much |e_B|^2 falls when the model has it.
+so no fit is repeated. Removing an effect from the model removes its direction q from H and returns its share c to the
+residual: H - q q', r + q c. Its gain in a block is the decrease of |e_B|^2 when the model includes it.
 A random hold-out is optimistic, since every held-out reading has neighbours in the fit. Source: Christensen, Pearson &
-Johnson 1992 (case deletion by blocks); Roberts et al. 2017 (why blocks).
+Johnson 1992 (case deletion by blocks). Roberts et al. 2017 (reason for blocks).
 """
 
 from __future__ import annotations
@@ -89,10 +89,10 @@ _KNOWN = 1e-9  # what no other block knows of a parameter without a prior, so th
 def in_type(
     dataset: Dataset, fitted: IdentificationFit, beside: TypeFit, found: list[DiagnosedEffect], *, refit: bool
 ) -> tuple[IdentificationFit, list[DiagnosedEffect]]:
-    """The fit held to its type with what was found, and the findings with their new values.
+    """Fit the robot with its type prior and the effects found; return fit and findings.
 
-    beside: the base model's; refit: False where curves of gears are in the model, whose sizes the readings say: then
-    all stays as the base model had it.
+    The argument `beside` is the type fit of the base model. Pass `refit=False` if the model includes curves of gears,
+    whose sizes the readings determine: then all values stay as the base model had them.
     """
     if not refit:
         return replace(fitted, beside=beside, warnings=(*beside.warnings(), *fitted.warnings)), found
@@ -119,7 +119,7 @@ _HARM = 0.02  # share by which the held-out error must be smaller without an eff
 
 @dataclass(frozen=True)
 class DiagnosisFit:
-    """The result of a diagnosis: the effects found, and the error before and after on validation rows."""
+    """Result of a diagnosis: effects, and the errors before and after on validation rows."""
 
     dataset: Dataset
     base: IdentificationFit
@@ -139,42 +139,42 @@ class DiagnosisFit:
     # The smallest size of everything looked for that these readings would have shown
     power: tuple[DetectableEffect, ...]
     harmful: tuple[str, ...]  # effects without which the held-out error would be smaller
-    surprise: HeldOutTest | None  # how the held-out error compares with what noise and parameters let expect
+    surprise: HeldOutTest | None  # held-out error compared with the expectation from noise and parameters
     carried: tuple[
         CarriedTerm, ...
     ]  # the terms of the final model without a name, the one that explains most first
-    withdrawn: tuple[str, ...]  # names that the search found and that did not hold beside the carried terms
+    withdrawn: tuple[str, ...]  # names that the search found and that carried terms explain better
     shares: Shares
-    held_out_faults: HeldOutFaults  # held-out readings that are no readings of what they say
+    held_out_faults: HeldOutFaults  # held-out readings that are faulty
     back: tuple[str, ...]  # readings that the fit had left out and that came back, since they lie together
     seconds: float
 
     @property
     def agrees(self) -> bool | None:
-        """Whether held-out readings agree with the final model, carried terms included; None without any."""
+        """Whether held-out readings agree with the final model; None without any."""
         return None if self.surprise is None else not self.surprise.real
 
     @property
     def gain(self) -> tuple[ErrorStatistics | None, ErrorStatistics | None]:
-        """Error of the nominal robot in its place and of the final model on held-out readings, faulty ones apart."""
+        """Held-out errors of the nominal robot in its place and of the final model."""
         rows = self.dataset.validation_rows & ~self.held_out_faults.rows
         nominal = errors_on(self.dataset, rows, self.nominal, self.nominal_estimate)
         return statistics_of(nominal), self.held_out_faults.error_without
 
     @property
     def worse_than_nominal(self) -> bool:
-        """Whether the final model misses held-out readings by more than the nominal robot in its place does."""
+        """Whether the final model has a larger held-out error than the nominal robot in its place."""
         nominal, found = self.gain
         return worse(found, nominal)
 
     @property
     def by_repeats(self) -> bool:
-        """Whether the verdict rests on the noise that repeated visits show, since there is more than was declared."""
+        """Whether the verdict uses the noise of repeated visits instead of the declared one."""
         return self.p_lack_of_fit < NOISY and self.verdict in ("complete", "attributed", "ambiguous")
 
     @property
     def causes_known(self) -> bool:
-        """Whether the effects found explain the readings; otherwise they may only imitate an unknown law."""
+        """Whether the effects found explain the readings and do not only imitate another law."""
         return self.verdict not in ("unexplained", "excess_noise")
 
     @property
@@ -184,20 +184,20 @@ class DiagnosisFit:
 
     @property
     def next_measurements(self) -> tuple[str, ...]:
-        """Sentences on what to measure next; empty where the causes are known."""
+        """Recommended next measurements as sentences; empty if the causes are known."""
         if self.causes_known:
             return ()
         return next_measurements((left.where, left.acts_on) for left in self.structure)
 
     @property
     def held_out(self) -> FitReadings | None:
-        """The readings of the validation set as the final model sees them; None without any."""
+        """Readings of the validation set for the final model; None without any."""
         rows = self.dataset.validation_rows
         return readings_of(self.dataset, rows, self.final.model, self.final.estimate) if rows.any() else None
 
     @property
     def stretch(self) -> float | None:
-        """Held-out error over what the fit leaves on its own points; `surprise` says whether that is to be expected."""
+        """Held-out error divided by the residual of the fit on its own points; see `surprise`."""
         observed = self.final.readings.observed
         held_out = self.held_out_faults.error_without
         if held_out is None or observed.points is None or observed.lengths is not None:
@@ -214,9 +214,14 @@ def diagnose(
     prior: TypePrior | None = None,
     progress: Progress = silent,
 ) -> DiagnosisFit:
-    """Find the effects that the base model of a data set lacks. prior: what robots of the type share.
+    """Find the effects that the base model of a data set lacks.
 
-    Raises DataError when it cannot even be identified, and for the prior of another type.
+    The argument `prior` is the prior of the robot type.
+
+    Raises
+    ------
+    DataError
+        The base model cannot be identified, or the prior belongs to another type.
     """
     begin = time.perf_counter()
     base = identify(dataset, prior=prior, progress=progress)
@@ -283,7 +288,7 @@ def diagnose(
 def _search(
     dataset: Dataset, base: IdentificationFit, most: int, progress: Progress
 ) -> tuple[EffectSelection, GearCurveFit | None]:
-    """The effects that stay when readings are screened again, and the curves of gears that they were found beside."""
+    """Find effects that stay when readings are screened again, and the curves fitted with them."""
     progress("searching")
     joints = gears_to_carry(base, dataset)
     selection = _screened(
@@ -304,7 +309,7 @@ def _search(
 def _screened(
     dataset: Dataset, selection: EffectSelection, most: int, crowd: float, progress: Progress
 ) -> EffectSelection:
-    """Search, screen the readings again, and so on until they stay the same."""
+    """Search and screen the readings again until they stay the same."""
     dropped = selection.fitted.dropped
     for _ in range(_SCREENINGS):
         selection = select(dataset, selection.fitted, progress=progress, most=most, crowd=crowd)
@@ -322,9 +327,11 @@ def _screened(
 def _judged(
     dataset: Dataset, selection: EffectSelection
 ) -> tuple[EffectSelection, Space, list[DiagnosedEffect], tuple[DetectableEffect, ...]]:
-    """Every effect with its evidence, strongest first. Those that the last refit left without any go, weakest first,
-    and so do those from which left-out blocks of the readings do not gain; before them, one at a time, those that it
-    left where physics forbids them."""
+    """Judge every effect, strongest first.
+
+    Physically impossible effects are removed first, one at a time. Then effects without evidence after the last refit,
+    or without gain on left-out blocks, are removed, weakest first.
+    """
     while True:
         fitted = _arrived(dataset, selection.fitted)
         selection = replace(selection, fitted=fitted)
@@ -351,14 +358,14 @@ def _judged(
 
 
 def _arrived(dataset: Dataset, fitted: IdentificationFit) -> IdentificationFit:
-    """A fit taken to its end: between choices it takes a few steps only, too few where what was found is large."""
+    """Let a fit converge: between choices it takes only a few steps, too few for large effects."""
     return fitted if fitted.converged else fit_again(dataset, fitted, fitted.model)
 
 
 def _screen(
     dataset: Dataset, dropped: tuple[DroppedParameter, ...], selection: EffectSelection
 ) -> IdentificationFit:
-    """Fit the chosen model to all readings again, those included that the base model could not place."""
+    """Fit the chosen model to all readings again, including those that the base model rejected."""
     model = selection.fitted.model
     readings = readings_of(dataset, dataset.fit_rows, model, selection.fitted.estimate)
     return fit(dataset, model, readings, selection.fitted.estimate, settled=dropped)
@@ -383,7 +390,7 @@ def _found(
 
 
 def _curve(carried: GearCurveFit, curve: Effect) -> DiagnosedEffect:
-    """The curve of a gear: what it explains that nothing else does; it has no rivals."""
+    """Judge the curve of a gear by its own contribution; it has no rivals."""
     fitted = carried.fitted
     positions = fitted.model.positions(curve)
     values, covariance = fitted.estimate[positions], fitted.covariance[np.ix_(positions, positions)]
@@ -410,7 +417,7 @@ def _curve(carried: GearCurveFit, curve: Effect) -> DiagnosedEffect:
 
 
 def _follow_up(dataset: Dataset, final: IdentificationFit, found: list[DiagnosedEffect]) -> FollowUp | None:
-    """Poses that would distinguish the members of every class; the weightiest rivals of the strongest effects first."""
+    """Find poses that distinguish the members of every class, strongest effects first."""
     effects = tuple(f.effect for f in found)
     pairs = [
         (f.effect, f.evidence.effects[label])
@@ -429,8 +436,7 @@ def _follow_up(dataset: Dataset, final: IdentificationFit, found: list[Diagnosed
 
 
 def _structure(dataset: Dataset, space: Space) -> list[ResidualStructure]:
-    """The structure that is left: along the drivers, those readings included that the fit left out, in where these lie,
-    and in the poses by themselves."""
+    """Find structure along drivers, in the place of rejected readings, or in each pose."""
     alarm = ALARM if p_lack_of_fit(space) >= NOISY else SUSPECT
     readings, out = all_readings(dataset, space.fitted)
     if not out.any():
@@ -440,7 +446,7 @@ def _structure(dataset: Dataset, space: Space) -> list[ResidualStructure]:
 
 
 def _fits(space: Space) -> bool:
-    """Whether noise leaves so much: noise as declared or, where readings repeat, as they show it."""
+    """Check that noise explains the residual: the declared noise, or that of repeated readings."""
     repeats = p_beyond_repeats(space)
     return p_lack_of_fit(space) >= NOISY or (repeats is not None and repeats >= NOISY)
 
@@ -448,8 +454,7 @@ def _fits(space: Space) -> bool:
 def _verdict(
     found: list[DiagnosedEffect], structure: list[ResidualStructure], *, fits: bool, holds: bool
 ) -> Verdict:
-    """The verdict. No cause or class is certain where the residuals exceed what noise explains, or where the model
-    does not hold for the readings held out."""
+    """Return the verdict: nothing is certain if noise or held-out readings contradict it."""
     if structure:
         return "unexplained"
     if not fits:
@@ -462,13 +467,13 @@ def _verdict(
 
 
 def _holds(surprise: HeldOutTest | None, faults: HeldOutFaults) -> bool:
-    """Whether the model holds for the readings held out: within their expectation, and not many of them faulty."""
+    """Check that the held-out error is as expected, and that few held-out readings are faulty."""
     many = len(faults.faults) > _MANY_FAULTS * max(faults.error_without.n if faults.error_without else 0, 1)
     return not (many or (surprise is not None and surprise.real))
 
 
 def _harmful(dataset: Dataset, final: IdentificationFit, found: list[DiagnosedEffect]) -> tuple[str, ...]:
-    """The effects without which the held-out error would be smaller; they stay, since validation decides nothing."""
+    """List effects that increase the held-out error; they stay, as validation decides nothing."""
     whole = statistics_of(errors_on(dataset, dataset.validation_rows, final.model, final.estimate))
     if whole is None:
         return ()
@@ -478,7 +483,7 @@ def _harmful(dataset: Dataset, final: IdentificationFit, found: list[DiagnosedEf
 
 
 def _notes(dataset: Dataset) -> tuple[str, ...]:
-    """Sentences on effects that these readings cannot show: not found does not mean absent."""
+    """List effects that these readings cannot show: not found does not mean absent."""
     conditions = dataset.conditions.take(dataset.fit_rows)
     notes = []
     axes = dataset.header.robot.axes
@@ -534,7 +539,7 @@ class CarryOver:
 
     @property
     def finding(self) -> str:
-        """The carry-over in a sentence; empty where the other set has no validation rows."""
+        """The carry-over as a sentence; empty if the other set has no validation rows."""
         if self.base is None or self.frozen is None or self.refitted is None:
             return ""
         frozen, refitted = (1.0 - errors.rms / self.base.rms for errors in (self.frozen, self.refitted))
@@ -550,7 +555,13 @@ class CarryOver:
 
 
 def carry_over(diagnosis: DiagnosisFit, other: Dataset) -> CarryOver:
-    """Judge the effects of `diagnosis` on another data set. Raises DataError when it is of another robot."""
+    """Judge the effects of `diagnosis` on another data set of the same robot.
+
+    Raises
+    ------
+    DataError
+        The data set is of another robot.
+    """
     if other.header.robot.name != diagnosis.dataset.header.robot.name:
         raise DataError(
             f"is of the robot '{other.header.robot.name}', not '{diagnosis.dataset.header.robot.name}'.",
@@ -585,9 +596,10 @@ def carry_over(diagnosis: DiagnosisFit, other: Dataset) -> CarryOver:
 
 
 def _carries(effect: Effect) -> bool:
-    """Whether an effect carries over: gears and mounting do; drifts, steps and temperatures belong to one session.
+    """Check if an effect applies to other sessions: gears and mounting do, drifts do not.
 
-    What leans or loads the arm shares its columns with the compliances: without it these would carry a part of it.
+    Drifts, steps and temperatures belong to one session. An effect that tilts or loads the arm shares its columns with
+    the compliances, which would absorb a part of it if it were left out.
     """
     if effect.is_carried:
         return effect.is_usable and effect.owner == "robot"
@@ -597,7 +609,7 @@ def _carries(effect: Effect) -> bool:
 def _fit(
     other: Dataset, model: ModelStructure, start: Array, free: list[int] | range, own: IdentificationFit
 ) -> Array:
-    """Least squares over the `free` parameters, on the readings that fitted the other set's own base model."""
+    """Fit the `free` parameters to the readings that agree with the other set's own base model."""
     belongs = np.zeros(len(other), dtype=bool)
     belongs[own.readings.rows] = True
     readings = readings_of(other, belongs, model, start)
@@ -620,7 +632,7 @@ def _fit(
 
 @dataclass(frozen=True)
 class Blocks:
-    """Rows of every block: index (n,) of the block of each reading."""
+    """Block of each reading (n,), and the number of blocks."""
 
     of_reading: NDArray[np.int64]
     count: int
@@ -635,9 +647,11 @@ class Blocks:
         return cls(rank * count // n, count)
 
     @classmethod
-    def random_blocks(cls, space: Space) -> Blocks:
-        """Short stretches of whole poses, in the order in which they were first visited, dealt out to the blocks: no
-        block has a pose of another, nor all that shows a step."""
+    def dealt(cls, space: Space) -> Blocks:
+        """Deal short stretches of whole poses, in the order of their first visit, to the blocks.
+
+        No pose is in two blocks, and no block contains all readings that show a step.
+        """
         conditions = space.fitted.readings.conditions
         pose = conditions.pose
         first = np.full(int(pose.max()) + 1, np.inf)
@@ -647,9 +661,10 @@ class Blocks:
 
 
 def carried_gains(space: Space, effects: tuple[Effect, ...], blocks: Blocks) -> Array:
-    """(effects, blocks): by how much the squared error on each left-out block falls because the model has the effect.
+    """Compute the gain (effects, blocks) of each effect on each left-out block.
 
-    In whitened units for noise as declared; negative where the effect does harm to readings it was not fitted to.
+    The gain is the decrease of the squared error, whitened for declared noise. It is negative if the effect does harm
+    to readings that it was not fitted to.
     """
     shape = space.residual.shape
     data, whole = space.residual.ravel(), space.basis_of_readings

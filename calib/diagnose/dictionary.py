@@ -1,12 +1,12 @@
-"""The dictionary of carried terms: every slot of the chain x every condition that the readings offer.
+"""Dictionary of carried terms: every slot of the chain times every available condition.
 
 A condition is a function of one recorded quantity (time, air, joint angle, torque, side of approach, last move), or of
-two joint angles together. An entry is one condition on one slot; its columns are the whitened derivative of the
+two joint angles together. An entry is one condition on one slot. Its columns are the whitened derivative of the
 readings by the slot times the values of the condition. Entries of one kind share a price: the more of them there are,
 the more an entry must explain.
 
-A function of time is known at the readings of a fit only: between them it is linear, beyond them constant. So it is
-made for the readings in hand, and a fold that leaves readings out knows less of it than the whole fit.
+A function of time is known only at the readings of a fit. Between them it is linear, beyond them constant. It is
+therefore built for the current readings, and a fold that leaves readings out knows less of it than the whole fit.
 """
 
 from __future__ import annotations
@@ -59,16 +59,25 @@ _MOST_KNOTS = 80  # of a function of time in a model
 
 @dataclass(frozen=True, eq=False)
 class OfClock:
-    """A function of time before it is bound to readings: (u,) times in ascending order -> (u,) values."""
+    """Function of time before it is bound to readings: ascending times (u,) to values (u,)."""
 
     values: Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One condition on one slot. kind: of the condition; functions: one for each column; at: time of a step.
+    """Entry of the dictionary: one condition on one slot.
 
-    effect: the named effect that the entry stands for, whose columns then take the place of slot and functions.
+    Attributes
+    ----------
+    kind : str
+        Kind of condition.
+    functions : tuple of Regressor or OfClock
+        One function for each column.
+    at : float or None
+        Time of a step.
+    effect : Effect or None
+        Named effect that the entry stands for. Its columns then replace slot and functions.
     """
 
     slot: str
@@ -86,7 +95,7 @@ class Entry:
 
 
 class Part:
-    """Some readings of a fit as its model sees them at its estimate: residual, columns of the model and of slots."""
+    """Some readings of a fit: residual, and columns of the model and of slots."""
 
     def __init__(self, model: ModelStructure, estimate: Array, readings: FitReadings) -> None:
         self.readings, self.conditions = readings, readings.conditions
@@ -96,18 +105,21 @@ class Part:
 
     @property
     def size(self) -> int:
-        """Number of whitened rows, with those (zero) that were not measured."""
+        """Number of whitened rows, including rows (zero) that were not measured."""
         return self.residual.size
 
     @cached_property
     def columns(self) -> Array:
-        """(size, m) whitened derivative of the readings by the parameters of the model."""
+        """Whitened derivative of the readings by the parameters of the model, shape (size, m)."""
         return jacobian(self._design, self._observed, self._frames)
 
     def of_entries(
         self, entries: Sequence[Entry], known: Array, clock: str, kind: type = np.float64
     ) -> Array:
-        """(columns, size) of some entries; known (u,): times at which functions of time are known, ascending."""
+        """Compute the columns of some entries, shape (columns, size).
+
+        Functions of time are known at the ascending times `known` (u,).
+        """
         slots = tuple(dict.fromkeys(e.slot for e in entries if e.effect is None))
         terms = [term for e in entries if e.effect is not None for term in e.effect.terms]
         slots += tuple({term.slot for term in terms} - set(slots))
@@ -142,26 +154,32 @@ class Part:
 
 @dataclass(frozen=True)
 class Dictionary:
-    """The entries that some readings offer. clock: "time", or "order" for readings without times."""
+    """Entries that some readings offer.
+
+    Attributes
+    ----------
+    clock : str
+        "time", or "order" for readings without times.
+    """
 
     entries: tuple[Entry, ...]
     clock: str
 
     @cached_property
     def price(self) -> Array:
-        """(entries,) log of the number of entries of the same kind."""
+        """Logarithm of how many entries have the same kind, shape (entries,)."""
         kinds = np.array([e.kind for e in self.entries])
         many = {kind: float(np.log(np.sum(kinds == kind))) for kind in set(kinds.tolist())}
         return np.array([many[kind] for kind in kinds])
 
     @cached_property
     def named(self) -> NDArray[np.bool_]:
-        """(entries,) entries that stand for named effects."""
+        """Mask of the entries for named effects, shape (entries,)."""
         return np.array([e.effect is not None for e in self.entries])
 
     @cached_property
     def width(self) -> NDArray[np.int64]:
-        """(entries,) number of columns."""
+        """Number of columns of each entry, shape (entries,)."""
         return np.array([e.width for e in self.entries])
 
     @classmethod
@@ -172,9 +190,10 @@ class Dictionary:
         everywhere: Conditions,
         named: Sequence[Effect] = (),
     ) -> Dictionary:
-        """Everything that readings offer beside a model, and named effects as entries of their own.
+        """Build all entries that readings offer in addition to a model, and those of named effects.
 
-        everywhere: the conditions of all rows that must be predicted; what some of them lack is not offered.
+        The conditions `everywhere` are those of all rows that must be predicted. A condition that some of them do not
+        state is not offered.
         """
         conditions = readings.conditions
         timed = bool(np.isfinite(everywhere.time).all() and np.ptp(conditions.time) > 0.0)
@@ -198,7 +217,7 @@ class Dictionary:
         return cls(tuple(entries), clock)
 
     def known(self, conditions: Conditions) -> Array:
-        """(u,) times at which a fit to readings knows functions of time, ascending."""
+        """Return the ascending times (u,) at which a fit to readings knows functions of time."""
         return np.unique(getattr(conditions, self.clock))
 
 
@@ -210,12 +229,12 @@ def _wave(f: Callable[[Array], Array], rate: float, start: float) -> OfClock:
 
 
 def step_at(time: float) -> OfClock:
-    """A step behind a time."""
+    """Return a step after a time."""
     return OfClock(lambda u: np.asarray(u > time, dtype=np.float64))
 
 
 def _of_clock(times: Array) -> list[Shape]:
-    """Steps, a ramp and warm-ups over times (u,), ascending."""
+    """Build steps, a ramp and warm-ups over ascending times (u,)."""
     if len(times) < 4:
         return []
     start, span, gap = times[0], max(float(np.ptp(times)), 1e-9), np.diff(times)
@@ -263,7 +282,7 @@ def _table(times: Array, values: Array) -> OfClock:
 
 
 def moving(conditions: Conditions) -> list[int]:
-    """The joints that moved, from 1."""
+    """List the joints that moved, from 1."""
     return [k + 1 for k in range(conditions.joints.shape[1]) if np.ptp(conditions.joints[:, k]) > _STILL]
 
 
@@ -272,7 +291,7 @@ def _range_of(values: Array) -> tuple[float, float]:
 
 
 def _of_joints(model: ModelStructure, conditions: Conditions) -> list[Shape]:
-    """Low waves, torque, side and last move of every joint that moved."""
+    """Build low waves, torque, side and last move for every joint that moved."""
     found: list[Shape] = []
     slides = model.robot.slides
     for k in moving(conditions):
@@ -305,7 +324,7 @@ def _of_joints(model: ModelStructure, conditions: Conditions) -> list[Shape]:
 
 
 def _of_gears(model: ModelStructure, conditions: Conditions) -> list[Entry]:
-    """Waves of the gear, windows, and waves of two joints together, on the joint itself."""
+    """Build waves of the gear, windows, and waves of two joints together, on the joint itself."""
     entries: list[Entry] = []
     turning = [k for k in moving(conditions) if k not in model.robot.slides]
     slot = dict(enumerate(model.robot.joint_slots, start=1))
@@ -335,7 +354,10 @@ def _of_gears(model: ModelStructure, conditions: Conditions) -> list[Entry]:
 
 
 def bound(function: Regressor | OfClock, known: Array, clock: str) -> Regressor:
-    """A function of an entry as a regressor: one of time with its knots, as few as follow it to a thousandth."""
+    """Convert a function of an entry to a regressor.
+
+    A function of time gets the fewest knots that follow it to a thousandth of its range.
+    """
     if not isinstance(function, OfClock):
         return function
     values = np.asarray(function.values(known), dtype=np.float64)
@@ -344,7 +366,7 @@ def bound(function: Regressor | OfClock, known: Array, clock: str) -> Regressor:
 
 
 def _knots(times: Array, values: Array) -> NDArray[np.int64]:
-    """Indices of the knots between which values over times are linear to a thousandth of their range."""
+    """Select knots between which values are linear to a thousandth of their range."""
     kept = [0, len(times) - 1]
     allowed = 1e-3 * max(float(np.ptp(values)), 1e-12)
     while len(kept) < _MOST_KNOTS:
@@ -369,7 +391,7 @@ _HELD: Mapping[type, tuple[str, str]] = {
 
 
 def held(regressor: Regressor, conditions: Conditions, clock: str) -> Regressor:
-    """A regressor of a named effect with its value at the border of what was measured kept beyond it."""
+    """Keep a regressor of a named effect constant beyond the border of the measured range."""
     if isinstance(regressor, StepAt | CreepBetween | Time | WarmUpRegressor):
         times, first = np.unique(getattr(conditions, clock), return_index=True)
         return bound(_table(times, np.asarray(regressor.evaluate(conditions))[first]), times, clock)

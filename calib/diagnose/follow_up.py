@@ -1,13 +1,14 @@
-"""What to measure next, and remarks on the readings at hand.
+"""Recommended next measurements, and remarks on the current readings.
 
-Poses that would distinguish rival explanations: each rival b of an effect a is fitted in its place. Where the two
-models predict d(x) apart at a pose x, and the rival's parameters with covariance C may still adapt themselves (columns
-J), a reading with noise S separates them by the squared Mahalanobis distance d' (S + J C J')^-1 d. Poses are taken one
-by one, each where it separates most what is separated least so far; after each the rival is fitted to what would be
-seen there (a Kalman step on d and C). Source: Atkinson & Fedorov 1975 (T-optimal designs, sequential form).
+Poses are chosen to distinguish rival explanations. Each rival b of an effect a is fitted instead of a. At a pose x the
+predictions of the two models differ by d(x), and the parameters of the rival, with covariance C and columns J, may
+still adapt. A reading with noise S separates the two by the squared Mahalanobis distance d' (S + J C J')^-1 d. Poses
+are taken one by one, each where it best separates the pair that is separated least so far. After each pose the rival is
+fitted to the predicted reading (a Kalman step on d and C). Source: Atkinson & Fedorov 1975 (T-optimal designs,
+sequential form).
 
-Where the cause is unknown the advice follows from the places of the structure: it varies that quantity alone, so that
-the next diagnosis can tell it from what was varied together with it.
+If the cause is unknown, the recommendation follows from the places of structure: it varies that quantity alone, so that
+the next diagnosis can distinguish it from quantities that varied together with it.
 """
 
 from __future__ import annotations
@@ -86,9 +87,14 @@ _OF_PLACE = (
 
 
 def next_measurements(places: Iterable[tuple[str, str]]) -> tuple[str, ...]:
-    """Sentences on what to measure next, the most telling place first; for no place, what separates noise from a law.
+    """Recommend measurements as sentences, most informative first.
 
-    places: (what drives the error, what it acts on), as `Structure.where` and `Structure.acts_on`.
+    Without a place of structure, the measurements separate noise from an unknown law.
+
+    Parameters
+    ----------
+    places : iterable of (str, str)
+        Driver of each error and what the error acts on, as `ResidualStructure.where` and `ResidualStructure.acts_on`.
     """
     advice: list[str] = []
     for where, acts_on in places:
@@ -134,11 +140,24 @@ Rivals = Mapping[Pair, IdentificationFit]
 
 @dataclass(frozen=True)
 class FollowUp:
-    """The poses to measure next: joints (n, N) rad as the controller counts them, sides (n,) +1 from below or -1 from
-    above on every joint, approach (n,) rad, the length of the last move, targets (n,) by name; and what it would bring.
+    """Poses to measure next, and their expected effect.
 
-    separations: squared distances in units of the noise, once all poses are measured.
-    procedures: what no pose can do. rivals: what is to be distinguished, to choose among other poses.
+    Attributes
+    ----------
+    joints : array of shape (n, N)
+        Controller angles, rad.
+    sides : array of shape (n,)
+        Side of approach of every joint, +1 from below or -1 from above.
+    approach : array of shape (n,)
+        Length of the last move, rad.
+    targets : tuple of str
+        Name of the target of each pose.
+    separations : dict
+        Squared distance of each pair in units of the noise, after all poses are measured.
+    procedures : tuple of str
+        Procedures for pairs that no pose separates.
+    rivals : mapping
+        Refitted models of the pairs, for a choice among other poses.
     """
 
     joints: Array
@@ -151,17 +170,32 @@ class FollowUp:
 
     @property
     def helps(self) -> bool:
-        """Whether measuring the poses would bring at least one pair a good step apart."""
+        """Whether the poses would separate at least one pair by `HELPS` or more."""
         return max(self.separations.values()) >= HELPS
 
 
 def later_visits(
     found: IdentificationFit, joints: Array, sides: Array, approach: Array, targets: Sequence[str]
 ) -> Conditions:
-    """Conditions of visits at joints (n, N) rad as the controller counts them, after everything that was measured.
+    """Build conditions of visits after everything that was measured.
 
-    sides (n,) +1 or -1 on every joint, approach (n,) rad: length of the last move; targets (n,) names of targets of
-    the last series. Temperature and time are those of the last reading. Raises ValueError for an unknown target.
+    Temperature and time are those of the last reading.
+
+    Parameters
+    ----------
+    joints : array of shape (n, N)
+        Controller angles, rad.
+    sides : array of shape (n,)
+        Side of approach of every joint, +1 or -1.
+    approach : array of shape (n,)
+        Length of the last move, rad.
+    targets : sequence of str
+        Names of targets of the last series.
+
+    Raises
+    ------
+    ValueError
+        A target is unknown.
     """
     readings, robot, coupling = found.readings.conditions, found.model.robot, found.header.coupling
     stated = StatedConditions(
@@ -187,8 +221,10 @@ def later_visits(
 
 
 def candidates(found: IdentificationFit) -> Conditions:
-    """Visits drawn evenly within the limits of the robot: either side of approach, a short or a long last move, any
-    target of the last series."""
+    """Draw visits evenly within the limits of the robot.
+
+    Each has one side of approach, a short or a long last move, and a target of the last series.
+    """
     robot = found.model.robot
     rng = np.random.default_rng(0)
     sides = rng.choice((-1.0, 1.0), _CANDIDATES)
@@ -205,7 +241,10 @@ def candidates(found: IdentificationFit) -> Conditions:
 def choose(
     found: IdentificationFit, rivals: Rivals, among: Conditions, count: int = POSES
 ) -> tuple[list[int], Array]:
-    """Indices of `count` of the candidate conditions, and the separation (rivals,) that they bring."""
+    """Choose `count` of the candidate conditions.
+
+    Returns the indices of the chosen, and the separation (rivals,) that they achieve.
+    """
     noise = _noise(found, among)
     here = found.predict(among)
     apart, columns, spread = [], [], []
@@ -237,12 +276,12 @@ def choose(
 
 
 def follow_up(found: IdentificationFit, rivals: Rivals) -> FollowUp:
-    """The poses that separate all `rivals` best, within the limits of the robot."""
+    """Choose the poses within the limits of the robot that separate all `rivals` best."""
     return separating(found, rivals, candidates(found))
 
 
 def separating(found: IdentificationFit, rivals: Rivals, among: Conditions) -> FollowUp:
-    """The follow-up chosen among given visits: those that a cell can take, for instance."""
+    """Choose the follow-up among given visits, for example those that a cell can reach."""
     chosen, total = choose(found, rivals, among)
     separations = dict(zip(rivals, map(float, total), strict=True))
     few = among.take(np.array(chosen))
@@ -261,7 +300,7 @@ def separating(found: IdentificationFit, rivals: Rivals, among: Conditions) -> F
 
 
 def _procedures(alike: Sequence[Pair], found: IdentificationFit) -> tuple[str, ...]:
-    """Procedures that would separate the pairs that no pose separates, a sentence for each kind of advice."""
+    """List procedures for the pairs that no pose separates, one per kind of advice."""
     pairs: dict[str, dict[str, list[str]]] = {}
     for label, rival in alike:
         for advice in _advice(label, rival, found):
@@ -284,7 +323,10 @@ def _advice(label: str, rival: str, found: IdentificationFit) -> list[str]:
 
 
 def _noise(found: IdentificationFit, conditions: Conditions) -> Array:
-    """(n, 3, 3) covariance of a reading at every candidate, for the noise that was found, mm2."""
+    """Compute the covariance (n, 3, 3) of a reading at every candidate, mm2.
+
+    It uses the noise that was found.
+    """
     header: Header = found.header
     joints = found.model.robot.joint_slots
     frames = BoundModel(found.model, conditions).frames(found.estimate, joints)
@@ -313,7 +355,7 @@ _FEWEST = 10  # repeats within visits by which the noise of the instrument is kn
 
 
 def remarks_of(dataset: Dataset, fitted: IdentificationFit) -> tuple[str, ...]:
-    """Sentences on the noise of a fit and on its compliances."""
+    """Remark on the noise of a fit and on its compliances."""
     return (*_declared(fitted), *_within_visits(dataset, fitted), *_negative(fitted))
 
 
@@ -328,7 +370,7 @@ def _declared(fitted: IdentificationFit) -> list[str]:
 
 
 def _within_visits(dataset: Dataset, fitted: IdentificationFit) -> list[str]:
-    """What readings of one target during one rest of the robot show: the instrument's noise alone."""
+    """Estimate the noise of the instrument alone, from repeated readings while the robot rested."""
     conditions, rows = fitted.readings.conditions, fitted.readings.rows
     rest = np.column_stack([conditions.visit, conditions.target, conditions.anchor, conditions.series])
     group = np.unique(rest, axis=0, return_inverse=True)[1].reshape(-1)
@@ -362,14 +404,17 @@ def _within_visits(dataset: Dataset, fitted: IdentificationFit) -> list[str]:
 
 
 def _apart(values: Array, group: NDArray[np.int64]) -> tuple[Array, int]:
-    """Values (n, c) less the mean of their group (n,), and the number of readings beyond one per group."""
+    """Subtract the mean of their group (n,) from values (n, c).
+
+    Also returns the number of readings beyond one per group.
+    """
     _, own, size = np.unique(group, return_inverse=True, return_counts=True)
     means = np.array([np.bincount(own, column) for column in values.T]).T / size[:, None]
     return values - means[own], len(values) - len(size)
 
 
 def _negative(fitted: IdentificationFit) -> list[str]:
-    """Compliances of the base model that are negative beyond their uncertainty."""
+    """Report compliances of the base model that are negative beyond their uncertainty."""
     found = []
     for p, value, std in zip(fitted.model.parameters, fitted.estimate, fitted.standard_errors, strict=True):
         if p.unit == COMPLIANCE and "." not in p.name and value + _SURE * std < 0.0 < std:

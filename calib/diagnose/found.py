@@ -1,22 +1,23 @@
-"""What a diagnosis states of an effect: size, uncertainty of what was scanned, value on held-out readings, and power.
+"""Results of a diagnosis for each effect: size, uncertainty, held-out error and power.
 
 *Shapes.* A scan fixes a shape constant s, and the covariance of the amplitudes holds for that value only. With the
-derivative d = (dX/ds) b of the readings by the constant as one more column of the Jacobian J,
+derivative d = (dX/ds) b of the readings by the constant as an additional column of the Jacobian J,
 
     var(s) = v / |P d|^2,    cov(b) += g var(s) g',    g = -(J'J)^-1 J'd,
 
-v the variance of the noise and P what the model leaves. A moment of change has no derivative: its interval holds the
-change points with 95 % of the posterior probability, and ends at readings of the fit. Whole orders of a wave are exact.
+v the variance of the noise and P the projection on the residual space of the model. A moment of change has no
+derivative: its interval contains the change points with 95 % of the posterior probability, and ends at readings of the
+fit. Whole orders of a wave are exact.
 
-*Power.* With A = X'PX what the readings know of an effect's columns beside the model, and s the noise, an effect of
-amplitudes b raises the fall of the residual squares by b'A b / s^2, and a claim needs a fall that chance reaches once
-in 500 sets, all tries counted; more where the noise along the effect happens to be larger than elsewhere. The size
-stated is that of the direction of b which shows least. Source: noncentral chi-square, Johnson, Kotz and Balakrishnan
-ch. 29.
+*Power.* A = X'PX is the information of the readings on an effect's columns after the model, and s the noise. An effect
+of amplitudes b increases the reduction of the squared residuals by b'A b / s^2. A claim needs a reduction that chance
+reaches once in 500 sets, corrected for all tries, and more if the noise along the effect is larger than elsewhere. The
+stated size is for the direction of b that is least visible. Source: noncentral chi-square, Johnson, Kotz and
+Balakrishnan ch. 29.
 
-*Surprise.* With the whitened residual r of held-out readings, columns J, the covariance C of the parameters and noise
-as large as the fit found it, s, r' (I + J C J' / s^2)^-1 r / s^2 is a chi-square over the rows held out. What exceeds
-it is neither noise nor uncertainty of the model. It decides nothing. Source: Rao 1973, 4a.7; Woodbury 1950.
+*Held-out misfit.* With the whitened residual r of held-out readings, columns J, the covariance C of the parameters and
+the noise s of the fit, r' (I + J C J' / s^2)^-1 r / s^2 is a chi-square over the rows held out. An excess is neither
+noise nor uncertainty of the model. It decides nothing. Source: Rao 1973, 4a.7; Woodbury 1950.
 """
 
 from __future__ import annotations
@@ -49,11 +50,18 @@ COVERAGE = 2.0  # k of the expanded uncertainty, about 95 %
 
 @dataclass(frozen=True)
 class DiagnosedEffect:
-    """An effect that was found, with the evidence for it.
+    """Effect that was found, with the evidence for it.
 
-    values (p,) and covariance (p, p) in internal units; index: id of the reading at which a step happened. shape_std:
-    standard errors of what was scanned, by name as in `Effect.shape`. between: ids of the readings between which a step
-    happened, with a probability of 95 %: the last before it and the first after it.
+    Attributes
+    ----------
+    values, covariance : array of shape (p,) and (p, p)
+        Amplitudes and their covariance, internal units.
+    index : str or None
+        Id of the reading at which a step happened.
+    shape_std : mapping of str to float
+        Standard errors of the scanned constants, by name as in `Effect.shape`.
+    between : (str, str) or None
+        Ids of the last reading before a step and of the first after it, with a probability of 95 %.
     """
 
     effect: Effect
@@ -66,7 +74,7 @@ class DiagnosedEffect:
 
     @cached_property
     def amplitude(self) -> tuple[float, float, str]:
-        """Size, standard error and unit, as `Effect.amplitude`."""
+        """Size, standard error and unit, as from `Effect.amplitude`."""
         return self.effect.amplitude(self.values, self.covariance)
 
     @property
@@ -77,8 +85,10 @@ class DiagnosedEffect:
 
     @property
     def usual(self) -> float | None:
-        """Usual size in the unit of the amplitude; None if the library states none, as for a curve of a gear, whose
-        sizes the readings state."""
+        """Usual size in the unit of the amplitude.
+
+        None if the library states none, as for a curve of a gear, whose sizes the readings determine.
+        """
         same = [p for p in self.effect.parameters if p.unit == self.amplitude[2]]
         if self.effect.is_curve or any(p.size is None or p.centre is not None for p in same):
             return None
@@ -91,13 +101,16 @@ class DiagnosedEffect:
 
     @property
     def impossible(self) -> bool:
-        """Whether the values lie beyond what physics allows, as a negative compliance does; noise is no excuse."""
+        """Whether the values are physically impossible, such as a negative compliance.
+
+        The uncertainty is not considered.
+        """
         bounds = bounds_of(self.effect)
         return bounds is not None and bool(impossible(bounds, self.values, np.zeros(len(self.values))))
 
 
 def resized(found: DiagnosedEffect, fitted: IdentificationFit) -> DiagnosedEffect:
-    """A finding with the values that another fit has for it."""
+    """Return a finding with the values from another fit."""
     effect = next(e for e in fitted.model.effects if e.label == found.effect.label)
     positions = fitted.model.positions(effect)
     return replace(
@@ -115,9 +128,9 @@ _COVERED = 0.95
 def with_shapes(
     dataset: Dataset, fitted: IdentificationFit, found: Sequence[DiagnosedEffect]
 ) -> list[DiagnosedEffect]:
-    """The findings with the uncertainty of their shapes, and with amplitudes that are as uncertain as these make them.
+    """Add the uncertainty of the scanned shapes to the findings, and to their amplitudes.
 
-    fitted: the fit whose model holds the effects.
+    The model of `fitted` must include the effects.
     """
     if not any(each.effect.shape and not each.effect.is_curve for each in found):
         return list(found)
@@ -154,8 +167,10 @@ def with_shapes(
 
 
 def _derivative(space: Space, family: Family | None, effect: Effect) -> list[tuple[str, Array]]:
-    """The name of an effect's constant and the derivative (size,) of the readings by it; empty without a constant that
-    readings determine."""
+    """Return the name of an effect's shape constant and the derivative (size,) of the readings.
+
+    The list is empty if the readings determine no constant.
+    """
     if isinstance(family, Shapes):
         name = family.key
     elif isinstance(family, Harmonics) and not float(effect.shape["order"]).is_integer():
@@ -169,7 +184,10 @@ def _derivative(space: Space, family: Family | None, effect: Effect) -> list[tup
 
 
 def _between(dataset: Dataset, space: Space, family: Steps, effect: Effect) -> tuple[str, str] | None:
-    """The ids of the last reading before a step and of the first after it, with a probability of 95 %."""
+    """Return the ids of the last reading before a step and of the first after it.
+
+    The step lies between them with a probability of 95 %.
+    """
     order = space.fitted.readings.conditions.order
     scores = Scores([replace(family, scanned=len(family.every))], space)
     scores.move(*space.own_direction(effect), enters=False)
@@ -196,7 +214,7 @@ _QUANTILES = 32  # of the noise along an effect
 
 @dataclass(frozen=True)
 class DetectableEffect:
-    """The smallest detectable size of an effect, in `unit`; None where these readings cannot show it."""
+    """Smallest detectable size of an effect, in `unit`; None if these readings cannot show it."""
 
     label: str
     size: float | None
@@ -204,7 +222,10 @@ class DetectableEffect:
 
 
 def visible(scores: Scores) -> tuple[DetectableEffect, ...]:
-    """The smallest detectable size of every effect of the library; for a scan, the median over its places."""
+    """Compute the smallest detectable size of every effect of the library.
+
+    For a scan it is the median over its places.
+    """
     found = []
     for index, family in enumerate(scores.families):
         places = len(family.raw)
@@ -224,7 +245,10 @@ def visible(scores: Scores) -> tuple[DetectableEffect, ...]:
 
 
 def _least(a: Array, raw: Array) -> Array:
-    """(places,) smallest eigenvalue of A (places, p, p) over directions that the model does not absorb; 0: all are."""
+    """Compute the smallest eigenvalue (places,) of A (places, p, p) in directions not absorbed.
+
+    Directions that the model absorbs do not count; 0 if it absorbs all.
+    """
     values = np.linalg.eigvalsh(a)
     counts = values > ABSORBED * np.max(raw, axis=1, keepdims=True)
     return np.where(counts.any(axis=1), np.min(np.where(counts, values, np.inf), axis=1), 0.0)
@@ -232,7 +256,7 @@ def _least(a: Array, raw: Array) -> Array:
 
 @lru_cache(maxsize=256)
 def _needed(columns: int, freedom: int, tries: int) -> float:
-    """lambda at which so many columns are claimed with the power wanted."""
+    """Compute the noncentrality at which `columns` columns are claimed with `POWER`."""
     from scipy.optimize import root_scalar  # half a second that a service need not take to begin
 
     limit = columns * float(fdtri(columns, max(freedom - columns, 1), 1.0 - CLAIM / tries))
@@ -255,23 +279,23 @@ _NOTICED = 1.1  # times what was expected that are worth a word
 
 @dataclass(frozen=True)
 class HeldOutTest:
-    """The ratio of the held-out error to its expectation, and its p-value."""
+    """Ratio of the held-out error to its expectation, and its p-value."""
 
     times: float
     p_value: float
 
     @property
     def real(self) -> bool:
-        """Whether it is significant, and large enough to be reported."""
+        """Whether the excess is significant, and large enough to be reported."""
         return self.p_value < _CHANCE and self.times > _NOTICED
 
 
 def surprise_of(
     dataset: Dataset, found: IdentificationFit, faulty: NDArray[np.bool_] | None = None
 ) -> HeldOutTest | None:
-    """The surprise of the validation rows, which took no part in the model; None where nothing was held out.
+    """Test the error of the validation rows, which took no part in the model.
 
-    faulty: (n,) mask over the data set of rows that are left out, since they are no readings of what they say.
+    Rows of the mask `faulty` (n,) are left out, since they are no valid readings. Returns None if nothing was held out.
     """
     rows = dataset.validation_rows if faulty is None else dataset.validation_rows & ~faulty
     if not rows.any():
@@ -300,14 +324,17 @@ def surprise_of(
 
 
 def estimate_without(found: IdentificationFit, effect: Effect) -> Array:
-    """(m,) the estimate with one effect zero and all else adapted to first order."""
+    """Compute the estimate (m,) with one effect zero and the others adapted to first order."""
     return conditional(found.model, found.estimate, found.covariance, (effect,))[0]
 
 
 def errors_without(
     dataset: Dataset, found: IdentificationFit, effects: Sequence[Effect]
 ) -> list[ErrorStatistics | None]:
-    """Position error on validation rows without each of some effects; None where nothing was held out."""
+    """Compute the position error on validation rows without each of some effects.
+
+    The errors are None if nothing was held out.
+    """
     rows = dataset.validation_rows
     if not rows.any():
         return [None] * len(effects)

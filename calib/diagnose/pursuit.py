@@ -1,18 +1,17 @@
-"""Orthogonal matching pursuit of carried terms on Gram matrices, with left-out blocks that say how many terms pay.
+"""Orthogonal matching pursuit of carried terms, with cross-validation of their number.
 
-1. Screening: one pursuit on at most 1,200 readings keeps the best entries of every step. All later work is on the Gram
-   matrices of these, one for each of 8 blocks of whole poses, so that its cost does not grow with the readings.
-2. Price: an entry scores what it explains over the noise, less log(rows) for each further column, less twice the log of
-   the number of entries of its kind.
-3. Number: each fold chooses anew from the blocks that it keeps and predicts the one that it leaves out. The fewest
-   terms within half a standard error of the best are taken; none unless the first terms are beyond chance, all entries
-   counted (Bonferroni), and the gain exceeds 2.5 standard errors of the folds, and there are at least 60 poses. Last
-   terms that are not beyond chance are left out again.
+1. Screening: one pursuit on at most 1,200 readings keeps the best entries of every step. All later work uses the Gram
+   matrices of these entries, one for each of 8 blocks of whole poses, so that its cost does not grow with the readings.
+2. Price: the score of an entry is its gain divided by the noise, less log(rows) for each further column, less twice the
+   logarithm of the number of entries of its kind.
+3. Number: each fold chooses again from the blocks that it keeps and predicts the one that it leaves out. The fewest
+   terms within half a standard error of the best are taken. No term is taken unless the first terms are beyond chance,
+   corrected for all entries (Bonferroni), the gain exceeds 2.5 standard errors of the folds, and there are at least 60
+   poses. Last terms that are not beyond chance are removed again.
 4. Size: every term is shrunk by its evidence (MacKay 1992).
-5. A ridge of 3 % of a column ties the model to its own fit, where a fold does not determine it.
+5. Ridge: a ridge of 3 % of a column ties the model to its own fit in directions that a fold does not determine.
 
-The covariance is multiplied by what the folds show to be missing: the mean square of their standardised errors, where
-that is above 1.
+The covariance is multiplied by the mean square of the standardised errors of the folds, if that is above 1.
 Sources: Pati et al. 1993 (pursuit); Breiman et al. 1984 (one standard error); Roberts et al. 2017 (whole blocks).
 """
 
@@ -49,17 +48,18 @@ _PER_ROUND = 6  # entries that enter in one round of the screening
 _WORTH = 0.3  # share of the best score that they have at least
 _INDEPENDENT = 0.1  # share of one that the others of its round may have in common with it
 _LOST = 1e-6  # share of a column that is lost to rounding
-_ABSORBED = 0.02  # share of a column that must be left beside the model
+_ABSORBED = 0.02  # share of a column that the model must not absorb
 _ROUNDS = 30  # of the evidence
 _LEAST = 1e-12  # of a diagonal, by which a Gram matrix that rounding made singular can be inverted
-HOLDS = 1e-3  # chance, all entries counted, below which a name holds beside what else was chosen
+HOLDS = 1e-3  # chance, all entries counted, below which a name holds together with the other chosen entries
 _FAVOUR = 3.0  # nats that a name has over a column that does the same
 
 
 class Pursuit:
-    """A pursuit on a Gram matrix (D, D) and right side (D,), whose first `count` columns are the model's.
+    """Pursuit on a Gram matrix (D, D) and right side (D,).
 
-    left_out: columns (r, D) and residual (r,) of readings that take no part; `missed` is what they then miss.
+    The first `count` columns are the model's. Left-out readings, given by columns (r, D) and residual (r,), take no
+    part; `missed` is their remaining error.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class Pursuit:
             self.missed = self.missed - share * self._there[:, k]
 
     def step(self) -> bool:
-        """Let the best entry enter; False where nothing is left of any."""
+        """Let the best entry enter; return False if no entry has anything left to explain."""
         noise = self.rss / max(self.free, 1)
         score = self.groups.scores(
             self.own, self.cross, self.right, self.whole, noise, self.rows, self.chosen
@@ -125,16 +125,16 @@ class Pursuit:
         return True
 
     def columns(self, terms: int) -> NDArray[np.int64]:
-        """The model's columns and those of the first terms."""
+        """Return the columns of the model and those of the first `terms` terms."""
         own = [np.arange(len(self.gram))[self.groups.of(g)] for g in self.chosen[:terms]]
         return np.concatenate([np.arange(self.groups.count), *own]).astype(np.int64)
 
 
 class Groups:
-    """The entries of a pursuit as groups of columns, `count` columns of the model before them.
+    """Entries of a pursuit as groups of columns, after the `count` columns of the model.
 
-    own and right are arrays over all columns: their squares and what they share with the data, projected on what is
-    left; cross (pairs,) the products of columns of one entry.
+    The arrays `own` and `right` of `scores` contain, for every column after projection, its square and its product with
+    the data. The array `cross` (pairs,) contains the products of columns of one entry.
     """
 
     def __init__(self, width: NDArray[np.int64], price: Array, named: NDArray[np.bool_], count: int) -> None:
@@ -150,13 +150,16 @@ class Groups:
         self.pairs = np.vstack([*pairs, np.zeros((0, 2), int)]).T
 
     def of(self, entry: int) -> slice:
-        """The columns of an entry."""
+        """Return the columns of an entry."""
         return slice(self.first[entry], self.first[entry] + self.width[entry])
 
     def scores(
         self, own: Array, cross: Array, right: Array, whole: Array, noise: float, rows: int, chosen: list[int]
     ) -> Array:
-        """(entries,) score of each entry that is not chosen yet; -inf where nothing is left of it."""
+        """Compute the score (entries,) of each entry.
+
+        It is -inf for entries that are chosen already, or that have nothing left.
+        """
         gain, at = np.zeros(len(self.width)), 0
         for w, of in self.of_width.items():
             columns = self.first[of][:, None] + np.arange(w)
@@ -178,7 +181,7 @@ class Groups:
 
 
 def log_chance(before: float, after: float, columns: int, free: int) -> float:
-    """Log of the chance that columns without meaning lower a sum of squares so much."""
+    """Compute the log of the chance that meaningless columns reduce the sum of squares as much."""
     columns, free = max(columns, 1), max(free, 1)
     ratio = (before - after) / columns / max(after / free, 1e-300)
     chance = float(fdtrc(columns, free, max(ratio, 0.0)))
@@ -187,8 +190,11 @@ def log_chance(before: float, after: float, columns: int, free: int) -> float:
 
 
 class Screening:
-    """A pursuit on rows: columns (D, m) in single precision, which become unit vectors, beside an orthonormal basis of
-    the model, several entries per round, so that the many columns are read once for all of them."""
+    """Pursuit on rows, with several entries per round.
+
+    The columns (D, m) are in single precision and become unit vectors. The basis of the model is orthonormal. All
+    entries of a round share one pass through the many columns.
+    """
 
     def __init__(self, columns: Array, basis: Array, left: Array, groups: Groups, rows: int) -> None:
         # The square of a torque's cube is beyond what single precision holds
@@ -206,12 +212,14 @@ class Screening:
         self.right = self._shared(left[:, None])[:, 0]
 
     def _shared(self, vectors: Array) -> Array:
-        """(D, c): what the columns share with vectors (m + priors, c)."""
+        """Compute the products (D, c) of the columns with vectors (m + priors, c)."""
         return (self.columns @ vectors[: self.columns.shape[1]].astype(np.float32)).astype(float)
 
     def round(self) -> tuple[NDArray[np.int64], list[float]]:
-        """Let the best entries enter, as many as are nearly independent of one another; the entries near the best, and
-        the log of the chance of each that entered."""
+        """Let the best entries enter that are nearly independent of one another.
+
+        Returns the entries near the best, and the log of the chance of each that entered.
+        """
         noise = self.rss / max(self.free, 1)
         score = self.groups.scores(
             self.own, self.cross, self.right, self.whole, noise, self.rows, self.chosen
@@ -255,11 +263,18 @@ class Screening:
 
 @dataclass(frozen=True)
 class PursuitTerm:
-    """An entry that a pursuit chose.
+    """Entry that a pursuit chose.
 
-    sizes: standard deviation of each column by evidence, internal units; explained: by how much it lowered the sum of
-    squares as it entered; log_p: log of the chance, every entry counted, of what it explains beside all others;
-    confirmed: whether left-out blocks confirm it, or it is only significant.
+    Attributes
+    ----------
+    sizes : tuple of float
+        Standard deviation of each column by evidence, internal units.
+    explained : float
+        Decrease of the sum of squares when the entry entered.
+    log_p : float
+        Log of the chance of what it explains in addition to all others, corrected for the number of entries.
+    confirmed : bool
+        Whether left-out blocks confirm the entry; otherwise it is only significant.
     """
 
     entry: Entry
@@ -271,15 +286,22 @@ class PursuitTerm:
 
 @dataclass(frozen=True)
 class PursuitResult:
-    """What a pursuit chose, in the order of entry. clock: that its functions of time count by; kappa: ratio of the
-    errors on left-out blocks to what they were expected to be, at least 1."""
+    """Choice of a pursuit, in the order of entry.
+
+    Attributes
+    ----------
+    clock : str
+        Clock of its functions of time.
+    kappa : float
+        Ratio of the errors on left-out blocks to their expectation, at least 1.
+    """
 
     choices: tuple[PursuitTerm, ...] = ()
     clock: str = "time"
     kappa: float = 1.0
 
     def carried(self, named: Collection[str] = ()) -> tuple[PursuitTerm, ...]:
-        """The confirmed entries, without the named effects of these labels."""
+        """Return the confirmed entries, without the named effects with the given labels."""
         return tuple(
             c
             for c in self.choices
@@ -288,7 +310,10 @@ class PursuitResult:
 
 
 def folds_of(readings: FitReadings, clock: str) -> NDArray[np.int64]:
-    """(n,) fold of every reading: short stretches of whole poses, in the order of their first visit, dealt out."""
+    """Assign each reading to a fold, shape (n,).
+
+    Short stretches of whole poses, in the order of their first visit, are dealt out to the folds.
+    """
     pose, times = readings.conditions.pose, getattr(readings.conditions, clock)
     first = np.full(int(pose.max()) + 1, np.inf)
     np.minimum.at(first, pose, times)
@@ -301,11 +326,18 @@ def folds_of(readings: FitReadings, clock: str) -> NDArray[np.int64]:
 def pursue(
     found: IdentificationFit, readings: FitReadings, everywhere: Conditions, named: Sequence[Effect] = ()
 ) -> PursuitResult:
-    """The entries that left-out blocks confirm beside the model of a fit; nothing where no number of terms pays.
+    """Choose the entries that left-out blocks confirm in addition to the model of a fit.
 
-    readings: those that take part, which may be more than the fit's own; everywhere: the conditions of all rows that
-    must be predicted; named: effects that compete as entries, and are chosen beyond the confirmed number as well while
-    they are significant.
+    The result is empty if no number of terms pays.
+
+    Parameters
+    ----------
+    readings : FitReadings
+        Readings that take part, possibly more than those of the fit.
+    everywhere : Conditions
+        Conditions of all rows that must be predicted.
+    named : sequence of Effect
+        Effects that compete as entries. They are also chosen beyond the confirmed number while they are significant.
     """
     nothing = PursuitResult()
     poses = len(np.unique(readings.conditions.pose))
@@ -322,7 +354,7 @@ def pursue(
 
 @dataclass(frozen=True)
 class _Model:
-    """The columns of the model that take part: mask (m,), their sizes (a,), pseudo-rows of priors and leash."""
+    """Active columns of the model: mask (m,), sizes (a,), pseudo-rows of priors."""
 
     active: NDArray[np.bool_]
     size: Array
@@ -342,7 +374,7 @@ class _Model:
         return cls(active, size, prior / size, pull)
 
     def rows(self, part: Part) -> Array:
-        """(size, a) scaled columns of some readings."""
+        """Return the scaled columns (size, a) of some readings."""
         return part.columns[:, self.active] / self.size
 
 
@@ -350,7 +382,7 @@ _AT_ONCE = 1200
 
 
 def parts(found: IdentificationFit, readings: FitReadings) -> list[Part]:
-    """The readings some poses at a time, every pose within one part."""
+    """Split the readings into parts of whole poses."""
     pose = readings.conditions.pose
     count = max(-(-len(pose) // _AT_ONCE), 1)
     number = np.unique(pose, return_inverse=True)[1].reshape(-1)
@@ -363,7 +395,11 @@ def parts(found: IdentificationFit, readings: FitReadings) -> list[Part]:
 def _screened(
     found: IdentificationFit, readings: FitReadings, dictionary: Dictionary, price: Array, model: _Model
 ) -> tuple[NDArray[np.int64], int, float]:
-    """The entries near the best of every step, how many steps were worth it, and the smallest log p of the first."""
+    """Screen the entries.
+
+    Returns the entries near the best of every step, the number of worthwhile steps, and the smallest log p of the
+    first.
+    """
     n = len(readings.rows)
     some = np.unique(np.linspace(0, n - 1, min(n, _SCREENED)).astype(int))
     part = Part(found.model, found.estimate, readings.taken(some))
@@ -517,10 +553,11 @@ def _decided(
 
 
 def _surest(table: Array, named: list[bool], chance: Array) -> int:
-    """The number of confirmed terms that are beyond chance as well: terms behind the last name, which were chosen
-    beside it for their own sake, must pay for themselves or be far beyond chance.
+    """Count the confirmed terms that are also beyond chance.
 
-    table: (folds, terms) squared errors on left-out blocks; named: which terms are names; chance: log p of each.
+    Terms after the last named effect were chosen for their own sake. They must pay for themselves or be far beyond
+    chance. The table (folds, terms) contains squared errors on left-out blocks, `named` marks named effects, and
+    `chance` is the log p of each term.
     """
     names = max((i + 1 for i, name in enumerate(named) if name), default=0)
     for gate, beyond in ((_GATE, _CHANCE), (1.0, _FAR_BEYOND)):
@@ -545,7 +582,7 @@ def shrunk(
     widths: Sequence[int],
     rounds: int = _ROUNDS,
 ) -> tuple[Array, Array, float, Array]:
-    """Estimate, covariance, noise and precisions of a model's columns and terms, each term's size by evidence."""
+    """Compute estimate, covariance, noise and precisions, with each term's size by evidence."""
     group = np.repeat(np.arange(len(widths)), widths)
     scale = np.r_[np.ones(count), np.sqrt(np.maximum(np.diag(gram)[count:], 1e-300))]
     gram, right = gram / np.outer(scale, scale), right / scale

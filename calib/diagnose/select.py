@@ -1,20 +1,20 @@
-"""The choice of named effects, and the classes of those that explain the readings as well.
+"""Selection of named effects, and classes of effects that explain the readings equally well.
 
-*Search.* Forward steps are taken on the linearised model, some at a time, then everything is refitted together and what
-was scanned (orders, time constants, change points) is refined between the places of the scan. When nothing more enters,
-effects that no longer pass by themselves leave, and those that another candidate explains better are swapped; then
-forward again, until nothing changes.
+*Search.* Forward steps are taken on the linearised model, several at a time. Then everything is refitted together, and
+scanned constants (orders, time constants, change points) are refined between the places of the scan. When nothing more
+enters, effects that are no longer significant by themselves are removed, and effects that another candidate explains
+better are swapped. The search then continues forward until nothing changes.
 
-*Chance.* Where poses repeat or are few, the largest of all candidates at all places of their scans is taken on each of
-the residuals drawn at random (`calib.diagnose.structure`), and a claim must exceed those, not only its F test. An F
-test also takes the noise for equal in all directions; what a law outside the library leaves is not. So a gain is
-measured against what is left along the very direction in which the effect acts, pose by pose, and stretch by stretch
-in time. Sources: White 1980, Newey and West 1987 (variance of an estimate where noise is not alike, or lasts).
+*Chance.* If poses repeat or are few, the largest of all candidates at all places of their scans is taken on each of
+the residuals drawn at random (`calib.diagnose.structure`). A claim must exceed those, in addition to its F test. An F
+test also assumes equal noise in all directions, which errors from a law outside the library violate. A gain is
+therefore compared with the residual along the direction in which the effect acts, by pose, and by stretch of time.
+Sources: White 1980, Newey and West 1987 (variance of an estimate with unequal or lasting noise).
 
-*Classes.* Each effect of the model is taken out in turn. Every label whose entry in its place costs less than 6 in
+*Classes.* Each effect of the model is removed in turn. Every label whose entry in its place costs less than 6 in
 evidence belongs to its class, with weight exp(-delta/2), normalised. A candidate with 95 % of the weight is certain;
-with less the class is ambiguous. A twin, whose columns contain the whole effect on these readings, costs nothing,
-because no reading distinguishes the two, whatever their labels and numbers of columns.
+with less the class is ambiguous. An alias, whose columns contain the whole effect on these readings, costs nothing,
+because no reading distinguishes the two, regardless of their labels and numbers of columns.
 """
 
 from __future__ import annotations
@@ -42,7 +42,10 @@ STRETCHES = 16  # of the campaign, by which what lasts is known
 
 
 def chance_by_pose(scores: Scores) -> NullDistribution | None:
-    """The chance of a gain with poses as the units; None where poses are many, each with one reading."""
+    """Compute the chance of a gain with poses as the units.
+
+    Returns None if there are many poses, each with one reading.
+    """
     space = scores.space
     pose = space.fitted.readings.conditions.pose
     count = int(pose.max()) + 1
@@ -70,7 +73,10 @@ def chance_by_pose(scores: Scores) -> NullDistribution | None:
 
 
 def _gains(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
-    """(places, B) gains b'A^-1 b for A (places, p, p) and b (places, p, B), and (places,) columns that count."""
+    """Compute the gains b'A^-1 b for A (places, p, p) and b (places, p, B).
+
+    Returns the gains (places, B), and the number (places,) of columns that count.
+    """
     scale = 1.0 / np.sqrt(np.maximum(raw, 1e-300))
     values, vectors = np.linalg.eigh(a * scale[:, :, None] * scale[:, None, :])
     counts = values > ABSORBED
@@ -80,7 +86,10 @@ def _gains(a: Array, b: Array, raw: Array) -> tuple[Array, Array]:
 
 
 def _log_p(gain: Array, columns: Array, square: Array, freedom: int) -> Array:
-    """log of the F test's p for gains (B,) with so many columns (B,), of residual squares (B,)."""
+    """Compute the log of the F test's p for gains (B,) with `columns` (B,) columns.
+
+    The squared residuals are `square` (B,).
+    """
     left = np.maximum(freedom - columns, 1)
     ratio = (gain / np.maximum(columns, 1)) / (np.maximum(square - gain, 1e-300) / left)
     with np.errstate(divide="ignore"):  # beyond what a float holds: -inf
@@ -88,8 +97,11 @@ def _log_p(gain: Array, columns: Array, square: Array, freedom: int) -> Array:
 
 
 def against_own_noise(space: Space, directions: Array, left: Array) -> float:
-    """Factor, at most 1, of the gain along orthonormal directions (size, p) of an effect, where what the whole model
-    leaves (size,) is larger along them than elsewhere."""
+    """Return a factor, at most 1, for the gain along directions (size, p) of an effect.
+
+    The directions are orthonormal. The factor is below 1 if the residual (size,) of the whole model is larger along
+    them than elsewhere.
+    """
     k, n = space.residual.shape
     conditions = space.fitted.readings.conditions
     acting = (directions * left[:, None]).reshape(k, n, -1).sum(axis=0)
@@ -103,7 +115,10 @@ def against_own_noise(space: Space, directions: Array, left: Array) -> float:
 
 
 def refine(space: Space, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """The chosen effects at better orders, constants and change points; what was not scanned is unchanged."""
+    """Refine the orders, constants and change points of the chosen effects.
+
+    Effects that were not scanned are unchanged.
+    """
     if not any(effect.shape for effect in chosen):
         return chosen
     offered = offers(_survey(space))
@@ -141,9 +156,12 @@ _SWAP_MARGIN = 1.0  # evidence that a rival must gain to take an effect's place
 
 @dataclass(frozen=True)
 class EffectSelection:
-    """The model with the effects that were chosen, and those effects alone.
+    """Model with the chosen effects, and those effects alone.
 
-    crowded: the search was given up, since it had found as many waves of gears as it was to find.
+    Attributes
+    ----------
+    crowded : bool
+        Whether the search stopped because it had found the maximum number of waves of gears.
     """
 
     fitted: IdentificationFit
@@ -159,7 +177,10 @@ def select(
     most: int = MOST_EFFECTS,
     crowd: float = math.inf,
 ) -> EffectSelection:
-    """Choose effects for the readings of `start`, beside those its model holds already; so many waves are a crowd."""
+    """Choose effects for the readings of `start`, in addition to those of its model.
+
+    The search stops at `crowd` waves.
+    """
     library = offers(Survey.of(start, dataset))
     chosen = tuple(e for e in start.model.effects if e.group != "base model")
     fitted = start
@@ -188,19 +209,19 @@ def select(
 
 
 def _total(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> float:
-    """The extended BIC of a model, up to a constant, by which rounds of changes are compared."""
+    """Compute the extended BIC of a model, up to a constant, to compare rounds of changes."""
     tries = sum(math.log(scores.multiplicity_of(effect)) for effect in chosen)
     parameters = space.basis.shape[1]
     return space.rows * math.log(space.rss) + parameters * math.log(space.rows) + 2.0 * tries
 
 
 def labels(chosen: tuple[Effect, ...]) -> frozenset[str]:
-    """The labels of some effects."""
+    """Return the labels of some effects."""
     return frozenset(effect.label for effect in chosen)
 
 
 def refit(dataset: Dataset, fitted: IdentificationFit, chosen: tuple[Effect, ...]) -> IdentificationFit:
-    """Everything together on the exact chain: the base model of `fitted` and the chosen effects."""
+    """Fit the base model of `fitted` and the chosen effects together on the exact chain."""
     base = tuple(e for e in fitted.model.effects if e.group == "base model")
     model = replace(fitted.model, effects=(*base, *chosen))
     estimate = carry(fitted.model, fitted.estimate, model)
@@ -222,7 +243,7 @@ def refit(dataset: Dataset, fitted: IdentificationFit, chosen: tuple[Effect, ...
 def _settle(
     dataset: Dataset, fitted: IdentificationFit, chosen: tuple[Effect, ...]
 ) -> tuple[IdentificationFit, tuple[Effect, ...]]:
-    """Refit, refine what was scanned, refit."""
+    """Refit, refine the scanned constants, and refit."""
     fitted = refit(dataset, fitted, chosen)
     space = Space.of(fitted)
     refined = refine(space, chosen)
@@ -232,23 +253,23 @@ def _settle(
 
 
 def candidates(scores: Scores, chosen: tuple[Effect, ...]) -> list[Score]:
-    """The best of every family that is not in the model already."""
+    """Return the best of every family that is not in the model already."""
     found = [scores.best_of(index) for index in range(len(scores.families))]
     return [score for score in found if score.freedom > 0 and not _present(scores, score.effect, chosen)]
 
 
 def _present(scores: Scores, effect: Effect, chosen: tuple[Effect, ...]) -> bool:
-    """Whether an effect, or a harmonic that the measured range cannot distinguish from it, is chosen already."""
+    """Check if an effect, or a harmonic that the range cannot distinguish, is chosen already."""
     return effect.label in labels(chosen) or any(one_order(scores.space, effect, other) for other in chosen)
 
 
 def _forward(
     scores: Scores, chosen: tuple[Effect, ...], most: int, progress: Progress, chance: NullDistribution | None
 ) -> tuple[Effect, ...]:
-    """Add effects one by one; half as many as there are, at least four, before everything is refitted.
+    """Add effects one by one, half as many as there are and at least four, without a refit.
 
-    chance: what the scan makes of the residual as it is now. Later is too late: enough effects take up whatever the
-    poses have of their own, and leave a residual beside which all of them look sure.
+    The distribution `chance` is for the current residual. Computed later it would be wrong: a sufficient number of
+    effects absorbs the errors of single poses, and leaves a residual against which all of them look certain.
     """
     basis, wider = scores.space.basis, chosen
     share = _BESIDE_CURVES if scores.space.fitted.model.curves else _LEAST_SHARE
@@ -271,13 +292,16 @@ def _forward(
 
 
 def _enter(scores: Scores, basis: Array, new: Array) -> Array:
-    """Let directions enter the linearised model. Returns the wider basis."""
+    """Let directions enter the linearised model; return the wider basis."""
     scores.move(new[: scores.space.size], new.T @ scores.space.held, enters=True)
     return np.column_stack([basis, new])
 
 
 def _p_beside(scores: Scores, basis: Array, new: Array, best: Score) -> float:
-    """Chance of the gain of a candidate whose own directions are `new`, beside the linearised model of a basis."""
+    """Compute the chance of a candidate's gain in addition to the linearised model of a basis.
+
+    The candidate adds the directions `new`.
+    """
     space = scores.space
     both = np.column_stack([basis, new])
     left = (space.held - both @ (both.T @ space.held))[: space.size]
@@ -286,7 +310,7 @@ def _p_beside(scores: Scores, basis: Array, new: Array, best: Score) -> float:
 
 
 def _new_directions(space: Space, basis: Array, effect: Effect) -> Array:
-    """(size + a, p) what an effect adds to the basis of a linearised model, orthonormal."""
+    """Return the orthonormal directions (size + a, p) that an effect adds to a basis."""
     columns = np.zeros((len(basis), len(effect.parameters)))
     columns[: space.size] = space.effect_columns(effect)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
@@ -297,7 +321,10 @@ def _new_directions(space: Space, basis: Array, effect: Effect) -> Array:
 
 
 def leave_one_out(space: Space, scores: Scores, effect: Effect) -> tuple[Scores, float, int]:
-    """Scores with one effect taken out of the model, what it alone explains, and its number of columns."""
+    """Remove one effect from the model.
+
+    Returns the scores without it, its own gain, and its number of columns.
+    """
     directions, coefficients = space.own_direction(effect)
     without = scores.copy()
     without.move(directions, coefficients, enters=False)
@@ -305,8 +332,10 @@ def leave_one_out(space: Space, scores: Scores, effect: Effect) -> tuple[Scores,
 
 
 def _backward(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """Drop what physics forbids, and the weaker half of the effects that no longer pass by themselves (the others may
-    pass without them)."""
+    """Drop physically impossible effects, and the weaker half of those no longer significant.
+
+    The others may be significant without them.
+    """
     failing = []
     allowed = tuple(effect for effect in chosen if not space.forbids(effect))
     for effect in allowed:
@@ -322,7 +351,7 @@ def _backward(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple
 
 
 def _swap(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """Put better explanations in the place of effects, wherever there are any."""
+    """Replace effects by better explanations."""
     out = list(chosen)
     for i, effect in enumerate(chosen):
         if effect.label not in labels(tuple(out)):
@@ -340,14 +369,14 @@ def _swap(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Eff
 
 
 CERTAIN = 0.95
-# Share of what an effect does that a twin may fail to do: rounding of angles, no reading shows it
+# Share of an effect that an alias may fail to reproduce: rounding of angles, no reading shows it
 _TWIN = 1e-4
 _FIT_WIDTH = 30.0  # by how much worse an order may fit before its evidence is not even worked out
 
 
 @dataclass(frozen=True)
 class EffectEvidence:
-    """The evidence for one effect of the model, with all others in the model."""
+    """Evidence for one effect of the model, with all others in the model."""
 
     candidates: dict[str, float]  # label -> weight, heaviest first
     effects: dict[str, Effect]  # label -> the candidate itself
@@ -356,7 +385,7 @@ class EffectEvidence:
     explained_variance: float
 
     def at_most_as_sure_as(self, chance: NullDistribution) -> EffectEvidence:
-        """The evidence with the p-value that the whole scan has by chance, where that is larger."""
+        """Raise the p-value to that of the whole scan by chance, if that is larger."""
         log_p = math.log(max(self.p_value, 1e-300))
         return replace(self, p_value=max(self.p_value, min(1.0, chance.p_value(log_p))))
 
@@ -367,7 +396,10 @@ class EffectEvidence:
 
 
 def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ...]) -> EffectEvidence:
-    """The class of one effect and the evidence for it. `scores` are those of the whole model."""
+    """Find the class of one effect and the evidence for it.
+
+    The `scores` are those of the whole model.
+    """
     without, gain, columns = leave_one_out(space, scores, effect)
     tries = scores.multiplicity_of(effect)
     counts = against_own_noise(space, space.own_direction(effect)[0], space.residual.ravel())
@@ -382,7 +414,7 @@ def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ..
         # A rival that the linearised model prefers lost against the effect when both were refitted.
         cost = max(own - score.evidence, 0.0)
         if score.freedom <= columns or score in twins:
-            # No more complex, or a twin, and it fits as well: what is usual must not decide alone.
+            # No more complex, or an alias, and it fits as well: what is usual must not decide alone.
             fit = without.space.rows * math.log(
                 max(without.rss - score.gain, 1e-300) / max(without.rss - gain, 1e-300)
             )
@@ -403,9 +435,10 @@ def judge(space: Space, scores: Scores, effect: Effect, chosen: tuple[Effect, ..
 
 
 def _twins(scores: Scores, effect: Effect) -> list[Score]:
-    """Candidates whose columns, by what the rest of the model leaves of them, hold all that the effect does here.
+    """Find candidates whose columns contain all that the effect does here.
 
-    Families without twins are not looked at.
+    The columns are taken after projection on the residual space of the other effects. Families without aliases are
+    skipped.
     """
     directions, coefficients = scores.space.own_direction(effect)
     does: Array = directions @ (coefficients / np.linalg.norm(coefficients))
@@ -423,8 +456,10 @@ def _twins(scores: Scores, effect: Effect) -> list[Score]:
 
 
 def _near_rivals(scores: Scores) -> list[Score]:
-    """Every rival of its own that is nearly as good as the best of its family: whole orders of a joint, neighbours that
-    a short range confuses, and creeps beside a step."""
+    """Find separate rivals that are nearly as good as the best of their family.
+
+    These are whole orders of a joint, neighbours that a short range confuses, and creeps instead of a step.
+    """
     found = []
     for index, family in enumerate(scores.families):
         if not family.rivals.any():
@@ -440,7 +475,7 @@ def _near_rivals(scores: Scores) -> list[Score]:
 
 
 def _same(scores: Scores, one: Effect, other: Effect) -> bool:
-    """Whether a place of the scan is the chosen effect again: two whole orders are always two explanations."""
+    """Check if a place of the scan is the chosen effect; two whole orders always differ."""
     if one.label == other.label:
         return True
     both_whole = all(float(e.shape.get("order", 0.5)).is_integer() for e in (one, other))

@@ -1,34 +1,34 @@
-"""Tests of the residuals of a fit for structure, and along which quantity the structure is.
+"""Tests of the residuals of a fit for structure, and search for the quantity that drives it.
 
-*Places.* Structure is looked for along quantities that may drive it (`drivers`), each a set of smooth functions of the
-conditions with the slow ones weighted most, and in directions in which an error may act (`directions`): at the tool
-point along the world's axes or the tool's, along the line of sight, on all lengths of the arm, as a tilt of the base,
-or on one joint. With the functions F of a driver and what the residual has along a direction as s, the score is
+*Places.* Structure is searched along quantities that may drive it (`drivers`), each a set of smooth functions of the
+conditions with the slow ones weighted most. It is also searched in directions in which an error may act (`directions`):
+at the tool point along the axes of the world or the tool, along the line of sight, on all lengths of the arm, as a
+tilt of the base, or on one joint. With the functions F of a driver and the residual s along a direction, the score is
 
     T = |F's|^2 / |r|^2,
 
-which is r'Kr for the kernel K that driver and direction make, without forming it. Source: Lin 1997. Each place is
-tested with slow functions weighted most and with all weighted equally, because an interaction of orders 2 and 3 is
-hidden by the slow functions of its two joints. Places that one would look at first (`likely`) share half of the chance
-of an alarm, all others the other half. Source: Genovese, Roeder and Wasserman 2006.
+which is r'Kr for the kernel K of driver and direction, without forming it. Source: Lin 1997. Each place is tested with
+slow functions weighted most and with all weighted equally, because an interaction of orders 2 and 3 is hidden by the
+slow functions of its two joints. The most plausible places (`likely`) share half of the chance of an alarm, all others
+the other half. Source: Genovese, Roeder and Wasserman 2006.
 
-*Chance.* Readings of one pose share its repeatability and what the model lacks there, and real residuals have tails. So
-T is compared with that of the same residuals with random signs for whole poses, freed of what the fit absorbs:
+*Chance.* Readings of one pose share its repeatability and its unmodelled error, and real residuals have tails. T is
+therefore compared with that of the same residuals with random signs for whole poses, freed of what the fit absorbs:
 
     r* = (I - QQ') (w o (I - B)^-1/2 r),      w = +1 or -1 for each pose,
 
-B the blocks of QQ' that belong to one pose: where few poses carry a fit it hides most of their errors, and would hide
-them once more. What counts is how large the largest of all places is by chance; beyond the draws its logarithm is taken
-to fall as straight as among them. Sources: Davidson and Flachaire 2008 (wild bootstrap), Cameron et al. 2008
-(clusters), Bell and McCaffrey 2002 (B), Westfall and Young 1993 (smallest of many p-values), Pickands 1975 (tail).
+B the blocks of QQ' that belong to one pose. If few poses determine a fit, it hides most of their errors, and would hide
+them a second time. The test uses the largest value over all places by chance. Beyond the draws its logarithm is
+extrapolated linearly. Sources: Davidson and Flachaire 2008 (wild bootstrap), Cameron et al. 2008 (clusters), Bell and
+McCaffrey 2002 (B), Westfall and Young 1993 (smallest of many p-values), Pickands 1975 (tail).
 
-*Readings left out.* A weak floor that yields only under the largest moments disturbs a fortieth of the readings; they
-are rejected like gross errors. But gross errors do not depend on the pose: the mean of F over the readings left out is
-compared with that over as many poses drawn at random (`together`).
+*Readings left out.* A weak floor that yields only under the largest moments disturbs a fortieth of the readings, which
+are rejected like gross errors. But gross errors do not depend on the pose. The mean of F over the readings left out is
+therefore compared with that over as many poses drawn at random (`together`).
 
 *Noise.* The residuals are compared with the declared noise and with that of repeated visits. Readings of one visit
-share where the robot came to rest: unless the repeatability is declared, degrees of freedom count as if every visit had
-one reading. Sources: the lack-of-fit F test, Draper and Smith ch. 2; Satterthwaite 1946.
+share the rest position of the robot: unless the repeatability is declared, degrees of freedom count as if every visit
+had one reading. Sources: the lack-of-fit F test, Draper and Smith ch. 2. Satterthwaite 1946.
 """
 
 from __future__ import annotations
@@ -56,9 +56,11 @@ _TAIL = 0.2  # share of the draws from which the tail is taken
 
 
 def draws(space: Space, *, clipped: bool = False, most: int = DRAWS) -> Array:
-    """(size, 1 + B) the residuals with all signs as they are, then as chance would have them; B up to `most`, fewer
-    where readings are many. clipped: readings far larger than most count as three times the median, so that a few of
-    them neither make structure nor hide it."""
+    """Draw residuals (size, 1 + B) with random signs; the first column has the actual signs.
+
+    B is up to `most`, and fewer for many readings. If `clipped`, much larger readings count as three times the median,
+    so that a few of them neither create structure nor hide it.
+    """
     pose = space.fitted.readings.conditions.pose
     count = int(np.clip(_MOST_DRAWN // space.size, _FEWEST_DRAWS, most))
     signs = np.ones((pose.max() + 1, 1 + count))
@@ -76,7 +78,7 @@ def draws(space: Space, *, clipped: bool = False, most: int = DRAWS) -> Array:
 
 
 def _freed(space: Space, pose: NDArray[np.int64]) -> Array:
-    """(k, n) (I - B)^-1/2 r by its series: residuals as large as the errors behind them."""
+    """Compute (I - B)^-1/2 r, (k, n), by its series: residuals as large as the errors."""
     k, n = space.residual.shape
     basis = space.basis_of_readings.reshape(k, n, -1)
     order = np.argsort(pose, kind="stable")
@@ -93,17 +95,20 @@ def _freed(space: Space, pose: NDArray[np.int64]) -> Array:
 
 @dataclass(frozen=True)
 class NullDistribution:
-    """The largest -log p of every draw, over all places of a test; p as the test itself has it."""
+    """Largest -log p of every draw over all places of a test, with p as from the test itself."""
 
     largest: Array  # (B,) ascending
 
     @classmethod
     def of(cls, log_p: Array) -> NullDistribution:
-        """The chances given log p (places, B) of the draws; every place counts in full, so p may exceed 1."""
+        """Build the distribution from log p (places, B) of the draws.
+
+        Every place counts in full, so p may exceed 1.
+        """
         return cls(np.sort(-np.min(log_p, axis=0)))
 
     def p_value(self, log_p: float) -> float:
-        """Chance that the largest of all places is so large, from the log p of one."""
+        """Return the chance that the largest of all places is as large as this log p of one place."""
         count = len(self.largest)
         start = int((1.0 - _TAIL) * count)
         threshold = float(self.largest[start])
@@ -136,7 +141,7 @@ _FAR = 16  # half waves over the range of distances: as of a meter that errs wit
 
 
 def drivers(space: Space) -> dict[str, Array]:
-    """Name of each driver -> (n, m) functions of it, mean square falling from 1 with their order."""
+    """Map each driver to functions (n, m) of it, whose mean square falls from 1."""
     conditions, robot = space.fitted.readings.conditions, space.fitted.model.robot
     joints = range(conditions.joints.shape[1])
     names = [axis.removeprefix("j") for axis in robot.axes]
@@ -175,9 +180,10 @@ def drivers(space: Space) -> dict[str, Array]:
 
 
 def _drives(robot: Robot, conditions: Conditions, coupling: str) -> dict[str, Array]:
-    """The side from which a drive came whose joint another drive turns as well: by rods, or as it is counted only.
+    """Return the side of approach of a drive whose joint another drive also turns.
 
-    Where rods carry the forearm its gear turns as the controller counts, and so does what its gear has of play.
+    The joints are coupled by rods, or only in the counts of the controller. If rods carry the forearm, its gear turns
+    as the controller counts, and so does its backlash.
     """
     if coupling == "none":
         return {}
@@ -193,7 +199,10 @@ def _drives(robot: Robot, conditions: Conditions, coupling: str) -> dict[str, Ar
 
 
 def _as_angles(joints: Array, robot: Robot) -> Array:
-    """(n, N) joints with the whole travel of a slide as half a turn: a field over several is as smooth along each."""
+    """Scale joints (n, N) so that the whole travel of a sliding joint is half a turn.
+
+    A field over several joints is then equally smooth along each.
+    """
     travel = np.array(robot.upper) - np.array(robot.lower)
     return joints * np.where([kind == "slides" for kind in robot.kinds], np.pi / travel, 1.0)
 
@@ -231,15 +240,17 @@ def _outside_the_arm(space: Space, conditions: Conditions) -> dict[str, Array]:
 
 
 def sight_at_tool(frames: Frames, station: tuple[float, float, float]) -> Array:
-    """(n, 3) the line of sight from the instrument's place to the target, along the axes of the tool."""
+    """Return the line of sight (n, 3) from the instrument to the target, along the tool axes."""
     view = frames.p - np.array(station)[:, None]
     along_axes = np.array([np.sum(axis * view, axis=0) for axis in (frames.x, frames.y, frames.z)])
     return (along_axes / np.maximum(np.linalg.norm(view, axis=0), 1e-9)).T
 
 
 def directions(space: Space) -> dict[str, Array]:
-    """Name of each direction -> (a, k, n) change of the readings for a unit along each of its a axes, whitened reading
-    by reading: what drives it may differ within a visit."""
+    """Map each direction to the change (a, k, n) of the readings per unit along its a axes.
+
+    The change is whitened reading by reading, because its drivers may differ within a visit.
+    """
     conditions, frames = space.fitted.readings.conditions, space.frames
     n, observed = len(conditions), space.fitted.readings.observed
     world = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, n))
@@ -259,8 +270,10 @@ def directions(space: Space) -> dict[str, Array]:
 
 
 def _growth(space: Space) -> Array:
-    """(k, n) change of the readings when every link grows in proportion, by 1 mm where it is longest; whitened as
-    `directions`."""
+    """Compute the change (k, n) of the readings if every link grows in proportion.
+
+    The longest link grows by 1 mm. The change is whitened as in `directions`.
+    """
     robot = space.fitted.model.robot
     lengths = {f"{kind}{k + 1}": float(getattr(robot, kind)[k]) for kind in "ad" for k in range(robot.joints)}
     longest = max(max(abs(length) for length in lengths.values()), 1e-9)
@@ -270,29 +283,35 @@ def _growth(space: Space) -> Array:
 
 
 def likely(driver: str, direction: str) -> bool:
-    """Whether an error of this direction is what one would look for first: it moves the tool point whatever drives it,
-    a joint where that joint's own angle, load or arrival drives it, all but the tool point by time and warmth, the
-    sight by its length, and the base by the moment that overturns it."""
+    """Check if an error of this direction by this driver is plausible a priori.
+
+    The tool point may move with any driver. A joint may move with its own angle, load or arrival. All but the tool
+    point may change with time and temperature, the line of sight with its length, and the base with its overturning
+    moment.
+    """
     if driver in (TIME, QUICK, "temperature", _OWN.get(direction)):
         return True
     return direction.startswith("the tool point") or direction in driver
 
 
 def along(axis: Array, rows: Array) -> Array:
-    """(n, B) what rows (size, B), whitened, have along one axis (k, n), reading by reading."""
+    """Project whitened rows (size, B) on one axis (k, n), reading by reading; shape (n, B)."""
     k, n = axis.shape
     return np.einsum("kn,knb->nb", axis, rows.reshape(k, n, -1))
 
 
 def _named(name: str, functions: Array) -> dict[str, Array]:
-    """The driver, less functions that are the same for all readings; none where no function is left."""
+    """Return the driver without constant functions; empty if none is left."""
     varies = np.std(functions, axis=0) > 1e-9
     return {name: functions[:, varies]} if varies.any() else {}
 
 
 def _waves(angle: Array, orders: int, wide: bool) -> Array:
-    """cos and sin over the measured range, 1 to `orders` half waves, (n, 2 orders). wide: the first half wave, and 1 to
-    `orders` whole waves a turn, (n, 2 orders + 2): what geometry, gears and gravity do comes back after a turn."""
+    """Return cos and sin of 1 to `orders` half waves over the measured range, (n, 2 orders).
+
+    If `wide`, return the first half wave and 1 to `orders` whole waves per turn, (n, 2 orders + 2): the effects of
+    geometry, gears and gravity repeat after a turn.
+    """
     phase = (angle - angle.min()) / np.ptp(angle) * np.pi
     numbers = range(1, orders + 1)
     if not wide:
@@ -302,26 +321,26 @@ def _waves(angle: Array, orders: int, wide: bool) -> Array:
 
 
 def _to_order(angle: Array, wide: bool) -> int:
-    """The number of leading waves whose orders are at most _PAIRED per turn."""
+    """Return the number of leading waves whose orders are at most _PAIRED per turn."""
     if wide:
         return _PAIRED + 1
     return int(np.clip(np.ceil(_PAIRED * np.ptp(angle) / np.pi), _PAIRED, _WAVES))
 
 
 def _circle(angle: Array) -> Array:
-    """(n, 2) cos and sin, so that angles a turn apart are the same."""
+    """Return cos and sin, (n, 2), so that angles a turn apart are the same."""
     return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def _over_range(values: Array, corner: float, last: int) -> Array:
-    """(n, last) half waves over the range of values (n,), weights falling from a corner on."""
+    """Return half waves (n, last) over the range of values (n,), weights falling from a corner."""
     waves = np.arange(1, last + 1)
     phase = (values - values.min()) / max(float(np.ptp(values)), 1e-9) * np.pi
     return np.cos(np.outer(phase, waves)) * np.sqrt(2.0 / (1.0 + (waves / corner) ** 2))
 
 
 def _lasting(order: Array, first: int, last: int, corner: float) -> Array:
-    """Half waves over the campaign, by rank in time: the shape of an error that lasts from reading to reading."""
+    """Return half waves over the campaign by rank in time, for lasting errors."""
     rank = np.argsort(np.argsort(order, kind="stable"), kind="stable")
     waves = np.arange(first, max(min(len(order) // 4, last), first) + 1)
     phase = (rank + 0.5) / len(order) * np.pi
@@ -333,7 +352,7 @@ def _products(one: Array, other: Array) -> Array:
 
 
 def _powers(values: Array, degree: int) -> Array:
-    """Legendre polynomials over the range of the values, (n, degree), weights falling; zeros for a constant."""
+    """Return weighted Legendre polynomials (n, degree) over the range; 0 for a constant."""
     if not np.all(np.isfinite(values)):
         return np.zeros((len(values), degree))
     low, high = np.quantile(values, (0.02, 0.98))
@@ -344,14 +363,17 @@ def _powers(values: Array, degree: int) -> Array:
 
 
 def _quadratic(vectors: Array) -> Array:
-    """Linear and quadratic functions of (n, 3) vectors, (n, 9)."""
+    """Return linear and quadratic functions (n, 9) of vectors (n, 3)."""
     x = (vectors - vectors.mean(axis=0)) / np.maximum(vectors.std(axis=0), 1e-9)
     pairs = [(i, j) for i in range(3) for j in range(i, 3)]
     return np.column_stack([x, *(0.5 * x[:, i] * x[:, j] for i, j in pairs)])
 
 
 def _field(coordinates: Array, width: float = _WIDTH) -> Array:
-    """(n, m) random Fourier features of a Gaussian kernel over (n, d). Source: Rahimi and Recht 2007."""
+    """Return random Fourier features (n, m) of a Gaussian kernel over (n, d).
+
+    Source: Rahimi and Recht 2007.
+    """
     rng = np.random.default_rng(0)
     waves = rng.normal(size=(coordinates.shape[1], _FIELDS)) / width
     return np.cos(coordinates @ waves + rng.uniform(0.0, 2.0 * np.pi, _FIELDS)) * np.sqrt(2.0)
@@ -365,7 +387,7 @@ def _region(point: Array) -> Array:
 
 
 def pauses(conditions: Conditions) -> Array:
-    """(n,) s since the reading before, 0 where none was."""
+    """Compute the time since the previous reading, s, shape (n,); 0 for the first."""
     in_time = np.argsort(conditions.order)
     time = conditions.time[in_time]
     pause = np.empty(len(time))
@@ -391,8 +413,7 @@ _FEWEST_ACTING = 10.0  # readings over which the functions of a driver act at le
 
 @dataclass(frozen=True)
 class ResidualStructure:
-    """Left-over structure: what drives it, on what it acts, how sure, and what share of the left-over variance it
-    is."""
+    """Remaining structure: driver, what it acts on, p-value, and share of the variance."""
 
     where: str
     p_value: float
@@ -401,8 +422,10 @@ class ResidualStructure:
 
 
 def left_over(space: Space, alarm: float = ALARM) -> list[ResidualStructure]:
-    """Drivers along which structure is left, that which explains most first; empty where none passes at a chance of
-    `alarm`."""
+    """Find the drivers of remaining structure with p-values below `alarm`.
+
+    The driver that explains most comes first.
+    """
     if space.freedom <= 0 or space.rss <= 0.0:
         return []
     some = _some(space)
@@ -465,7 +488,7 @@ def _variables(driver: str) -> int:
 
 
 def _some(space: Space) -> NDArray[np.int64]:
-    """Readings that the test looks at: all, or those of poses drawn at random."""
+    """Select the readings to test: all, or those of poses drawn at random."""
     pose = space.fitted.readings.conditions.pose
     if len(pose) <= _MOST_READINGS:
         return np.arange(len(pose))
@@ -474,8 +497,10 @@ def _some(space: Space) -> NDArray[np.int64]:
 
 
 def _alike(space: Space, functions: Mapping[str, Array], some: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Drivers, of functions (s, m) over `some` readings (s,), as a mask of those that are the same in all readings
-    of a visit."""
+    """Mark the drivers whose functions are the same in all readings of a visit.
+
+    The functions (s, m) are those over the readings `some` (s,).
+    """
     _, first, visit = np.unique(
         space.fitted.readings.conditions.visit[some], return_index=True, return_inverse=True
     )
@@ -484,21 +509,26 @@ def _alike(space: Space, functions: Mapping[str, Array], some: NDArray[np.int64]
 
 
 def _spread(functions: Array) -> float:
-    """Over how many readings functions (n, m) act: where one or two dominate, their signs say nothing."""
+    """Count the readings over which functions (n, m) act; one or two are not enough."""
     weight = np.sum((functions - functions.mean(axis=0)) ** 2, axis=1)
     return float(np.sum(weight) ** 2 / max(np.sum(weight**2), 1e-300))
 
 
 def log_p_of(*statistics: Array) -> Array:
-    """log of the chance that draws exceed each value (tests, 1 + B), the data first; of several statistics of the same
-    tests the smallest."""
+    """Compute the log of the chance that draws exceed each value (tests, 1 + B), the data first.
+
+    For several statistics of the same tests, the smallest counts.
+    """
     return log_ndtr(np.min([_deviate(values) for values in statistics], axis=0))
 
 
 def _deviate(values: Array) -> Array:
-    """Values (tests, 1 + B) as deviates of a normal law, high ones negative, by the gamma law of mean, variance and
-    skewness of the draws, of the others for a draw itself. A law of mean and variance alone believes too much where few
-    readings carry a place. Source: Pearson's type III; Wilson and Hilferty 1931, which does not underflow."""
+    """Convert values (tests, 1 + B) to normal deviates, high values negative.
+
+    A gamma law is fitted to mean, variance and skewness of the draws (of the other draws for a draw itself). Mean and
+    variance alone overstate the significance if few readings determine a place. Sources: Pearson's type III. Wilson and
+    Hilferty 1931, which does not underflow.
+    """
     size = np.maximum(np.mean(values[:, 1:], axis=1, keepdims=True), 1e-300)
     values = values / size
     count = np.full(values.shape[1], values.shape[1] - 2.0)
@@ -521,9 +551,10 @@ def _deviate(values: Array) -> Array:
 
 
 def _share(space: Space, functions: Array, axes: Array, some: NDArray[np.int64]) -> float:
-    """Share of the left-over variance that the functions explain along some axes, their number allowed for.
+    """Compute the share of remaining variance that functions explain along some axes.
 
-    Of more functions than a third of the rows the first ones count: as many as rows would explain everything.
+    It is adjusted for the number of functions. If there are more than a third of the rows, the first ones count, since
+    as many as rows would explain everything.
     """
     n = len(functions)
     measured = space.rows * n // space.residual.shape[1]
@@ -546,7 +577,7 @@ _MOST_TOGETHER = 4
 
 
 def together(space: Space, out: NDArray[np.bool_]) -> list[ResidualStructure]:
-    """Drivers along which the readings of a mask `out` (n,) lie together, most certain first."""
+    """Find drivers along which the readings of a mask `out` (n,) cluster, most certain first."""
     pose = space.fitted.readings.conditions.pose
     count = np.bincount(pose)
     spoilt = np.bincount(pose, out) > 0.0
@@ -573,7 +604,10 @@ def together(space: Space, out: NDArray[np.bool_]) -> list[ResidualStructure]:
 
 
 def _share_of_choice(functions: Array, out: NDArray[np.bool_]) -> float:
-    """Share of the choice of left-out readings that the functions (n, m) explain, their number allowed for."""
+    """Compute the share of the choice of left-out readings that functions (n, m) explain.
+
+    It is adjusted for the number of functions.
+    """
     values = out - np.mean(out)
     columns = functions - functions.mean(axis=0)
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
@@ -589,17 +623,17 @@ _FEWEST_REPEATS = 30  # rows by which noise is known from repeats
 
 
 def p_lack_of_fit(space: Space) -> float:
-    """The p-value of the residuals for the declared noise."""
+    """Compute the p-value of the residuals for the declared noise."""
     freedom = max(space.rows - float(np.sum(space.basis_of_readings**2)), 1.0)
     apart = _apart(space, len(space.fitted.readings.rows))
     return float(chdtrc(freedom * apart, float(np.sum(space.residual**2)) * apart))
 
 
 def p_beyond_repeats(space: Space) -> float | None:
-    """The p-value of the residuals for the noise that repeated readings show; None where too few are repeated.
+    """Compute the p-value of the residuals for the noise of repeated readings; None for too few.
 
-    Repeats are visits of one pose with one target, arrived at from the same sides: what differs among them is noise,
-    with the robot's repeatability.
+    Repeats are visits to one pose with one target, approached from the same sides. Their differences are noise, which
+    includes the robot's repeatability.
     """
     conditions = space.fitted.readings.conditions
     found = _between(space, np.column_stack([_place(conditions), conditions.side.astype(np.int64)]))
@@ -607,7 +641,7 @@ def p_beyond_repeats(space: Space) -> float | None:
 
 
 def each_pose(space: Space) -> list[ResidualStructure]:
-    """The place of an error that every pose and target has of its own, whenever it is visited; empty where none is."""
+    """Find an error that is specific to each pose and target, and the same at every visit."""
     found = _between(space, _place(space.fitted.readings.conditions))
     if found is None or found[0] >= ALARM:
         return []
@@ -615,15 +649,15 @@ def each_pose(space: Space) -> list[ResidualStructure]:
 
 
 def _place(conditions: Conditions) -> NDArray[np.int64]:
-    """(n, 4) what is measured: pose, tool target, base target, series."""
+    """Return pose, tool target, base target and series of each reading, (n, 4)."""
     return np.column_stack([conditions.pose, conditions.target, conditions.anchor, conditions.series])
 
 
 def _between(space: Space, alike: NDArray[np.int64]) -> tuple[float, float] | None:
-    """Chance that visits of readings which are alike, where rows of `alike` (n, c) are, differ so much less than
-    groups of them do, and the share of what is left that the groups have beyond it.
+    """Test if groups of equal rows of `alike` (n, c) differ more than visits within the groups.
 
-    None where too few are visited again, or the model has as many parameters as there are groups.
+    Returns the chance and the share of the residual that the groups explain beyond it. Returns None if there are too
+    few repeated visits, or no more groups than parameters of the model.
     """
     readings = space.fitted.readings
     groups = np.unique(alike, axis=0, return_inverse=True)[1].reshape(-1)
@@ -649,13 +683,15 @@ def _between(space: Space, alike: NDArray[np.int64]) -> tuple[float, float] | No
 
 
 def _apart(space: Space, readings: int) -> float:
-    """Share of so many readings that are tries of their own: all where what a visit shares is declared, and so is
-    whitened already; else one a visit."""
+    """Return the share of `readings` that are independent.
+
+    All are if the error that a visit shares is declared, since it is whitened already. Otherwise one per visit is.
+    """
     if space.fitted.readings.observed.shared is not None:
         return 1.0
     return len(np.unique(space.fitted.readings.conditions.visit)) / readings
 
 
 def _means(values: Array, group: NDArray[np.int64]) -> Array:
-    """(k, groups) mean of the columns of values (k, n) that belong to each group."""
+    """Compute the mean (k, groups) of the columns of values (k, n) that belong to each group."""
     return np.array([np.bincount(group, row) for row in values]) / np.bincount(group)
