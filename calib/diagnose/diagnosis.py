@@ -436,7 +436,10 @@ def _follow_up(dataset: Dataset, final: IdentificationFit, found: list[Diagnosed
 
 
 def _structure(dataset: Dataset, space: Space) -> list[ResidualStructure]:
-    """Find structure along drivers, in the place of rejected readings, or in each pose."""
+    """Find structure along drivers, in the place of rejected readings, or in each pose.
+
+    The tests along drivers include the readings that the fit left out.
+    """
     alarm = ALARM if p_lack_of_fit(space) >= NOISY else SUSPECT
     readings, out = all_readings(dataset, space.fitted)
     if not out.any():

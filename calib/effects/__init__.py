@@ -1,7 +1,8 @@
-"""The library of effects: rows and entries, by what they act on; each holds all that is known of its kinds.
+"""Library of effects: everything that is known of each kind of effect.
 
-`transmission`, `elasticity`, `geometry`, `thermal`, `slides`, `instrument`; other packages add theirs by entry points
-of the group `truepose.effects`, each a module with KINDS and offer.
+The modules group the effects by what they act on: `transmission`, `elasticity`, `geometry`, `thermal`, `slides` and
+`instrument`. Other packages add effects by entry points of the group `truepose.effects`, each a module with KINDS and
+offer.
 """
 
 from __future__ import annotations
@@ -68,7 +69,13 @@ _IN_WORDS = re.compile(r"\b([Jj]oint|[Ll]ink|and) (\d+)")
 
 
 def entries() -> tuple[Offers, ...]:
-    """The library, and what other packages bring. Raises DataError where one of them cannot be used."""
+    """Return the entries of the library and those of other packages.
+
+    Raises
+    ------
+    DataError
+        An entry of another package cannot be used.
+    """
     return (*LIBRARY, *_installed())
 
 
@@ -94,8 +101,11 @@ def _loaded(point: EntryPoint) -> Any:
 
 
 def offers(survey: Survey) -> list[Family]:
-    """All candidates of the library for these readings, without those that the base model contains, and without those
-    that blame the gear of a joint whose gravity is not modelled: its sag looks like them."""
+    """List all candidates of the library for these readings.
+
+    Candidates that the base model contains are left out. If the gravity load of a joint is not modelled, effects of its
+    gear are left out too, because its sag looks like them.
+    """
     proposals = [proposal for entry in entries() for proposal in entry.offer(survey)]
     new = [p for p in proposals if not (isinstance(p, Candidate) and survey.frees(p.effect))]
     return [_family_by_axis(p, survey.robot) for p in new if not _looks_like_sag(p.label, survey)]
@@ -108,14 +118,17 @@ def _looks_like_sag(label: str, survey: Survey) -> bool:
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """The effects that may have begun since a calibration and that these readings could show."""
+    """List the effects that may have begun since a calibration and that these readings could show."""
     begun = [entry.changes(survey) for entry in LIBRARY if entry.changes is not None]
     return [by_axis(found, survey.robot) for several in begun for found in several]
 
 
 def unclaimed(survey: Survey) -> list[Effect]:
-    """The effects that may be there unclaimed and that later readings would meet otherwise: those that can set in, what
-    follows the air, and waves so long that few poses see one stretch of them, as a lost zero."""
+    """List the effects that may be present undetected, and that later readings would show.
+
+    These are effects that can set in, effects of the air temperature, and long waves. Few poses see one stretch of such
+    a wave, which then looks like a lost zero.
+    """
     offered = thermal.THERMAL_GROWTH.offer(survey)
     growth = [candidate.effect for candidate in offered if isinstance(candidate, Candidate)]
     waves = [by_axis(wave, survey.robot) for wave in transmission.long_waves(survey)]
@@ -123,9 +136,9 @@ def unclaimed(survey: Survey) -> list[Effect]:
 
 
 def by_axis(effect: Effect, robot: Robot) -> Effect:
-    """The effect with the name of the axis for the number of its link in label, parameters and meaning.
+    """Replace the link number in label, parameters and meaning by the name of the axis.
 
-    The library counts joints as links, 1 to N; on a track, link 2 of the chain is joint 1 of the arm.
+    The library counts joints as links, 1 to N. On a track, link 2 of the chain is joint 1 of the arm.
     """
     if _counts_alike(robot):
         return effect
@@ -169,18 +182,36 @@ def _family_by_axis(family: Family, robot: Robot) -> Family:
 
 
 def kind_of(label: str) -> EffectKind:
-    """The kind of effect that a label names. Raises KeyError for a label of no kind in the library."""
+    """Return the kind of effect that a label names.
+
+    Raises
+    ------
+    KeyError
+        The library has no such kind.
+    """
     kinds = {kind.name: kind for entry in entries() for kind in entry.KINDS}
     return kinds[label.partition(":")[0]]
 
 
 def check_of(label: str) -> str:
-    """Advice to a technician on what to check for the effect of this label. Raises KeyError as `kind_of` does."""
+    """Return advice to a technician on what to check for the effect of this label.
+
+    Raises
+    ------
+    KeyError
+        The library has no such kind.
+    """
     return kind_of(label).check_of(label)
 
 
 def words_of(label: str) -> str:
-    """The name of the effect of this label in reports. Raises KeyError as `kind_of` does."""
+    """Return the name of the effect of this label in reports.
+
+    Raises
+    ------
+    KeyError
+        The library has no such kind.
+    """
     return kind_of(label).words_of(label)
 
 

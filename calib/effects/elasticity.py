@@ -1,6 +1,7 @@
-"""Effects of elasticity: gears, links, bearings and the pedestal deflect under loads; undeclared loads.
+"""Effects of elasticity: deflections under load, and undeclared loads.
 
-Links and bearings are built for what they carry: their usual size is an angle under the largest moment.
+Gears, links, bearings and the pedestal deflect. Links and bearings are designed for their load, so their usual size is
+an angle under the largest moment.
 """
 
 from __future__ import annotations
@@ -73,12 +74,18 @@ cubic_stiffness = Row(
 
 
 def _about_alpha(robot: Robot, link: int) -> Regressor:
-    """Gravity moment about axis x of alpha: of frame K-1 in modified DH, of frame K behind joint K in standard DH."""
+    """Return the gravity moment about axis x of alpha.
+
+    It acts in frame K-1 in modified DH, and in frame K behind joint K in standard DH.
+    """
     return GravityMoment(link, 0) if robot.convention == "mdh" else MomentBehind(link, robot.theta[link - 1])
 
 
 def link_torsion(robot: Robot, link: int, largest: float) -> Effect:
-    """Torsional compliance of `link`, whose moments reach `largest` N.mm; parameter c, 1e-6 rad/(N.m)."""
+    """Build the torsional compliance of a link; parameter c, 1e-6 rad/(N.m).
+
+    The moments reach `largest` N.mm.
+    """
     size = to_display(_USUAL / largest, _PER_MOMENT)
     return effect(
         f"link_torsion:j{link}",
@@ -99,9 +106,10 @@ def _offer_link_torsion(survey: Survey) -> list[Candidate]:
 
 
 def bearing_tilt(joint: int, largest: float) -> Effect:
-    """The bearing of `joint`, whose moments reach `largest` N.mm, tilts by c M_x about x and c M_y about y.
+    """Build the tilt of the bearing of a joint by c M_x about x and c M_y about y.
 
-    One compliance for both directions, since a bearing is round; parameter c, 1e-6 rad/(N.m).
+    The moments reach `largest` N.mm. Both directions have one compliance, since a bearing is round; parameter c,
+    1e-6 rad/(N.m).
     """
     size = to_display(_USUAL / largest, _PER_MOMENT)
     places = [
@@ -127,11 +135,11 @@ def _offer_bearing_tilt(survey: Survey) -> list[Candidate]:
 
 
 def pedestal(robot: Robot) -> Effect:
-    """Compliance of the pedestal; parameters x and y, 1e-6 rad/(N.m), about those axes of the base.
+    """Build the compliance of the pedestal about axes x and y of the base.
 
-    A table, a rail or a frame is seldom as stiff about one as about the other. It leans about the origin of the base.
-    In Nubiola's robots d_1 comes before the turns of the base, which turn about a point d_1 above it; the shift that
-    this leaves out is added.
+    The parameters are x and y, 1e-6 rad/(N.m). A table, a rail or a frame is seldom equally stiff about both axes. It
+    leans about the origin of the base. In Nubiola's robots d_1 comes before the turns of the base, which turn about a
+    point d_1 above it. The shift that this leaves out is added.
     """
     about_x, about_y = Overturning(0), Overturning(1)
     height = robot.d[0] if robot.base == "thesis" else 0.0
@@ -163,11 +171,11 @@ Compliance = Mapping[int, float]
 def payload_mass(
     centre: tuple[float, float, float], compliance: Compliance, declared_kg: float = 0.0
 ) -> Effect:
-    """More mass on the last link, with its `centre` (mm, that link's frame); parameter mass, kg.
+    """Build the effect of additional mass on the last link; parameter mass, kg.
 
-    It turns every joint by its compliance, a constant of the effect as estimated, times the missing torque, and is
-    never negative together with the declared mass. The compliances absorb most of a wrong mass (0.95). Source: Nubiola,
-    thesis 2.5 (10 % errors of mass and centre).
+    The `centre` is in mm in that link's frame. The mass turns every joint by its compliance, a constant of the effect
+    as estimated, times the missing torque. Together with the declared mass it is never negative. The compliances absorb
+    most of a wrong mass (0.95). Source: Nubiola, thesis 2.5 (10 % errors of mass and centre).
     """
     joints = [(f"theta{k}", LoadTorque(k, 1.0, *centre), c) for k, c in compliance.items()]
     return effect(
@@ -180,7 +188,7 @@ def payload_mass(
 
 
 def payload_cog(load: Load, compliance: Compliance) -> Effect:
-    """Another centre of `load`; parameters x, y, z, mm, in the last link's frame."""
+    """Build the effect of another centre of `load`; parameters x, y, z, mm, in the last link's frame."""
     kg = load.mass_kg
     along = {"x": (kg, 0.0, 0.0), "y": (0.0, kg, 0.0), "z": (0.0, 0.0, kg)}
     return effect(
@@ -201,7 +209,10 @@ def payload_cog(load: Load, compliance: Compliance) -> Effect:
 
 
 def _offer_payload(survey: Survey) -> list[Candidate]:
-    """Mass and centre, where the model has compliances; the centre only of a declared load."""
+    """Offer mass and centre of the payload if the model has compliances.
+
+    The centre is offered only for a declared load.
+    """
     compliance = {k: c for k, c in survey.compliance.items() if c != 0.0 and survey.loaded(k)}
     if not compliance:
         return []

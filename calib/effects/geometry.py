@@ -1,7 +1,7 @@
-"""Effects of the geometry: zeros, axes, the tool on the flange, and steps of these between two readings.
+"""Effects of geometry: zeros, axes, the tool on the flange, and steps between two readings.
 
-The change point of a step is the rank of the first reading after it; it is scanned. What creeps there instead is a
-rival of the step alone: readings that do not show the moment bear out no jump.
+The change point of a step is the rank of the first reading after it; it is scanned. A creep instead of a step is a
+rival only of that step: readings that do not show the moment do not confirm a jump.
 """
 
 from __future__ import annotations
@@ -70,13 +70,13 @@ parallel_twist = Row(
 
 
 def joint_step(joint: int, rank: float) -> Effect:
-    """The zero of `joint` steps before the reading of `rank`; parameter step, deg."""
+    """Build a step of a joint's zero before the reading of `rank`; parameter step, deg."""
     meaning = f"The zero of joint {joint} jumped between two readings."
     return _slipping(f"joint_step:j{joint}", meaning, joint, StepAt(int(rank)), {"rank": float(int(rank))})
 
 
 def joint_creep(joint: int, rank: float, until: float) -> Effect:
-    """The zero of `joint` creeps from the reading of `rank` to that of `until`; parameter step, deg."""
+    """Build a creep of a joint's zero from reading `rank` to `until`; parameter step, deg."""
     meaning = f"The zero of joint {joint} crept away from one reading to another."
     shape = {"rank": float(int(rank)), "until": float(int(until))}
     return _slipping(f"joint_creep:j{joint}", meaning, joint, CreepBetween(int(rank), int(until)), shape)
@@ -88,7 +88,10 @@ def _slipping(label: str, meaning: str, joint: int, moves: Regressor, shape: dic
 
 
 def _offer_joint_step(survey: Survey) -> list[Steps]:
-    """A scan for each joint that moved; a step of joint 1 is one of the base about its axis, with fewer parameters."""
+    """Offer a scan for each joint that moved.
+
+    A step of joint 1 is a step of the base about its axis, which has fewer parameters.
+    """
     ranks = change_points(survey)
     if not len(ranks):
         return []
@@ -116,24 +119,36 @@ def _shift(name: str, meaning: str, rank: float, turn_deg: float = 0.1) -> Effec
 
 
 def creep(name: str, rank: float, until: float) -> Effect:
-    """Base or tool (`name`) creeps from the reading of `rank` to that of `until`; parameters as those of a step."""
+    """Build a creep of base or tool (`name`) between the readings `rank` and `until`.
+
+    The parameters are those of a step.
+    """
     shape = {"rank": float(int(rank)), "until": float(int(until))}
     return _displaced(f"{name}_creep", _SLOWLY[name], CreepBetween(int(rank), int(until)), shape, 0.1)
 
 
 def base_shift(rank: float, turn_deg: float = 0.1) -> Effect:
-    """The base steps before the reading of `rank`; parameters x, y, z (mm), rx, ry, rz (deg); turn_deg: usual turn."""
+    """Build a step of the base before the reading of `rank`.
+
+    The parameters are x, y, z (mm), rx, ry, rz (deg). The usual turn is `turn_deg`.
+    """
     return _shift("base", "The base, or the instrument, was moved between two readings.", rank, turn_deg)
 
 
 def tool_shift(rank: float) -> Effect:
-    """The tool steps before the reading of `rank`; parameters x, y, z (mm), rx, ry, rz (deg)."""
+    """Build a step of the tool before the reading of `rank`.
+
+    The parameters are x, y, z (mm), rx, ry, rz (deg).
+    """
     return _shift("tool", "The tool was moved on the flange between two readings.", rank)
 
 
 def change_points(survey: Survey) -> Array:
-    """Every rank at which a visit begins, between two readings whose times are known, and that leaves enough readings
-    on either side: a place in the file, perhaps joined from several, shows no moment."""
+    """Return every rank at which a step may occur.
+
+    A visit begins there, the times of the two readings are known, and there are enough readings on either side. Without
+    times the position in the file, which may be joined from several files, shows no moment.
+    """
     order, visit = survey.conditions.order, survey.conditions.visit
     in_time = np.argsort(order)
     timed = np.isfinite(survey.conditions.time[in_time])
@@ -142,7 +157,7 @@ def change_points(survey: Survey) -> Array:
 
 
 def _offer_shift(survey: Survey) -> list[Steps]:
-    """Steps of the base and of the tool at every change point."""
+    """Offer steps of the base and of the tool at every change point."""
     ranks = change_points(survey)
     if not len(ranks):
         return []
@@ -153,7 +168,7 @@ def _offer_shift(survey: Survey) -> list[Steps]:
 
 
 def tool_offset() -> Effect:
-    """The effect of all targets shifted across the last axis; parameters x, y, mm."""
+    """Build a shift of all targets across the last axis; parameters x, y, mm."""
     return effect(
         "tool_offset",
         "frames and tool",
@@ -164,8 +179,10 @@ def tool_offset() -> Effect:
 
 
 def tool_tilt() -> Effect:
-    """The effect of all targets turned about a line across the last axis, through the flange; parameters rx, ry,
-    deg."""
+    """Build a turn of all targets about a line across the last axis, through the flange.
+
+    The parameters are rx and ry, deg.
+    """
     return effect(
         "tool_tilt",
         "frames and tool",
@@ -176,7 +193,10 @@ def tool_tilt() -> Effect:
 
 
 def target_offset(target: str, series: Sequence[str]) -> Effect:
-    """The effect of one target shifted on the tool in all `series`; parameters x, y, z, mm, flange frame."""
+    """Build a shift of one target on the tool in all `series`.
+
+    The parameters are x, y, z, mm, in the flange frame.
+    """
     return effect(
         f"target_offset:{target}",
         "frames and tool",
@@ -190,10 +210,10 @@ def target_offset(target: str, series: Sequence[str]) -> Effect:
 
 
 def _offer_tool(survey: Survey) -> list[Candidate]:
-    """Offset and tilt of the tool and a shift of each target; none where the base model has them.
+    """Offer offset and tilt of the tool and a shift of each target.
 
-    What shifts along the last axis or turns about it is d and theta of the last link. With one target a shift and a
-    turn look the same.
+    Nothing is offered if the base model frees the tool. A shift along the last axis is d of the last link, and a turn
+    about it is theta. With one target a shift and a turn look the same.
     """
     if survey.frees_tool:
         return []

@@ -1,4 +1,4 @@
-"""Effects of the instrument: its frame drifts, its scale is off, a base target sits elsewhere."""
+"""Effects of the instrument: drift of its frame, wrong scale, displaced base target."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _AIR_PPM = 10.0  # as much as 10 K of air or 35 hPa that nobody entered
 
 
 def base_target_shift(name: str) -> Effect:
-    """A base target elsewhere; parameters x, y, z, mm, world."""
+    """Build a shift of a base target; parameters x, y, z, mm, world."""
     return effect(
         f"base_target_shift:{name}",
         "frames and tool",
@@ -26,10 +26,10 @@ def base_target_shift(name: str) -> Effect:
 
 
 def _offer_base_target(survey: Survey) -> list[Candidate]:
-    """One for each base target to which enough distances were measured.
+    """Offer a shift for each base target to which enough distances were measured.
 
-    Where the base is free and only few balls are measured, a displaced ball and a displaced base look alike; the rank
-    of the Jacobian decides.
+    If the base is free and only few balls are measured, a displaced ball and a displaced base look alike. The rank of
+    the Jacobian decides.
     """
     conditions = survey.conditions
     count = np.bincount(conditions.anchor[conditions.anchor >= 0], minlength=len(conditions.anchor_names))
@@ -41,7 +41,7 @@ def _offer_base_target(survey: Survey) -> list[Candidate]:
 
 
 def drift_translation(start_s: float = 0.0) -> Effect:
-    """The instrument's frame shifts from a time on; parameters x, y, z, mm/h."""
+    """Build a shift of the instrument's frame from a time on; parameters x, y, z, mm/h."""
     acts = {axis: ("mm/h", 0.5, [(f"frame.{axis}", Time(start_s))], (-20.0, 20.0)) for axis in "xyz"}
     return effect(
         "drift_translation", "instrument", "instrument", "The instrument slides away with time.", acts
@@ -49,7 +49,10 @@ def drift_translation(start_s: float = 0.0) -> Effect:
 
 
 def drift_rotation(start_s: float = 0.0) -> Effect:
-    """The instrument's frame turns about the station from a time on; parameters rx, ry, rz, deg/h."""
+    """Build a turn of the instrument's frame about the station from a time on.
+
+    The parameters are rx, ry, rz, deg/h.
+    """
     acts = {
         axis: ("deg/h", 0.02, [(f"frame.{axis}", Time(start_s))], (-2.0, 2.0)) for axis in ("rx", "ry", "rz")
     }
@@ -69,17 +72,20 @@ def _offer_drift(survey: Survey) -> list[Candidate]:
 
 
 def _drifts_since(survey: Survey) -> list[Effect]:
-    """Both drifts, from the first check pose on, where the frame was set up; none where times are not recorded."""
+    """Return both drifts from the first check pose on, when the frame was set up.
+
+    The list is empty if times are not recorded.
+    """
     start_s = float(np.min(survey.conditions.time))
     return [drift_translation(start_s), drift_rotation(start_s)] if _offer_drift(survey) else []
 
 
 def tracker_scale(station_mm: tuple[float, float, float], usual_ppm: float = 50.0) -> Effect:
-    """Scale error of an instrument at `station_mm`, s (p - station) added to every point; parameter scale, ppm.
+    """Build the scale error of an instrument at `station_mm`; parameter scale, ppm.
 
-    The cause is a wrong refractive index: 1e-6 for each kelvin of the air, 270e-6 if none was entered. The instrument's
-    frame is shifted in proportion, so a distance from another meter stays as it is. The link lengths absorb most of it
-    (0.97). Source: Edlen 1966 (index of air).
+    It adds s (p - station) to every point. The cause is a wrong refractive index: 1e-6 for each kelvin of the air,
+    270e-6 if none was entered. The instrument's frame is shifted in proportion, so a distance from another meter stays
+    as it is. The link lengths absorb most of it (0.97). Source: Edlen 1966 (index of air).
     """
     places = [(f"frame.{axis}", Beam(k, station_mm[k])) for k, axis in enumerate("xyz")]
     return effect(

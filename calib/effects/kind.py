@@ -1,8 +1,9 @@
-"""A kind of effect apart from its mathematics: what a technician checks, and what distinguishes it from others.
+"""Kinds of effects without their mathematics, and the entries of the library.
 
-Every file of the library declares its kinds; reports and follow-ups use only these declarations.
+A kind states what a technician checks, and what distinguishes it from other kinds. Every module of the library declares
+its kinds; reports and follow-ups use only these declarations.
 
-What stands in the library: rows, each one parameter of one joint on one slot, and entries with code of their own.
+An entry of the library is a `Row`, one parameter of one joint on one slot, or an `EffectModule` with separate code.
 """
 
 from __future__ import annotations
@@ -34,16 +35,26 @@ PROCEDURES = (OTHER_SIDE, OTHER_WARMTH, OTHER_LOAD, SECOND_TARGET, OTHER_STATION
 
 @dataclass(frozen=True)
 class EffectKind:
-    """A kind of effect by its name, which is its label up to the first colon.
+    """Kind of effect, identified by its name, the part of a label up to the first colon.
 
-    check: what a technician should look at first, and how to find out whether the finding is real, a sentence or two
-    with {joint} or {name} where the label has one. It is no work order: what must be done to a gear or a bearing is in
-    the robot's own manual. apart: procedures, as the end of a sentence, that distinguish the kind from another where
-    no pose within the limits does; empty where nothing is known to. by_clock: whether time alone drives it, so that a
-    temperature that does not follow the clock distinguishes no two such kinds. words: what it is called before readers
-    who do not know labels, a few words without a verb, with {joint}, {name} and {times} ("once", "17 times") where the
-    label has them. changed, remedy: what has happened and what to do where the kind has
-    set in between two campaigns, with {joint} and {size}; empty where it never does.
+    Texts may contain {joint} or {name} if the label has one.
+
+    Attributes
+    ----------
+    check : str
+        A sentence or two on what a technician should check first, and how to verify the finding. It is no work order:
+        the robot's own manual states how to repair a gear or a bearing.
+    apart : tuple of str
+        Procedures, as the end of a sentence, that distinguish the kind from another if no pose within the limits does.
+        Empty if none is known.
+    by_clock : bool
+        Whether time alone drives the effect. A temperature that does not follow the clock cannot distinguish two such
+        kinds.
+    words : str
+        Name for readers who do not know labels: a few words without a verb. May contain {times} ("once", "17 times").
+    changed, remedy : str
+        Description and remedy if the kind has set in between two campaigns, with {joint} and {size}. Empty if it never
+        does.
     """
 
     name: str
@@ -59,21 +70,23 @@ class EffectKind:
         return self.check.format(**_named(label))
 
     def words_of(self, label: str) -> str:
-        """The name in reports of the effect of this label of the kind; the label where the kind has no words."""
+        """Return the name in reports of the effect of this label, or the label if there is none."""
         return self.words.format(**_named(label)) or label
 
     def changed_of(self, label: str, size: str) -> str:
-        """The sentence that says what has happened, for the effect of this label of the kind."""
+        """Describe the change for the effect of this label of the kind."""
         return self.changed.format(**_named(label), size=size)
 
     def remedy_of(self, label: str, size: str) -> str:
-        """Advice on the remedy, likewise."""
+        """Return advice on the remedy for the effect of this label of the kind."""
         return self.remedy.format(**_named(label), size=size)
 
 
 def _named(label: str) -> dict[str, str]:
-    """The joints and numbers of a label, in words: "periodic:j2:n3" joint 2 and 3 times, "coupling:j4-j5" joints 4
-    and 5."""
+    """Return name, joints and numbers of a label as text.
+
+    For example, "periodic:j2:n3" is joint 2 and 3 times, and "coupling:j4-j5" is joints 4 and 5.
+    """
     name, _, order = label.partition(":")[2].partition(":")
     joint = " and ".join(part.removeprefix("j") for part in name.split("-"))
     times = order.removeprefix("n")
@@ -85,7 +98,7 @@ def _named(label: str) -> dict[str, str]:
 
 
 def distinguishing(one: EffectKind, other: EffectKind) -> list[str]:
-    """The procedures that distinguish two kinds, those that several kinds share first."""
+    """List the procedures that distinguish two kinds, shared procedures first."""
     proposed = dict.fromkeys([*one.apart, *other.apart])
     if one.by_clock and other.by_clock:
         proposed.pop(OTHER_WARMTH, None)
@@ -94,21 +107,24 @@ def distinguishing(one: EffectKind, other: EffectKind) -> list[str]:
 
 
 class Offers(Protocol):
-    """What the library holds and what other packages bring: kinds, and candidates for some readings."""
+    """Entry of the library or of another package: kinds, and candidates for some readings."""
 
     @property
     def KINDS(self) -> tuple[EffectKind, ...]:
-        """The kinds that are offered."""
+        """Kinds that the entry offers."""
         ...
 
     def offer(self, survey: Survey, /) -> Sequence[Family]:
-        """The candidates."""
+        """Return the candidates for some readings."""
         ...
 
 
 @dataclass(frozen=True)
 class EffectModule:
-    """Kinds of effects by one law, what is offered of them, and what of them may have begun since a calibration."""
+    """Kinds of effects with one law, their candidates, and the effects that may have begun.
+
+    `changes` returns the effects that may have begun since a calibration.
+    """
 
     law: str
     KINDS: tuple[EffectKind, ...]
@@ -118,12 +134,23 @@ class EffectModule:
 
 @dataclass(frozen=True)
 class Row:
-    """An effect of one joint: `parameter` moves the `slot` of the joint by weight x parameter x regressor.
+    """Effect of one joint: `parameter` moves the `slot` of the joint by weight x parameter x regressor.
 
-    law: what it does, in a sentence and a formula; means: one sentence with {joint}; size, bounds: usual size and what
-    physics allows, in `unit`; where: the joints of which the readings can show it. measure: a figure of the readings
-    for a joint, by which the usual size goes, or which the effect keeps as the constant `shape` of its regressor. It
-    may have begun since a calibration if its kind says what has changed.
+    The effect may have begun since a calibration if its kind describes the change.
+
+    Attributes
+    ----------
+    law : str
+        Description in a sentence and a formula.
+    means : str
+        One sentence with {joint}.
+    size, bounds
+        Usual size and physical bounds, in `unit`.
+    where : callable
+        Returns the joints for which the readings can show the effect.
+    measure : callable or None
+        Returns a value of the readings for a joint. The usual size depends on it, or the effect keeps it as the
+        constant `shape` of its regressor.
     """
 
     kind: EffectKind
@@ -142,7 +169,7 @@ class Row:
     shape: str = ""
 
     def __call__(self, joint: int, measured: float = 0.0) -> Effect:
-        """The effect of `joint`; measured: the figure of `measure`, where the row has one."""
+        """Build the effect of `joint`; `measured` is the value from `measure`, if the row has one."""
         shape = {self.shape: measured} if self.shape else {}
         acts = [(f"{self.slot}{joint}", self.regressor(joint, *shape.values()), self.weight)]
         size = self.size(measured) if callable(self.size) else self.size
@@ -157,11 +184,11 @@ class Row:
 
     @property
     def KINDS(self) -> tuple[EffectKind, ...]:
-        """The kind."""
+        """Kind of the row."""
         return (self.kind,)
 
     def offer(self, survey: Survey) -> list[Candidate]:
-        """The candidates, one for each joint of which the readings can show it."""
+        """Return one candidate for each joint for which the readings can show the effect."""
         joints = self.where(survey)
         if self.measure is None:
             return [Candidate(self(joint)) for joint in joints]
@@ -169,5 +196,5 @@ class Row:
 
     @property
     def changes(self) -> Callable[[Survey], list[Effect]] | None:
-        """The effects that may have begun since a calibration; None where it never begins."""
+        """Function that lists the effects that may have begun since a calibration, or None."""
         return (lambda survey: [self(joint) for joint in self.where(survey)]) if self.kind.changed else None

@@ -126,7 +126,10 @@ def _waves(
 
 
 def slide_straightness(joint: int, low: float, high: float) -> Effect:
-    """Rail of the slide `joint`, which goes from low to high, mm; parameters x1 .. and y1 .., mm."""
+    """Build the straightness error of a sliding joint's rail; parameters x1 .. and y1 .., mm.
+
+    The joint slides from `low` to `high`, mm.
+    """
     return effect(
         f"slide_straightness:j{joint}",
         "structure",
@@ -137,7 +140,10 @@ def slide_straightness(joint: int, low: float, high: float) -> Effect:
 
 
 def slide_angles(joint: int, low: float, high: float) -> Effect:
-    """Pitch, yaw and roll of the carriage of the slide `joint`, low to high, mm; parameters rx1, ry1, rz1 .., mrad."""
+    """Build pitch, yaw and roll of a carriage; parameters rx1, ry1, rz1 .., mrad.
+
+    The joint slides from `low` to `high`, mm.
+    """
     slots = {"rx": f"bearing{joint}.rx", "ry": f"bearing{joint}.ry", "rz": f"theta{joint}"}
     return effect(
         f"slide_angles:j{joint}",
@@ -149,7 +155,10 @@ def slide_angles(joint: int, low: float, high: float) -> Effect:
 
 
 def slide_pitch(joint: int, low: float, high: float) -> Effect:
-    """Uneven rack or screw of the slide `joint`, low to high, mm; parameters z1 .., mm."""
+    """Build the error of an uneven rack or screw; parameters z1 .., mm.
+
+    The joint slides from `low` to `high`, mm.
+    """
     return effect(
         f"slide_pitch:j{joint}",
         "transmission",
@@ -160,13 +169,13 @@ def slide_pitch(joint: int, low: float, high: float) -> Effect:
 
 
 def _offer_slide_guide(survey: Survey) -> list[Candidate]:
-    """The three smooth curves of each joint that slid over a good part of its travel.
+    """Offer three smooth curves for each joint that slid over a good part of its travel.
 
     straightness  the carriage moves sideways, x and y: sines of 1 to 4 half waves over the travel, zero at both ends,
-                  since a shift and a lean are the place and the direction of the axis
+                  since a shift and a tilt are the position and the direction of the axis
     angles        it pitches, yaws and rolls, rx, ry and rz: cosines of 1 to 4 half waves, since a constant is a turn of
-                  what it carries
-    position      it runs ahead and behind along the axis: sines; what is in proportion is `slide_scale`
+                  the parts that it carries
+    position      it runs ahead and behind along the axis: sines; a proportional error is `slide_scale`
 
     Source: ISO 230-1 (straightness, angular and positioning deviations of a linear axis).
     """

@@ -1,4 +1,4 @@
-"""The survey of what the readings at hand allow: the input from which every file of the library makes its offers."""
+"""Survey of the current readings: the input from which the library makes its offers."""
 
 from __future__ import annotations
 
@@ -22,12 +22,24 @@ _LEAST_MOMENT = 20.0  # N.mm: 2 um at 100 mm by a gear of 1e-6 rad/(N.mm); frict
 
 @dataclass(frozen=True)
 class Survey:
-    """The robot, the conditions of the readings that take part in the fit, and what their model has already.
+    """Robot, conditions of the readings in the fit, and content of their model.
 
-    everywhere: conditions of all rows, those too that are only to be predicted; freed: slots and regressors of the
-    base model; compliance: joint -> rad/(N.mm) as estimated; loads: None for the robot's own; station: (x, y, z) mm;
-    curves: joints of which a curve over their angle is in the model, that has all their lower orders; weightless:
-    joints that gravity loads while no load is known.
+    Attributes
+    ----------
+    everywhere : Conditions or None
+        Conditions of all rows, including rows that are only to be predicted.
+    freed : frozenset of (str, Regressor)
+        Slots and regressors of the base model.
+    compliance : mapping of int to float
+        Estimated compliance of each joint, rad/(N.mm).
+    loads : tuple of Load or None
+        None for those of the robot.
+    station : (float, float, float)
+        Position of the instrument, mm.
+    curves : frozenset of int
+        Joints with a curve over their angle in the model, which includes all their lower orders.
+    weightless : frozenset of int
+        Joints that gravity loads although no load is known.
     """
 
     robot: Robot
@@ -42,7 +54,7 @@ class Survey:
 
     @classmethod
     def of(cls, fitted: IdentificationFit, dataset: Dataset) -> Survey:
-        """The survey of a fit."""
+        """Build the survey of a fit."""
         model = fitted.model
         return cls(
             robot=model.robot,
@@ -62,22 +74,22 @@ class Survey:
         )
 
     def frees(self, effect: Effect) -> bool:
-        """Whether the base model has every term of an effect as a parameter of its own."""
+        """Check if the base model has a parameter for every term of an effect."""
         return all((term.slot, term.regressor) in self.freed for term in effect.terms)
 
     @property
     def frees_tool(self) -> bool:
-        """Whether the base model finds the places of the tool targets."""
+        """Whether the base model estimates the positions of the tool targets."""
         return any(slot.startswith("target.") for slot, _ in self.freed)
 
     @property
     def payload(self) -> Load | None:
-        """The outermost load on the last link: the tool, where one is declared."""
+        """Outermost load on the last link: the tool, if one is declared."""
         loads = self.robot.loads if self.loads is None else self.loads
         return next((load for load in reversed(loads) if load.link == self.robot.joints), None)
 
     def recorded(self, name: str) -> bool:
-        """Whether a quantity ('time', 'temperature') is there for every row that must ever be predicted."""
+        """Check if 'time' or 'temperature' is known for every row, including rows to be predicted."""
         return all(
             bool(np.all(np.isfinite(getattr(c, name))))
             for c in (self.conditions, self.everywhere)
@@ -86,7 +98,10 @@ class Survey:
 
     @property
     def air_c(self) -> float | None:
-        """Mean temperature of the air, where it was recorded and moved; None where no effect of it can be seen."""
+        """Mean air temperature, if it was recorded and varied; otherwise None.
+
+        Without variation no effect of the air can be detected.
+        """
         temperature = self.conditions.temperature
         if not (self.recorded("temperature") and self.varies(temperature)):
             return None
@@ -99,13 +114,15 @@ class Survey:
 
     @property
     def moving(self) -> list[int]:
-        """The joints that turned: of one that never did, no reading shows what its gear does, and one that rods hold,
-        however it turns, has none."""
+        """Joints that turned.
+
+        For a joint that never turned, no reading shows the error of its gear. A joint that rods hold has no gear.
+        """
         return [k for k in self._moved if k not in self.robot.slides]
 
     @property
     def sliding(self) -> list[int]:
-        """The joints that slid."""
+        """Joints that slid."""
         return [k for k in self._moved if k in self.robot.slides]
 
     @property
@@ -115,30 +132,30 @@ class Survey:
         return [k for k in moved if not held[k - 1]]
 
     def turns(self, joint: int) -> float:
-        """Share of a turn that the readings span on a joint."""
+        """Return the share of a turn that the readings span on a joint."""
         angles = self.conditions.joints[:, joint - 1]
         return float(np.ptp(angles)) / (2.0 * np.pi)
 
     def varies(self, values: Array) -> bool:
-        """Whether a quantity is recorded for every reading and is not the same for all."""
+        """Check if a quantity is recorded for every reading and not constant."""
         return bool(np.all(np.isfinite(values)) and np.ptp(values) > 1e-9 * (1.0 + np.max(np.abs(values))))
 
     def loaded(self, joint: int) -> bool:
-        """Whether gravity loads a joint, and not always by the same torque."""
+        """Check if gravity loads a joint by a torque that varies."""
         return self.strains(self.conditions.torque[:, joint - 1])
 
     def strains(self, moment: Array) -> bool:
-        """Whether a torque or moment (n,), N.mm, is large enough to bend anything, and not always the same."""
+        """Check if a torque or moment (n,), N.mm, is large enough to deflect, and varies."""
         return self.varies(moment) and self.largest(moment) > _LEAST_MOMENT
 
     @staticmethod
     def largest(moment: Array) -> float:
-        """The largest magnitude of some values."""
+        """Return the largest magnitude of some values."""
         return float(np.max(np.abs(moment)))
 
 
 def compliance_of(model: ModelStructure, estimate: Array) -> dict[int, float]:
-    """Joint -> rad/(N.mm) of gravity torque that a model has at an estimate (m,)."""
+    """Return the compliance of each joint, rad/(N.mm), of a model at an estimate (m,)."""
     compliance: dict[int, float] = {}
     for term in (term for effect in model.effects for term in effect.terms):
         if isinstance(term.regressor, Torque) and term.slot == f"theta{term.regressor.joint}":

@@ -1,6 +1,6 @@
-"""Effects of temperature: of the air, and of the heat that the arm makes by itself.
+"""Effects of temperature: of the air, and of the heat that the arm generates.
 
-Source: steel grows by 11.5e-6 a kelvin, aluminium by 23e-6; an arm in production runs 5 to 20 K above the air.
+Steel grows by 11.5e-6 per kelvin, aluminium by 23e-6. An arm in production runs 5 to 20 K above the air.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _USUAL_PPM = 100.0  # aluminium by 4 K
 
 
 def _lengths_with(robot: Robot, warmth: Regressor) -> list[tuple[str, Regressor, float]]:
-    """The slots of all link lengths, which grow by their nominal lengths, mm, times `warmth`."""
+    """List the slots of all link lengths, which grow by their nominal lengths, mm, times `warmth`."""
     lengths = [(f"a{k + 1}", a) for k, a in enumerate(robot.a)] + [
         (f"d{k + 1}", d) for k, d in enumerate(robot.d)
     ]
@@ -32,7 +32,7 @@ def _lengths_with(robot: Robot, warmth: Regressor) -> list[tuple[str, Regressor,
 
 
 def thermal_growth(robot: Robot, reference_c: float) -> Effect:
-    """The arm grows with the air temperature; parameter expansion, 1e-6/K."""
+    """Build the growth of the arm with the air temperature; parameter expansion, 1e-6/K."""
     places = _lengths_with(robot, Temperature(reference_c))
     return effect(
         "thermal_growth",
@@ -78,9 +78,10 @@ thermal_joint = Row(
 
 
 def warm_up(robot: Robot, time_constant_s: float) -> Effect:
-    """The arm grows by its own heat, lengths times 1 + expansion (1 - exp(-t/T_c)); parameter expansion, ppm.
+    """Build the growth of the arm by its own heat; parameter expansion, ppm.
 
-    The time constant T_c, s, is scanned and refined. Nubiola warms up for 1 h (thesis 2.2).
+    The lengths are multiplied by 1 + expansion (1 - exp(-t/T_c)). The time constant T_c, s, is scanned and refined.
+    Nubiola warms up for 1 h (thesis 2.2).
     """
     places = _lengths_with(robot, WarmUpRegressor(time_constant_s))
     return effect(
@@ -94,7 +95,10 @@ def warm_up(robot: Robot, time_constant_s: float) -> Effect:
 
 
 def _offer_warm_up(survey: Survey) -> list[Shapes]:
-    """A scan up to a time constant as long as the session: a slower warm-up is a straight line in time."""
+    """Offer a scan up to a time constant as long as the session.
+
+    A slower warm-up is a straight line in time.
+    """
     time = survey.conditions.time
     if not (survey.recorded("time") and survey.varies(time)):
         return []
@@ -106,7 +110,7 @@ def _offer_warm_up(survey: Survey) -> list[Shapes]:
 
 
 def arm_growth(robot: Robot) -> Effect:
-    """All lengths of the arm since its calibration; parameter expansion, ppm."""
+    """Build the growth of all lengths of the arm since its calibration; parameter expansion, ppm."""
     places = _lengths_with(robot, Constant())
     return effect(
         "arm_growth",

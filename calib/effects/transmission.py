@@ -1,4 +1,7 @@
-"""Effects of the transmission of a turning joint: gears, play, friction, the encoder, drives through other joints."""
+"""Effects of the transmission of a turning joint.
+
+Gears, backlash, friction, the encoder, and drives that run through other joints.
+"""
 
 from __future__ import annotations
 
@@ -175,7 +178,10 @@ def _smoothed_over(survey: Survey, joint: int) -> float:
 
 
 def _changes_flank(survey: Survey) -> list[int]:
-    """The joints whose load comes near zero or changes its side: far from it the gap is an offset."""
+    """Return the joints whose load comes near zero or changes sides.
+
+    Far from zero the gap is a constant offset.
+    """
     loads = {k: survey.conditions.torque[:, k - 1] for k in survey.moving if survey.loaded(k)}
     return [k for k in loads if np.ptp(np.tanh(loads[k] / _smoothed_over(survey, k))) > _LEAST_CHANGE]
 
@@ -211,7 +217,10 @@ dead_zone = Row(
 
 
 def coupling(first: int, second: int) -> Effect:
-    """Joint `second` turns with joint `first`, through which its drive or its cables run; parameter k, ppm."""
+    """Build a turn of joint `second` with joint `first`, through which its drive runs; parameter k, ppm.
+
+    The drive may be a shaft, or cables.
+    """
     return effect(
         f"coupling:j{first}-j{second}",
         "transmission",
@@ -222,10 +231,11 @@ def coupling(first: int, second: int) -> Effect:
 
 
 def pairs(joints: int) -> list[tuple[int, int]]:
-    """The couplings that a robot of so many joints may have: joints that carry another's drive wind it up.
+    """Return the couplings that a robot with `joints` joints may have.
 
-    Neighbours, where a cable or a belt crosses from one link to the next, and 4 with 6, since hollow wrists drive joint
-    6 by a shaft through joints 4 and 5. Controllers compensate the ratio of a hollow wrist; what is left is its error.
+    A joint winds up a drive that it carries for another joint. These are neighbours, if a cable or a belt crosses from
+    one link to the next, and joints 4 and 6, since hollow wrists drive joint 6 by a shaft through joints 4 and 5.
+    Controllers compensate the ratio of a hollow wrist; only its error remains.
     """
     neighbours = [(k, k + 1) for k in range(1, joints)]
     return [*neighbours, (4, 6)] if joints == 6 else neighbours
@@ -250,9 +260,10 @@ _USUAL_WAVE_DEG = 0.02  # of what nobody claims; one that is searched for may ha
 
 
 def periodic(joint: int, order: float) -> Effect:
-    """Periodic error of `joint`, A cos(order theta) + B sin(order theta); parameters cos and sin, deg.
+    """Build a periodic error of a joint, A cos(order theta) + B sin(order theta).
 
-    order: cycles a turn; wheels repeat their error once a turn of each.
+    The parameters are cos and sin, deg; `order` is in cycles per turn. Each wheel repeats its error once per turn of
+    that wheel.
     """
     slot = f"theta{joint}"
     name = f"n{round(order)}" if abs(order - round(order)) < 1e-9 else f"n{order:.2f}"
@@ -270,7 +281,10 @@ def periodic(joint: int, order: float) -> Effect:
 
 
 def long_waves(survey: Survey) -> list[Effect]:
-    """The waves of one cycle and of two of the joints that turned, of usual sizes: wheels or encoders out of centre."""
+    """Return the waves with one or two cycles per turn for the joints that turned.
+
+    They have usual sizes. Their causes are wheels or encoders out of centre.
+    """
     joints = [joint for joint in survey.moving if joint not in survey.curves]
     waves = [periodic(joint, order) for joint in joints for order in (1.0, 2.0)]
     return [
@@ -280,10 +294,11 @@ def long_waves(survey: Survey) -> list[Effect]:
 
 
 def _offer_periodic(survey: Survey) -> list[Harmonics]:
-    """A scan over all orders for each joint that moved; orders that a narrow range confuses share a class.
+    """Offer a scan over all orders for each joint that moved.
 
-    Beside a curve that has the lower whole orders already: the orders above them, and those between them only where the
-    joint turned more than once, since its error comes back after a turn.
+    Orders that a narrow range confuses share a class. If a curve in the model has the lower whole orders already, the
+    orders above them are offered. The orders between them are offered only if the joint turned more than once, since
+    its error repeats after a turn.
     """
     everywhere = np.arange(_LOWEST, _HIGHEST + _SPACING / 2, _SPACING)
     beyond = np.arange(HIGHEST + 1.0, _HIGHEST + 0.5)
@@ -305,7 +320,7 @@ _MOST = 0.9  # of a curve's mean square
 
 
 def half_octave(order: float) -> int:
-    """The half octave in which an order lies: 0 from 1, 1 from 1.41, 2 from 2, and so on."""
+    """Return the half octave of an order: 0 from 1, 1 from 1.41, 2 from 2, and so on."""
     return int(2.0 * math.log2(order) + 1e-9)
 
 
@@ -313,18 +328,26 @@ BANDS = half_octave(HIGHEST) + 1
 
 
 def mostly(sizes: Array) -> tuple[int, int]:
-    """The first and last order that hold most of the curve's square, by the sizes (BANDS,) of its half octaves."""
+    """Return the first and last order that contain most of the curve's square.
+
+    The `sizes` (BANDS,) are those of its half octaves.
+    """
     share = np.cumsum([float(sizes[half_octave(n)]) ** 2 for n in range(1, HIGHEST + 1)])
     low, high = np.searchsorted(share / share[-1], ((1.0 - _MOST) / 2.0, (1.0 + _MOST) / 2.0))
     return int(low) + 1, int(high) + 1
 
 
 def gear_orders(joint: int, sizes: Array, without: Collection[int] = ()) -> Effect:
-    """Curve of `joint` over a turn, sum of cosN cos(n theta) + sinN sin(n theta), n = 1..100 but those of `without`.
+    """Build the curve of a joint over a turn.
 
-    Wheels that run eccentrically, teeth, bearings and the motor's side each add a few orders. sizes: (BANDS,) usual
-    size of the amplitudes of every half octave, deg, which the readings themselves say (`calib.diagnose.curves`):
-    where they say nothing the curve stays near zero. Source: MacKay 1992 (sizes by evidence).
+    It is the sum of cosN cos(n theta) + sinN sin(n theta), n from 1 to 100. The orders in `without` are left out.
+    Wheels that run eccentrically, teeth, bearings and the motor each add a few orders. Without information from the
+    readings the curve stays near zero. Source: MacKay 1992 (sizes by evidence).
+
+    Parameters
+    ----------
+    sizes : array of shape (BANDS,)
+        Usual size of the amplitudes of every half octave, deg. The readings determine it (`calib.diagnose.curves`).
     """
     orders = [n for n in range(1, HIGHEST + 1) if n not in without]
     slot, acts = f"theta{joint}", dict[str, Written]()
@@ -344,7 +367,7 @@ def gear_orders(joint: int, sizes: Array, without: Collection[int] = ()) -> Effe
 
 
 def curve_of(joint: int, effect: Effect, values: Array) -> GearCurve:
-    """The curve of a joint's gear orders with their values (p,), internal units."""
+    """Build the curve of a joint from its gear orders and their values (p,), internal units."""
     amplitudes = np.zeros(HIGHEST + 1, dtype=complex)
     for parameter, value in zip(effect.parameters, values, strict=True):
         kind, order = parameter.short[:3], int(parameter.short[3:])
