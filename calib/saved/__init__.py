@@ -1,4 +1,4 @@
-"""A model on disk: written with a hash; when it is read, every number is checked against plausible bounds."""
+"""Model files: written with a hash, and checked against plausible bounds when read."""
 
 from calib.saved.document import model_document, parameters_of, save_update
 from calib.saved.model_file import SIMULATED, CalibratedModel, as_saved, load_model, refuse_worse, save_model

@@ -1,13 +1,15 @@
-"""The document of an identified model as its file holds it: `truepose-model/1`, `truepose-model/2` with carried terms.
+"""Document of an identified model: `truepose-model/1`, or `truepose-model/2` with carried terms.
 
-Every parameter with value, standard error, unit, nominal value and owner; the effects with their slots and
-regressors; covariance; hashes of the data, of the robot and of the whole file; for which approach and temperature it
-holds; the held-out error.
+It contains
 
-A model file with updated parameters: the old file with a few new values and their origin.
+- every parameter with value, standard error, unit, nominal value and owner;
+- the effects with their slots and regressors, and the covariance;
+- hashes of the data, of the robot and of the whole file;
+- the approach and temperature for which the model holds, and the held-out error.
 
-What was not looked at again (data, conditions, held-out error, regression) stays as it was; `updates` says what is
-newer, oldest first; `measured` is that of the readings it was updated by.
+`save_update` writes a model file with updated parameters: the old file with a few new values and their origin. All
+other content (data, conditions, held-out error, regression) stays as it was. `updates` lists the changes, oldest first.
+`measured` is the date of the readings used for the update.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ def model_document(
     diagnosis: DiagnosisFit | None = None,
     regression: Regression | None = None,
 ) -> dict[str, Any]:
-    """A model as its file has it, with its `content_sha256`."""
+    """Build the document of a model, with its `content_sha256`."""
     model = identification.model
     errors = identification.standard_errors
     judged = None if diagnosis is None else diagnosis.error_after
@@ -95,8 +97,15 @@ def model_document(
 def parameters_of(
     model: ModelStructure, estimate: Array, errors: Array, held: Array | None = None
 ) -> list[dict[str, Any]]:
-    """Every parameter of a model as its file has it; estimate and errors (m,), internal units; held (m,): standard
-    deviation of its prior in the fit, inf where it had none, None where nobody knows any more."""
+    """Build the parameter list of a model document.
+
+    Parameters
+    ----------
+    estimate, errors : array of shape (m,)
+        Values and standard errors, internal units.
+    held : array of shape (m,), optional
+        Standard deviation of each prior in the fit, inf without a prior. None if it is no longer known.
+    """
     return [
         {
             "name": parameter.name,
@@ -116,8 +125,11 @@ def _held(std: float, unit: str) -> float | None:
 
 
 def scope_of(identification: IdentificationFit) -> dict[str, Any]:
-    """The approach, the temperature, the controller's own correction and the range of each joint, deg or mm as the
-    controller counts, for which a model holds: those of its readings."""
+    """Describe the conditions of the readings, for which a model holds.
+
+    They are the approach, the temperature, the controller's own correction, and the range of each joint, deg or mm as
+    the controller counts.
+    """
     conditions = identification.readings.conditions
     robot, coupling = identification.model.robot, identification.header.coupling
     counted = robot.controller_angles(conditions.joints, coupling) / robot.joint_units
@@ -138,12 +150,15 @@ def scope_of(identification: IdentificationFit) -> dict[str, Any]:
 
 
 def triangle(covariance: Array) -> list[list[float]]:
-    """The rows of a covariance (m, m) up to the diagonal, to ten digits: curves of gears have a thousand parameters."""
+    """Return the rows of a covariance (m, m) up to the diagonal, to ten digits.
+
+    Curves of gears have a thousand parameters.
+    """
     return [[float(f"{x:.10g}") for x in row[: i + 1]] for i, row in enumerate(covariance.tolist())]
 
 
 def _nominal(model: ModelStructure, name: str) -> float | None:
-    """Nominal DH number of a geometric parameter in its unit; None for parameters that have none."""
+    """Return the nominal DH number of a geometric parameter in its unit, or None."""
     for kind, values, unit in (
         ("alpha", model.robot.alpha, "deg"),
         ("theta", model.robot.theta, "deg"),
@@ -163,10 +178,23 @@ def save_update(
     covariance: Array,
     update: Mapping[str, Any],
 ) -> None:
-    """Write the model of `baseline` with another estimate (m,) and covariance (m, m), internal units.
+    """Write the model of `baseline` with another estimate and covariance.
 
-    model: the baseline's, with an effect more or none. update: plain values that say what changed and by which
-    readings. Raises DataError where the baseline cannot be read, OSError.
+    Parameters
+    ----------
+    model : ModelStructure
+        Structure of the baseline, with at most one additional effect.
+    estimate, covariance : array of shape (m,) and (m, m)
+        New values, internal units.
+    update : mapping
+        Plain values that describe the change and the readings used.
+
+    Raises
+    ------
+    DataError
+        The baseline cannot be read.
+    OSError
+        The file cannot be written.
     """
     old = read_json(baseline)
     document = {

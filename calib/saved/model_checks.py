@@ -1,7 +1,7 @@
-"""Checks of a model file before anything is predicted or corrected with it, each refused by name.
+"""Checks of a model file before anything is predicted or corrected with it.
 
-A file may have been damaged, edited by hand, or made for another robot; a joint that turns by 23 deg because a
-parameter is in it twice is not noticed by looking at the numbers.
+A file may have been damaged, edited by hand, or made for another robot. If a joint turns by 23 deg because a parameter
+is in the file twice, nobody notices that in the numbers. Each refusal names the fault.
 """
 
 from __future__ import annotations
@@ -43,14 +43,28 @@ _SHAPES = {
 
 
 def content_hash(document: Mapping[str, Any]) -> str:
-    """SHA-256 of a document without its own `content_sha256`, however it is indented and ordered."""
+    """Hash a document without its own `content_sha256` (SHA-256).
+
+    Indentation and order do not matter.
+    """
     rest = {key: value for key, value in document.items() if key != "content_sha256"}
     text = json.dumps(rest, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def refuse_changed(document: Mapping[str, Any], path: Path) -> tuple[str, ...]:
-    """Raise DataError for a document that was changed after it was written; returns a remark on one without a hash."""
+    """Refuse a document that was changed after it was written.
+
+    Returns
+    -------
+    tuple of str
+        A remark if the document has no hash.
+
+    Raises
+    ------
+    DataError
+        The contents do not have the stated hash.
+    """
     written = document.get("content_sha256")
     if written is None:
         return (
@@ -67,7 +81,13 @@ def refuse_changed(document: Mapping[str, Any], path: Path) -> tuple[str, ...]:
 
 
 def refuse_other_table(robot: Robot, reference: Robot, path: Path) -> None:
-    """Raise DataError, naming the first number, where the robot of a model is not the one of the robot file."""
+    """Refuse a model whose robot is not the one of the robot file.
+
+    Raises
+    ------
+    DataError
+        The tables differ; the message names the first difference.
+    """
     own, other = asdict(robot), asdict(reference)
     if reference.loads_estimated:
         own["loads"], own["loads_estimated"] = other["loads"], True
@@ -98,7 +118,13 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def refuse_effects(model: ModelStructure, path: Path) -> None:
-    """Raise DataError for an effect that acts on nothing, or whose shape the robot does not have."""
+    """Refuse an effect that acts on nothing, or whose shape does not exist on the robot.
+
+    Raises
+    ------
+    DataError
+        An effect is invalid; the message names it.
+    """
     slots = {*Chain.of(model.robot).slots, *BESIDE}
     names: set[str] = set()
     for effect in model.effects:
@@ -182,7 +208,13 @@ def _refuse_function(regressor: OfTime, refuse: Any) -> None:
 
 
 def estimate_of(entries: Any, model: ModelStructure, path: Path) -> Array:
-    """(m,) values of the parameters, internal units. Raises DataError for one that is missing, unknown or twice."""
+    """Read the values (m,) of the parameters, internal units.
+
+    Raises
+    ------
+    DataError
+        A parameter is missing, unknown, or given twice.
+    """
     values: dict[str, float] = {}
     for entry in entries:
         name, value = entry["name"], entry["value"]
@@ -206,8 +238,16 @@ def estimate_of(entries: Any, model: ModelStructure, path: Path) -> Array:
 
 
 def held_std_of(entries: Any, model: ModelStructure, path: Path) -> Array | None:
-    """(m,) standard deviation of every parameter's prior in the fit, internal units, inf where it had none. None where
-    the file does not say: older versions did not, and watches that updated a model no longer know. Raises DataError."""
+    """Read the standard deviation (m,) of every parameter's prior in the fit, internal units.
+
+    It is inf without a prior. The result is None if the file does not state them: older versions did not, and a model
+    that a watch updated no longer knows them.
+
+    Raises
+    ------
+    DataError
+        A value is invalid.
+    """
     held = {entry["name"]: entry.get("held_std") for entry in entries if "held_std" in entry}
     if len(held) < len(model.parameters):
         return None
@@ -221,7 +261,13 @@ def held_std_of(entries: Any, model: ModelStructure, path: Path) -> Array | None
 
 
 def dropped_of(entries: Any, path: Path) -> tuple[DroppedParameter, ...]:
-    """The parameters that the readings did not determine, and what makes up for them. Raises DataError."""
+    """Read the parameters that the readings did not determine, and those that replace them.
+
+    Raises
+    ------
+    DataError
+        An entry is invalid.
+    """
     out = []
     for entry in entries:
         name, stand_ins = entry["name"], tuple((other, move) for other, move in entry["stand_ins"])
@@ -232,7 +278,13 @@ def dropped_of(entries: Any, path: Path) -> tuple[DroppedParameter, ...]:
 
 
 def numbers_of(value: Any, shape: Sequence[int], key: str, path: Path, most: float = np.inf) -> Array:
-    """An array of finite numbers of this shape, none beyond `most`. Raises DataError naming the key."""
+    """Read an array of finite numbers of a given shape, none beyond `most`.
+
+    Raises
+    ------
+    DataError
+        The numbers are invalid; the message names the key.
+    """
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -244,7 +296,13 @@ def numbers_of(value: Any, shape: Sequence[int], key: str, path: Path, most: flo
 
 
 def rigid(value: Any, size: int, key: str, path: Path) -> Array:
-    """A rotation (3, 3) or a pose (4, 4), mm. Raises DataError naming the key."""
+    """Read a rotation (3, 3) or a pose (4, 4), mm.
+
+    Raises
+    ------
+    DataError
+        The numbers are invalid; the message names the key.
+    """
     array = numbers_of(value, (size, size), key, path, FARTHEST_MM)
     turn = array[:3, :3]
     if np.abs(turn @ turn.T - np.eye(3)).max() > 1e-6 or np.linalg.det(turn) < 0.0:
@@ -255,8 +313,15 @@ def rigid(value: Any, size: int, key: str, path: Path) -> Array:
 
 
 def covariance_of(value: Any, count: int, path: Path) -> Array:
-    """(m, m), internal units, from its rows up to the diagonal, or whole ones as files had them once. Raises DataError
-    where it is no covariance."""
+    """Read a covariance (m, m), internal units.
+
+    The file contains its rows up to the diagonal, or whole rows in older files.
+
+    Raises
+    ------
+    DataError
+        The numbers are no covariance.
+    """
     key = "covariance_internal_units"
     if isinstance(value, list) and [len(r) if isinstance(r, list) else 0 for r in value] == [
         *range(1, count + 1)

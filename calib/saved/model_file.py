@@ -1,4 +1,4 @@
-"""`MODEL.json`: an identified model on disk (`truepose-model/1`), complete enough to predict from.
+"""`MODEL.json`: an identified model on disk (`truepose-model/1`), sufficient to predict.
 
 The hash is no signature: it shows that a file was changed, not who wrote it. A fit that did not converge is refused.
 A regression that is based on the model is kept in the same file, under the same hash (`calib.saved.regression`).
@@ -65,8 +65,11 @@ _MOST_GRAVITY, _HOTTEST_C, _NOISIEST = 10.0, 1000.0, 1e6
 
 @dataclass(frozen=True)
 class CalibratedModel:
-    """A model read back: predict with `Design(model, conditions).predict(estimate)`, and where the file holds a
-    regression with `regression.predict(model, estimate, conditions)` within its region."""
+    """Model that was read from a file.
+
+    Predict with `BoundModel(model, conditions).predict(estimate)`. If the file contains a regression, use
+    `regression.predict(model, estimate, conditions)` within its region.
+    """
 
     model: ModelStructure
     estimate: Array
@@ -91,7 +94,7 @@ class CalibratedModel:
 
     @property
     def usual(self) -> StatedConditions:
-        """The conditions under which the readings were taken."""
+        """Conditions under which the readings were taken."""
         air = self.holds_for.get("temperature_c")
         return StatedConditions(
             temperature_c=np.nan if air is None else air, loads=self.loads, gravity=self.gravity
@@ -100,8 +103,20 @@ class CalibratedModel:
     def refuse_other_accuracy(
         self, there: str, file: Path | None = None, key: str = "absolute_accuracy"
     ) -> bool:
-        """Raise DataError where the controller corrects by its own calibration `there` and did not when this model was
-        identified, or the other way round; otherwise whether both are known."""
+        """Refuse a controller whose absolute accuracy is not as it was during the calibration.
+
+        The state of the controller's own correction is `there`.
+
+        Returns
+        -------
+        bool
+            Whether both states are known.
+
+        Raises
+        ------
+        DataError
+            One is on and the other is off.
+        """
         own = str(self.holds_for.get("absolute_accuracy", "unknown"))
         if {own, there} == {"on", "off"}:
             raise DataError(
@@ -113,11 +128,17 @@ class CalibratedModel:
         return "unknown" not in (own, there)
 
     def loads_in(self, header: Header, file: Path | None = None) -> tuple[Load, ...]:
-        """The loads under which this model predicts readings of a header: its own where the header declares none.
+        """Return the loads under which this model predicts readings of a header.
 
-        What the header declares on the last link replaces the tool; the arm keeps the masses that the model was fitted
-        with. Without the estimates of the robot file if the model is from before these. Raises DataError where header
-        and model declare different masses of the arm, or one was measured with the controller's absolute accuracy.
+        They are those of the model if the header declares none. Loads that the header declares on the last link replace
+        the tool, and the arm keeps the masses of the fit. Estimated loads of the robot file are ignored if the model is
+        older than these.
+
+        Raises
+        ------
+        DataError
+            Header and model declare different masses of the arm, or only one was measured with the controller's
+            absolute accuracy.
         """
         self.refuse_other_accuracy(header.absolute_accuracy, file)
         estimates = header.robot.loads if header.robot.loads_estimated else ()
@@ -140,7 +161,7 @@ class CalibratedModel:
         return there
 
     def loaded(self, dataset: Dataset) -> Dataset:
-        """Readings of this model's robot under `loads_in` of their header, whose torques its compliances meet."""
+        """Recompute the torques of readings with the loads from `loads_in`."""
         loads = self.loads_in(dataset.header, dataset.path)
         if loads == dataset.header.loads:
             return dataset
@@ -157,10 +178,27 @@ class CalibratedModel:
     def for_use(
         self, *, named_only: bool = False, bounds: Bounds | None = None
     ) -> tuple[CalibratedModel, Usable]:
-        """The model for corrections, without carried terms that cannot be used (named_only: without any), and what that
-        costs. A regression, which corrects what the whole model leaves, is then left out too.
+        """Return the model for corrections, without carried terms that cannot be used.
 
-        Raises DataError for a model without them that corrects beyond `bounds` (default `Bounds()`).
+        A regression corrects the error that the whole model leaves, so it is then left out too.
+
+        Parameters
+        ----------
+        named_only : bool, optional
+            Whether all carried terms are left out.
+        bounds : Bounds, optional
+            Largest permitted correction.
+
+        Returns
+        -------
+        model : CalibratedModel
+        usable : Usable
+            Terms that were left out, and the cost.
+
+        Raises
+        ------
+        DataError
+            The model without these terms corrects beyond `bounds`.
         """
         part = usable(
             self.model,
@@ -195,7 +233,7 @@ class CalibratedModel:
 
 
 def as_saved(identification: IdentificationFit, diagnosis: DiagnosisFit | None = None) -> CalibratedModel:
-    """A model as it would be read back from its file, without the file."""
+    """Convert an identification to a model as it would be read from its file."""
     header = identification.header
     judged = None if diagnosis is None else diagnosis.error_after
     return CalibratedModel(
@@ -224,9 +262,14 @@ def refuse_worse(
     file: Path | None = None,
     use: str = _SAVED,
 ) -> None:
-    """Raise DataError if the error of a model on held-out readings exceeds that of the nominal robot in its place.
+    """Refuse a model whose held-out error exceeds that of the nominal robot in its place.
 
-    Nothing is refused if no readings were held out. use: what is refused, and how to insist.
+    Nothing is refused if no readings were held out. The text `use` states the refused action, and how to insist.
+
+    Raises
+    ------
+    DataError
+        The held-out error is larger.
     """
     if nominal is not None and found is not None and worse(found, nominal):
         raise DataError(
@@ -245,10 +288,24 @@ def save_model(
     *,
     save_anyway: bool = False,
 ) -> str:
-    """Write a model, with the regression that is based on it; its `content_sha256`. path: None writes nothing.
+    """Write a model, together with the regression that is based on it.
 
-    Raises DataError for a fit that did not converge, and for a diagnosed model that is worse on held-out readings than
-    the nominal robot in its place, unless `save_anyway`.
+    Parameters
+    ----------
+    path : Path or None
+        None writes nothing.
+    save_anyway : bool, optional
+        Whether to save a diagnosed model that is worse on held-out readings than the nominal robot in its place.
+
+    Returns
+    -------
+    str
+        The `content_sha256` of the model.
+
+    Raises
+    ------
+    DataError
+        The fit did not converge, or the diagnosed model is worse than the nominal robot.
     """
     if not identification.converged:
         raise DataError(
@@ -265,10 +322,15 @@ def save_model(
 def load_model(
     path: Path, *, robot_file: Path | None = None, bounds: Bounds | None = None
 ) -> CalibratedModel:
-    """Read a model, and refuse one that is not what was written, or corrects beyond `bounds` (default `Bounds()`).
+    """Read a model; refuse one that was changed, or that corrects beyond `bounds`.
 
-    Its robot must be that of `robot_file`, or the built-in one of its name; of a robot of the user's own without its
-    file the table in the model is used, and `notes` says so. Raises DataError naming file and key.
+    Its robot must be that of `robot_file`, or the built-in one of its name. For a custom robot without a robot file the
+    table in the model is used, and `notes` states this.
+
+    Raises
+    ------
+    DataError
+        The model is refused; the message names file and key.
     """
     document = read_json(path)
     if not isinstance(document, dict) or document.get("format") not in (FORMAT, WITH_CARRIED):
@@ -321,7 +383,10 @@ def load_model(
 
 
 def _saved(document: Mapping[str, Any], path: Path) -> CalibratedModel:
-    """The model of a document. Raises DataError, or what a document of another form makes of itself."""
+    """Build the model of a document.
+
+    An invalid document leads to a DataError, or to the TypeError, KeyError or similar that its form causes.
+    """
     robot = _robot(document["robot_table"], path)
     if document["robot"] != robot.name or document.get("robot_sha256", robot_hash(robot)) != robot_hash(
         robot
@@ -392,7 +457,7 @@ def _saved(document: Mapping[str, Any], path: Path) -> CalibratedModel:
 
 
 def _robot(table: dict[str, Any], path: Path) -> Robot:
-    """The nominal robot as it was when the model was fitted, whatever has become of its file since."""
+    """Build the nominal robot as it was for the fit, regardless of later changes to its file."""
     matrices = {
         name: JointMatrix(tuple(tuple(row) for row in entry["matrix"]), tuple(entry["offset"]))
         for name, entry in table["joint_matrices"].items()

@@ -1,4 +1,4 @@
-"""A regression in a model file: its choices, the joint angles that it was trained at, and its weights."""
+"""Regression in a model file: its choices, training joint angles and weights."""
 
 from __future__ import annotations
 
@@ -22,8 +22,11 @@ _MOST = 1e12  # of a weight or a mean: far above any, and its products are still
 
 
 def document_of(regression: Regression) -> dict[str, Any]:
-    """The table `regression` of a model file. Of a linear kernel the weights act on features, of a Gaussian one on
-    the kernel with the features of `trained_at_rad`."""
+    """Build the table `regression` of a model file.
+
+    The weights of a linear kernel act on features. Those of a Gaussian kernel act on the kernel with the features of
+    `trained_at_rad`.
+    """
     svr = regression.svr
     return {
         "method": METHOD,
@@ -43,7 +46,15 @@ def document_of(regression: Regression) -> dict[str, Any]:
 
 
 def regression_of(table: Mapping[str, Any], robot: Robot, path: Path) -> Regression:
-    """The regression of a table. Raises DataError naming file and key, KeyError for a key that is missing."""
+    """Read the regression of a table.
+
+    Raises
+    ------
+    DataError
+        A value is invalid; the message names file and key.
+    KeyError
+        A key is missing.
+    """
 
     def number(key: str, least: float) -> float:
         value = float(numbers_of(table[key], (), f"regression.{key}", path))
@@ -80,7 +91,7 @@ def regression_of(table: Mapping[str, Any], robot: Robot, path: Path) -> Regress
 
 
 def refuse_unlikely_shift(regression: Regression, robot: Robot, most_mm: float, path: Path) -> None:
-    """Raise DataError where a regression shifts the point by more than `most_mm` where it was trained."""
+    """Refuse a regression that shifts the point by more than `most_mm` at its training angles."""
     shift = float(np.linalg.norm(regression.shift(robot, regression.joints), axis=1).max())
     if not shift <= most_mm:
         raise DataError(

@@ -1,29 +1,27 @@
-"""Effects that a calibration left open: they may be present although its readings did not show them.
+"""Effects that a calibration left unresolved: they may exist without being detected.
 
-A diagnosis names the effects that are significant. A smaller one is not absent: an arm has some play in every joint,
-and fifty readings do not show 0.003 deg of it. A later watch may show it, and must not take it for new. With X the
-whitened columns of the model at its readings, B those of the effects, S their usual sizes, C the covariance of the
-model's parameters and s the noise of the fit,
+A diagnosis names the effects that are significant. A smaller one is not absent: an arm has some backlash in every
+joint, and fifty readings do not show 0.003 deg of it. A later watch may show it, and must not take it for new. Let X be
+the whitened columns of the model at its readings, B those of the effects, and S their usual sizes. With C the
+covariance of the model's parameters and s the noise of the fit,
 
     D = ((B'B - B'X C X'B / s^2) / s^2 + S^-2)^-1,    G = C X'B / s^2:
 
-D is the covariance of what is left open, about d = D B'r / s^2 by the residual r, and G what the parameters of the
-model have taken on of a unit of it. A prediction elsewhere is off by X e + (B - X G) b, e ~ C, b ~ N(d, D). The model
-corrects without d, which is not claimed; a watch compares with it. What follows the air is left open too: each
-watch has an air of its own. So are waves of one cycle a turn and of two, which are no scatter: ten poses see stretches
-of them, and a target goes round with its joint, so that A cos q moves it alike at every pose, seen from the joint
-before, as a lost zero of that would. The rest of what the model lacks is kept as a scatter of the joints
-(`calib.saved.unresolved_effects`).
+D is the covariance of the unresolved effects about d = D B'r / s^2, with r the residual. G is the change of the model's
+parameters per unit of an effect. A prediction elsewhere is off by X e + (B - X G) b, e ~ C, b ~ N(d, D). The model
+corrects without d, which is not claimed; a watch compares with it. Effects of the air are unresolved too, because each
+watch has another air temperature. Waves of one and of two cycles per turn are no scatter and are also unresolved: ten
+poses see stretches of them. A target turns with its joint, so that A cos q moves it alike at every pose, seen from the
+joint before, as a lost zero of that joint would. All other errors of the model are kept as a scatter of the joints.
 
-Source: Kennedy and O'Hagan 2001 (what a model lacks is one more unknown).
+Source: Kennedy and O'Hagan 2001 (the error of a model is one more unknown).
 
-The scatter of each joint that a model does not explain, estimated from its residuals.
-
-A law that a model does not hold, a wave of a gear say, moves the joints of a pose alike in every reading there: of ten
-poses with three targets each it is drawn ten times, not in ninety rows, and most of it is taken on by the parameters.
-Small gears are off by more than large ones, and a wrist that is off by ten times as much moves the tool no farther, so
-every joint has a scatter of its own. With r the whitened residual, Z the columns of all that was estimated or is left
-open, P the covariance of their priors and W_k the columns of joint k in every pose,
+**Scatter of the joints.** The scatter of each joint that a model does not explain is estimated from its residuals.
+A missing law, such as a wave of a gear, moves the joints of a pose alike in every reading there. In ten poses with
+three targets each it is drawn ten times, not in ninety rows, and the parameters absorb most of it. Small gears have
+larger errors than large ones, and a wrist that is off by ten times as much moves the tool no farther. Every joint
+therefore has a separate scatter. Let r be the whitened residual, Z the columns of all that was estimated or is
+unresolved, P the covariance of their priors, and W_k the columns of joint k in every pose. Then
 
     r ~ N(0, H^-1 + sum s_k^2 W_k W_k'),    H = (I + Z P Z')^-1,
 
@@ -31,8 +29,8 @@ and for one joint, with the others in H and W'H W = U a U',
 
     2 log L(s) = sum s^2 (u'W'H r)^2 / (1 + s^2 a) - log(1 + s^2 a).
 
-Taken is the mean of s^2 by L and by how much gears are off as a rule, joint by joint, with the others at theirs, until
-they agree to what matters. Source: Patterson and Thompson 1971 (restricted likelihood).
+The result is the mean of s^2, weighted by L and by the usual errors of gears. It is computed joint by joint with the
+others fixed, in a few sweeps. Source: Patterson and Thompson 1971 (restricted likelihood).
 """
 
 from __future__ import annotations
@@ -66,9 +64,17 @@ _SWEEPS = 3  # over all joints; twenty change one by 8 % at most
 
 @dataclass(frozen=True)
 class LeftOpen:
-    """Effects with k parameters that the model of a calibration does not hold. estimate (k,), covariance (k, k) and
-    taken_on (m, k), internal units: d, D and G above; scatter (N,): of every joint, rad, in what neither
-    explains, and poses: that showed it, None in files that do not say it."""
+    """Unresolved effects of a calibration, with k parameters that its model does not include.
+
+    Attributes
+    ----------
+    estimate, covariance, taken_on : array of shape (k,), (k, k) and (m, k)
+        d, D and G of the module's equations, internal units.
+    scatter : array of shape (N,) or None
+        Unmodelled scatter of every joint, rad. None in files that do not state it.
+    poses : float or None
+        Number of poses from which the scatter was estimated. None in files that do not state it.
+    """
 
     effects: tuple[Effect, ...]
     estimate: Array
@@ -79,10 +85,13 @@ class LeftOpen:
 
     @classmethod
     def of(cls, found: IdentificationFit, held_out: FitReadings | None = None) -> LeftOpen:
-        """The effects that can set in between two campaigns, as far as the readings of a fit left them open.
+        """Find the effects that can set in between two campaigns and that a fit left unresolved.
 
-        held_out: readings that the fit had not seen; they say with the others how much the joints scatter, since of
-        what a model lacks they show what the fit has taken on elsewhere, and nothing else.
+        Parameters
+        ----------
+        held_out : FitReadings, optional
+            Readings that the fit had not used. With the others they determine the scatter of the joints, because they
+            show the part of the model error that the fit absorbed elsewhere.
         """
         model, m = found.model, len(found.estimate)
         survey = Survey(
@@ -122,7 +131,10 @@ class LeftOpen:
     def beside(
         self, model: ModelStructure, estimate: Array, covariance: Array
     ) -> tuple[ModelStructure, Array, Array]:
-        """Model, estimate (m + k,) and covariance (m + k, m + k) with the effects that are left open."""
+        """Add the unresolved effects to a model.
+
+        Returns model, estimate (m + k,) and covariance (m + k, m + k).
+        """
         m, k = len(estimate), len(self.estimate)
         carried = np.zeros((m + k, k))
         carried[: len(self.taken_on)] = -self.taken_on
@@ -136,7 +148,7 @@ class LeftOpen:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Plain dictionary that `from_json` reads back."""
+        """Return a plain dictionary that `from_json` reads back."""
         return {
             "effects": [effect.to_json() for effect in self.effects],
             "estimate_internal_units": _digits(self.estimate),
@@ -148,8 +160,15 @@ class LeftOpen:
 
     @classmethod
     def from_json(cls, table: Mapping[str, Any], model: ModelStructure, path: Path) -> LeftOpen:
-        """The effects that `to_json` wrote beside a model, to which parameters may have been added since. Raises
-        DataError, KeyError for a missing key."""
+        """Read the effects that `to_json` wrote; the model may have got more parameters since.
+
+        Raises
+        ------
+        DataError
+            A value is invalid.
+        KeyError
+            A key is missing.
+        """
         effects = tuple(Effect.from_json(entry) for entry in table["effects"])
         refuse_effects(ModelStructure(model.robot, effects, model.targets, anchors=model.anchors), path)
         k, taken_on = sum(len(effect.parameters) for effect in effects), table["taken_on_internal_units"]
@@ -179,7 +198,10 @@ def _known(table: Mapping[str, Any], key: str, shape: tuple[int, ...], path: Pat
 
 
 def _left(shown: Array, size: Array) -> Array:
-    """(k, k) covariance of parameters of usual sizes (k,) by what readings say of them (k, k), which may be nothing."""
+    """Compute the covariance (k, k) of parameters from their usual sizes (k,) and information (k, k).
+
+    The information may be zero.
+    """
     values, vectors = np.linalg.eigh(size[:, None] * shown * size)
     root = size[:, None] * vectors / np.sqrt(1.0 + np.maximum(values, 0.0))
     return root @ root.T
@@ -190,10 +212,13 @@ def _digits(values: Array) -> list[float]:
 
 
 class Scattering:
-    """The joints of every pose off by themselves, beside the m parameters of a model at its estimate."""
+    """Independent errors of the joints in every pose, added to the m parameters of a model."""
 
     def __init__(self, model: ModelStructure, estimate: Array, every: Sequence[FitReadings]) -> None:
-        """estimate (m,) or its beginning; the rest is 0. every: sets of readings that have no pose in common."""
+        """Prepare the equations at an estimate (m,), or its beginning with the rest 0.
+
+        The sets of readings in `every` have no pose in common.
+        """
         robot = model.robot
         acts = {
             f"j{k}": ("", None, [(slot, Constant())]) for k, slot in enumerate(robot.joint_slots, start=1)
@@ -208,9 +233,10 @@ class Scattering:
         self._poses = known[np.unique(np.linspace(0, len(known) - 1, _POSES).astype(np.int64))]
 
     def shown(self) -> list[tuple[Array, Array]]:
-        """The normal equations of every set, (m + w, m + w) and (m + w,); w: number of joints times number of poses.
+        """Compute the normal equations of every set, (m + w, m + w) and (m + w,).
 
-        A slide scatters as many mm as other joints deg.
+        Here w is the number of joints times the number of poses. A sliding joint scatters as many mm as other joints
+        deg.
         """
         return [self._shown(readings, pose) for readings, pose in self._sets]
 
@@ -227,7 +253,7 @@ class Scattering:
 
 
 def likely_scatter(shown: Array, along: Array, joints: int) -> Array:
-    """(N,) the scatter of every joint, rad, by W'H W (w, w) and W'H r (w,), pose by pose."""
+    """Estimate the scatter (N,) of every joint, rad, from W'H W (w, w) and W'H r (w,), by pose."""
     joint = np.arange(len(along)) % joints
     scatter = np.full(joints, _likely(shown, along))
     for _ in range(_SWEEPS):
