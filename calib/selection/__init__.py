@@ -1,4 +1,4 @@
-"""The selection of poses to measure: D-optimal among candidates, with its bound and the predicted uncertainty."""
+"""Selection of D-optimal poses to measure, with a bound and the predicted uncertainty."""
 
 from calib.selection.choose import (
     SHARE,

@@ -1,30 +1,27 @@
-"""The list of poses chosen among candidates: a D-optimal core, and poses that fill the range of every joint.
+"""Selection of poses to measure: a D-optimal core, and poses that fill every joint's range.
 
-The core is the exchange's selection. Where it leaves a part of a joint's range out, candidates that fill it are set
-firmly into the list, the core gives up the poses that it misses least, and is exchanged once more around them; at
-most a fifth of the list is spent so (`share`). What this costs is given beside the efficiency without it.
-The list keeps the order in which the candidates were drawn: a random order of visits.
+The core is the exchange's selection. If it leaves out a part of a joint's range, candidates that fill the gap are fixed
+in the list. The core then loses the poses that cost least, and is exchanged again around the fixed poses. At most a
+fifth of the list is used for filling (`share`). The efficiency is given with and without filling. The list keeps the
+order in which the candidates were drawn: a random order of visits.
 
-Observability indices O1 to O5 of a Jacobian: how well poses determine parameters, in one number each.
-
+**Observability indices.** O1 to O5 of a Jacobian describe how well poses determine parameters, in one number each.
 With the singular values s_1 >= ... >= s_m of the Jacobian of n poses: O1 = (s_1 ... s_m)^(1/m) / sqrt(n),
 O2 = s_m / s_1, O3 = s_m, O4 = s_m^2 / s_1, O5 = 1 / sum(1 / s_i). O1 ranks selections the same in any units of the
-parameters; O2 to O5 do not, so their columns must be scaled.
+parameters. O2 to O5 do not, so their columns must be scaled.
 Sources: Borm and Menq 1991 (O1), Driels and Pathre 1990 (O2), Nahvi et al. 1994 (O3), Nahvi and Hollerbach 1996
-(O4), Sun and Hollerbach 2008 (O5); Nubiola 2.5.2.
+(O4), Sun and Hollerbach 2008 (O5), and Nubiola 2.5.2.
 
-The number of poses that suffices with the prior of the robot's type.
+**Prior of the type.** With a prior of the robot's type (`calib.prior`) fewer poses suffice. The prior is information
+that exists before the first pose: one row per parameter, 1 / spread^2. The poses are chosen without it, since a robot
+that lies outside its type is known by its readings alone. They are then removed, the one that costs least first, until
+the largest U with the prior is that of all of them without.
 
-What the type shares (`calib.prior`) is information that is there before the first pose: one row a parameter, 1 /
-spread^2. The poses are chosen without it, since a robot that lies outside its type is known by its readings alone; they
-are then taken away, the one that costs least first, until the largest U with the prior is that of all of them without.
-
-The uncertainty of predictions against the number of poses, and the number from which more poses bring little.
-
-The selection is shortened by the pose whose loss costs least, again and again, and lengthened by the candidate that
-adds most; for every count U = 2 sqrt(largest eigenvalue of X C X' + R): C the inverse information of the poses so
-far, X the derivative of a target, R its covariance by the repeatability of the robot. U (k = 2, along the worst
-direction) is where the robot will be by a model that is complete; R is what no calibration lowers.
+**Curve.** The uncertainty of predictions depends on the number of poses, and from some number on more poses bring
+little. The selection is shortened repeatedly by the pose whose loss costs least, and lengthened by the candidate that
+adds most. For every count U = 2 sqrt(largest eigenvalue of X C X' + R). Here C is the inverse information of the
+poses so far, X the derivative of a target, and R its covariance from the repeatability of the robot. U (k = 2, along
+the worst direction) describes where the robot will be if the model is complete. No calibration lowers R.
 """
 
 from __future__ import annotations
@@ -62,7 +59,7 @@ _PLACES = 1000  # poses at which U is predicted
 
 @dataclass(frozen=True)
 class ObservabilityIndices:
-    """The five indices; larger is better in all."""
+    """Observability indices O1 to O5; larger is better for all."""
 
     o1: float
     o2: float
@@ -72,9 +69,21 @@ class ObservabilityIndices:
 
 
 def observability(jacobian: Array, poses: int) -> ObservabilityIndices:
-    """Indices of a Jacobian (rows, m) of so many poses; 0 throughout where it does not determine m parameters.
+    """Compute the observability indices of a Jacobian.
 
-    Raises DataError when it has fewer rows than columns, or a number that is not finite.
+    All are 0 if it does not determine the parameters.
+
+    Parameters
+    ----------
+    jacobian : array of shape (rows, m)
+        Jacobian of all poses, columns scaled for O2 to O5.
+    poses : int
+        Number of poses.
+
+    Raises
+    ------
+    DataError
+        There are fewer rows than columns, or a number is not finite.
     """
     rows, m = jacobian.shape
     if rows < m or m == 0:
@@ -100,11 +109,20 @@ _HARDLY = 0.5  # of a parameter's usual size
 
 @dataclass(frozen=True)
 class Choice:
-    """Poses selected of N candidates.
+    """Poses selected among N candidates.
 
-    selection (n,): indices, ascending; filling: those of them that fill ranges; efficiency: against the continuous
-    bound, of the list and of the core of as many poses without filling; std (m,): predicted standard errors of the
-    parameters, internal units.
+    Attributes
+    ----------
+    selection : array of int, shape (n,)
+        Indices of the poses, ascending.
+    filling : tuple of int
+        Indices of the poses that fill ranges.
+    efficiency, efficiency_core : float
+        Efficiency of the list, and of the core with as many poses and no filling, relative to the continuous bound.
+    gap : float
+        Gap of the bound, as in `Optimum`.
+    std : array of shape (m,)
+        Predicted standard errors of the parameters, internal units.
     """
 
     selection: Indices
@@ -127,10 +145,19 @@ def choose(
     starts: int = STARTS,
     seed: int = 0,
 ) -> Choice:
-    """Select `count` poses. The same seed gives the same list.
+    """Select `count` poses; the same seed gives the same list.
 
-    share: largest part of the list that fills ranges, 0 for a D-optimal list. Raises DataError as `exchange.select`
-    does, and for a share that is not from 0 to 1.
+    Parameters
+    ----------
+    share : float, optional
+        Largest part of the list that fills ranges; 0 for a D-optimal list.
+    starts : int, optional
+        Number of exchanges, of which the best is used.
+
+    Raises
+    ------
+    DataError
+        The share is not from 0 to 1, or `exchange.select` would refuse the candidates.
     """
     if not 0.0 <= share <= 1.0:
         raise DataError(f"is {share}.", do="Give a share from 0 to 1.", key="share")
@@ -197,9 +224,14 @@ def _of_parameters(candidates: Candidates, std: Array) -> list[str]:
 
 @dataclass(frozen=True)
 class Curve:
-    """U against the number of poses; arrays of equal length, mm.
+    """Uncertainty U against the number of poses; arrays of equal length, mm.
 
-    largest, mean: U over the workspace; of_model: the largest without the repeatability.
+    Attributes
+    ----------
+    largest, mean : array
+        Largest and mean U over the workspace.
+    of_model : array
+        Largest U without the repeatability.
     """
 
     counts: NDArray[np.int64]
@@ -208,16 +240,25 @@ class Curve:
     of_model: Array
 
     def at(self, count: int) -> float:
-        """The largest U with so many poses, mm. Raises ValueError for a count that is not on the curve."""
+        """Return the largest U with `count` poses, mm.
+
+        Raises
+        ------
+        ValueError
+            The count is not on the curve.
+        """
         return float(self.largest[self.counts.tolist().index(count)])
 
     def enough(self, worth: float = WORTH) -> int | None:
-        """The first count after which one step lowers the largest U by less than `worth`; None beyond the curve."""
+        """Return the first count after which a step lowers the largest U by less than `worth`.
+
+        None if it is beyond the curve.
+        """
         gain = 1.0 - self.largest[1:] / self.largest[:-1]
         return next((int(n) for n, g in zip(self.counts, gain, strict=False) if g < worth), None)
 
     def reaches(self, wanted: float) -> int | None:
-        """The first count whose largest U is at most `wanted`, mm; None beyond the curve."""
+        """Return the first count whose largest U is at most `wanted`, mm; None beyond the curve."""
         return next((int(n) for n, u in zip(self.counts, self.largest, strict=True) if u <= wanted), None)
 
 
@@ -228,10 +269,18 @@ def curve_of(
     prior: Array | None = None,
     beyond: float = _BEYOND,
 ) -> Curve:
-    """The curve around a selection: counts `step` apart through its own, from just enough to `beyond` times as many.
+    """Compute the curve around a selection.
 
-    prior: (m,) information that robots of the type bring on every parameter, in units of the columns
-    (`calib.selection.choose`).
+    Parameters
+    ----------
+    selection : array of int
+        Poses at the centre of the curve.
+    step : int, optional
+        Difference of two counts. The curve starts at the smallest sufficient count.
+    prior : array of shape (m,), optional
+        Information on every parameter from robots of the type, in units of the columns.
+    beyond : float, optional
+        End of the curve, as a multiple of the selection.
     """
     blocks = PoseRows.of(candidates.rows)
     least = -(-blocks.parameters // blocks.width) + 1
@@ -261,9 +310,18 @@ def curve_of(
 
 @dataclass(frozen=True)
 class BesideType:
-    """The curve with the prior, and the number of poses that reach with it the largest U of `count` without; mm.
+    """Curve with the prior of the type, and the number of poses that the prior saves.
 
-    reached: None where the prior makes it no fewer. known: parameters of the model that the type says something of.
+    Attributes
+    ----------
+    count : int
+        Number of poses without the prior.
+    u_mm : float
+        Largest U of these, mm.
+    reached : int or None
+        Number of poses that reach this U with the prior; None if the prior saves none.
+    known : tuple of str
+        Parameters for which the type has a prior.
     """
 
     curve: Curve
@@ -274,7 +332,7 @@ class BesideType:
 
     @property
     def in_words(self) -> str:
-        """The number in a sentence."""
+        """Number of poses as a sentence."""
         if self.reached is None or self.reached >= self.count:
             return f"With the prior the U of {self.count} poses still takes {self.count} of them."
         return (
@@ -284,8 +342,10 @@ class BesideType:
 
 
 def information_of(candidates: Candidates, prior: TypePrior) -> Array:
-    """(m,) information on every parameter of the candidates, in units of their columns; 0 where the type has no
-    prior."""
+    """Compute the information (m,) of the type prior on every parameter.
+
+    It is in units of the candidates' columns, and 0 for a parameter without a prior.
+    """
     return np.array(
         [
             (unit / to_internal(prior.shares[p.name].spread, p.unit)) ** 2
@@ -297,7 +357,7 @@ def information_of(candidates: Candidates, prior: TypePrior) -> Array:
 
 
 def beside_type(candidates: Candidates, selection: Indices, without: Curve, prior: TypePrior) -> BesideType:
-    """The poses that the prior of a type saves of a selection whose curve without it is known."""
+    """Compute how many poses of a selection the prior of a type saves."""
     known = information_of(candidates, prior)
     count = len(selection)
     wanted = without.at(count)

@@ -1,8 +1,8 @@
-"""The parts of every joint's range that a selection visits, and the poses that fill what it leaves out.
+"""Coverage of every joint's range by a selection, and poses that fill its gaps.
 
-D-optimal poses crowd at the ends of the joints. What is missing in the model (periodic errors, encoder scale,
-backlash beyond a sign of the torque) is seen only where a joint has been: so the range of every joint is cut into
-equal bins, and each bin that some candidate reaches has to hold a pose.
+D-optimal poses gather at the ends of the joints. Errors that the model lacks (periodic errors, encoder scale, backlash
+beyond a sign of the torque) are detected only where a joint has been. The range of every joint is therefore cut into
+equal bins, and each bin that some candidate reaches must contain a pose.
 """
 
 from __future__ import annotations
@@ -20,7 +20,10 @@ Mask = NDArray[np.bool_]
 
 
 def cells_of(joints: Array, bins: int = BINS) -> Mask:
-    """(N, J, bins) in which bin of its range, lowest to highest of all candidates, every joint (N, J) lies."""
+    """Mark the bin of its range in which each joint of each candidate lies, shape (N, J, bins).
+
+    The range of a joint (N, J) is from the lowest to the highest of all candidates.
+    """
     low, high = joints.min(axis=0), joints.max(axis=0)
     share = (joints - low) / np.where(high > low, high - low, 1.0)
     number = np.minimum((share * bins).astype(np.int64), bins - 1)
@@ -28,15 +31,19 @@ def cells_of(joints: Array, bins: int = BINS) -> Mask:
 
 
 def missing(cells: Mask, selection: Sequence[int] | NDArray[np.int64]) -> Mask:
-    """(J, bins) reached by a candidate of `cells` (N, J, bins), but by none of the selection."""
+    """Mark the bins (J, bins) that candidates reach but no selected pose does.
+
+    The cells (N, J, bins) are those of all candidates.
+    """
     visited = cells[np.asarray(selection, dtype=np.int64)]
     return np.logical_and(np.any(cells, axis=0), np.logical_not(np.any(visited, axis=0)))
 
 
 def filling(cells: Mask, wanted: Mask, most: int, merit: Array) -> list[int]:
-    """The candidates, at most `most`, that together fill the wanted cells (J, bins), the one that fills most first.
+    """Choose at most `most` candidates that together fill the missing cells (J, bins).
 
-    Among equals the one of higher merit (N,). Fewer than needed where `most` does not suffice.
+    The one that fills most comes first, and among equals the one of higher merit (N,). Some cells stay empty if `most`
+    is too small.
     """
     wanted = wanted.copy()
     chosen: list[int] = []

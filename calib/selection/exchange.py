@@ -1,19 +1,20 @@
-"""D-optimal selection of poses by exchange: the n of N candidates with the largest det of their information.
+"""D-optimal selection of poses by exchange: n of N candidates with the largest determinant.
 
-Greedy starts, then one pose after the other leaves and the best of all candidates takes its place, until no pose
-finds a better one (Fedorov 1972, in the order of Cook and Nachtsheim 1980; Nubiola 2.5.2 removes and adds likewise).
-With M the information of the selection and X_j (k, m) the rows of a pose, adding it multiplies det M by
+Each start is greedy. Then each pose is replaced by the best of all candidates, until no replacement improves the
+determinant of the information (Fedorov 1972, in the order of Cook and Nachtsheim 1980). Nubiola 2.5.2 removes and adds
+poses likewise.
+
+Let M be the information of the selection and X_j (k, m) the rows of a pose. Adding the pose multiplies det M by
 det(I + B_j), B_j = X_j M^-1 X_j', and removing it by det(I - B_j). A pose that enters or leaves changes M by rank k,
-and so B of every candidate by V V', V = X_j M^-1 X_i' L with L L' = (I +- B_i)^-1: one matrix product and k x k
-algebra for all N at once. No candidate has a decomposition of its own.
+and so B of every candidate by V V', with V = X_j M^-1 X_i' L and L L' = (I +- B_i)^-1. This takes one matrix product
+and k x k algebra for all N at once, without a decomposition for each candidate.
 
-The continuous D-optimal design over the candidates: a certified upper bound for every selection.
-
-Weights w_i >= 0 of sum one in place of "taken or not": maximise log det sum w_i X_i'X_i. Multiplicative steps
-w_i <- w_i (d_i / m)^power with d_i = tr(M^-1 X_i'X_i) (Silvey, Titterington and Torsney 1978); candidates that the
-bound of Harman and Pronzato (2007) shows to be out of every optimum are left out meanwhile. For any weights
-log det M + m log(max d_i / m), the maximum over all candidates, is above every design (trace and determinant of
-M^-1/2 M' M^-1/2): so the figure given is a bound however far the steps have come.
+**Bound.** The continuous D-optimal design over the candidates is a certified upper bound for every selection.
+Weights w_i >= 0 of sum one replace the choice of poses, and maximise log det sum w_i X_i'X_i. The steps are
+multiplicative, w_i <- w_i (d_i / m)^power with d_i = tr(M^-1 X_i'X_i) (Silvey, Titterington and Torsney 1978).
+Candidates that belong to no optimum according to Harman and Pronzato (2007) are left out. For any weights,
+log det M + m log(max d_i / m), with the maximum over all candidates, is an upper bound for every design (trace and
+determinant of M^-1/2 M' M^-1/2). The value is therefore a bound after any number of steps.
 """
 
 from __future__ import annotations
@@ -43,11 +44,25 @@ _EVERY = 10
 
 
 def select(rows: Array, count: int, *, starts: int = STARTS, seed: int = 0) -> Indices:
-    """(count,) indices, ascending, of a D-optimal selection: the best of `starts` exchanges.
+    """Find a D-optimal selection: the best of `starts` exchanges.
 
-    rows: (N, k, m) whitened Jacobian rows of N candidates, any units of the parameters. No candidate is taken twice;
-    the same seed gives the same selection. Raises DataError when there are fewer candidates than `count`, fewer
-    rows than parameters, or parameters that the candidates cannot determine.
+    No candidate is taken twice. The same seed gives the same selection.
+
+    Parameters
+    ----------
+    rows : array of shape (N, k, m)
+        Whitened Jacobian rows of N candidates, any units of the parameters.
+
+    Returns
+    -------
+    array of int, shape (count,)
+        Indices, ascending.
+
+    Raises
+    ------
+    DataError
+        There are fewer candidates than `count`, fewer rows than parameters, or parameters that the candidates cannot
+        determine.
     """
     blocks = PoseRows.of(rows)
     return best_of_starts(blocks, optimum(blocks), count, starts=starts, seed=seed)
@@ -56,10 +71,10 @@ def select(rows: Array, count: int, *, starts: int = STARTS, seed: int = 0) -> I
 def best_of_starts(
     blocks: PoseRows, best: Optimum, count: int, *, starts: int = STARTS, seed: int = 0
 ) -> Indices:
-    """The best selection of several starts, of prepared blocks and their continuous optimum.
+    """Find the best selection of several starts, for prepared blocks and their optimum.
 
-    The starts choose among the candidates that count for most at the continuous optimum: that is where good
-    selections are. The best of them is then exchanged against all candidates.
+    The starts choose among the candidates with the highest sensitivity at the continuous optimum, because good
+    selections are found there. The best of them is then exchanged against all candidates.
     """
     _refuse(blocks, count, starts)
     short = np.argsort(-best.sensitivity, kind="stable")[: max(_SHORT, _SHORT_PER_POSE * count)]
@@ -76,13 +91,13 @@ def best_of_starts(
 
 
 def log_det(blocks: PoseRows, selection: Indices) -> float:
-    """log det of the information of a selection, in the blocks' own scale; -inf where it is singular."""
+    """Compute log det of the information of a selection, in the blocks' scale; -inf if singular."""
     sign, value = np.linalg.slogdet(blocks.information(selection))
     return float(value) if sign > 0 else -np.inf
 
 
 def greedy(blocks: PoseRows, chosen: Sequence[int] | Indices, count: int) -> Indices:
-    """`chosen` and further candidates, each the best to add to those before it; `count` in all, ascending."""
+    """Add the best candidates one by one to `chosen`; return `count` in total, ascending."""
     faint = _FAINT / blocks.poses * np.eye(blocks.parameters)
     selection = [int(i) for i in chosen]
     state = SelectionState.of(blocks, blocks.information(np.array(selection, dtype=np.int64)) + faint)
@@ -95,7 +110,10 @@ def greedy(blocks: PoseRows, chosen: Sequence[int] | Indices, count: int) -> Ind
 
 
 def without_least(blocks: PoseRows, selection: Indices, count: int, *, fixed: Sequence[int] = ()) -> Indices:
-    """`count` of the selection, ascending: the pose whose loss costs least leaves, then the next; `fixed` ones stay."""
+    """Remove the poses that cost least until `count` are left; return them ascending.
+
+    The poses `fixed` stay.
+    """
     left = np.asarray(selection, dtype=np.int64)
     while len(left) > count:
         few = blocks.take(left)
@@ -107,9 +125,14 @@ def without_least(blocks: PoseRows, selection: Indices, count: int, *, fixed: Se
 
 
 def exchange(blocks: PoseRows, selection: Indices, *, fixed: Sequence[int] | Indices = ()) -> Indices:
-    """The selection after exchanges that each raise its determinant, until none does; ascending indices.
+    """Improve a selection by exchanges until none raises its determinant.
 
-    The poses `fixed` stay. Raises DataError when the selection to begin with does not determine the parameters.
+    The poses `fixed` stay. The indices are returned ascending.
+
+    Raises
+    ------
+    DataError
+        The initial selection does not determine the parameters.
     """
     selection = selection.copy()
     free = np.flatnonzero(~np.isin(selection, fixed))
@@ -152,7 +175,15 @@ def _refuse(blocks: PoseRows, count: int, starts: int) -> None:
 
 @dataclass(frozen=True)
 class SelectionState:
-    """A selection as an exchange sees it: M^-1 (m, m), and b (k, k, N), B_j = X_j M^-1 X_j' of every candidate."""
+    """State of a selection in an exchange.
+
+    Attributes
+    ----------
+    inverse : array of shape (m, m)
+        M^-1.
+    b : array of shape (k, k, N)
+        B_j = X_j M^-1 X_j' of every candidate.
+    """
 
     blocks: PoseRows
     inverse: Array
@@ -160,14 +191,17 @@ class SelectionState:
 
     @classmethod
     def of(cls, blocks: PoseRows, information: Array) -> SelectionState:
-        """The state computed from the information M (m, m), without updates."""
+        """Compute the state from the information M (m, m), without updates."""
         x = blocks.columns
         inverse = np.asarray(np.linalg.inv(information), dtype=np.float64)
         y = (inverse @ x.reshape(len(x), -1)).reshape(x.shape)
         return cls(blocks, inverse, np.einsum("man,mbn->abn", x, y))
 
     def gains(self) -> Array:
-        """(N,) log det(I + B_j): what adding each candidate would gain. Elimination of all candidates at once."""
+        """Compute log det(I + B_j), shape (N,): the gain of adding each candidate.
+
+        All candidates are eliminated at once.
+        """
         rest = self.b.copy()
         k = len(rest)
         rest[range(k), range(k)] += 1.0
@@ -179,7 +213,7 @@ class SelectionState:
         return np.log(product)
 
     def changed(self, pose: int, sign: float) -> SelectionState:
-        """The state after one pose entered (+1) or left (-1)."""
+        """Update the state after one pose entered (+1) or left (-1)."""
         x = self.blocks.columns
         values, directions = np.linalg.eigh(self.b[:, :, pose])
         # A pose that is all there is in some direction leaves a grain of itself behind, until the next pass.
@@ -194,11 +228,18 @@ class SelectionState:
 
 @dataclass(frozen=True)
 class Optimum:
-    """The continuous optimum of N candidates.
+    """Continuous optimum of N candidates.
 
-    weights (N,); sensitivity (N,): d_i, at the optimum m where a candidate takes part and less elsewhere; log_det:
-    the certified bound, in the blocks' own scale; gap: max d_i / m - 1, by which det^(1/m) of the bound may exceed
-    the optimum.
+    Attributes
+    ----------
+    weights : array of shape (N,)
+        Weight of each candidate.
+    sensitivity : array of shape (N,)
+        d_i; at the optimum m for a candidate with weight, and less for others.
+    log_det : float
+        Certified bound, in the blocks' scale.
+    gap : float
+        max d_i / m - 1, by which det^(1/m) of the bound may exceed the optimum.
     """
 
     weights: Array
@@ -207,16 +248,19 @@ class Optimum:
     gap: float
 
     def efficiency(self, log_det: float, count: int) -> float:
-        """(det(M / count) / det of the bound)^(1/m) of a selection of `count` poses, from log det M.
+        """Compute the efficiency of `count` poses from log det M, relative to the bound.
 
-        Its square root is the ratio of the two O1.
+        It is (det(M / count) / det of the bound)^(1/m). Its square root is the ratio of the two O1.
         """
         m = self.sensitivity @ self.weights  # tr(M^-1 M)
         return float(np.exp((log_det - self.log_det) / m) / count)
 
 
 def optimum(blocks: PoseRows, tolerance: float = TOLERANCE) -> Optimum:
-    """The continuous optimum, to a gap of `tolerance` or after a fixed number of steps: `gap` says which."""
+    """Compute the continuous optimum to a gap of `tolerance`.
+
+    It stops after a fixed number of steps; `gap` states the gap that was reached.
+    """
     m = blocks.parameters
     left = np.arange(blocks.poses)
     few = blocks

@@ -1,8 +1,9 @@
-"""The information of each candidate pose: whitened Jacobian rows of the base model at hypothetical poses.
+"""Information of each candidate pose: whitened Jacobian rows of the base model.
 
-Three rows a tool target measured there, at the nominal robot, whitened with the declared noise of the instrument and
-the repeatability of the robot, which the targets of a pose share. Parameters that all candidates together cannot
-determine are dropped and named; the columns of the others are scaled so that their mean square a candidate is one.
+A pose has three rows per tool target measured there, at the nominal robot. They are whitened with the declared noise
+of the instrument and the repeatability of the robot, which the targets of a pose share. Parameters that all candidates
+together cannot determine are dropped and named. The columns of the others are scaled to a mean square of one per
+candidate.
 """
 
 from __future__ import annotations
@@ -30,9 +31,16 @@ _MOVES_NOTHING = 1e-6  # whitened displacement, over all candidates, for a param
 
 @dataclass(frozen=True)
 class Setup:
-    """The setup of a measurement: what is measured at every pose, and with what.
+    """Set-up of a measurement: targets, instrument, and model to be identified.
 
-    targets: tool targets by name, flange frame, mm; groups: what the model frees; loads None: the robot's own.
+    Attributes
+    ----------
+    targets : mapping of name to (x, y, z)
+        Tool targets that are measured at every pose, flange frame, mm.
+    groups : sequence of str
+        Parameter groups that the model frees.
+    loads : tuple of Load or None
+        None for those of the robot.
     """
 
     robot: Robot
@@ -42,7 +50,13 @@ class Setup:
     loads: tuple[Load, ...] | None = None
 
     def model(self) -> ModelStructure:
-        """The base model. Raises DataError for a group or a set of targets that cannot be used."""
+        """Build the base model.
+
+        Raises
+        ------
+        DataError
+            A group or a set of targets cannot be used.
+        """
         for group in self.groups:
             if group not in GROUPS or group == "length_zero":
                 raise DataError(
@@ -61,11 +75,20 @@ class Setup:
 
 @dataclass(frozen=True)
 class Candidates:
-    """N candidate poses of t targets each, for m parameters in units of `unit`.
+    """N candidate poses of t targets each, for m parameters.
 
-    rows (N, 3 t, m): whitened; points (N, t, 3, m): derivative of every target, mm; repeatability (N, t, 3, 3):
-    covariance of every target that the robot's repeatability causes, mm2; parameters: those that are kept;
-    unit (m,): internal units of one unit of a column.
+    Attributes
+    ----------
+    rows : array of shape (N, 3 t, m)
+        Whitened rows.
+    points : array of shape (N, t, 3, m)
+        Derivative of every target, mm.
+    repeatability : array of shape (N, t, 3, 3)
+        Covariance of every target from the robot's repeatability, mm2.
+    parameters : tuple of Parameter
+        Parameters that are kept.
+    unit : array of shape (m,)
+        Internal units of one unit of each column.
     """
 
     joints: Array  # (N, J) rad
@@ -78,7 +101,13 @@ class Candidates:
 
 
 def candidates_of(setup: Setup, joints: Array) -> Candidates:
-    """The candidates at joint angles (N, J), rad. Raises DataError for a set-up or angles that cannot be used."""
+    """Build the candidates at joint angles (N, J), rad.
+
+    Raises
+    ------
+    DataError
+        The set-up or the angles cannot be used.
+    """
     joints = np.asarray(joints, dtype=np.float64)
     if joints.ndim != 2 or len(joints) == 0 or joints.shape[1] != setup.robot.joints:
         raise DataError(
@@ -107,7 +136,10 @@ def candidates_of(setup: Setup, joints: Array) -> Candidates:
 
 
 def _at_target(setup: Setup, model: ModelStructure, joints: Array, target: str) -> tuple[Array, Array, Array]:
-    """Derivative of a target by the parameters (N, 3, m) and by the joints (N, 3, J), and its noise (N, 3, 3)."""
+    """Return derivatives and noise of a target.
+
+    They are the derivatives by the parameters (N, 3, m) and by the joints (N, 3, J), and the noise (N, 3, 3).
+    """
     design = BoundModel(model, conditions_at(model, joints, StatedConditions(loads=setup.loads), target))
     frames = design.frames(np.zeros(len(model.parameters)))
     columns = design.point_columns(frames).reshape(3, len(joints), -1).transpose(1, 0, 2)
@@ -117,8 +149,11 @@ def _at_target(setup: Setup, model: ModelStructure, joints: Array, target: str) 
 
 
 def _whitened(points: Array, scatter: Array, noise: Array) -> Array:
-    """(N, 3 t, m) derivatives (N, t, 3, m) of the targets of a pose, whitened together: all of them are measured where
-    the robot has come to rest, off by scatter (N, t, 3, J), each with noise (N, t, 3, 3) of its own."""
+    """Whiten the derivatives (N, t, 3, m) of the targets of a pose together, to (N, 3 t, m).
+
+    All targets are measured at one rest position of the robot, which is off by scatter (N, t, 3, J). Each has a
+    separate noise (N, t, 3, 3).
+    """
     n, t, _, m = points.shape
     shared = scatter.reshape(n, 3 * t, -1)
     covariance = shared @ shared.transpose(0, 2, 1)
@@ -135,7 +170,7 @@ def _whitened(points: Array, scatter: Array, noise: Array) -> Array:
 def _independent(
     columns: Array, parameters: Sequence[Parameter]
 ) -> tuple[list[int], tuple[DroppedParameter, ...]]:
-    """Columns (rows, m) to keep, in order, and the parameters dropped because those before them explain them.
+    """Select independent columns (rows, m), in order, and list the dropped parameters.
 
     Base and tool come first, as in an identification: of a confounded group they stay.
     """

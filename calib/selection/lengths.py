@@ -1,9 +1,9 @@
-"""The uncertainty of an arm identified from lengths between balls, before anything is measured.
+"""Predicted uncertainty of an arm that will be identified from lengths between balls.
 
-Every length is a row of the Jacobian of the base model at the nominal robot, whitened with the noise of the length and
-the repeatability of the robot, which the lengths of one pose share. With the priors of an identification the rows give
-a covariance, which is carried to places of the workspace: U (k = 2, along the worst direction) of a model that is
-complete.
+Every length is a row of the Jacobian of the base model at the nominal robot. The rows are whitened with the noise of
+the length and the repeatability of the robot, which the lengths of one pose share. The rows and the priors of an
+identification give a covariance, which is propagated to poses in the workspace. U (k = 2, along the worst direction)
+is that of a complete model.
 """
 
 from __future__ import annotations
@@ -30,8 +30,11 @@ Point = tuple[float, float, float]
 class Balls:
     """Balls on the tool (flange frame) and on the base (base frame of the robot), mm.
 
-    tool_u_mm: standard uncertainty per axis of those on the tool, where stated. Those on the base are the frame in
-    which the arm is identified: where they are in another one is no part of U.
+    Attributes
+    ----------
+    tool_u_mm : mapping of str to float
+        Standard uncertainty per axis of the balls on the tool, if stated. The balls on the base define the frame in
+        which the arm is identified; an error of that frame is no part of U.
     """
 
     tool: Mapping[str, Point]
@@ -41,7 +44,15 @@ class Balls:
 
 @dataclass(frozen=True)
 class Lengths:
-    """n lengths: joints (n, N) rad, and the names of the balls between which each is measured."""
+    """Lengths to be measured between balls.
+
+    Attributes
+    ----------
+    joints : array of shape (n, N)
+        Joint angles, rad.
+    tool, base : sequence of str
+        Balls between which each length is measured.
+    """
 
     joints: Array
     tool: Sequence[str]
@@ -58,9 +69,18 @@ def uncertainty_of(
     repeatability: float,
     loads: tuple[Load, ...] | None = None,
 ) -> Array:
-    """U (p,) mm of the first tool ball at joint angles `places` (p, N), rad.
+    """Predict U (p,), mm, of the first tool ball.
 
-    noise_mm: standard deviation of a length; repeatability: rad, of every joint; loads None: the robot's own.
+    Parameters
+    ----------
+    places : array of shape (p, N)
+        Joint angles at which U is predicted, rad.
+    noise_mm : float
+        Standard deviation of a length, mm.
+    repeatability : float
+        Repeatability of every joint, rad.
+    loads : tuple of Load, optional
+        Default: those of the robot.
     """
     names, anchors = tuple(balls.tool), tuple(balls.base)
     measured = [dict.fromkeys(names, False)]
@@ -91,7 +111,7 @@ def uncertainty_of(
 
 
 def _whitened(design: BoundModel, estimate: Array, noise_mm: float, repeatability: float) -> Array:
-    """(n, m) derivative of the lengths over their standard deviation, those of a pose whitened together."""
+    """Whiten the derivatives (n, m) of the lengths, those of a pose together."""
     n = len(design.conditions)
     frames = design.frames(estimate)
     nothing, weight = np.zeros(n), np.full((1, 1, n), 1.0 / noise_mm)

@@ -1,10 +1,10 @@
-"""Blocks of candidate poses: the whitened Jacobian rows that each pose adds, prepared for designs over them.
+"""Whitened Jacobian rows of candidate poses, prepared for optimal designs.
 
 A pose i of N with k rows X_i (k, m) adds X_i'X_i to the information matrix of m parameters. D-optimality does not
-change under an invertible transformation of the parameters, nor when the rows of a pose are rotated. So the columns
-are taken orthonormal over all candidates (every information matrix is then well scaled), and the rows of each pose
-are rotated to their principal directions, of which those that are nothing at every pose are left out: three
-targets on a rigid tool have nine rows, and six that count.
+change under an invertible transformation of the parameters, nor when the rows of a pose are rotated. The columns are
+therefore made orthonormal over all candidates, so that every information matrix is well scaled. The rows of each pose
+are rotated to their principal directions, and directions that are zero at every pose are left out: three targets on a
+rigid tool have nine rows, of which six count.
 """
 
 from __future__ import annotations
@@ -24,9 +24,14 @@ _NOTHING = 1e-9  # singular value of a row, or of a column over all candidates, 
 
 @dataclass(frozen=True)
 class PoseRows:
-    """`columns` (m, k, N): the rows of all candidates, poses last, orthonormal over all candidates.
+    """Prepared rows of all candidates.
 
-    `log_scale`: log det of the information of all candidates in the units of the rows that were given.
+    Attributes
+    ----------
+    columns : array of shape (m, k, N)
+        Rows of all candidates, poses last, orthonormal over all candidates.
+    log_scale : float
+        Log det of the information of all candidates in the units of the original rows.
     """
 
     columns: Array
@@ -34,7 +39,13 @@ class PoseRows:
 
     @classmethod
     def of(cls, rows: Array) -> PoseRows:
-        """The blocks of rows (N, k, m). Raises DataError for rows not finite, or too few to determine m parameters."""
+        """Prepare rows (N, k, m).
+
+        Raises
+        ------
+        DataError
+            The rows are not finite, or too few to determine m parameters.
+        """
         rows = np.asarray(rows, dtype=np.float64)
         if rows.ndim != 3 or rows.size == 0:
             raise DataError(
@@ -70,7 +81,7 @@ class PoseRows:
 
     @property
     def width(self) -> int:
-        """Rows of a pose that count, k."""
+        """Number of rows of a pose that count, k."""
         return self.columns.shape[1]
 
     @property
@@ -79,17 +90,26 @@ class PoseRows:
         return self.columns.shape[0]
 
     def take(self, poses: NDArray[np.int64] | NDArray[np.bool_]) -> PoseRows:
-        """Some of the candidates, by index or mask, in the same scale."""
+        """Select candidates by index or mask, in the same scale."""
         return PoseRows(np.ascontiguousarray(self.columns[:, :, poses]), self.log_scale)
 
     def information(self, poses: NDArray[np.int64] | None = None, *, weights: Array | None = None) -> Array:
-        """(m, m) sum of X'X over some candidates (None: all), each times its weight (None: one)."""
+        """Compute the sum of X'X over candidates, shape (m, m).
+
+        The default is all candidates (`poses`), with a weight of one each (`weights`).
+        """
         x = self.columns if poses is None else self.columns[:, :, poses]
         weighted = x if weights is None else x * weights
         return weighted.reshape(self.parameters, -1) @ x.reshape(self.parameters, -1).T
 
     def sensitivity(self, information: Array) -> Array:
-        """(N,) tr(M^-1 X'X) of every candidate. Raises LinAlgError for an information matrix that is singular."""
+        """Compute tr(M^-1 X'X) of every candidate, shape (N,).
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            The information matrix is singular.
+        """
         root = solve_triangular(
             np.linalg.cholesky(information), self.columns.reshape(self.parameters, -1), lower=True
         )
