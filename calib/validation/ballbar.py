@@ -1,9 +1,12 @@
-"""The judgement of a calibrated robot by a ballbar alone: the sphere test, repeatability, and how the error grows.
+"""Judgement of a calibrated robot by a ballbar alone.
 
-Sphere test: one target goes over a sphere about one ball on the base, the tool turned always alike; the radial error is
-the measured distance less the one that a model predicts. Repeatability: the scatter of distances that were measured
-more than once at the same pose. The error grows with the distance from the point over the fixture that all legs reach,
-Figure 4.7. Lengths mm. Source: Nubiola, thesis, 2.6.3 and 4.4.
+**Sphere test.** One target moves over a sphere about one ball on the base, with constant orientation of the tool. The
+radial error is the measured distance less the distance that a model predicts.
+
+**Repeatability.** It is the scatter of distances that were measured more than once at the same pose.
+
+**Growth of the error.** The error grows with the distance from the point over the fixture that all legs reach, Figure
+4.7. Lengths are in mm. Source: Nubiola, thesis, 2.6.3 and 4.4.
 """
 
 from __future__ import annotations
@@ -27,8 +30,13 @@ _ALIKE = np.cos(np.radians(2.0))  # turns of the tool that count as the same
 
 @dataclass(frozen=True)
 class SphereTest:
-    """The result of a sphere test: a target about a ball on the base. errors_mm (n,): measured less predicted
-    radius."""
+    """Result of a sphere test: a target about a ball on the base.
+
+    Attributes
+    ----------
+    errors_mm : array of shape (n,)
+        Measured less predicted radius, mm.
+    """
 
     target: str
     base_target: str
@@ -55,7 +63,7 @@ class SphereTest:
 
 @dataclass(frozen=True)
 class LengthRepeats:
-    """Distances measured more than once at one pose: of how many, and their scatter, pooled and of the worst, mm."""
+    """Distances measured more than once at one pose: number, pooled and worst scatter, mm."""
 
     poses: int
     readings: int
@@ -66,7 +74,7 @@ class LengthRepeats:
 def sphere_tests(
     dataset: Dataset, rows: NDArray[np.bool_], model: ModelStructure, estimate: Array
 ) -> tuple[SphereTest, ...]:
-    """Every sphere among the distances of some rows (mask), judged by a model."""
+    """Judge every sphere among the distances of some rows (mask) with a model."""
     out = []
     for sphere in spheres_of(dataset, rows):
         conditions, first = dataset.conditions, int(np.flatnonzero(sphere)[0])
@@ -82,8 +90,10 @@ def sphere_tests(
 
 
 def spheres_of(dataset: Dataset, rows: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
-    """Masks (n,) of the spheres: one distance in each pose, from one target to one ball, always with the same
-    orientation of the tool."""
+    """Find the spheres among the distances; return a mask (n,) for each.
+
+    A sphere has one distance in each pose, from one target to one ball, always with the same orientation of the tool.
+    """
     conditions = dataset.conditions
     spanned = np.flatnonzero(rows & dataset.usable & dataset.spanned)
     legs = np.unique(
@@ -107,7 +117,10 @@ def spheres_of(dataset: Dataset, rows: NDArray[np.bool_]) -> list[NDArray[np.boo
 
 
 def repeats_of_lengths(dataset: Dataset) -> LengthRepeats | None:
-    """The scatter of distances measured more than once at one pose from the same sides; None where none was."""
+    """Compute the scatter of distances repeated at one pose from the same sides.
+
+    The result is None if no distance was repeated.
+    """
     conditions = dataset.conditions
     rows = np.flatnonzero(dataset.usable & dataset.spanned)
     key = np.column_stack(
@@ -131,7 +144,10 @@ def repeats_of_lengths(dataset: Dataset) -> LengthRepeats | None:
 
 
 def over_the_fixture(dataset: Dataset) -> Array | None:
-    """(3,) the point above three balls of the base that all legs reach, world, mm; None where there is none."""
+    """Find the point (3,) above three balls of the base that all legs reach, world, mm.
+
+    The result is None if there is no such point.
+    """
     places = [np.array(place) for place in dataset.header.base_targets.values()]
     rows = dataset.usable & dataset.spanned
     if len(places) < 3 or not rows.any():

@@ -1,13 +1,13 @@
-"""Two calibrations of one robot side by side, such as one by laser tracker and one by camera.
+"""Comparison of two calibrations of one robot, such as by laser tracker and by camera.
 
-Parameters of the robot with their uncertainties, and for each
+The parameters of the robot are compared with their uncertainties by
 
     E_n = |a - b| / (2 sqrt(u_a^2 + u_b^2)),
 
-above 1 where the two differ by more than their expanded uncertainties (k = 2) allow. Both robots are then placed on
-the same readings and judged by the same others, and the distance between their predictions is reported: parameters may
-differ where predictions agree, since readings hold only some combinations of them. Sources: Nubiola, thesis, section
-2.6 (the comparison); ISO 13528 (E_n).
+which is above 1 if the difference exceeds the expanded uncertainties (k = 2). Both robots are then placed on the same
+readings and judged by the same other readings, and the distance between their predictions is reported. Parameters may
+differ although predictions agree, since readings determine only some combinations of them. Sources: Nubiola, thesis,
+section 2.6 (the comparison), and ISO 13528 (E_n).
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ _COVERAGE = 2.0
 
 @dataclass(frozen=True)
 class Difference:
-    """A parameter of the robot in both calibrations, in `unit`; None where a calibration lacks or dropped it."""
+    """Parameter of the robot in both calibrations, in `unit`.
+
+    Values are None for a calibration that lacks or dropped the parameter.
+    """
 
     name: str
     unit: str
@@ -46,19 +49,25 @@ class Difference:
 
     @property
     def difference(self) -> float | None:
-        """The second value less the first."""
+        """Second value less the first."""
         return None if self.first is None or self.second is None else self.second - self.first
 
     @property
     def e_n(self) -> float | None:
-        """Normalised error; None where one of the two calibrations says nothing."""
+        """Normalised error; None if one of the two calibrations has no value."""
         if self.difference is None or self.u_first is None or self.u_second is None:
             return None
         return abs(self.difference) / (_COVERAGE * math.hypot(self.u_first, self.u_second))
 
 
 def refuse_incomparable(first: CalibratedModel, second: CalibratedModel, file: Path) -> None:
-    """Raise DataError, for the file of the second, unless both start from the same nominal robot."""
+    """Refuse two models that do not start from the same nominal robot.
+
+    Raises
+    ------
+    DataError
+        The robots differ; the message names the file of the second.
+    """
     a, b = first.model.robot, second.model.robot
     if a.name != b.name:
         raise DataError(
@@ -82,7 +91,10 @@ def refuse_incomparable(first: CalibratedModel, second: CalibratedModel, file: P
 
 
 def differences(first: CalibratedModel, second: CalibratedModel) -> list[Difference]:
-    """Every parameter of the robot in one of the two models, without carried terms, in the order of the first."""
+    """List every parameter of the robot in at least one of two models.
+
+    Carried terms are left out. The order is that of the first model.
+    """
     units = {p.name: p.unit for saved in (first, second) for p in _robot_parameters(saved.model)}
     out = []
     for name, unit in units.items():
@@ -96,7 +108,10 @@ Placed = tuple[ModelStructure, Array]
 
 
 def apart(dataset: Dataset, rows: NDArray[np.bool_], first: Placed, second: Placed) -> Summary | None:
-    """Distance between two predictions over some rows (mask), mm; both robots placed on the same readings before."""
+    """Compute the distance between two predictions over some rows (mask), mm.
+
+    Both robots must have been placed on the same readings.
+    """
     conditions = dataset.conditions.take(rows)
     one, other = (BoundModel(model, conditions).predict(estimate) for model, estimate in (first, second))
     return summarise(distances(one, other))
@@ -108,7 +123,10 @@ def _robot_parameters(model: ModelStructure) -> Iterator[Parameter]:
 
 
 def _of(saved: CalibratedModel, name: str, unit: str) -> tuple[float | None, float | None]:
-    """Value and standard uncertainty; None for a parameter that the model lacks, or dropped (its variance is 0)."""
+    """Return value and standard uncertainty of a parameter, or None for both.
+
+    They are None for a parameter that the model lacks or dropped (its variance is 0).
+    """
     position = saved.model.index.get(name)
     if position is None or saved.covariance[position, position] <= 0.0:
         return None, None

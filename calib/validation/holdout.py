@@ -1,4 +1,4 @@
-"""The error of the base model by kind of hold-out: it depends on how the validation readings were chosen.
+"""Error of the base model by kind of hold-out, on which the error depends.
 
 The readings that may enter a fit are split again, five times by each rule, and the base model is fitted to the rest:
 
@@ -7,7 +7,7 @@ The readings that may enter a fit are split again, five times by each rule, and 
     time     fifths of every series in the order of measuring
     series   one whole series; the robot from the others is then placed on every second reading of it
 
-All visits of one pose fall together, except in time. Rows of `set = validation` take no part at all.
+All visits of one pose stay together, except in time. Rows of `set = validation` take no part at all.
 """
 
 from __future__ import annotations
@@ -37,8 +37,11 @@ Mask = NDArray[np.bool_]
 class HoldOutErrors:
     """Position errors of one kind of hold-out, mm, of all folds together.
 
-    left_out: readings that nothing can be said about, since their series or their unknown tool target had no
-    reading left in the fit.
+    Attributes
+    ----------
+    left_out : int
+        Number of readings that cannot be judged, since their series or their unknown tool target had no reading left in
+        the fit.
     """
 
     kind: str
@@ -50,9 +53,12 @@ class HoldOutErrors:
 def hold_outs(
     dataset: Dataset, *, folds: int = FOLDS, progress: Callable[[str], None] = lambda _: None
 ) -> list[HoldOutErrors]:
-    """Errors of the base model by kind of hold-out.
+    """Compute the errors of the base model by kind of hold-out.
 
-    Raises DataError where there are fewer poses than folds, or what a fold leaves cannot carry the model.
+    Raises
+    ------
+    DataError
+        There are fewer poses than folds, or the readings outside a fold do not determine the model.
     """
     rows = dataset.fit_rows & (dataset.pointed | dataset.spanned)
     poses = len(np.unique(dataset.conditions.pose[rows]))
@@ -74,7 +80,7 @@ def hold_outs(
 
 
 def without(dataset: Dataset, held: Mask) -> Dataset:
-    """The data set with the rows `held` out of every fit."""
+    """Move the rows `held` of a data set to the validation set."""
     return replace(dataset, sets=np.where(held, "validation", dataset.sets))
 
 
@@ -84,7 +90,10 @@ def _pooled(kind: str, parts: list[tuple[Array, int]]) -> HoldOutErrors:
 
 
 def _judge(dataset: Dataset, held: Mask) -> tuple[Array, int]:
-    """Errors of the held rows with the model of the others, and how many of them cannot be judged."""
+    """Compute the errors of the held rows with the model of the others.
+
+    Also returns the number of rows that cannot be judged.
+    """
     rest = without(dataset, held)
     judged = held & _placed(dataset, rest.fit_rows & (rest.pointed | rest.spanned))
     found = identify(rest)
@@ -92,7 +101,10 @@ def _judge(dataset: Dataset, held: Mask) -> tuple[Array, int]:
 
 
 def _placed(dataset: Dataset, fitted: Mask) -> Mask:
-    """(n,) rows whose series, and tool target where it is unknown, have readings among those fitted."""
+    """Mark the rows (n,) whose series has readings among those fitted.
+
+    If the tool is unknown, their tool target must have readings too.
+    """
     conditions = dataset.conditions
     kinds = [conditions.series]
     if "tool" in dataset.header.groups:

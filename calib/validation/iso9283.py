@@ -1,6 +1,6 @@
 """Criteria of ISO 9283:1998 from repeated visits to the same commanded poses.
 
-Positions x_j of n visits, barycentre x-, command c; l_j = |x_j - x-|, s with n - 1:
+The positions x_j of n visits have the barycentre x- and the command c. With l_j = |x_j - x-| and s with n - 1:
 
     AP_p = |x- - c|                        pose accuracy, position
     RP_l = l- + 3 s_l                      pose repeatability, position
@@ -9,13 +9,13 @@ Positions x_j of n visits, barycentre x-, command c; l_j = |x_j - x-|, s with n 
     vAP_p = max |x-_h - x-_k|              multi-directional variation: poses approached from several directions
     vAP_k = max |a-_hk - a-_lk|            the same of the orientation
 
-Repeatability is that of visits from one direction; where a pose was visited from several, each with two visits or
-more, the worst of them counts. Distances count visits from the direction from which either pose was visited most.
+Repeatability is that of visits from one direction. If a pose was visited from several directions, each with two visits
+or more, the worst of them counts. Distances count visits from the direction from which either pose was visited most.
 
 Angles are components of the rotation vector from the command, which for small angles are those about the axes of
 the world. The command is where a model expects the tool target for the commanded joint angles. The standard asks for
-30 visits of five poses on a plane of its test cube, at rated load and speed; what was measured here is counted beside
-every figure.
+30 visits of five poses on a plane of its test cube, at rated load and speed. The actual number of visits is reported
+next to every result.
 """
 
 from __future__ import annotations
@@ -34,7 +34,10 @@ VISITS_OF_THE_STANDARD = 30
 
 @dataclass(frozen=True)
 class PoseFigures:
-    """Figures of a commanded pose: lengths mm, angles rad. NaN where no direction has two visits, and so no spread."""
+    """Results for a commanded pose, lengths in mm, angles in rad.
+
+    A value is NaN if no direction has two visits, and therefore no spread.
+    """
 
     reading: int  # row of the first visit
     visits: int
@@ -49,7 +52,7 @@ class PoseFigures:
 
 @dataclass(frozen=True)
 class DistanceFigures:
-    """Distances between two repeated poses, mm."""
+    """Distance accuracy and repeatability of two repeated poses, mm."""
 
     readings: tuple[int, int]  # rows of the first visit to either
     visits: int
@@ -58,12 +61,12 @@ class DistanceFigures:
 
 
 def pose_accuracy(visits: Array, command: Array) -> float:
-    """AP_p of points (n, 3) and command (3,), mm."""
+    """Compute AP_p of points (n, 3) and command (3,), mm."""
     return float(np.linalg.norm(visits.mean(axis=0) - command))
 
 
 def pose_repeatability(visits: Array) -> float:
-    """RP_l of points (n, 3), mm; NaN for a single visit."""
+    """Compute RP_l of points (n, 3), mm; NaN for a single visit."""
     if len(visits) < 2:
         return math.nan
     lengths = np.linalg.norm(visits - visits.mean(axis=0), axis=1)
@@ -71,21 +74,24 @@ def pose_repeatability(visits: Array) -> float:
 
 
 def distance_figures(first: Array, second: Array, command: float) -> tuple[float, float]:
-    """AD_p and RD of two poses visited in turn, points (n, 3) each, mm; RD is NaN for a single visit."""
+    """Compute AD_p and RD of two poses visited in turn, points (n, 3) each, mm.
+
+    RD is NaN for a single visit.
+    """
     distances = np.linalg.norm(first - second, axis=1)
     spread = float(distances.std(ddof=1)) if len(distances) > 1 else math.nan
     return abs(float(distances.mean()) - command), 3.0 * spread
 
 
 def variation(barycentres: Array) -> float:
-    """vAP_p of the barycentres (k, 3) of k directions, mm."""
+    """Compute vAP_p of the barycentres (k, 3) of k directions, mm."""
     return max(float(np.linalg.norm(a - b)) for a, b in itertools.combinations(barycentres, 2))
 
 
 def repeated_poses(*same: NDArray[np.generic]) -> list[NDArray[np.int64]]:
-    """Rows of every pose visited twice or more, in the order of the first visits.
+    """Find the rows of every pose visited twice or more, in the order of the first visits.
 
-    same: arrays (n,) or (n, k) of numbers that are equal for visits of one pose. Angles are compared to 1e-9 rad.
+    The arrays (n,) or (n, k) in `same` are equal for visits of one pose. Angles are compared to 1e-9 rad.
     """
     keys = np.round(np.column_stack(same).astype(np.float64), 9)
     _, which = np.unique(keys, axis=0, return_inverse=True)
@@ -96,10 +102,16 @@ def repeated_poses(*same: NDArray[np.generic]) -> list[NDArray[np.int64]]:
 def figures_of_pose(
     rows: NDArray[np.int64], points: Array, commands: Array, angles: Array | None, sides: Array
 ) -> PoseFigures:
-    """Figures of the pose that `rows` visited.
+    """Compute the results of the pose that `rows` visited.
 
-    points, commands (n, 3), mm; angles (n, 3) rotation vectors from the command, rad, NaN where not measured;
-    sides (n, N) from which the joints came: visits with the same sides came from one direction.
+    Parameters
+    ----------
+    points, commands : array of shape (n, 3)
+        Measured and commanded points, mm.
+    angles : array of shape (n, 3) or None
+        Rotation vectors from the command, rad, NaN if not measured.
+    sides : array of shape (n, N)
+        Sides of approach of the joints. Visits with the same sides came from one direction.
     """
     visits, command = points[rows], commands[rows].mean(axis=0)
     turned = None if angles is None or not np.isfinite(angles[rows]).all() else angles[rows]
@@ -127,7 +139,10 @@ def figures_of_pose(
 
 
 def unidirectional(rows: NDArray[np.int64], sides: Array) -> NDArray[np.int64]:
-    """The visits among `rows` that came from the direction from which most did; sides: (n, N)."""
+    """Select the visits among `rows` from the most frequent direction.
+
+    The sides of approach have shape (n, N).
+    """
     _, direction = np.unique(sides[rows], axis=0, return_inverse=True)
     return rows[direction == np.bincount(direction).argmax()]
 
@@ -135,7 +150,10 @@ def unidirectional(rows: NDArray[np.int64], sides: Array) -> NDArray[np.int64]:
 def figures_between(
     first: NDArray[np.int64], second: NDArray[np.int64], points: Array, commands: Array
 ) -> DistanceFigures:
-    """Distance figures of two poses; the k-th visits belong together, surplus visits are left out."""
+    """Compute the distance results of two poses.
+
+    The k-th visits belong together; surplus visits are left out.
+    """
     n = min(len(first), len(second))
     a, b = first[:n], second[:n]
     command = commands[a].mean(axis=0) - commands[b].mean(axis=0)

@@ -1,16 +1,16 @@
-"""A calibration judged on readings: positions, orientations, all pairs, groups, and ISO 9283 where poses repeat.
+"""Judgement of a calibration on readings: positions, orientations, pairs and groups.
 
-Orientation error: the angle of the rotation from the predicted to the measured orientation (its log map).
+If poses repeat, `judge_repeats` adds the criteria of ISO 9283. The orientation error is the angle of the rotation from
+the predicted to the measured orientation (its log map).
 
-Errors by group: the same errors by target, series, branch, side of approach, and distance from a point.
-
-A grouping gives every reading a name; a group is summarised as a whole is. Figure 4.7 of Nubiola's thesis is the
+**Groups.** The same errors are grouped by target, series, branch, side of approach, and distance from a point.
+A grouping gives every reading a name, and a group is summarised like the whole. Figure 4.7 of Nubiola's thesis is the
 grouping by distance.
 
-The branch of a six-axis robot's configuration, from the nominal axes: front or back, up or down, flip or noflip.
-
-Signs of what vanishes in the three singular surfaces, for arms with a spherical wrist and for the URs alike. z_i is
-the axis of joint i, o_i a point on it, w where axes 5 and 6 meet (the wrist centre of a spherical wrist):
+**Branch.** The branch of a six-axis robot's configuration is front or back, up or down, flip or noflip, according to
+the nominal axes. It consists of the signs of the quantities that vanish in the three singular surfaces, for arms with a
+spherical wrist and for the URs alike. z_i is the axis of joint i, and o_i a point on it. Axes 5 and 6 meet in w, which
+is the wrist centre of a spherical wrist.
 
     front / back    (z_1 x z_2) . (w - o_1), relative to its sign at the zero pose: the wrist lies before or behind
                     axis 1; for an arm that is upright at zero, its own sign
@@ -18,8 +18,8 @@ the axis of joint i, o_i a point on it, w where axes 5 and 6 meet (the wrist cen
                     where axes 3 and 4 are parallel (URs)
     flip / noflip   z_5 . (z_4 x z_6) > 0 is noflip: the sign of sin theta_5
 
-The product of the three has, up to one sign a robot, the sign of the Jacobian's determinant. Source of the words:
-Nubiola, thesis 4; elsewhere 'up' may be named otherwise.
+The product of the three has, up to one sign per robot, the sign of the Jacobian's determinant. The words are those of
+Nubiola, thesis 4. Other sources may call 'up' by another name.
 """
 
 from __future__ import annotations
@@ -68,14 +68,17 @@ _MEETING_MM = 1e-7
 
 @dataclass(frozen=True)
 class Grouping:
-    """Readings by one property; `groups` in the order in which they are shown."""
+    """Errors of readings grouped by one property; `groups` are in display order."""
 
     title: str
     groups: tuple[tuple[str, Summary], ...]
 
 
 def grouped(title: str, names: Sequence[str], errors: Array) -> Grouping | None:
-    """Summaries of errors (n,) by name; None where all have the same name: there is nothing to compare."""
+    """Summarise errors (n,) by name.
+
+    The result is None if all have the same name, since there is nothing to compare.
+    """
     labels = np.array(names)
     kinds = list(dict.fromkeys(sorted(labels)))
     if len(kinds) < 2:
@@ -85,7 +88,10 @@ def grouped(title: str, names: Sequence[str], errors: Array) -> Grouping | None:
 
 
 def groupings(robot: Robot, conditions: Conditions, errors: Array) -> list[Grouping]:
-    """Errors (n,) of readings by target, series, branch and side of approach, as far as the readings differ in them."""
+    """Group errors (n,) of readings by target, series, branch and side of approach.
+
+    A property that is the same for all readings is left out.
+    """
     return [grouping for grouping in _groupings(robot, conditions, errors) if grouping is not None]
 
 
@@ -101,7 +107,10 @@ def _groupings(robot: Robot, conditions: Conditions, errors: Array) -> Iterator[
 
 
 def by_distance(points: Array, reference: Array, errors: Array) -> Grouping:
-    """Errors (n,) by the distance of points (n, 3) from a reference point (3,), mm, in bins of a round width."""
+    """Group errors (n,) by the distance of points (n, 3) from a reference point (3,), mm.
+
+    The bins have a round width.
+    """
     distance = np.linalg.norm(points - reference, axis=1)
     width = _round_width(float(np.ptp(distance)) / MOST_BINS)
     bins = np.floor(distance / width).astype(int)
@@ -114,15 +123,16 @@ def by_distance(points: Array, reference: Array, errors: Array) -> Grouping:
 
 
 def _round_width(least: float) -> float:
-    """The smallest of 1, 2, 5, 10, 20, 50 ... mm that is not below `least`."""
+    """Return the smallest of 1, 2, 5, 10, 20, 50 ... mm that is not below `least`."""
     decade = 10.0 ** np.floor(np.log10(max(least, 1.0)))
     return float(next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= max(least, 1.0)))
 
 
 def branches(robot: Robot, joints: Array) -> list[str] | None:
-    """(n,) 'front/up/noflip' and so on at model angles (n, N), rad; None for robots that are not of this kind.
+    """Name the branch of each configuration (n, N), rad, such as 'front/up/noflip'.
 
-    Of this kind: six joints, axes 5 and 6 meeting at an angle.
+    The angles are those of the model. The result is None for robots without six joints, or whose axes 5 and 6 do not
+    meet at an angle.
     """
     if robot.joints != 6:
         return None
@@ -146,7 +156,7 @@ def branches(robot: Robot, joints: Array) -> list[str] | None:
 
 
 def _axes(robot: Robot, joints: Array) -> tuple[Array, Array]:
-    """Directions and points (6, n, 3) of the joint axes of the nominal robot, base frame."""
+    """Return directions and points (6, n, 3) of the nominal joint axes, base frame."""
     frames = propagate(Chain.of(robot), nominal_values(robot, joints), BasePoses())
     n = len(joints)
 
@@ -161,11 +171,20 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Judgement:
-    """The judgement of one model on some readings. Lengths mm, angles rad; None where nothing was measured to judge by.
+    """Judgement of one model on some readings; lengths in mm, angles in rad.
 
-    length: of measured distances to base targets; spheres: sphere tests among these. pairs: series -> distance errors
-    over all pairs of its points; series have each their own frame. groupings: of positions, or of lengths where no
-    point was measured.
+    A summary is None if nothing was measured for it.
+
+    Attributes
+    ----------
+    length : Summary or None
+        Errors of measured distances to base targets.
+    pairs : mapping of str to Summary
+        For each series, distance errors over all pairs of its points, since each series has a separate frame.
+    groupings : tuple of Grouping
+        Groups of position errors, or of length errors if no point was measured.
+    spheres : tuple of SphereTest
+        Sphere tests among the distances.
     """
 
     name: str
@@ -178,7 +197,7 @@ class Judgement:
 
     @property
     def error(self) -> Summary:
-        """The error of positions, or of lengths where no point was measured."""
+        """Position errors, or length errors if no point was measured."""
         found = self.position or self.length
         assert found is not None
         return found
@@ -192,11 +211,17 @@ def judge(
     estimate: Array,
     reference: tuple[float, float, float] | None = None,
 ) -> Judgement:
-    """Judge a model on the points and distances of some rows (mask), in the place where it is mounted.
+    """Judge a model on the points and distances of some rows (mask), as it is mounted.
 
-    reference: (x, y, z) mm in the world, from which the distance of every point is taken; for distances measured to
-    three balls it is the point over them where it is not given. Raises DataError when no row was measured, or the model
-    does not know a series, a tool target or a base target.
+    Parameters
+    ----------
+    reference : (float, float, float), optional
+        Point in the world, mm, for the grouping by distance. Default for distances to three balls: the point over them.
+
+    Raises
+    ------
+    DataError
+        No row was measured, or the model does not know a series, a tool target or a base target.
     """
     pointed, spanned = rows & dataset.pointed, rows & dataset.spanned
     refuse_unplaced(dataset, pointed | spanned, model)
@@ -240,7 +265,7 @@ def judge(
 
 
 def _refuse_unknown_ends(dataset: Dataset, rows: Mask, model: ModelStructure) -> None:
-    """Raise DataError when a distance ends at a base target that the model does not know."""
+    """Refuse distances that end at a base target that the model does not know."""
     for name in dataset.conditions.anchor_names if rows.any() else ():
         if name not in model.anchors:
             raise DataError(
@@ -253,9 +278,14 @@ def _refuse_unknown_ends(dataset: Dataset, rows: Mask, model: ModelStructure) ->
 
 @dataclass(frozen=True)
 class Repeats:
-    """ISO 9283 figures of the poses that a data set visits more than once; rows are those of the data set.
+    """ISO 9283 results of the poses that a data set visits more than once.
 
-    lengths: the scatter of measured distances that were repeated.
+    Rows are those of the data set.
+
+    Attributes
+    ----------
+    lengths : LengthRepeats or None
+        Scatter of measured distances that were repeated.
     """
 
     poses: tuple[PoseFigures, ...]
@@ -264,10 +294,11 @@ class Repeats:
 
 
 def judge_repeats(dataset: Dataset, model: ModelStructure, estimate: Array) -> Repeats:
-    """ISO 9283 figures of every pose visited twice or more with one target in one series, whatever its set.
+    """Compute the ISO 9283 results of every pose visited twice or more.
 
-    Repeatability needs no model; the commands that accuracy counts from are where `model` expects the target.
-    Distances are those from every such pose to the next, in the order of their first visits.
+    The visits have one target and one series, and may belong to any set. Repeatability needs no model. Accuracy is
+    relative to the position where `model` expects the target. Distances are those from every such pose to the next, in
+    the order of their first visits.
     """
     usable = dataset.usable & dataset.pointed
     rows, conditions = np.flatnonzero(usable), dataset.conditions
@@ -297,7 +328,10 @@ def judge_repeats(dataset: Dataset, model: ModelStructure, estimate: Array) -> R
 
 
 def _compared(dataset: Dataset, rows: Mask, model: ModelStructure, estimate: Array) -> tuple[Array, Array]:
-    """Predicted points (k, 3), mm, and rotation vectors (k, 3) from predicted to measured, rad, NaN if not measured."""
+    """Return predicted points (k, 3), mm, and rotation vectors (k, 3), rad.
+
+    The vectors are from predicted to measured orientation, NaN if not measured.
+    """
     frames = BoundModel(model, dataset.conditions.take(rows)).frames(estimate, ())
     predicted = np.broadcast_to(frames.p, (3, int(rows.sum()))).T
     turned = dataset.turned[rows]
@@ -307,7 +341,13 @@ def _compared(dataset: Dataset, rows: Mask, model: ModelStructure, estimate: Arr
 
 
 def refuse_other_robot(saved: CalibratedModel, dataset: Dataset, file: Path) -> None:
-    """Raise DataError when a model is of another robot than a data set."""
+    """Refuse a model of another robot than that of a data set.
+
+    Raises
+    ------
+    DataError
+        The robots have different names.
+    """
     if saved.model.robot.name != dataset.header.robot.name:
         raise DataError(
             f"is a model of the robot '{saved.model.robot.name}', and {dataset.name} is of "
@@ -319,7 +359,13 @@ def refuse_other_robot(saved: CalibratedModel, dataset: Dataset, file: Path) -> 
 
 
 def refuse_unplaced(dataset: Dataset, rows: Mask, model: ModelStructure) -> None:
-    """Raise DataError when a model does not know where the base of a series is or where a tool target sits."""
+    """Refuse a model that does not know a tool target in one of the series of some rows.
+
+    Raises
+    ------
+    DataError
+        The model does not know a series, or a target in it.
+    """
     conditions = dataset.conditions
     for s, t in {
         (int(s), int(t)) for s, t in zip(conditions.series[rows], conditions.target[rows], strict=True)
@@ -335,9 +381,21 @@ def refuse_unplaced(dataset: Dataset, rows: Mask, model: ModelStructure) -> None
 
 
 def rotation_vectors(predicted: Array, measured: Array) -> Array:
-    """(n, 3) rotation vectors, rad, world axes, from predicted (n, 3, 3) to measured quaternions (n, 4), scalar first.
+    """Return the rotation vectors from predicted to measured orientations.
 
     The angle is that of the shorter way: q and -q are the same orientation.
+
+    Parameters
+    ----------
+    predicted : array of shape (n, 3, 3)
+        Rotation matrices.
+    measured : array of shape (n, 4)
+        Quaternions, scalar first.
+
+    Returns
+    -------
+    array of shape (n, 3)
+        Rotation vectors, rad, world axes.
     """
     turn = Rotation.from_quat(measured, scalar_first=True) * Rotation.from_matrix(predicted).inv()
     return turn.as_rotvec()

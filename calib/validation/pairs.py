@@ -3,14 +3,15 @@
     e_ij = | |m_i - m_j| - |p_i - p_j| |,  i < j,  measured m and predicted p
 
 It needs no common frame, unlike the position error. n points make n (n - 1) / 2 pairs (9,905: 49,049,560), so they
-pass in square tiles and only sums are kept. Source: Nubiola, thesis 4.
+are processed in square tiles and only sums are kept. Source: Nubiola, thesis 4.
 
-Squared distances come from products, |x_i|^2 + |x_j|^2 - 2 x_i.x_j in float64 of centred points: off by some
-8 eps R^2 (R: farthest point): for R = 1 m, 9e-10 mm in a distance of 1 mm and 4e-5 mm in one of zero. Pairs nearer
-than R/100 are therefore taken again by differences; what is left is below 1e-13 R.
+Squared distances are computed from products, |x_i|^2 + |x_j|^2 - 2 x_i.x_j in float64 of centred points. With R the
+farthest point, they are off by about 8 eps R^2. For R = 1 m that is 9e-10 mm in a distance of 1 mm, and 4e-5 mm in one
+of zero. Pairs nearer than R/100 are therefore computed again by differences. The remaining error is below 1e-13 R.
 
-The 95 % quantile: a part of the points says where it must lie; the errors in that bracket are counted in bins. Where
-the bracket misses, or its bins are wider than `RESOLUTION`, it is set anew and the pairs pass again.
+For the 95 % quantile, a sample of the points gives a bracket, and the errors in that bracket are counted in bins. If
+the quantile is outside the bracket, or the bins are wider than `RESOLUTION`, the bracket is changed and the pairs are
+processed again.
 """
 
 from __future__ import annotations
@@ -40,9 +41,10 @@ _NEAR = 0.01  # of the farthest point's distance from the centre
 
 
 def pair_errors(measured: Array, predicted: Array, *, tile: int = TILE) -> Summary | None:
-    """Summary of the distance errors, mm, over all pairs of points (n, 3), mm; None for fewer than two points.
+    """Summarise the distance errors, mm, over all pairs of points (n, 3), mm.
 
-    p95 is the order statistic of rank ceil(0.95 pairs), to `RESOLUTION`. Memory: a few MB for any n.
+    The result is None for fewer than two points. p95 is the order statistic of rank ceil(0.95 pairs), to `RESOLUTION`.
+    It needs a few MB of memory for any n.
     """
     n = len(measured)
     if n < 2:
@@ -77,7 +79,7 @@ def pair_errors(measured: Array, predicted: Array, *, tile: int = TILE) -> Summa
 
 
 class _Bracket(NamedTuple):
-    """The interval in which the quantile is looked for, in bins of equal width."""
+    """Interval that is searched for the quantile, in bins of equal width."""
 
     low: float
     high: float
@@ -91,7 +93,10 @@ class _Bracket(NamedTuple):
         return (self.low + self.high) / 2.0
 
     def around(self, rank: int, bins: NDArray[np.int64]) -> _Bracket | None:
-        """The bin that holds the error of this rank among those inside, a neighbour on each side; None if outside."""
+        """Return the bin that contains the error of this rank, with a neighbour on each side.
+
+        The rank is among the errors inside the bracket; None if it is outside.
+        """
         upto = np.cumsum(bins)
         if not 1 <= rank <= upto[-1]:
             return None
@@ -109,7 +114,7 @@ class _Tally:
 
 
 class _Sweep:
-    """All pairs, tile by tile; strips of tiles go to as many threads as there are processors."""
+    """All pairs, tile by tile, with strips of tiles on as many threads as processors."""
 
     def __init__(self, measured: Array, predicted: Array, tile: int) -> None:
         self.tile = tile
@@ -127,7 +132,7 @@ class _Sweep:
         )
 
     def over(self, bracket: _Bracket) -> _Tally:
-        """The sums of one pass over all pairs."""
+        """Compute the sums of one pass over all pairs."""
         starts = range(0, self.points.shape[1], self.tile)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             strips = list(pool.map(lambda start: self._strip(start, bracket), starts))
@@ -140,7 +145,7 @@ class _Sweep:
         )
 
     def _strip(self, start: int, bracket: _Bracket) -> _Tally:
-        """Rows start .. start + tile against themselves and all behind them."""
+        """Process rows start .. start + tile with themselves and all rows after them."""
         total = _Tally(0.0, 0.0, 0.0, 0, np.zeros(_BINS + 1, dtype=np.int64))
         # Once a strip: allocating it for every tile costs more than sums
         room = np.empty((2, self.tile * self.tile))
@@ -160,7 +165,7 @@ class _Sweep:
         return total
 
     def _tile(self, start: int, first: int, room: Array) -> Array:
-        """Errors of the pairs of one tile, 2-D."""
+        """Compute the errors of the pairs of one tile, 2-D."""
         left, right = self.left[:, start : start + self.tile], self.right[:, :, first : first + self.tile]
         k, m = left.shape[1], right.shape[2]
         squared = room[:, : k * m].reshape(2, k, m)

@@ -1,12 +1,12 @@
-"""A calibrated robot at another place: base (and tool, where the model frees it) fitted, the robot unchanged.
+"""Placement of a calibrated robot at another location, with the robot unchanged.
 
-Effects of the instrument and the mounting in the old set-up are left out. For every series, with x_i the flange of
-the calibrated robot in its base frame,
+The base is fitted, and the tool if the model frees it. Effects of the instrument and the mounting in the old set-up are
+left out. For every series, with x_i the flange of the calibrated robot in its base frame,
 
     minimise  sum_i w_i | m_i - (R (x_i + F_i t_k) + T) |^2   over R, T and the targets t_k,
 
-by Gauss-Newton with Huber weights, from the start that the identification uses. All readings weigh the same but for
-gross errors: what is left after a calibration is the robot's, not the instrument's.
+by Gauss-Newton with Huber weights, from the start that the identification uses. All readings have the same weight,
+except gross errors: the residual after a calibration is due to the robot, not to the instrument.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ FEWEST = 3
 
 
 def frees_tool(model: ModelStructure) -> bool:
-    """Whether the tool targets were unknown to a model, as a whole or in part."""
+    """Check if the tool targets were unknown to a model, as a whole or in part."""
     return any(effect.places & {"tool", "target"} for effect in model.effects)
 
 
 def of_the_robot(model: ModelStructure, estimate: Array) -> tuple[ModelStructure, Array]:
-    """The model and the estimate of what belongs to the robot alone: no base, no tool, no instrument."""
+    """Reduce a model and its estimate to the robot: no base, tool or instrument."""
     effects = tuple(effect for effect in model.effects if effect.owner == "robot")
     robot = ModelStructure(model.robot, effects, model.targets)
     return robot, np.array([estimate[model.index[p.name]] for p in robot.parameters])
@@ -41,9 +41,20 @@ def of_the_robot(model: ModelStructure, estimate: Array) -> tuple[ModelStructure
 def place(
     dataset: Dataset, model: ModelStructure, estimate: Array, rows: NDArray[np.bool_] | None = None
 ) -> tuple[ModelStructure, Array]:
-    """The model's robot placed in every series of a data set, fitted to `rows` (default: `fit_rows`).
+    """Place the model's robot in every series of a data set, fitted to `rows`.
 
-    Returns model and estimate, to predict with. Raises DataError where a series or a target has too few points.
+    The default for `rows` is `fit_rows`.
+
+    Returns
+    -------
+    model : ModelStructure
+    estimate : array
+        Model and estimate for predictions.
+
+    Raises
+    ------
+    DataError
+        A series has too few points.
     """
     conditions, header = dataset.conditions, dataset.header
     rows = dataset.pointed & (dataset.fit_rows if rows is None else rows)
@@ -81,7 +92,7 @@ def place(
 
 
 def targets_in_base(dataset: Dataset, model: ModelStructure, estimate: Array) -> Array:
-    """(n, 3) where a model expects the target of every reading, mm, in the base frame of the robot.
+    """Predict the target of every reading, mm, in the base frame of the robot, shape (n, 3).
 
     The pose of the base and the effects of the instrument are left out; the tool is that of the model.
     """
@@ -96,7 +107,7 @@ def targets_in_base(dataset: Dataset, model: ModelStructure, estimate: Array) ->
 
 
 def flange_poses(robot: ModelStructure, estimate: Array, dataset: Dataset) -> Array:
-    """(n, 4, 4) poses of the flange in the base frame, mm, of a robot without base and tool."""
+    """Compute flange poses (n, 4, 4) in the base frame, mm, of a robot without base and tool."""
     conditions = dataset.conditions
     at_flange = {
         series: dict.fromkeys(conditions.target_names, (0.0, 0.0, 0.0)) for series in conditions.series_names

@@ -1,6 +1,7 @@
-"""Statistics of errors as calibration papers and standards give them: mean, standard deviation, mean + 3 s, RMS.
+"""Statistics of errors as in calibration papers and standards.
 
-The JSON of `diagnose` has the shorter `calib.fit.statistics.ErrorStatistics`.
+They are mean, standard deviation, mean + 3 s and RMS. The JSON of `diagnose` uses the shorter
+`calib.fit.statistics.ErrorStatistics`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,12 @@ from calib.array import Array
 class Summary:
     """Statistics of n errors, all zero or above, in the unit of the errors.
 
-    std: with n - 1; NaN for a single error. p95: 95 % of the errors are this or less.
+    Attributes
+    ----------
+    std : float
+        Standard deviation with n - 1; NaN for a single error.
+    p95 : float
+        95 % of the errors are at most this value.
     """
 
     n: int
@@ -29,12 +35,12 @@ class Summary:
 
     @property
     def mean_3std(self) -> float:
-        """mean + 3 s."""
+        """Mean + 3 s."""
         return self.mean + 3.0 * self.std
 
 
 def summarise(errors: Array) -> Summary | None:
-    """Summary of errors (n,); None where there are none."""
+    """Summarise errors (n,); None without errors."""
     if not len(errors):
         return None
     return Summary(
