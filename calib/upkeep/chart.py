@@ -1,15 +1,18 @@
-"""Control charts of the values of a parameter: of single values (Shewhart) and of their weighted mean (EWMA).
+"""Control charts of a parameter: of single values (Shewhart) and of their mean (EWMA).
 
-The first values, the reference, say where the parameter lies and how it scatters:
+The first values, the reference, determine the centre and the scatter of the parameter:
 
-    centre = mean of the reference,     X
-A later value i scatters by sigma_i^2 = between^2 + u_i^2, and the mean z_i = g y_i + (1 - g) z_(i-1), z = centre before
-the first, by the exact sum of its weights; the centre's own uncertainty is in both. Limits are quantiles of Student's t
-with v + 6, v without U, so that a value of a steady parameter is a signal at most at the stated rate, half of it for
-each chart. What counts as a signal: a value, or its mean, outside its limits. No rules about runs: each adds
-false alarms, and the mean finds what they find.
+    centre = mean of the reference,     between^2 = (v d^2 + 6 u^2) / (v + 6) - u^2, 0 or more
 
-Sources: ISO 7870-2 and NIST/SEMATECH e-Handbook 6.3.2.2 (moving range); Roberts 1959 and e-Handbook 6.3.2.4 (EWMA);
+with d the mean moving range over 1.128, v its degrees of freedom, and u^2 the mean square of the stated standard
+uncertainties. A later value i scatters by sigma_i^2 = between^2 + u_i^2. The mean z_i = g y_i + (1 - g) z_(i-1), with
+z = centre before the first, scatters by the exact sum of its weights. The uncertainty of the centre is in both.
+
+Limits are quantiles of Student's t with v + 6 degrees of freedom, or v without U. A value of a steady parameter is then
+a signal at most at the stated rate, half of it for each chart. A signal is a value, or its mean, outside its limits.
+There are no rules about runs: each adds false alarms, and the mean detects what they detect.
+
+Sources: ISO 7870-2 and NIST/SEMATECH e-Handbook 6.3.2.2 (moving range), Roberts 1959 and e-Handbook 6.3.2.4 (EWMA),
 Cryer and Ryan 1990 (variance of the mean moving range).
 """
 
@@ -41,7 +44,13 @@ _MOVING_RANGE = 2.0 / np.sqrt(np.pi)  # mean distance of two values, in standard
 
 @dataclass(frozen=True)
 class Signal:
-    """A value outside the limits of one of the charts; index: of the value, oldest first."""
+    """Value outside the limits of one of the charts.
+
+    Attributes
+    ----------
+    index : int
+        Index of the value, oldest first.
+    """
 
     index: int
     chart: Literal["value", "mean"]
@@ -50,11 +59,20 @@ class Signal:
 
 @dataclass(frozen=True)
 class ControlChart:
-    """Values (n,), oldest first; centre; limits (n, 2) of every value, infinite where it alone is the reference;
-    mean (n,) and mean_limits (n, 2); signals.
+    """Control chart of n values, oldest first.
 
-    reference: how many of the first values made centre and sigma; sigma: their scatter, what they are uncertain by
-    included; freedom: of the limits' quantile.
+    Attributes
+    ----------
+    values, mean : array of shape (n,)
+        Values, and their weighted means.
+    limits, mean_limits : array of shape (n, 2)
+        Limits of each; infinite for a value that is the only reference.
+    centre, sigma : float
+        Mean of the reference, and its scatter including the uncertainties of the values.
+    freedom : float
+        Degrees of freedom of the limits' quantile.
+    reference : int
+        Number of first values that determine centre and sigma.
     """
 
     values: Array
@@ -72,11 +90,22 @@ class ControlChart:
 def chart_of(
     history: Sequence[Check], rate: float = RATE, weight: float = WEIGHT, reference: int | None = None
 ) -> ControlChart:
-    """The chart of a history. rate: signals of a steady parameter, a value, both charts together; weight: of the newest
-    value in the mean; reference: how many first values are the reference, None for up to ten, fewer where the
-    history is short: the newest value is then never judged by itself.
+    """Build the control chart of a history.
 
-    Raises DataError for an empty history, a rate or weight outside 0 to 1, and a reference that it does not have.
+    Parameters
+    ----------
+    rate : float, optional
+        Signals of a steady parameter per value, both charts together.
+    weight : float, optional
+        Weight of the newest value in the mean.
+    reference : int, optional
+        Number of first values that form the reference. Default: up to ten, fewer for a short history. The newest value
+        is then never part of the reference, unless it is alone.
+
+    Raises
+    ------
+    DataError
+        The history is empty or shorter than the reference, or a rate or weight is outside 0 to 1.
     """
     checks = in_order(history)
     for key, share in (("rate", rate), ("weight", weight)):
@@ -131,7 +160,10 @@ def chart_of(
 
 
 def _scatter(values: Array, u: Array) -> tuple[float, float]:
-    """Variance between values (n,) beyond their standard uncertainties u (n,), and the freedom of the sum of both."""
+    """Estimate the variance between values (n,) beyond their standard uncertainties u (n,).
+
+    Also returns the degrees of freedom for the sum.
+    """
     n = len(values)
     stated = float(np.mean(u**2))
     believed = BELIEVED if stated > 0.0 else 0.0
@@ -144,7 +176,10 @@ def _scatter(values: Array, u: Array) -> tuple[float, float]:
 
 
 def _weights(count: int, first: int, weight: float) -> Array:
-    """(n, n) row i: the weights of the values in the mean at i, which begins after the reference."""
+    """Compute the weights (n, n) of the values in each mean, one mean per row.
+
+    The mean begins after the reference.
+    """
     back = np.arange(count)[:, None] - np.arange(count)[None]
     taken: NDArray[np.bool_] = (back >= 0) & (np.arange(count)[None] >= first)
     return np.where(taken, weight * (1.0 - weight) ** np.maximum(back, 0), 0.0)

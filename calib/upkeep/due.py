@@ -1,38 +1,30 @@
-"""The date of the next check, and why.
+"""Date of the next check, and its reason.
 
-Intervals in hours of use: a robot that is not used does not wear.
-
-Any method whose intervals are then hours; the date follows from how much the robot was used lately. A longest time in
-days stays, since feet settle and tools are bumped by the calendar too.
-
+**In use.** Intervals may be in hours of use: a robot that is not used does not wear. Any method may count its
+intervals in hours. The date then follows from the recent use of the robot. A longest time in days remains, since feet
+settle and tools are bumped regardless of use.
 Source: ILAC-G24:2022 / OIML D 10:2022, 6.4 ("in-use" time).
 
-The method of the control chart: the next check is due before drift and scatter together leave what is permitted.
-
+**Control chart.** The next check is due before drift and scatter together reach the permitted error.
 A straight line through the values, weighted by their uncertainty, predicts later ones:
 
     y(x) = a + b x,    u(x)^2 = [1 x] C [1 x]' + between^2,
 
-with C the covariance of a and b, and between^2 what the values scatter about the line beyond their own u. Due is the
-x at which |y(x) - target| + 2 u(x) reaches the permitted error. That sum is convex in x, so it is reached once.
+with C the covariance of a and b, and between^2 the scatter of the values about the line beyond their own u. The check
+is due at the x at which |y(x) - target| + 2 u(x) reaches the permitted error. That sum is convex in x, so it is
+reached once. The line is that of a weighted least squares.
+Source: ILAC-G24:2022 / OIML D 10:2022, 6.3 (drift and dispersion from the plot, the interval from both).
 
-Source: ILAC-G24:2022 / OIML D 10:2022, 6.3 (drift and dispersion from the plot, the interval from both); the line is
-that of a weighted least squares.
-
-The staircase: a check that is well within what is permitted lengthens the interval, one outside shortens it.
-
-Within 80 % of the permitted error, U included: longer; within it: as it was; beyond: shorter. How much shorter follows
-from how often checks shall pass: with l = `longer` and s the factor of a failure, the interval neither grows nor
-shrinks where a share R of the checks passes,
+**Staircase.** A check that is well within the permitted error lengthens the interval, one outside shortens it.
+Within 80 % of the permitted error, U included, the interval becomes longer. Within the permitted error it stays.
+Beyond, it becomes shorter. The factor for shorter follows from the required share of passed checks. With l = `longer`
+and s the factor of a failure, the interval neither grows nor shrinks if a share R of the checks passes,
 
     l^R s^(1 - R) = 1.
 
-A check that came before the interval was over says little about the whole of it: it lengthens at most to l times the
-time that has passed.
-
-Sources: ILAC-G24:2022 / OIML D 10:2022, 6.2 (automatic adjustment, 80 %); NCSLI RP-1, method A1 (the two factors).
-
-A check: a value found on a day, its uncertainty, and the robot's hours of use by then.
+A check before the end of the interval says little about the whole of it: it lengthens the interval to at most l times
+the time that has passed.
+Sources: ILAC-G24:2022 / OIML D 10:2022, 6.2 (automatic adjustment, 80 %), and NCSLI RP-1, method A1 (the two factors).
 """
 
 from __future__ import annotations
@@ -53,11 +45,21 @@ from calib.units import percent
 
 @dataclass(frozen=True)
 class Check:
-    """A value with its expanded uncertainty U (k = 2), any unit, from readings of its own.
+    """Value found on a date, with its expanded uncertainty U (k = 2), from separate readings.
 
-    at: date and time with its zone; used_h: hours of use that the robot's counter showed, None where nobody read it.
+    Attributes
+    ----------
+    at : datetime
+        Date and time with time zone.
+    value, u : float
+        Value and U, any unit.
+    used_h : float or None
+        Hours of use on the robot's counter; None if it was not read.
 
-    Raises DataError for a date without a zone, a value or U that is no number, and a negative U.
+    Raises
+    ------
+    DataError
+        The date has no time zone, a number is not finite, or U or the hours are negative.
     """
 
     at: datetime
@@ -78,7 +80,7 @@ class Check:
 
 @dataclass(frozen=True)
 class CheckStep:
-    """A check on an axis on which intervals are counted: days since the first check, or hours of use."""
+    """Check on an axis for intervals: days since the first check, or hours of use."""
 
     x: float
     value: float
@@ -86,13 +88,13 @@ class CheckStep:
 
 
 class Unit(NamedTuple):
-    """The unit in which intervals are counted, in the singular and the plural."""
+    """Unit in which intervals are counted, in the singular and the plural."""
 
     one: str
     many: str
 
     def of(self, interval: float) -> str:
-        """An interval in words."""
+        """Format an interval as text."""
         return f"{interval:.0f} {self.many}"
 
 
@@ -101,12 +103,12 @@ HOURS = Unit("hour of use", "hours of use")
 
 
 def in_order(history: Sequence[Check]) -> list[Check]:
-    """The checks, oldest first."""
+    """Sort the checks, oldest first."""
     return sorted(history, key=lambda check: check.at)
 
 
 def days_of(history: Sequence[Check]) -> list[CheckStep]:
-    """Checks, oldest first, by days since the first."""
+    """Convert checks, oldest first, to days since the first."""
     first = history[0].at
     return [CheckStep((c.at - first).total_seconds() / 86400.0, c.value, c.u) for c in history]
 
@@ -117,10 +119,27 @@ WITHIN = 0.8
 
 @dataclass(frozen=True)
 class Staircase:
-    """first: interval before anything is known; permitted: largest error from `target`, in the unit of the values;
-    longer: factor of a good check; reliability: share of checks that shall pass; shortest, longest: intervals.
+    """Method that lengthens the interval after a good check and shortens it after a failure.
 
-    Intervals are days, or hours of use inside `InUse`. Raises DataError for values that make no staircase.
+    Intervals are in days, or in hours of use inside `InUse`.
+
+    Attributes
+    ----------
+    first : float
+        Interval before the first result.
+    permitted : float
+        Largest permitted error from `target`, in the unit of the values.
+    longer : float
+        Factor of a good check.
+    reliability : float
+        Required share of passed checks.
+    shortest, longest : float
+        Limits of the interval.
+
+    Raises
+    ------
+    DataError
+        A value is out of range.
     """
 
     first: float
@@ -147,7 +166,10 @@ class Staircase:
         return self.longer ** (-self.reliability / (1.0 - self.reliability))
 
     def interval(self, steps: Sequence[CheckStep], unit: Unit) -> tuple[float, str]:
-        """Interval after the last of some steps, oldest first, and why, without an end."""
+        """Return the interval after the last of some steps, oldest first, and the reason.
+
+        The reason is a sentence without its full stop.
+        """
         interval, why = self.first, ""
         for before, step in zip([None, *steps], steps, strict=False):
             off = abs(step.value - self.target)
@@ -166,7 +188,13 @@ class Staircase:
 
 
 def refuse_intervals(first: float, shortest: float, longest: float) -> None:
-    """Raise DataError where a first interval does not lie between a shortest above zero and a longest."""
+    """Refuse a first interval that is not between a positive shortest and a longest.
+
+    Raises
+    ------
+    DataError
+        The order 0 < shortest <= first <= longest is violated.
+    """
     if not 0.0 < shortest <= first <= longest:
         raise DataError(
             f"is {first:g}, the shortest {shortest:g}, the longest {longest:g}.",
@@ -176,7 +204,13 @@ def refuse_intervals(first: float, shortest: float, longest: float) -> None:
 
 
 def refuse_permitted(permitted: float) -> None:
-    """Raise DataError for a permitted error that is none."""
+    """Refuse a permitted error that is not above zero.
+
+    Raises
+    ------
+    DataError
+        It is not above zero.
+    """
     if not permitted > 0.0:
         raise DataError(
             f"is {permitted:g}.", do="Give the largest error permitted, above 0.", key="permitted"
@@ -185,10 +219,23 @@ def refuse_permitted(permitted: float) -> None:
 
 @dataclass(frozen=True)
 class DriftInterval:
-    """first: interval until two checks say how fast the value drifts; permitted: largest error from `target`, in the
-    unit of the values; shortest, longest: intervals. Intervals are days, or hours of use inside `InUse`.
+    """Method that predicts when the drift of the value reaches the permitted error.
 
-    Raises DataError for values that make no method.
+    Intervals are in days, or in hours of use inside `InUse`.
+
+    Attributes
+    ----------
+    first : float
+        Interval until two checks determine the drift.
+    permitted : float
+        Largest permitted error from `target`, in the unit of the values.
+    shortest, longest : float
+        Limits of the interval.
+
+    Raises
+    ------
+    DataError
+        A value is out of range.
     """
 
     first: float
@@ -202,8 +249,15 @@ class DriftInterval:
         refuse_permitted(self.permitted)
 
     def interval(self, steps: Sequence[CheckStep], unit: Unit) -> tuple[float, str]:
-        """Interval after the last of some steps, oldest first, and why, without an end. Raises DataError for values
-        without any uncertainty of which there are two."""
+        """Return the interval after the last of some steps, oldest first, and the reason.
+
+        The reason is a sentence without its full stop.
+
+        Raises
+        ------
+        DataError
+            A value has no U, and the scatter about the line does not show one, as with two values.
+        """
         last = steps[-1]
         if len({step.x for step in steps}) < 2:
             return self.first, f"one check shows no drift: the interval is the first, {unit.of(self.first)}"
@@ -236,8 +290,16 @@ class DriftInterval:
 
 
 def _line(x: Array, values: Array, u: Array) -> tuple[Array, Array, float]:
-    """Line (a, b) through values (n,) with standard uncertainties u (n,), its covariance, and the variance between
-    values beyond u: of the residuals over their freedom. Raises DataError where nothing says how sure they are."""
+    """Fit a line (a, b) to values (n,) with standard uncertainties u (n,).
+
+    Also returns its covariance, and the variance between values beyond u, from the residuals and their degrees of
+    freedom.
+
+    Raises
+    ------
+    DataError
+        The variance of the values is unknown.
+    """
     design = np.column_stack([np.ones_like(x), x])
     freedom = len(x) - 2
     left = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
@@ -252,8 +314,22 @@ def _line(x: Array, values: Array, u: Array) -> tuple[Array, Array, float]:
 
 @dataclass(frozen=True)
 class InUse:
-    """by: the method, its intervals in hours of use; hours_a_day: use assumed until two readings of the counter show
-    it; longest_days: whatever the use. Raises DataError for values out of range."""
+    """Method whose intervals are in hours of use.
+
+    Attributes
+    ----------
+    by : Staircase or DriftInterval
+        Method, with its intervals in hours of use.
+    hours_a_day : float
+        Use per day that is assumed until two readings of the counter show it.
+    longest_days : float
+        Longest interval for any use.
+
+    Raises
+    ------
+    DataError
+        A value is out of range.
+    """
 
     by: Staircase | DriftInterval
     hours_a_day: float = 16.0
@@ -268,8 +344,15 @@ class InUse:
             raise DataError(f"is {self.longest_days:g}.", do="Give days above 0.", key="longest_days")
 
     def days(self, history: Sequence[Check]) -> tuple[float, str]:
-        """Days after the last of some checks, oldest first, and why, without an end. Raises DataError where the counter
-        was not read at a check, or runs backwards."""
+        """Return the days after the last of some checks, oldest first, and the reason.
+
+        The reason is a sentence without its full stop.
+
+        Raises
+        ------
+        DataError
+            The counter was not read at a check, or runs backwards.
+        """
         hours = []
         for check in history:
             if check.used_h is None:
@@ -294,7 +377,7 @@ class InUse:
         return days, why
 
     def _a_day(self, history: Sequence[Check], hours: Sequence[float]) -> tuple[float, str]:
-        """Use since the last check but one that is a day earlier or more; and since when, in words."""
+        """Return the use per day since the last check a day or more ago, and since when."""
         for check, then in zip(history[-2::-1], hours[-2::-1], strict=True):
             days = (history[-1].at - check.at).total_seconds() / 86400.0
             if days >= 1.0:
@@ -307,17 +390,35 @@ Method = Staircase | DriftInterval | InUse
 
 @dataclass(frozen=True)
 class Due:
-    """The date of the next check, in the past where it is overdue; because: a sentence."""
+    """Date of the next check, and its reason.
+
+    Attributes
+    ----------
+    date : datetime
+        In the past if the check is overdue.
+    because : str
+        Reason as a sentence.
+    """
 
     date: datetime
     because: str
 
 
 def next_due(method: Method, history: Sequence[Check], now: datetime) -> Due:
-    """The date to check next. history: in any order; one that is empty makes the check due now.
+    """Return the date of the next check.
 
-    Raises DataError for `now` without a zone, a check after `now`, and as the method does.
+    Parameters
+    ----------
+    history : sequence of Check
+        Checks in any order. Without checks, the check is due now.
 
+    Raises
+    ------
+    DataError
+        `now` has no time zone, a check is after `now`, or the method raises it.
+
+    Examples
+    --------
     >>> from datetime import UTC
     >>> good = Check(datetime(2026, 1, 1, tzinfo=UTC), 0.05, 0.02)
     >>> due = next_due(Staircase(90, permitted=0.2), [good], datetime(2026, 2, 1, tzinfo=UTC))
