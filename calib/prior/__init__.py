@@ -1,4 +1,4 @@
-"""The prior of a robot type: means and spreads of parameters, learnt from the models of robots of that type."""
+"""Prior of a robot type: means and spreads of parameters, learned from robots of the type."""
 
 from calib.fit.type_prior import TypePrior
 from calib.prior.file import load_prior, prior_document, save_prior

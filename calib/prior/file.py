@@ -1,9 +1,14 @@
-"""`PRIOR.json`: what robots of one type share, on disk (`truepose-prior/1`).
+"""`PRIOR.json`: statistics of a robot type on disk (`truepose-prior/1`).
 
-Every parameter with mean, spread, their standard uncertainties and the standard deviation of a further robot; which
-models it was learnt from, by hash, and which robots lie outside; effects by how often they were found; the program that
-learnt it, and a hash of the whole. A prior that this version does not understand is refused, and so is one with a
-spread that is none: a parameter without spread would be decided before anything was measured.
+The file contains
+
+- for every parameter mean, spread, their standard uncertainties, and the standard deviation of a further robot;
+- the hashes of the models it was learned from, and the robots outside the type;
+- effects with the number of robots in which they were found;
+- the version of the program, and a hash of the whole file.
+
+A prior of another version is refused. A prior with a spread of zero is refused too, because it would decide a parameter
+before anything was measured.
 """
 
 from __future__ import annotations
@@ -30,12 +35,12 @@ _AGAIN = "Learn it again with 'truepose fleet learn MODEL... --out PRIOR.json'."
 
 
 def program_version() -> str:
-    """Version of this program."""
+    """Return the version of this program."""
     return metadata.version("truepose")
 
 
 def prior_document(lesson: TypeStatistics) -> dict[str, Any]:
-    """The document of a lesson, with its `content_sha256`."""
+    """Build the document of type statistics, with its `content_sha256`."""
     prior = lesson.prior()
     document: dict[str, Any] = {
         "format": FORMAT,
@@ -61,12 +66,24 @@ def prior_document(lesson: TypeStatistics) -> dict[str, Any]:
 
 
 def save_prior(path: Path, lesson: TypeStatistics) -> None:
-    """Write what was learnt. Raises OSError."""
+    """Write type statistics to a file.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
     replace_file(path, json.dumps(prior_document(lesson), indent=1, allow_nan=False) + "\n")
 
 
 def load_prior(path: Path) -> TypePrior:
-    """Read a prior. Raises DataError naming file and key for one that this version cannot use."""
+    """Read a prior.
+
+    Raises
+    ------
+    DataError
+        This version cannot use the prior; the message names file and key.
+    """
     document = read_json(path)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise DataError(

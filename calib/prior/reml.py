@@ -1,22 +1,26 @@
 """Mean and spread of parameters over robots whose values have different uncertainties.
 
-    x_i ~ N(mu, T),  T = diag(t),        what the readings of robot i say of x_i: precision L_i, right side L_i y_i
+    x_i ~ N(mu, T),  T = diag(t),        information from robot i on x_i: precision L_i, right side L_i y_i
 
-L_i may be singular: what a robot's readings leave open says nothing of the type. With k_ij = 1 where parameter j of
-robot i belongs to the type, else 0, Q_i = diag(k_ij / t_j) and V_i = (L_i + Q_i)^-1, the precision of y_i about mu is
+L_i may be singular: parameters that a robot's readings do not determine carry no information on the type. k_ij is 1 if
+parameter j of robot i belongs to the type, and 0 if not. With Q_i = diag(k_ij / t_j) and V_i = (L_i + Q_i)^-1, the
+precision of y_i about mu is
 
     W_i = Q_i - Q_i V_i Q_i,      W_i y_i = Q_i V_i L_i y_i,      mu = C sum_i W_i y_i,  C = (sum_i W_i)^-1.
 
-t is that of restricted maximum likelihood, by steps that cannot leave the positive numbers and raise the likelihood:
+t is that of restricted maximum likelihood, by steps that stay positive and increase the likelihood:
 
     t_j <- t_j sqrt( sum_i g_ij^2 / sum_i (W_i - W_i C W_i)_jj ),      g_i = W_i (y_i - mu),
 
 and its covariance is the inverse of Fisher's information. For one parameter this is the random-effects model of
-DerSimonian and Laird. A robot whose parameter j is not the type's is known by z_ij = g_ij / sqrt((W_i - W_i C W_i)_jj),
-standard normal for a member: the test of a shift of that parameter alone. Its limits are those of Student's t, since
-the spread is found from as many robots as there are; a value that took part has widened the spread itself.
-Sources: Patterson and Thompson 1971 (REML); Zhou, Hu, Zhou and Lange 2019 (the steps); DerSimonian and Laird 1986;
-Viechtbauer and Cheung 2010 (outliers among studies); Cook and Weisberg 1982 (values with and without themselves).
+DerSimonian and Laird.
+
+Parameter j of a robot is outside the type according to z_ij = g_ij / sqrt((W_i - W_i C W_i)_jj), which is standard
+normal for a member. This tests a shift of that parameter alone. The limits are those of Student's t, since the spread
+is estimated from a limited number of robots. A value that took part has itself widened the spread.
+
+Sources: Patterson and Thompson 1971 (REML), Zhou, Hu, Zhou and Lange 2019 (the steps), DerSimonian and Laird 1986,
+Viechtbauer and Cheung 2010 (outliers among studies), Cook and Weisberg 1982 (values with and without themselves).
 """
 
 from __future__ import annotations
@@ -44,8 +48,16 @@ _SWAPS = 20
 class TypeModel:
     """Mean and spread of p parameters over N robots, in the units of the input.
 
-    mean, mean_std, spread (p,); spread_std (p,): how far above the spread one standard error of its square lies;
-    z (N, p): test of every value; member (N, p): which values took part.
+    Attributes
+    ----------
+    mean, mean_std, spread : array of shape (p,)
+        Mean, its standard error, and spread.
+    spread_std : array of shape (p,)
+        Increase of the spread if its square increases by one standard error.
+    z : array of shape (N, p)
+        Test of every value.
+    member : array of bool, shape (N, p)
+        Values that took part.
     """
 
     mean: Array
@@ -57,14 +69,25 @@ class TypeModel:
 
     @property
     def of_next(self) -> Array:
-        """(p,) standard deviation of a further robot about the mean: the spread, one standard error larger than it was
-        found, and the uncertainty of the mean."""
+        """Standard deviation of a further robot about the mean, shape (p,).
+
+        It combines the spread, increased by one standard error, with the uncertainty of the mean.
+        """
         return np.sqrt((self.spread + self.spread_std) ** 2 + self.mean_std**2)
 
 
 def hierarchy(precision: Array, right: Array, usual: Array) -> TypeModel:
-    """Mean and spread of parameters from precision (N, p, p) and right side (N, p) of each robot; usual (p,): sizes of
-    the parameters, which scale them and nothing else. Values that are no member's are left out, and tested again."""
+    """Estimate mean and spread of parameters over robots.
+
+    Values outside the type are left out, and tested again.
+
+    Parameters
+    ----------
+    precision, right : array of shape (N, p, p) and (N, p)
+        Precision and right side of each robot.
+    usual : array of shape (p,)
+        Usual sizes of the parameters, used only for scaling.
+    """
     precision = precision * usual[:, None] * usual
     right = right * usual
     member = _first(precision, right)
@@ -101,7 +124,10 @@ def hierarchy(precision: Array, right: Array, usual: Array) -> TypeModel:
 
 @dataclass(frozen=True)
 class _State:
-    """The weights W (N, p, p), W y (N, p), mean (p,) with covariance (p, p), at variances (p,) and members (N, p)."""
+    """State of the fit at variances (p,) and members (N, p).
+
+    It contains the weights W (N, p, p), W y (N, p), and the mean (p,) with its covariance (p, p).
+    """
 
     weights: Array
     pulled: Array
@@ -118,17 +144,17 @@ class _State:
 
     @property
     def gradient(self) -> Array:
-        """(N, p) g, the pull of every robot on the mean."""
+        """Pull g of every robot on the mean, shape (N, p)."""
         return self.pulled - self.weights @ self.mean
 
     @property
     def freedom(self) -> Array:
-        """(N, p) diagonal of W - W C W."""
+        """Diagonal of W - W C W, shape (N, p)."""
         return np.einsum("ijj->ij", self.weights - self.weights @ self.covariance @ self.weights)
 
     @property
     def variance_std(self) -> Array:
-        """(p,) standard errors of the variances."""
+        """Standard errors of the variances, shape (p,)."""
         w, c = self.weights, self.covariance
         with_mean = np.einsum("ijk,ijk->jk", w, w @ c @ w)
         of_columns = np.einsum("iaj,ibj->jab", w, w)
@@ -139,7 +165,10 @@ class _State:
         return np.sqrt(np.maximum(np.diag(inverse), 0.0)) * scale
 
     def tests(self, precision: Array, right: Array) -> Array:
-        """(N, p) z of every value, whether it took part or not; zero where the readings say nothing."""
+        """Compute z of every value, shape (N, p), including values that took no part.
+
+        It is zero if the readings of a robot do not determine the parameter.
+        """
         whole, pulled = _weights(precision, right, self.variance, np.ones_like(self.member))
         off = pulled - whole @ self.mean
         with_mean = np.einsum("ijj->ij", whole @ self.covariance @ whole)
@@ -152,7 +181,7 @@ class _State:
 def _weights(
     precision: Array, right: Array, variance: Array, member: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """W (N, p, p) and W y (N, p)."""
+    """Compute W (N, p, p) and W y (N, p)."""
     q = member / variance
     inverse = _inverse(precision + q[:, :, None] * np.eye(len(variance)))
     weights = -q[:, :, None] * inverse * q[:, None, :]
@@ -161,7 +190,10 @@ def _weights(
 
 
 def _inverse(matrices: Array) -> Array:
-    """Inverses of positive (N, p, p), scaled to unit diagonals meanwhile; what nothing determines is left out."""
+    """Invert positive matrices (N, p, p), scaled internally to unit diagonals.
+
+    Undetermined parameters are left out.
+    """
     diagonal = np.einsum("ijj->ij", matrices)
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = matrices * scale[:, :, None] * scale[:, None, :]
@@ -174,7 +206,7 @@ def _inverse(matrices: Array) -> Array:
 
 
 def _settled(precision: Array, right: Array, variance: Array, member: NDArray[np.bool_]) -> _State:
-    """The variances of restricted maximum likelihood."""
+    """Find the variances of restricted maximum likelihood."""
     state = _State.of(precision, right, variance, member)
     for step in range(_ROUNDS):
         ratio = np.sum(state.gradient**2, axis=0) / np.maximum(state.freedom.sum(axis=0), 1e-300)
@@ -188,13 +220,15 @@ def _settled(precision: Array, right: Array, variance: Array, member: NDArray[np
 
 
 def _told(precision: Array) -> NDArray[np.bool_]:
-    """(N, p) whether a robot's readings say anything of a parameter."""
+    """Mark the parameters on which the readings of each robot give information, shape (N, p)."""
     return np.einsum("ijj->ij", precision) > 0.0
 
 
 def _first(precision: Array, right: Array) -> NDArray[np.bool_]:
-    """Members to begin with: values not far from the median of their parameter, by the readings alone and in spreads
-    that a few strangers do not widen."""
+    """Select initial members (N, p): values near the median of their parameter.
+
+    The values are those of the readings alone. The limits use spreads that a few outliers do not widen.
+    """
     told = _told(precision)
     eye = np.eye(precision.shape[1])
     covariance = _inverse(precision + 1e-9 * eye * np.einsum("ijj->ij", precision)[:, :, None])

@@ -1,15 +1,13 @@
-"""What robots of one type share, learnt from the model files of some of them.
+"""Statistics of the robots of one type, learned from the model files of some of them.
 
-Of every robot the readings alone count: what its own fit held parameters to (usual sizes, or an earlier prior of the
-type) is taken out of its covariance again,
+Only the readings of every robot count. The priors of its own fit (usual sizes, or an earlier prior of the type) are
+removed from its covariance,
 
     L_i = C_i^-1 - H_i,      L_i y_i = C_i^-1 x_i - H_i m_i,
 
-C_i the covariance of the robot's own parameters, whatever base, tool and instrument were, H_i = diag(1 / held^2) and
-m_i the means that were held to. So robots that learnt from others do not teach what they were taught. Effects beside
-the base model are learnt from those robots in which they were found.
-
-A robot of a type: its model file, and what its readings alone determine of the robot's parameters.
+C_i the covariance of the robot's own parameters for any base, tool and instrument, H_i = diag(1 / held^2) and m_i the
+means of the priors. A robot that was calibrated with a type prior therefore does not pass on that prior. Effects in
+addition to the base model are learned from the robots in which they were found.
 """
 
 from __future__ import annotations
@@ -42,7 +40,13 @@ _BOUNDS = Bounds(
 
 @dataclass(frozen=True)
 class TypeMember:
-    """A robot by the file of its model; sha256: of its contents, as the file says itself."""
+    """Robot of a type, read from its model file.
+
+    Attributes
+    ----------
+    sha256 : str
+        Hash of the contents, as stated in the file.
+    """
 
     path: Path
     sha256: str
@@ -50,32 +54,41 @@ class TypeMember:
 
     @classmethod
     def read(cls, path: Path, *, robot_file: Path | None = None) -> TypeMember:
-        """The model of a file. Raises DataError naming file and key."""
+        """Read the model of a file.
+
+        Raises
+        ------
+        DataError
+            The model cannot be used; the message names file and key.
+        """
         saved = load_model(path, robot_file=robot_file, bounds=_BOUNDS)
         return cls(path, str(read_json(path).get("content_sha256", "")), saved)
 
     @property
     def name(self) -> str:
-        """The name of its file."""
+        """Name of the model file."""
         return self.path.name
 
     @cached_property
     def identity(self) -> tuple[str, ...]:
-        """Marks of this robot alone: the data it was identified from, and its serial number where it is known."""
+        """Keys that identify this robot: hash of its data, and serial number if known."""
         serial = next((d.get("serial", "") for d in self.saved.devices if d.get("role") == "robot"), "")
         return tuple(key for key in (f"data {self.saved.data_sha256}", f"serial {serial}") if key[-1] != " ")
 
     @cached_property
     def groups(self) -> tuple[str, ...]:
-        """The groups of parameters that its base model frees."""
+        """Groups of parameters that its base model frees."""
         return tuple(
             e.label for e in self.saved.model.effects if e.group == "base model" and e.owner == "robot"
         )
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
-        """The effects found beside the base model; no curves of gears, whose waves are too many to name, and
-        nothing that happened once in one campaign, and no carried terms, whose labels are no causes."""
+        """Effects found in addition to the base model.
+
+        Curves of gears are left out, since their waves are too many to name. Events that happened once in one campaign
+        are left out, and so are carried terms, whose labels are no causes.
+        """
         return tuple(
             e
             for e in self.saved.model.effects
@@ -87,29 +100,31 @@ class TypeMember:
 
     @cached_property
     def own(self) -> dict[str, Parameter]:
-        """The robot's own parameters by name."""
+        """Parameters of the robot itself, by name."""
         base = [e for e in self.saved.model.effects if e.label in self.groups]
         return {p.name: p for e in (*base, *self.effects) for p in e.parameters}
 
     @cached_property
     def open(self) -> frozenset[str]:
-        """The robot's own parameters that its readings left open and others make up for."""
+        """Parameters of the robot that its readings left undetermined, and that others replace."""
         gone = frozenset(d.name for d in self.saved.dropped if d.stand_ins)
         return gone & frozenset(name for name in self.own if not self.tells(name))
 
     def tells(self, name: str) -> bool:
-        """Whether a parameter was fitted."""
+        """Check if a parameter was fitted."""
         place = self.saved.model.index.get(name)
         return place is not None and bool(self.saved.covariance[place, place] > 0.0)
 
     def value(self, name: str) -> float:
-        """Estimate of a parameter in its unit."""
+        """Return the estimate of a parameter in its unit."""
         place = self.saved.model.index[name]
         return to_display(float(self.saved.estimate[place]), self.saved.model.parameters[place].unit)
 
     def told(self, names: Sequence[str]) -> tuple[Array, Array]:
-        """Precision (p, p) and right side (p,) of some parameters by the readings alone, internal units; zero for those
-        that this model does not have."""
+        """Compute precision (p, p) and right side (p,) of parameters from the readings alone.
+
+        They are in internal units, and zero for parameters that this model does not have.
+        """
         saved, index = self.saved, self.saved.model.index
         assert saved.held_std is not None
         places = [(k, index[name]) for k, name in enumerate(names) if self.tells(name)]
@@ -125,7 +140,10 @@ class TypeMember:
 
 
 def _positive(precision: Array, scale: Array) -> Array:
-    """A covariance without the negative eigenvalues that rounding, and priors that decided nearly everything, left."""
+    """Remove negative eigenvalues from a precision matrix.
+
+    They result from rounding, and from priors that decided nearly everything.
+    """
     values, vectors = np.linalg.eigh(precision * np.outer(scale, scale))
     return (vectors * np.maximum(values, 0.0)) @ vectors.T / np.outer(scale, scale)
 
@@ -138,10 +156,18 @@ _MOST_OUTSIDE = 0.3  # of a robot's parameters, beyond which all of it is left o
 
 @dataclass(frozen=True)
 class LearnedParameter:
-    """A parameter over the robots of a type, in its unit: mean and spread with their standard uncertainties, the number
-    of robots whose readings determined it, and the standard deviation of a further robot about the mean.
+    """Parameter over the robots of a type, in its unit.
 
-    usual: its usual size so far; None where it was free. kept: whether the prior of the type is tighter than that.
+    Attributes
+    ----------
+    mean, mean_std, spread, spread_std : float
+        Mean and spread with their standard uncertainties.
+    robots : int
+        Number of robots whose readings determined the parameter.
+    of_next : float
+        Standard deviation of a further robot about the mean.
+    usual : float or None
+        Usual size so far; None if the parameter was free.
     """
 
     name: str
@@ -162,7 +188,10 @@ class LearnedParameter:
 
 @dataclass(frozen=True)
 class Outlier:
-    """A robot outside the type in one parameter, which took no part there: its value, and standard deviations."""
+    """Robot outside the type in one parameter, with its value and deviation z.
+
+    The value took no part in the statistics.
+    """
 
     robot: str
     parameter: str
@@ -173,7 +202,7 @@ class Outlier:
 
 @dataclass(frozen=True)
 class TypeStatistics:
-    """The outcome of learning: parameters, robots outside the type, robots that were left out whole and why."""
+    """Result of learning: parameters, outliers, and robots that were left out with reasons."""
 
     members: tuple[TypeMember, ...]
     groups: tuple[str, ...]
@@ -184,7 +213,7 @@ class TypeStatistics:
     left_out: tuple[tuple[str, str], ...]
 
     def prior(self, sha256: str = "") -> TypePrior:
-        """The prior of the type for a fit."""
+        """Build the prior of the type for a fit."""
         robot = self.members[0].saved.model.robot
         return TypePrior(
             robot=robot.name,
@@ -202,7 +231,13 @@ class TypeStatistics:
 
 
 def learn(members: Sequence[TypeMember]) -> TypeStatistics:
-    """Learn from the models of robots of one type. Raises DataError where they are of several, or too few."""
+    """Learn the statistics of a type from the models of its robots.
+
+    Raises
+    ------
+    DataError
+        The models are of several types, or too few.
+    """
     _refuse_unlike(members)
     alike, left_out = _alike(members)
     _refuse_few(alike, left_out)
@@ -227,7 +262,10 @@ def learn(members: Sequence[TypeMember]) -> TypeStatistics:
 def _learnt(
     members: Sequence[TypeMember], parameters: Sequence[Parameter]
 ) -> tuple[tuple[tuple[LearnedParameter, ...], tuple[Outlier, ...]], list[TypeMember]]:
-    """Parameters and outliers; and members of which most lies outside."""
+    """Learn parameters and outliers.
+
+    Also returns the members with most parameters outside the type.
+    """
     usual = np.array([to_internal(1.0 if p.size is None else p.size, p.unit) for p in parameters])
     names = [p.name for p in parameters]
     precision, right = (np.stack(each) for each in zip(*(m.told(names) for m in members), strict=True))
@@ -268,7 +306,7 @@ def _row(p: Parameter, j: int, found: TypeModel, told: NDArray[np.bool_]) -> Lea
 
 
 def _common(members: Sequence[TypeMember]) -> list[Parameter]:
-    """The robot's parameters that enough of the models determined, in order."""
+    """List the robot's parameters that enough of the models determined, in order."""
     counts = Counter(name for m in members for name in m.own if m.tells(name))
     known = {p.name: p for m in reversed(members) for p in m.own.values()}
     order = dict.fromkeys(name for m in members for name in m.own)
@@ -276,7 +314,7 @@ def _common(members: Sequence[TypeMember]) -> list[Parameter]:
 
 
 def _found(members: Sequence[TypeMember]) -> tuple[TypeEffect, ...]:
-    """Effects beside the base model, the most frequent first."""
+    """List the effects in addition to the base model, most frequent first."""
     effects: dict[str, Effect] = {}
     counts: Counter[str] = Counter()
     for m in members:
@@ -287,7 +325,7 @@ def _found(members: Sequence[TypeMember]) -> tuple[TypeEffect, ...]:
 
 
 def _refuse_unlike(members: Sequence[TypeMember]) -> None:
-    """Raise DataError for models of several types, of one robot twice, or simulated beside real ones."""
+    """Refuse models of several types, of one robot twice, or simulated together with real."""
     if not members:
         raise DataError(
             "there is nothing to learn from.", do=f"Name {FEWEST} models or more.", key="MODEL..."
@@ -326,7 +364,10 @@ def _refuse_unlike(members: Sequence[TypeMember]) -> None:
 
 
 def _alike(members: Sequence[TypeMember]) -> tuple[tuple[TypeMember, ...], tuple[tuple[str, str], ...]]:
-    """The models that free the same of the robot and left the same open, as most do; the others, and why not."""
+    """Select the models with the most frequent set of free and undetermined parameters.
+
+    Also returns the other models, and the reasons.
+    """
     usual = Counter((m.groups, m.open) for m in members).most_common(1)[0][0]
     out = tuple(
         (
