@@ -1,6 +1,6 @@
 """Library of effects: everything that is known of each kind of effect.
 
-The modules group the effects by what they act on: `transmission`, `elasticity`, `geometry`, `thermal`, `slides` and
+The modules group the effects by place of action: `transmission`, `elasticity`, `geometry`, `thermal`, `slides` and
 `instrument`. Other packages add effects by entry points of the group `truepose.effects`, each a module with KINDS and
 offer.
 """
@@ -118,7 +118,7 @@ def _looks_like_sag(label: str, survey: Survey) -> bool:
 
 
 def changes(survey: Survey) -> list[Effect]:
-    """List the effects that may have begun since a calibration and that these readings could show."""
+    """List the effects that may have begun since a calibration and that readings could show."""
     begun = [entry.changes(survey) for entry in LIBRARY if entry.changes is not None]
     return [by_axis(found, survey.robot) for several in begun for found in several]
 

@@ -188,7 +188,10 @@ def payload_mass(
 
 
 def payload_cog(load: Load, compliance: Compliance) -> Effect:
-    """Build the effect of another centre of `load`; parameters x, y, z, mm, in the last link's frame."""
+    """Build the effect of another centre of `load`; parameters x, y, z, mm.
+
+    They are in the frame of the last link.
+    """
     kg = load.mass_kg
     along = {"x": (kg, 0.0, 0.0), "y": (0.0, kg, 0.0), "z": (0.0, 0.0, kg)}
     return effect(

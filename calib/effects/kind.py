@@ -134,9 +134,9 @@ class EffectModule:
 
 @dataclass(frozen=True)
 class Row:
-    """Effect of one joint: `parameter` moves the `slot` of the joint by weight x parameter x regressor.
+    """Effect of one joint: `parameter` moves a `slot` by weight x parameter x regressor.
 
-    The effect may have begun since a calibration if its kind describes the change.
+    The slot is that of the joint. The effect may have begun since a calibration if its kind describes the change.
 
     Attributes
     ----------

@@ -24,7 +24,10 @@ _USUAL_PPM = 100.0  # aluminium by 4 K
 
 
 def _lengths_with(robot: Robot, warmth: Regressor) -> list[tuple[str, Regressor, float]]:
-    """List the slots of all link lengths, which grow by their nominal lengths, mm, times `warmth`."""
+    """List the slots of all link lengths.
+
+    They grow by their nominal lengths, mm, times `warmth`.
+    """
     lengths = [(f"a{k + 1}", a) for k, a in enumerate(robot.a)] + [
         (f"d{k + 1}", d) for k, d in enumerate(robot.d)
     ]
@@ -110,7 +113,7 @@ def _offer_warm_up(survey: Survey) -> list[Shapes]:
 
 
 def arm_growth(robot: Robot) -> Effect:
-    """Build the growth of all lengths of the arm since its calibration; parameter expansion, ppm."""
+    """Build the growth of all lengths since the calibration; parameter expansion, ppm."""
     places = _lengths_with(robot, Constant())
     return effect(
         "arm_growth",

@@ -217,9 +217,9 @@ dead_zone = Row(
 
 
 def coupling(first: int, second: int) -> Effect:
-    """Build a turn of joint `second` with joint `first`, through which its drive runs; parameter k, ppm.
+    """Build a turn of joint `second` with joint `first`; parameter k, ppm.
 
-    The drive may be a shaft, or cables.
+    The drive of the second joint, or its cables, run through the first.
     """
     return effect(
         f"coupling:j{first}-j{second}",
@@ -262,7 +262,7 @@ _USUAL_WAVE_DEG = 0.02  # of what nobody claims; one that is searched for may ha
 def periodic(joint: int, order: float) -> Effect:
     """Build a periodic error of a joint, A cos(order theta) + B sin(order theta).
 
-    The parameters are cos and sin, deg; `order` is in cycles per turn. Each wheel repeats its error once per turn of
+    The parameters are cos and sin, deg. The order is in cycles per turn. Each wheel repeats its error once per turn of
     that wheel.
     """
     slot = f"theta{joint}"

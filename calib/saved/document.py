@@ -1,4 +1,4 @@
-"""Document of an identified model: `truepose-model/1`, or `truepose-model/2` with carried terms.
+"""Document of an identified model: `truepose-model/1`, or `/2` with carried terms.
 
 It contains
 

@@ -1,7 +1,7 @@
 """Checks of a model file before anything is predicted or corrected with it.
 
 A file may have been damaged, edited by hand, or made for another robot. If a joint turns by 23 deg because a parameter
-is in the file twice, nobody notices that in the numbers. Each refusal names the fault.
+is in the file twice, the numbers alone do not show it. Each refusal names the fault.
 """
 
 from __future__ import annotations

@@ -198,7 +198,7 @@ def _known(table: Mapping[str, Any], key: str, shape: tuple[int, ...], path: Pat
 
 
 def _left(shown: Array, size: Array) -> Array:
-    """Compute the covariance (k, k) of parameters from their usual sizes (k,) and information (k, k).
+    """Compute the covariance (k, k) of parameters from usual sizes (k,) and information (k, k).
 
     The information may be zero.
     """

@@ -5,8 +5,8 @@ scatter (`calib.saved.unresolved_effects`). For a file without it, it is estimat
 
     held-out error^2 = noise^2 + repeatability^2 + parameter uncertainty^2 + unmodelled^2
 
-Each term is the mean square per reading: of the point if points were measured, otherwise of the distance. Most of what
-a model does not explain is angles; for a sliding joint, as many mm are assumed as deg for the others.
+Each term is the mean square per reading: of the point if points were measured, otherwise of the distance. Most of the
+unmodelled error is in angles; for a sliding joint, as many mm are assumed as deg for the others.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from calib.saved import CalibratedModel
 def in_series(saved: CalibratedModel, dataset: Dataset) -> Dataset:
     """Prepare later readings for prediction by a saved model.
 
-    The readings get the name of the only series of the model, whatever name the data set gives it. They are placed
+    The readings get the name of the only series of the model, regardless of their own series name. They are placed
     after every event of the calibration. If no term of the model depends on the air temperature, missing temperatures
     are replaced by the usual one of the calibration.
     """

@@ -174,7 +174,7 @@ def _asked(
 
 
 def odds_of(seen: WhitenedReadings, share: float = 1.0) -> tuple[Array, Odds]:
-    """Return the matrix (q, q) that whitens residuals of unchanged robots, and the possible causes."""
+    """Return the matrix (q, q) that whitens residuals without change, and the possible causes."""
     whiten: Array = np.asarray(np.linalg.inv(np.linalg.cholesky(seen.spread(share))), dtype=np.float64)
     return whiten, Odds.of(seen.causes, [whiten @ columns for columns in seen.columns])
 

@@ -4,9 +4,8 @@
 
 with x the change of the model's thermal parameters since it was written, S their usual sizes, and the other terms as in
 a watch (`calib.watch.whitened_readings`). First the other terms are judged: A S is added to what may differ in an
-unchanged robot. The tests of a watch (T-squared, and every cause that is not thermal) then show whether anything else
-has changed, at the stated false-alarm rate. Only if nothing else has changed, x is estimated and added to the
-parameters.
+unchanged robot. The tests of a watch (T-squared, and every cause that is not thermal) then show whether there is
+another change, at the stated false-alarm rate. Only without another change, x is estimated and added to the parameters.
 
 A model that warms up uses a clock that started with a cold robot, so the readings must use that clock (`later`).
 

@@ -1,6 +1,6 @@
 """Planned visits of a watch, and the readings that the baseline predicts for them.
 
-A visit states where the robot rests, from which side it arrives, and what is read there.
+A visit states where the robot rests, from which side it arrives, and its readings.
 
 For a ballbar, a stance is drawn for the nominal robot. The real robot misses it by millimetres, which the bar shows.
 With the calibrated model, `within_stroke` moves the joints until every leg is as long as the bar, by Gauss-Newton on

@@ -154,10 +154,10 @@ def seen_from(seen: WhitenedReadings, limit: float) -> dict[str, float]:
 
 
 def _worst(seen: WhitenedReadings, effect: Effect, whiten: Array) -> tuple[float, Array] | None:
-    """Find the direction of a cause that is detected worst, among the parameters of its first unit.
+    """Find the direction in which a cause is detected worst.
 
-    Returns the non-centrality of one unit squared, and the white residual (q,) of one unit. Returns None if no reading
-    shows the cause.
+    Only parameters with the unit of the first one count. Returns the non-centrality of one unit squared, and the white
+    residual (q,) of one unit. Returns None if no reading shows the cause.
     """
     one = whiten @ of_one_unit(effect, seen.columns[seen.causes.index(effect)])
     values, vectors = np.linalg.eigh(one.T @ one)
@@ -193,6 +193,6 @@ def of_one_unit(cause: Effect, columns: Array) -> Array:
 
 
 def needed(freedom: int, p_limit: float) -> float:
-    """Compute the non-centrality at which chi-squared exceeds the limit in the share `SEEN` of cases."""
+    """Compute the non-centrality that exceeds a p-value's limit in the share `SEEN` of cases."""
     limit = stats.chi2.isf(p_limit, freedom)
     return float(chndtrinc(limit, freedom, 1.0 - SEEN))
