@@ -6,8 +6,8 @@ choose different terms. Named effects and terms compete in one pursuit from the 
 in which a named effect has a small advantage over columns that do the same. A named effect is withdrawn
 
   - if it does not enter, or is not significant together with all that entered;
-  - if terms of the same condition remain that explain more than a tenth of what the effect explains: then the
-    condition is right, but the law or the place is not.
+  - if terms of the same condition remain that explain more than a tenth as much as the effect: then the condition is
+    right, but the law or the place is not.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _REMAINS = 0.1  # share of what a name explains that other terms of its conditio
 _NEAR, _MOST_AVERAGED = 60, 8  # change points to either side of a step, and steps that are averaged over them
 _MOST_PLACES = 8
 _BY_ROWS = "order of the rows"
-_SURE = 0.95  # of the interval for the moment of a change
+_SURE = 0.95  # confidence of the interval for the moment of a change
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class Shares:
 
 @dataclass(frozen=True)
 class Layers:
-    """Fit with carried terms, and these terms in descending order of what they explain."""
+    """Fit with carried terms, and these terms in descending order of their explained share."""
 
     fitted: IdentificationFit
     terms: tuple[CarriedTerm, ...]
@@ -218,7 +218,7 @@ def with_terms(
     carried = chosen.carried(named={e.label for e in named.model.effects})
     if not carried:
         return Layers(named, ())
-    if len(readings.rows) > len(named.readings.rows):  # some that had been left out came back
+    if len(readings.rows) > len(named.readings.rows):  # some rejected readings came back
         back = {dataset.reading_id[row] for row in readings.rows}
         named = leaving_out(named, readings, tuple(name for name in named.faulty_rows if name not in back))
     known = np.unique(getattr(readings.conditions, chosen.clock))
@@ -430,7 +430,8 @@ def readings_back(dataset: Dataset, fitted: IdentificationFit) -> tuple[FitReadi
     back : array of int
         Rows of the latter in the data set.
     """
-    from scipy.stats import hypergeom  # half a second that a service need not take to begin
+    # Imported here, since it would add half a second to the start of a service
+    from scipy.stats import hypergeom
 
     readings, out = all_readings(dataset, fitted)
     joints, pose = readings.conditions.joints, readings.conditions.pose

@@ -5,10 +5,10 @@ choice. On a UR10, sixty waves and five curves found in one series depended on t
 Evidence sizes the prior of a curve by joint and half octave. The base model and the named effects are fitted together
 with the curves, and their parameters stay free. A joint keeps its curve if left-out blocks of the campaign gain from
 it. An order that is far larger than its neighbours is named as a separate wave. While named effects are searched for in
-the remaining residual, the curves are fixed: a candidate then counts only for what it explains in addition to them.
+the remaining residual, the curves are fixed: a candidate then counts only for its additional explanation.
 
-The columns are too many for memory, but the fit is linearised and its prior Gaussian, so J'J and J'y of each block of
-the campaign are all that is needed:
+The columns are too many for memory. The fit is linearised and its prior is Gaussian, so J'J and J'y of each block of
+the campaign are sufficient:
 
     x = (N + P)^-1 (g + P mean),    N = sum of J'J over the blocks, P = s^2 / size^2 on the diagonal.
 
@@ -49,7 +49,7 @@ from calib.units import DEG
 
 BLOCKS = 8
 _LEAST_SIZE, _LARGEST_SIZE = 1e-8, 1e-3  # rad: 0.0006 mdeg, and 57 mdeg, more than any gear errs
-_LEAST_SHARE = 1e-3  # of a parameter that a band must determine before its size is taken from it
+_LEAST_SHARE = 1e-3  # parameters that a band must determine for its size to be estimated
 
 
 def blocks_of(conditions: Conditions) -> NDArray[np.int64]:
@@ -229,11 +229,11 @@ def inverse(gram: Array, penalty: Array) -> Array:
     return whole / np.outer(size, size)
 
 
-MANY_WAVES = 12  # found in a first search: from here on curves are tried
-_NUMBERS = 2  # measured for every amplitude, at least: fewer carry no curves
-_ROUNDS, _AGAIN = 10, 4  # of the evidence: from a first guess, and from the sizes of a fit before
-_CHANCE = 0.01  # that the blocks confirm the curve of any joint where no gear errs
-_LEAST_GAIN = 0.01  # of what is left, by which left-out blocks must gain: less is no curve of a gear
+MANY_WAVES = 12  # waves found in a first search, from which on curves are tried
+_NUMBERS = 2  # fewest measured numbers per amplitude of a curve
+_ROUNDS, _AGAIN = 10, 4  # rounds of the evidence, from a first guess and from the sizes of an earlier fit
+_CHANCE = 0.01  # probability that the blocks confirm a curve although no gear has an error
+_LEAST_GAIN = 0.01  # least gain of left-out blocks, as a share of the squared residual
 _NEIGHBOURS = 1.5  # ratio of orders that count as neighbours of one another
 _FEWEST_NEIGHBOURS = 3
 _FIRST_SIZE = 1e-4 / DEG

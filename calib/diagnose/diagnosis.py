@@ -81,9 +81,9 @@ from calib.scan.scores import CLAIM, Scores, Space, p_value
 from calib.units import percent
 
 BLOCKS = 8
-_FEWEST = 8  # readings a block
+_FEWEST = 8  # readings per block
 _DEALS = 4  # stretches that are dealt to each block
-_KNOWN = 1e-9  # what no other block knows of a parameter without a prior, so that it may be solved for
+_KNOWN = 1e-9  # keeps a parameter solvable that only one block determines
 
 
 def in_type(
@@ -111,7 +111,7 @@ def in_type(
 
 Verdict = Literal["complete", "excess_noise", "attributed", "ambiguous", "unexplained"]
 _SCREENINGS = 3
-_MOST_RIVALS = 5  # of an effect, and of all of them together, that poses are sought for to distinguish
+_MOST_RIVALS = 5  # rivals of one effect that the follow-up poses distinguish
 _MOST_PAIRS = 12
 _MANY_FAULTS = 0.02  # share of held-out readings that are faulty, beyond which nothing is called complete
 _HARM = 0.02  # share by which the held-out error must be smaller without an effect that does harm
@@ -135,8 +135,8 @@ class DiagnosisFit:
     error_named: ErrorStatistics | None  # with the named effects, without the carried terms
     error_after: ErrorStatistics | None
     notes: tuple[str, ...]
-    follow_up: FollowUp | None  # what to measure next; None where nothing is ambiguous
-    # The smallest size of everything looked for that these readings would have shown
+    follow_up: FollowUp | None  # what to measure next; None if nothing is ambiguous
+    # The smallest detectable size of every effect of the library
     power: tuple[DetectableEffect, ...]
     harmful: tuple[str, ...]  # effects without which the held-out error would be smaller
     surprise: HeldOutTest | None  # held-out error compared with the expectation from noise and parameters
@@ -146,7 +146,7 @@ class DiagnosisFit:
     withdrawn: tuple[str, ...]  # names that the search found and that carried terms explain better
     shares: Shares
     held_out_faults: HeldOutFaults  # held-out readings that are faulty
-    back: tuple[str, ...]  # readings that the fit had left out and that came back, since they lie together
+    back: tuple[str, ...]  # rejected readings that came back, since they cluster
     seconds: float
 
     @property
@@ -156,7 +156,10 @@ class DiagnosisFit:
 
     @property
     def gain(self) -> tuple[ErrorStatistics | None, ErrorStatistics | None]:
-        """Held-out errors of the nominal robot in its place and of the final model."""
+        """Held-out errors of the nominal robot in its place and of the final model.
+
+        Faulty readings are left out.
+        """
         rows = self.dataset.validation_rows & ~self.held_out_faults.rows
         nominal = errors_on(self.dataset, rows, self.nominal, self.nominal_estimate)
         return statistics_of(nominal), self.held_out_faults.error_without
@@ -179,7 +182,7 @@ class DiagnosisFit:
 
     @property
     def confirmed(self) -> tuple[DiagnosedEffect, ...]:
-        """The effects whose size exceeds its expanded uncertainty."""
+        """Effects whose size exceeds its expanded uncertainty."""
         return tuple(found for found in self.effects if found.confirmed)
 
     @property
@@ -542,7 +545,7 @@ class CarryOver:
 
     @property
     def finding(self) -> str:
-        """The carry-over as a sentence; empty if the other set has no validation rows."""
+        """Carry-over as a sentence; empty if the other set has no validation rows."""
         if self.base is None or self.frozen is None or self.refitted is None:
             return ""
         frozen, refitted = (1.0 - errors.rms / self.base.rms for errors in (self.frozen, self.refitted))
@@ -618,7 +621,7 @@ def _fit(
     readings = readings_of(other, belongs, model, start)
     design = BoundModel(model, readings.conditions)
     observed = readings.observed
-    # The sizes that evidence gave the curves of gears hold what these readings leave open of them.
+    # The sizes from evidence limit the gear curves in directions that these readings do not determine.
     others = replace(model, effects=tuple(e for e in model.effects if not e.is_curve))
     active = np.ones(len(start), dtype=bool)
     count = len(others.parameters)
@@ -642,7 +645,7 @@ class Blocks:
 
     @classmethod
     def of(cls, space: Space, count: int = BLOCKS) -> Blocks:
-        """Stretches of equal length in the order in which the readings were taken."""
+        """Build blocks of equal length in the order of the readings."""
         order = space.fitted.readings.conditions.order
         n = len(order)
         count = max(2, min(count, n // _FEWEST))
@@ -690,6 +693,6 @@ def carried_gains(space: Space, effects: tuple[Effect, ...], blocks: Blocks) -> 
 
 
 def _left_out(gram: Array, shared: Array, square: float) -> float:
-    """|e_B|^2 from Q_B'Q_B, Q_B'r_B and r_B'r_B: e = r + Q (I - G)^-1 Q'r, without forming e."""
+    """Compute |e_B|^2 from Q_B'Q_B, Q_B'r_B and r_B'r_B without e = r + Q (I - G)^-1 Q'r."""
     x = np.linalg.solve((1.0 + _KNOWN) * np.eye(len(gram)) - gram, shared)
     return square + 2.0 * float(shared @ x) + float(x @ gram @ x)

@@ -50,11 +50,11 @@ _WINDOWS = (10.0, 20.0, 40.0)  # full widths, deg
 _FEWEST_IN_WINDOW = 6  # poses
 _STEPS, _GAPS = 47, 12  # change points: evenly spread, and at the longest pauses
 _WARM_UPS = (0.03, 0.1, 0.3)  # time constants as shares of the campaign
-_LAGS_S = (600.0, 1500.0, 4000.0)  # of what follows the air late
+_LAGS_S = (600.0, 1500.0, 4000.0)  # time lags of effects that follow the air
 _BEATS = np.arange(2.0, 40.0, 0.5)  # cycles per campaign
 _STILL = 1e-3  # rad or mm: a joint that moved less offers nothing
 _LEAST_AIR = 0.2  # K
-_MOST_KNOTS = 80  # of a function of time in a model
+_MOST_KNOTS = 80  # for a function of time in a model
 
 
 @dataclass(frozen=True, eq=False)

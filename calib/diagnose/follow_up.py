@@ -7,7 +7,7 @@ are taken one by one, each where it best separates the pair that is separated le
 fitted to the predicted reading (a Kalman step on d and C). Source: Atkinson & Fedorov 1975 (T-optimal designs,
 sequential form).
 
-If the cause is unknown, the recommendation follows from the places of structure: it varies that quantity alone, so that
+If the cause is unknown, the recommendation follows from the places of structure. It varies that quantity alone, so that
 the next diagnosis can distinguish it from quantities that varied together with it.
 """
 
@@ -94,14 +94,14 @@ def next_measurements(places: Iterable[tuple[str, str]]) -> tuple[str, ...]:
     Parameters
     ----------
     places : iterable of (str, str)
-        Driver of each error and what the error acts on, as `ResidualStructure.where` and `ResidualStructure.acts_on`.
+        Driver and place of action of each error, as `ResidualStructure.where` and `ResidualStructure.acts_on`.
     """
     advice: list[str] = []
     for where, acts_on in places:
         if acts_on == ACTS_ON:
             advice.append(_AGAIN)
         advice.append(_of(where))
-        # a joint that errs with the load or the time is examined by itself as well
+        # a joint whose error follows the load or the time is also examined alone
         if own := re.fullmatch(rf"joint {_AXIS}", acts_on):
             advice.append(_SWEEP.format(own[1]))
         if acts_on == SIGHT:
@@ -333,7 +333,7 @@ def _noise(found: IdentificationFit, conditions: Conditions) -> Array:
     points = np.broadcast_to(frames.p, (3, len(conditions))).T
     typical = found.readings.observed.alone.whiten
     if header.noise.kind == "per-row":
-        # what the readings had on average
+        # average of the readings
         variance = 1.0 / np.mean(np.sum(typical**2, axis=1)[: min(3, len(typical))])
         covariance = np.broadcast_to(np.eye(3) * variance, (len(points), 3, 3))
     else:
@@ -347,11 +347,11 @@ def _last(values: Array, order: Array) -> float:
     return value if np.isfinite(value) else 0.0
 
 
-_RARE = 0.001  # chance of a remark on the noise without reason
+_RARE = 0.001  # probability of a remark on the noise without reason
 _LARGE = 0.75  # ratio of found noise to declared below which the declared one is too large
 _FAR = 0.1  # below it the identification warns of wrong units
 _SURE = 3.0  # standard errors below zero that make a compliance negative
-_FEWEST = 10  # repeats within visits by which the noise of the instrument is known
+_FEWEST = 10  # fewest repeats within visits that determine the noise of the instrument
 
 
 def remarks_of(dataset: Dataset, fitted: IdentificationFit) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ Balakrishnan ch. 29.
 
 *Held-out misfit.* With the whitened residual r of held-out readings, columns J, the covariance C of the parameters and
 the noise s of the fit, r' (I + J C J' / s^2)^-1 r / s^2 is a chi-square over the rows held out. An excess is neither
-noise nor uncertainty of the model. It decides nothing. Source: Rao 1973, 4a.7; Woodbury 1950.
+noise nor uncertainty of the model. It decides nothing. Sources: Rao 1973, 4a.7, and Woodbury 1950.
 """
 
 from __future__ import annotations
@@ -208,8 +208,8 @@ def _between(dataset: Dataset, space: Space, family: Steps, effect: Effect) -> t
 
 
 POWER = 0.95
-_ABSURD = 100.0  # times the usual size: no robot has it, so that the readings cannot show the effect
-_QUANTILES = 32  # of the noise along an effect
+_ABSURD = 100.0  # multiple of the usual size that no robot has: the readings cannot show the effect
+_QUANTILES = 32  # quantiles of the noise along an effect
 
 
 @dataclass(frozen=True)
@@ -257,12 +257,13 @@ def _least(a: Array, raw: Array) -> Array:
 @lru_cache(maxsize=256)
 def _needed(columns: int, freedom: int, tries: int) -> float:
     """Compute the noncentrality at which `columns` columns are claimed with `POWER`."""
-    from scipy.optimize import root_scalar  # half a second that a service need not take to begin
+    # Imported here, since it would add half a second to the start of a service
+    from scipy.optimize import root_scalar
 
     limit = columns * float(fdtri(columns, max(freedom - columns, 1), 1.0 - CLAIM / tries))
     least = float(chndtrinc(limit, columns, 1.0 - POWER))
     likely = (np.arange(_QUANTILES) + 0.5) / _QUANTILES
-    # Of every column the sum over all stretches is zero: what it explains is taken out
+    # The sum of every column over all stretches is zero, since its explained part is removed
     along = 2.0 * gammaincinv(0.5 * columns * (STRETCHES - 1), likely) / (columns * STRETCHES)
     limits = limit * np.maximum(along, 1.0)
 
@@ -273,8 +274,8 @@ def _needed(columns: int, freedom: int, tries: int) -> float:
     return float(root_scalar(missed, bracket=(least, highest), xtol=1e-3 * least).root)
 
 
-_CHANCE = 1e-3  # of a surprise that is none
-_NOTICED = 1.1  # times what was expected that are worth a word
+_CHANCE = 1e-3  # false-alarm rate of the test
+_NOTICED = 1.1  # ratio to the expectation from which the misfit is reported
 
 
 @dataclass(frozen=True)
@@ -316,7 +317,7 @@ def surprise_of(
     inner = np.linalg.solve(np.eye(len(size)) + gram @ correlation, shared)
     square -= float(shared @ correlation @ inner)
     count = readings.observed.count
-    # Readings of one visit share where the robot came to rest: unless that is declared they are one try
+    # Readings of one visit share its rest position: unless that is declared, they are one observation
     apart = 1.0
     if readings.observed.shared is None:
         apart = len(np.unique(readings.conditions.visit)) / len(readings.rows)

@@ -2,8 +2,8 @@
 
 1. Screening: one pursuit on at most 1,200 readings keeps the best entries of every step. All later work uses the Gram
    matrices of these entries, one for each of 8 blocks of whole poses, so that its cost does not grow with the readings.
-2. Price: the score of an entry is its gain divided by the noise, less log(rows) for each further column, less twice the
-   logarithm of the number of entries of its kind.
+2. Price: the score of an entry is its gain divided by the noise, less log(rows) for each further column, less 2 log(k)
+   for k entries of its kind.
 3. Number: each fold chooses again from the blocks that it keeps and predicts the one that it leaves out. The fewest
    terms within half a standard error of the best are taken. No term is taken unless the first terms are beyond chance,
    corrected for all entries (Bonferroni), the gain exceeds 2.5 standard errors of the folds, and there are at least 60
@@ -12,7 +12,7 @@
 5. Ridge: a ridge of 3 % of a column ties the model to its own fit in directions that a fold does not determine.
 
 The covariance is multiplied by the mean square of the standardised errors of the folds, if that is above 1.
-Sources: Pati et al. 1993 (pursuit); Breiman et al. 1984 (one standard error); Roberts et al. 2017 (whole blocks).
+Sources: Pati et al. 1993 (pursuit), Breiman et al. 1984 (one standard error), Roberts et al. 2017 (whole blocks).
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ FOLDS = 8
 FEWEST_POSES = 60
 _DEALS = 4  # stretches of the campaign that are dealt to each fold
 _PATIENCE = 12  # terms without a smaller error after which a fold stops
-LEASH = 0.03  # of a column, by which the model is tied to its own fit
+LEASH = 0.03  # ridge that ties the model to its own fit, as a share of a column
 _SCREENED, _TOP = 1200, 60
-_MOST_COLUMNS = 1400  # of the Gram matrices
+_MOST_COLUMNS = 1400  # columns of the Gram matrices
 _GATE, _WITHIN = 2.5, 0.5  # standard errors of the folds: of the gain, and from the best number of terms
-_CHANCE = 0.01  # that a set which lacks nothing begins, and that a last term is one of chance
-_FAR_BEYOND = 1e-6  # chance of a last term that needs to pay little for itself
+_CHANCE = 0.01  # probability of a first term by chance, and of a last term by chance
+_FAR_BEYOND = 1e-6  # probability by chance below which a last term needs little gain
 _PER_ROUND = 6  # entries that enter in one round of the screening
-_WORTH = 0.3  # share of the best score that they have at least
-_INDEPENDENT = 0.1  # share of one that the others of its round may have in common with it
+_WORTH = 0.3  # least score of these entries, as a share of the best score
+_INDEPENDENT = 0.1  # largest share that an entry may have in common with the others of its round
 _LOST = 1e-6  # share of a column that is lost to rounding
 _ABSORBED = 0.02  # share of a column that the model must not absorb
-_ROUNDS = 30  # of the evidence
-_LEAST = 1e-12  # of a diagonal, by which a Gram matrix that rounding made singular can be inverted
+_ROUNDS = 30  # rounds of the evidence
+_LEAST = 1e-12  # added share of the diagonal that makes a Gram matrix invertible despite rounding
 HOLDS = 1e-3  # chance, all entries counted, below which a name holds together with the other chosen entries
 _FAVOUR = 3.0  # nats that a name has over a column that does the same
 
@@ -185,7 +185,7 @@ def log_chance(before: float, after: float, columns: int, free: int) -> float:
     columns, free = max(columns, 1), max(free, 1)
     ratio = (before - after) / columns / max(after / free, 1e-300)
     chance = float(fdtrc(columns, free, max(ratio, 0.0)))
-    # where a float holds it no more, the chance of two columns, which is exact for two
+    # on underflow, use the formula for two columns, which is exact for two
     return float(np.log(chance)) if chance > 1e-290 else -0.5 * free * float(np.log1p(columns * ratio / free))
 
 
@@ -197,7 +197,7 @@ class Screening:
     """
 
     def __init__(self, columns: Array, basis: Array, left: Array, groups: Groups, rows: int) -> None:
-        # The square of a torque's cube is beyond what single precision holds
+        # The square of a cubed torque overflows in single precision
         size = np.sqrt(np.einsum("ij,ij->i", columns, columns, dtype=np.float64))
         columns /= np.where(size > 0.0, size, 1.0)[:, None]
         self.columns, self.basis, self.left, self.groups = columns, basis, left, groups
@@ -272,7 +272,7 @@ class PursuitTerm:
     explained : float
         Decrease of the sum of squares when the entry entered.
     log_p : float
-        Log of the chance of what it explains in addition to all others, corrected for the number of entries.
+        Log of the chance of its additional explanation after all others, corrected for the number of entries.
     confirmed : bool
         Whether left-out blocks confirm the entry; otherwise it is only significant.
     """
@@ -521,7 +521,7 @@ def _decided(
     pursuit, gains = begin(None), list[float]()
     chances = list[float]()
     tries = np.log(len(dictionary.entries))
-    while len(pursuit.chosen) < most:  # beyond the confirmed terms for the sake of names alone
+    while len(pursuit.chosen) < most:  # only named effects justify terms beyond the confirmed ones
         before, free = pursuit.rss, pursuit.free
         if not pursuit.step():
             break

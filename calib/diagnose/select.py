@@ -37,8 +37,8 @@ from calib.model.model import BoundModel
 from calib.scan.families import one_order
 from calib.scan.scores import ABSORBED, CLAIM, CLASS_WIDTH, Score, Scores, Space, gain_of, p_value
 
-_FEW = 150  # poses below which rows alone do not say how sure a claim is
-STRETCHES = 16  # of the campaign, by which what lasts is known
+_FEW = 150  # with fewer poses, rows alone do not determine the significance of a claim
+STRETCHES = 16  # stretches of the campaign that show lasting errors
 
 
 def chance_by_pose(scores: Scores) -> NullDistribution | None:
@@ -92,7 +92,7 @@ def _log_p(gain: Array, columns: Array, square: Array, freedom: int) -> Array:
     """
     left = np.maximum(freedom - columns, 1)
     ratio = (gain / np.maximum(columns, 1)) / (np.maximum(square - gain, 1e-300) / left)
-    with np.errstate(divide="ignore"):  # beyond what a float holds: -inf
+    with np.errstate(divide="ignore"):  # -inf on underflow
         return np.where(columns > 0, np.log(fdtrc(np.maximum(columns, 1), left, ratio)), 0.0)
 
 
@@ -147,10 +147,10 @@ MOST_EFFECTS = 60
 _ROUNDS = 60
 _PATIENCE = 2  # rounds without a better model before the best so far is kept
 _MANY = 12  # with more effects than this, one round without a better model is enough
-_LEAST_SHARE = 0.004  # of what is left: an effect that explains less is not worth a name, however sure
-_BESIDE_CURVES = 0.01  # the same where curves of gears have taken the most away already
+_LEAST_SHARE = 0.004  # least share of the residual that a named effect explains, at any significance
+_BESIDE_CURVES = 0.01  # the same if curves of gears have explained most already
 _STEPS = 30  # Gauss-Newton steps between choices: a model that is not fitted to its end is compared with none
-_PASSED_OVER = 8  # candidates that are looked at when the best of them fails beside the noise along it
+_PASSED_OVER = 8  # candidates that are tried if the best fails against the noise along it
 _SWAP_MARGIN = 1.0  # evidence that a rival must gain to take an effect's place
 
 
@@ -314,7 +314,7 @@ def _new_directions(space: Space, basis: Array, effect: Effect) -> Array:
     columns = np.zeros((len(basis), len(effect.parameters)))
     columns[: space.size] = space.effect_columns(effect)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    for _ in range(2):  # once is not enough where little of a column is left
+    for _ in range(2):  # once is not enough if little of a column is left
         columns = columns - basis @ (basis.T @ columns)
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
     return np.asarray(u[:, s > 1e-3], dtype=np.float64)
@@ -371,7 +371,7 @@ def _swap(space: Space, scores: Scores, chosen: tuple[Effect, ...]) -> tuple[Eff
 CERTAIN = 0.95
 # Share of an effect that an alias may fail to reproduce: rounding of angles, no reading shows it
 _TWIN = 1e-4
-_FIT_WIDTH = 30.0  # by how much worse an order may fit before its evidence is not even worked out
+_FIT_WIDTH = 30.0  # loss of fit beyond which the evidence of an order is not computed
 
 
 @dataclass(frozen=True)

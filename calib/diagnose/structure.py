@@ -1,9 +1,10 @@
 """Tests of the residuals of a fit for structure, and search for the quantity that drives it.
 
 *Places.* Structure is searched along quantities that may drive it (`drivers`), each a set of smooth functions of the
-conditions with the slow ones weighted most. It is also searched in directions in which an error may act (`directions`):
-at the tool point along the axes of the world or the tool, along the line of sight, on all lengths of the arm, as a
-tilt of the base, or on one joint. With the functions F of a driver and the residual s along a direction, the score is
+conditions with the slow ones weighted most. It is also searched in directions in which an error may act (`directions`).
+An error may act at the tool point along the axes of the world or the tool, along the line of sight, on all lengths of
+the arm, as a tilt of the base, or on one joint. With the functions F of a driver and the residual s along a direction,
+the score is
 
     T = |F's|^2 / |r|^2,
 
@@ -13,7 +14,8 @@ slow functions of its two joints. The most plausible places (`likely`) share hal
 the other half. Source: Genovese, Roeder and Wasserman 2006.
 
 *Chance.* Readings of one pose share its repeatability and its unmodelled error, and real residuals have tails. T is
-therefore compared with that of the same residuals with random signs for whole poses, freed of what the fit absorbs:
+therefore compared with that of the same residuals with random signs for whole poses, without the part that the fit
+absorbs:
 
     r* = (I - QQ') (w o (I - B)^-1/2 r),      w = +1 or -1 for each pose,
 
@@ -49,8 +51,8 @@ from calib.data.conditions import Conditions
 from calib.scan.scores import Space
 
 DRAWS, _FEWEST_DRAWS = 199, 59
-_MOST_DRAWN = 4_000_000  # of the drawn residuals: 32 MB
-_TERMS = 40  # of the series of (1 - b)^-1/2: to 1 % where the fit hides 90 % of an error
+_MOST_DRAWN = 4_000_000  # limit for the drawn residuals, 32 MB
+_TERMS = 40  # terms of the series of (1 - b)^-1/2: to 1 % if the fit hides 90 % of an error
 _CLIP = 3.0
 _TAIL = 0.2  # share of the draws from which the tail is taken
 
@@ -141,7 +143,7 @@ _FAR = 16  # half waves over the range of distances: as of a meter that errs wit
 
 
 def drivers(space: Space) -> dict[str, Array]:
-    """Map each driver to functions (n, m) of it, whose mean square falls from 1."""
+    """Map each driver to functions (n, m), mean square falling from 1 with their order."""
     conditions, robot = space.fitted.readings.conditions, space.fitted.model.robot
     joints = range(conditions.joints.shape[1])
     names = [axis.removeprefix("j") for axis in robot.axes]
@@ -380,7 +382,7 @@ def _field(coordinates: Array, width: float = _WIDTH) -> Array:
 
 
 def _region(point: Array) -> Array:
-    """Smooth fields over the workspace (n, m), as wide as the spread of the points and narrower."""
+    """Return smooth fields over the workspace (n, m), as wide as the points spread and narrower."""
     spread = np.maximum(np.sqrt(np.mean(np.var(point, axis=0))), 1e-9)
     place = (point - point.mean(axis=0)) / spread
     return np.column_stack([0.4 * _field(place, width) for width in (1.0, 0.6)])
@@ -396,19 +398,19 @@ def pauses(conditions: Conditions) -> Array:
 
 
 ALARM = 0.001  # chance that a data set without structure raises an alarm, over all places
-# The alarm where declared noise does not explain what is left: that alone is rarer than an alarm
+# Rate of alarms if declared noise does not explain the residual, which alone is rarer than an alarm
 SUSPECT = 0.01
-_MOST_READINGS = 3000  # that the test looks at, of poses drawn at random
+_MOST_READINGS = 3000  # readings that are tested, from poses drawn at random
 _MOST_PLACES, _MOST_DIRECTIONS = 8, 3
 _SKEWNESS = 0.1, 8.0  # of a sum of squares: nearly normal, to carried by one
-# Draws that make sure how rare the largest of all places is; fewer where readings are many.
+# Draws that determine how rare the largest of all places is; fewer for many readings.
 _MOST_DRAWS, _MOST_NUMBERS = 999, 600_000
-_ABSORBED = 0.05  # share of what a place would show that must be left beside the model
+_ABSORBED = 0.05  # share of a place's signal that the model must not absorb
 _FAINT = 1e-4  # mean square of a function that is hardly one
 _SAME = 1e-6  # of a function whose mean square is about 1
-_LEAST_SHARE = 0.0005  # of what is left, that a place must explain to be one
+_LEAST_SHARE = 0.0005  # least share of the residual that a place must explain
 _CHANCE_OF_SHARE = 3.0  # standard deviations by which the share of a set of functions varies by chance
-_FEWEST_ACTING = 10.0  # readings over which the functions of a driver act at least
+_FEWEST_ACTING = 10.0  # fewest readings over which the functions of a driver act
 
 
 @dataclass(frozen=True)
@@ -437,7 +439,7 @@ def left_over(space: Space, alarm: float = ALARM) -> list[ResidualStructure]:
     functions = {name: f[some] for name, f in drivers(space).items() if _spread(f[some]) > _FEWEST_ACTING}
     squared = np.array([np.sum(f**2, axis=1) for f in functions.values()])
     pulled, alike = space.pulled(rows), _alike(space, functions, some)
-    # Single precision, which chance does not notice, for it is most of the time of a diagnosis that finds nothing
+    # Single precision does not affect the chance, and this step takes most of the time of a diagnosis without findings
     stacked = np.ascontiguousarray(np.hstack(list(functions.values())).T, dtype=np.float32)
     first = np.cumsum([0, *(f.shape[1] for f in functions.values())])[:-1]
     even = (1.0 / np.maximum(np.mean(stacked**2, axis=1), _FAINT))[:, None]
@@ -483,7 +485,7 @@ def left_over(space: Space, alarm: float = ALARM) -> list[ResidualStructure]:
 
 
 def _variables(driver: str) -> int:
-    """The number of quantities that a driver needs."""
+    """Return the number of quantities that a driver needs."""
     return 3 if driver == TOGETHER else 1 + driver.count(" and ")
 
 
@@ -619,7 +621,7 @@ def _share_of_choice(functions: Array, out: NDArray[np.bool_]) -> float:
 
 NOISY = 0.001  # chance that noise of the declared size fails the chi-square
 EACH_POSE = "each pose by itself, the same at every visit"
-_FEWEST_REPEATS = 30  # rows by which noise is known from repeats
+_FEWEST_REPEATS = 30  # fewest rows that determine the noise from repeats
 
 
 def p_lack_of_fit(space: Space) -> float:

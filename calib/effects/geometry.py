@@ -24,7 +24,7 @@ _SLOWLY = {
     "base": "The base or the instrument moved slowly from one reading to another.",
     "tool": "The tool moved slowly on the flange from one reading to another.",
 }
-_FEWEST = 6  # readings on either side of a step: fewer are outliers, not a change
+_FEWEST = 6  # fewest readings on either side of a step: fewer are outliers, not a change
 
 
 # The group `geometry` contains it as theta_K. The zero of joint 1 is the turn of the base about z, which every model

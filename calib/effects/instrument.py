@@ -11,7 +11,7 @@ from calib.model.regressors import Beam, Time, ToAnchor
 from calib.scan.families import Candidate
 
 _FEWEST = 6  # distances to a base target, two for each of its coordinates
-_AIR_PPM = 10.0  # as much as 10 K of air or 35 hPa that nobody entered
+_AIR_PPM = 10.0  # effect of 10 K of air or 35 hPa that were not entered
 
 
 def base_target_shift(name: str) -> Effect:

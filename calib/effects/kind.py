@@ -42,8 +42,8 @@ class EffectKind:
     Attributes
     ----------
     check : str
-        A sentence or two on what a technician should check first, and how to verify the finding. It is no work order:
-        the robot's own manual states how to repair a gear or a bearing.
+        First check for a technician, and how to verify the finding, in a sentence or two. It is no work order: the
+        robot's own manual states how to repair a gear or a bearing.
     apart : tuple of str
         Procedures, as the end of a sentence, that distinguish the kind from another if no pose within the limits does.
         Empty if none is known.
@@ -66,7 +66,7 @@ class EffectKind:
     remedy: str = ""
 
     def check_of(self, label: str) -> str:
-        """Advice on what to check for the effect of this label of the kind."""
+        """Return advice on what to check for the effect of this label of the kind."""
         return self.check.format(**_named(label))
 
     def words_of(self, label: str) -> str:

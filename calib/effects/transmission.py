@@ -141,8 +141,8 @@ _USUAL_PLAY = 0.1 * DEG  # rad, under the largest torque
 _PER_TORQUE = "1e-6 rad/(N.mm)"
 
 
-# Beside `backlash`, never negative; torques reach `largest` N.mm. Source: Slamani, Nubiola and Bonev 2012 (backlash of
-# an IRB 1600 that changes with the load).
+# In addition to `backlash`, never negative; torques reach `largest` N.mm. Source: Slamani, Nubiola and Bonev 2012
+# (backlash of an IRB 1600 that changes with the load).
 backlash_load = Row(
     EffectKind(
         "backlash_load",
@@ -253,10 +253,10 @@ def _offer_coupling(survey: Survey) -> list[Candidate]:
 _LOWEST, _HIGHEST = (
     0.5,
     330.0,
-)  # eccentric wheels, and strain-wave reducers: 50 to 320 cycles a turn, or twice that
+)  # eccentric wheels, and strain-wave reducers: 50 to 320 cycles per turn, or twice that
 # The spacing divides 1, so that every whole order is on the grid; a quarter of what one full turn resolves
 _SPACING = 0.25
-_USUAL_WAVE_DEG = 0.02  # of what nobody claims; one that is searched for may have any size
+_USUAL_WAVE_DEG = 0.02  # size of unclaimed waves; a wave that is searched for may have any size
 
 
 def periodic(joint: int, order: float) -> Effect:
@@ -314,7 +314,7 @@ def _offer_periodic(survey: Survey) -> list[Harmonics]:
 
 # --- the error of a gear over a whole turn: a Fourier series of whole orders ---
 
-# Cycles a turn: up to the reducer's ratio, beyond which the waves are few and `periodic` names them
+# Cycles per turn: up to the reducer's ratio, beyond which the waves are few and `periodic` names them
 HIGHEST = 100
 _MOST = 0.9  # of a curve's mean square
 

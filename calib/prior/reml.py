@@ -35,8 +35,8 @@ from calib.array import Array
 
 _ROUNDS = 400
 _SETTLED = 1e-3  # step of a variance, in its standard errors, at which it has arrived
-_LEAST = 1e-6  # of the usual size: a spread below it is none
-_CHANCE = 0.01  # that any parameter of any robot of the type is called an outlier
+_LEAST = 1e-6  # share of the usual size below which a spread counts as zero
+_CHANCE = 0.01  # probability that any parameter of any robot of the type is called an outlier
 _APART, _FEW = (
     4.0,
     10.0,
@@ -93,8 +93,9 @@ def hierarchy(precision: Array, right: Array, usual: Array) -> TypeModel:
     member = _first(precision, right)
     told = _told(precision)
     own = np.maximum(told.sum(axis=0) - 1, 2)
-    without = -stdtrit(own, 0.5 * _CHANCE / max(int(told.sum()), 1))  # of a value that took no part
-    within = without * np.sqrt(own / (own - 1 + without**2))  # of one that widened the spread itself
+    without = -stdtrit(own, 0.5 * _CHANCE / max(int(told.sum()), 1))  # limit for a value that took no part
+    # Limit for a value that widened the spread itself
+    within = without * np.sqrt(own / (own - 1 + without**2))
     variance = np.full(len(usual), 0.1)
     state = _State.of(precision, right, variance, member)
     for _ in range(_SWAPS):

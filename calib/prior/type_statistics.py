@@ -1,6 +1,6 @@
 """Statistics of the robots of one type, learned from the model files of some of them.
 
-Only the readings of every robot count. The priors of its own fit (usual sizes, or an earlier prior of the type) are
+Only the readings of every robot count. The priors of each fit (usual sizes, or an earlier prior of the type) are
 removed from its covariance,
 
     L_i = C_i^-1 - H_i,      L_i y_i = C_i^-1 x_i - H_i m_i,
@@ -151,7 +151,7 @@ def _positive(precision: Array, scale: Array) -> Array:
 FEWEST = 8
 """Robots that a type takes: of fewer the spread is so uncertain that one member in six would be called a stranger."""
 
-_MOST_OUTSIDE = 0.3  # of a robot's parameters, beyond which all of it is left out
+_MOST_OUTSIDE = 0.3  # share of a robot's parameters beyond which the whole robot is left out
 
 
 @dataclass(frozen=True)

@@ -80,17 +80,17 @@ class CalibratedModel:
     data_sha256: str
     holds_for: dict[str, Any]
     held_out_rms_mm: float | None = None
-    notes: tuple[str, ...] = ()  # what whoever uses it must know
+    notes: tuple[str, ...] = ()  # information for the user of the model
     regression: Regression | None = None
     simulated: bool = False  # whether the readings came from simulators
-    noise_scale: float = 1.0  # noise that the fit found over the declared
+    noise_scale: float = 1.0  # ratio of the noise found by the fit to the declared noise
     devices: tuple[Mapping[str, str], ...] = ()  # robot and instrument, as the header of the data names them
     updates: tuple[Mapping[str, Any], ...] = ()  # changes found by watches since, oldest first
-    # (m,) standard deviation of every prior in the fit, internal units; None in files that do not say it
+    # (m,) standard deviation of every prior in the fit, internal units; None in files that do not state it
     held_std: Array | None = None
     dropped: tuple[DroppedParameter, ...] = ()  # parameters that its readings did not determine
-    left_open: LeftOpen | None = None  # effects that may be there unseen; None in files that do not say it
-    sha256: str = ""  # content_sha256 of the file it was read from; empty where there is none
+    left_open: LeftOpen | None = None  # unresolved effects; None in files that do not state them
+    sha256: str = ""  # content_sha256 of the source file; empty if there is none
 
     @property
     def usual(self) -> StatedConditions:
@@ -429,7 +429,7 @@ def _saved(document: Mapping[str, Any], path: Path) -> CalibratedModel:
         raise DataError(
             f"is {coupling!r}.", do="Use a joint matrix of the robot.", file=path, key="joint_coupling"
         )
-    simulated = document.get("simulated", False)  # models of older versions do not say
+    simulated = document.get("simulated", False)  # models of older versions do not state it
     if not isinstance(simulated, bool):
         raise DataError(f"is {simulated!r}.", do="Write the model again.", file=path, key="simulated")
     if not isinstance(data, str):

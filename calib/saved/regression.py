@@ -18,7 +18,7 @@ from calib.text.toml_table import FARTHEST_MM
 METHOD = "mls-svr"
 _FEWEST = 2
 _MOST_TURN = 100.0  # rad
-_MOST = 1e12  # of a weight or a mean: far above any, and its products are still numbers
+_MOST = 1e12  # limit of a weight or a mean: far above any, and its products do not overflow
 
 
 def document_of(regression: Regression) -> dict[str, Any]:

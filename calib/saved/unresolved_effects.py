@@ -20,8 +20,8 @@ Source: Kennedy and O'Hagan 2001 (the error of a model is one more unknown).
 A missing law, such as a wave of a gear, moves the joints of a pose alike in every reading there. In ten poses with
 three targets each it is drawn ten times, not in ninety rows, and the parameters absorb most of it. Small gears have
 larger errors than large ones, and a wrist that is off by ten times as much moves the tool no farther. Every joint
-therefore has a separate scatter. Let r be the whitened residual, Z the columns of all that was estimated or is
-unresolved, P the covariance of their priors, and W_k the columns of joint k in every pose. Then
+therefore has a separate scatter. Let r be the whitened residual, and Z the columns of all that was estimated or is
+unresolved, with P the covariance of their priors. With W_k the columns of joint k in every pose,
 
     r ~ N(0, H^-1 + sum s_k^2 W_k W_k'),    H = (I + Z P Z')^-1,
 
@@ -58,7 +58,7 @@ _PREFIX = "open"
 KEY = "left_open"
 _USUAL = 0.02 * DEG  # scatter of joints whose gears are as usual: half-normal
 _TRIED = np.linspace(0.0, 4.0 * _USUAL, 401)
-_POSES = 60  # 200 change a joint by some 15 %, and cost ten times as much
+_POSES = 60  # 200 poses change a joint by about 15 %, and cost ten times as much
 _SWEEPS = 3  # over all joints; twenty change one by 8 % at most
 
 

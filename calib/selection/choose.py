@@ -53,7 +53,7 @@ from calib.units import DEG, to_display, to_internal
 
 STEP = 10  # poses
 WORTH = 0.02  # share by which STEP more poses must lower the largest U
-_BEYOND = 2.0  # the curve ends at so many times the selection
+_BEYOND = 2.0  # end of the curve, as a multiple of the selection
 _PLACES = 1000  # poses at which U is predicted
 
 
@@ -102,9 +102,9 @@ def observability(jacobian: Array, poses: int) -> ObservabilityIndices:
     )
 
 
-SHARE = 0.2  # of the poses that may be spent on filling
+SHARE = 0.2  # share of the poses that may be used for filling
 OFF_AXIS_MM = 20.0  # a target nearer to the axis of the last joint hardly sees it turn
-_HARDLY = 0.5  # of a parameter's usual size
+_HARDLY = 0.5  # share of a parameter's usual size
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def choose(
     core = best_of_starts(blocks, best, count, starts=starts, seed=seed)
     cells = coverage.cells_of(candidates.joints)
     selection, fixed = core, []
-    # A pose that leaves for a filling one can leave a bin empty in its turn: so again, until nothing is missing.
+    # A pose that leaves for a filling one can leave another bin empty: repeat until nothing is missing.
     while (wanted := coverage.missing(cells, selection)).any():
         more = coverage.filling(cells, wanted, int(share * count) - len(fixed), best.sensitivity)
         if not more:
@@ -276,7 +276,7 @@ def curve_of(
     selection : array of int
         Poses at the centre of the curve.
     step : int, optional
-        Difference of two counts. The curve starts at the smallest sufficient count.
+        Difference of two counts. The counts include that of the selection, and begin near the smallest sufficient one.
     prior : array of shape (m,), optional
         Information on every parameter from robots of the type, in units of the columns.
     beyond : float, optional

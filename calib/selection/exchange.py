@@ -31,15 +31,15 @@ from calib.selection.pose_rows import PoseRows
 
 Indices = NDArray[np.int64]
 STARTS = 32
-_SHORT = 300  # candidates of the starts; the best start then goes through all
+_SHORT = 300  # candidates for the starts; the best start then uses all
 _SHORT_PER_POSE = 5
 _GAIN = 1e-9  # an exchange that raises log det by less is not made
 _PASSES = 100
-_FAINT = 1e-4  # of a pose's average information: steadies the first poses of a start
+_FAINT = 1e-4  # share of a pose's average information: stabilises the first poses of a start
 _GRAIN = 1e-9  # least share of its information that a leaving pose leaves behind
 TOLERANCE = 3e-4  # how far the bound may lie above the optimum, as a share of det^(1/m)
 _STEPS = 5000
-_POWER = 1.9  # 1 is the classic step; nearly twice its length is as sure and comes earlier
+_POWER = 1.9  # 1 is the classic step; nearly twice its length converges as safely and faster
 _EVERY = 10
 
 
@@ -141,7 +141,7 @@ def exchange(blocks: PoseRows, selection: Indices, *, fixed: Sequence[int] | Ind
             "the first selection does not determine the parameters.", do="Start from a better one."
         )
     for _ in range(_PASSES):
-        # anew once a pass, so that rounding does not add up
+        # computed again for each pass, so that rounding does not add up
         state = SelectionState.of(blocks, blocks.information(selection))
         swapped = False
         for place in free:
@@ -216,7 +216,7 @@ class SelectionState:
         """Update the state after one pose entered (+1) or left (-1)."""
         x = self.blocks.columns
         values, directions = np.linalg.eigh(self.b[:, :, pose])
-        # A pose that is all there is in some direction leaves a grain of itself behind, until the next pass.
+        # The only pose in some direction leaves a small share of itself behind, until the next pass.
         factor = directions / np.sqrt(np.maximum(1.0 + sign * values, _GRAIN))
         u = self.inverse @ x[:, :, pose] @ factor
         v = (u.T @ x.reshape(len(x), -1)).reshape(-1, *x.shape[1:])

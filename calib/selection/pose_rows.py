@@ -3,8 +3,8 @@
 A pose i of N with k rows X_i (k, m) adds X_i'X_i to the information matrix of m parameters. D-optimality does not
 change under an invertible transformation of the parameters, nor when the rows of a pose are rotated. The columns are
 therefore made orthonormal over all candidates, so that every information matrix is well scaled. The rows of each pose
-are rotated to their principal directions, and directions that are zero at every pose are left out: three targets on a
-rigid tool have nine rows, of which six count.
+are rotated to their principal directions, and directions that are zero at every pose are left out. For example, three
+targets on a rigid tool have nine rows, of which six count.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ with d the mean moving range over 1.128, v its degrees of freedom, and u^2 the m
 uncertainties. A later value i scatters by sigma_i^2 = between^2 + u_i^2. The mean z_i = g y_i + (1 - g) z_(i-1), with
 z = centre before the first, scatters by the exact sum of its weights. The uncertainty of the centre is in both.
 
-Limits are quantiles of Student's t with v + 6 degrees of freedom, or v without U. A value of a steady parameter is then
+Limits are quantiles of Student's t with v + 6 degrees of freedom (v without U). A value of a steady parameter is then
 a signal at most at the stated rate, half of it for each chart. A signal is a value, or its mean, outside its limits.
 There are no rules about runs: each adds false alarms, and the mean detects what they detect.
 
@@ -131,7 +131,7 @@ def chart_of(
     variance = between + u**2
     of_centre = float(np.mean(variance[:first])) / first
     k = float(stats.t.isf(rate / 4.0, freedom))
-    # a value of the reference draws the centre after itself, and one that is alone is the centre; a later one does not
+    # a value of the reference moves the centre, and a single one is the centre; a later value does not
     later = np.arange(len(values)) >= first
     among = variance * (1.0 - 2.0 / first) + of_centre if first > 1 else np.inf
     half = k * np.sqrt(np.where(later, variance + of_centre, among))

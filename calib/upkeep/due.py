@@ -11,8 +11,8 @@ A straight line through the values, weighted by their uncertainty, predicts late
     y(x) = a + b x,    u(x)^2 = [1 x] C [1 x]' + between^2,
 
 with C the covariance of a and b, and between^2 the scatter of the values about the line beyond their own u. The check
-is due at the x at which |y(x) - target| + 2 u(x) reaches the permitted error. That sum is convex in x, so it is
-reached once. The line is that of a weighted least squares.
+is due at the x at which |y(x) - target| + 2 u(x) reaches the permitted error. That sum is convex in x and
+therefore reached once. The line is that of a weighted least squares.
 Source: ILAC-G24:2022 / OIML D 10:2022, 6.3 (drift and dispersion from the plot, the interval from both).
 
 **Staircase.** A check that is well within the permitted error lengthens the interval, one outside shortens it.

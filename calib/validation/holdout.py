@@ -101,9 +101,9 @@ def _judge(dataset: Dataset, held: Mask) -> tuple[Array, int]:
 
 
 def _placed(dataset: Dataset, fitted: Mask) -> Mask:
-    """Mark the rows (n,) whose series has readings among those fitted.
+    """Mark the rows (n,) whose series has `FEWEST` readings or more among those fitted.
 
-    If the tool is unknown, their tool target must have readings too.
+    If the model frees the tool, their target must have as many readings in that series.
     """
     conditions = dataset.conditions
     kinds = [conditions.series]
@@ -121,7 +121,7 @@ def _random(dataset: Dataset, rows: Mask, folds: int) -> Iterator[Mask]:
 
 
 def _region(dataset: Dataset, rows: Mask, folds: int) -> Iterator[Mask]:
-    # In the base frame, where the series share their places.
+    # In the base frame, in which the series share their positions.
     places = forward(dataset.header.robot, dataset.conditions.joints)[:, :3, 3]
     centred = places - places[rows].mean(axis=0)
     along = centred @ np.linalg.svd(centred[rows], full_matrices=False)[2][0]

@@ -45,7 +45,7 @@ class PoseFigures:
     repeatability: float
     accuracy_angles: tuple[float, ...] | None  # about x, y, z; None without orientations
     repeatability_angles: tuple[float, ...] | None
-    variation: float | None  # None where not two directions have two visits each
+    variation: float | None  # None unless two directions have two visits each
     variation_angles: tuple[float, ...] | None
     directions: int
 

@@ -8,9 +8,9 @@ A grouping gives every reading a name, and a group is summarised like the whole.
 grouping by distance.
 
 **Branch.** The branch of a six-axis robot's configuration is front or back, up or down, flip or noflip, according to
-the nominal axes. It consists of the signs of the quantities that vanish in the three singular surfaces, for arms with a
-spherical wrist and for the URs alike. z_i is the axis of joint i, and o_i a point on it. Axes 5 and 6 meet in w, which
-is the wrist centre of a spherical wrist.
+the nominal axes. It consists of the signs of the quantities that vanish in the three singular surfaces, both for arms
+with a spherical wrist and for the URs. z_i is the axis of joint i, and o_i a point on it. Axes 5 and 6 meet in w,
+which is the wrist centre of a spherical wrist.
 
     front / back    (z_1 x z_2) . (w - o_1), relative to its sign at the zero pose: the wrist lies before or behind
                     axis 1; for an arm that is upright at zero, its own sign

@@ -147,13 +147,13 @@ class _Sweep:
     def _strip(self, start: int, bracket: _Bracket) -> _Tally:
         """Process rows start .. start + tile with themselves and all rows after them."""
         total = _Tally(0.0, 0.0, 0.0, 0, np.zeros(_BINS + 1, dtype=np.int64))
-        # Once a strip: allocating it for every tile costs more than sums
+        # Once per strip: allocating it for every tile costs more than the sums
         room = np.empty((2, self.tile * self.tile))
         inside = []
         for first in range(start, self.points.shape[1], self.tile):
             errors = self._tile(start, first, room)
             total.sum += float(errors.sum())
-            # by rows: the BLAS gives long products to threads of its own, which fight with these
+            # by rows: BLAS runs long products in its own threads, which compete with these
             total.squares += float(np.vecdot(errors, errors).sum())
             total.max = max(total.max, float(errors.max(initial=0.0)))
             reached = errors >= bracket.low
@@ -176,5 +176,5 @@ class _Sweep:
         np.sqrt(squared, out=squared)
         errors = np.subtract(squared[0], squared[1], out=squared[0])
         np.abs(errors, out=errors)
-        # on the diagonal of tiles every pair is there twice, and each point beside itself
+        # tiles on the diagonal contain every pair twice, and each point with itself
         return errors[np.triu_indices(k, 1)][None] if first == start else errors

@@ -30,7 +30,7 @@ from calib.saved import CalibratedModel
 def in_series(saved: CalibratedModel, dataset: Dataset) -> Dataset:
     """Prepare later readings for prediction by a saved model.
 
-    The readings get the name of the only series of the model, regardless of their own series name. They are placed
+    The readings get the name of the only series of the model, regardless of their original series name. They are placed
     after every event of the calibration. If no term of the model depends on the air temperature, missing temperatures
     are replaced by the usual one of the calibration.
     """
@@ -47,7 +47,7 @@ def in_series(saved: CalibratedModel, dataset: Dataset) -> Dataset:
     return replace(dataset, conditions=conditions)
 
 
-_ANGLES = 2.5  # of joints in all poses, for each parameter
+_ANGLES = 2.5  # joint angles in all poses, for each parameter
 
 
 def too_few_poses(saved: CalibratedModel) -> str:
@@ -110,7 +110,7 @@ class Baseline:
             for term in effect.terms
             if isinstance(term.regressor, Time | WarmUpRegressor | OfTime)
         }
-        # a drift that was left open has done what it did to the parameters; later readings need not carry the time
+        # an unresolved drift has already affected the parameters; later readings need not state the time
         own = len(saved.model.effects)
         effects = tuple(
             e for k, e in enumerate(model.effects) if k < own or not {p.name for p in e.parameters} <= gone
@@ -190,7 +190,7 @@ def scatter_beyond(saved: CalibratedModel, dataset: Dataset) -> Array:
     Returns
     -------
     array of shape (N,)
-        Standard deviation of each joint, rad, or mm for sliding joints.
+        Standard deviation of each joint, rad; a sliding joint scatters by as many mm as deg.
     """
     if saved.left_open is not None and saved.left_open.scatter is not None:
         return saved.left_open.scatter

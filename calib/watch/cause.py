@@ -16,12 +16,12 @@ from calib.watch.whitened_readings import WhitenedReadings
 
 _STEPS = 10
 _NEAR = 0.01  # standard errors that a last step may move
-_SHOWN = 0.1  # of what readings and usual size together say of a parameter, what the readings must
+_SHOWN = 0.1  # least share of the readings in the information on a parameter
 
 
 @dataclass(frozen=True)
 class Size:
-    """The size of a change: value and expanded uncertainty U (k = 2) in `unit`."""
+    """Size of a change: value and expanded uncertainty U (k = 2) in `unit`."""
 
     value: float
     u: float
@@ -72,7 +72,7 @@ class Cause:
 
     @property
     def remedy(self) -> str:
-        """The remedy for the cause, with its size but without the uncertainty."""
+        """Remedy for the cause, with its size but without the uncertainty."""
         digits = str(self.size).partition(" (")[0]
         return kind_of(self.label).remedy_of(self.label, digits)
 

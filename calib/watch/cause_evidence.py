@@ -31,10 +31,10 @@ from calib.array import Array
 from calib.model.effect import Effect
 from calib.units import to_internal
 
-CERTAIN = 0.95  # of the weight of a class: its one member is a name
-CLASS_WIDTH = 6.0  # of twice the evidence, within which a cause belongs to the class of the best
+CERTAIN = 0.95  # share of the weight of a class from which one cause is identified
+CLASS_WIDTH = 6.0  # difference of twice the evidence within which a cause belongs to the class of the best
 _SHOWN = 1e-2  # whitened length of a direction at its usual size
-_TWIN = 1e-4  # share of what a cause does that a twin may fail to do
+_TWIN = 1e-4  # share of a cause that an alias may fail to reproduce
 _DRAWS = 20_000
 
 
@@ -193,7 +193,7 @@ class Odds:
         low, high = (
             np.log(rate / len(freedom)) - 0.1,
             np.log(rate),
-        )  # Bonferroni's below, one question's above
+        )  # lower end by Bonferroni, upper end for a single test
         while high - low > 0.01:
             middle = 0.5 * (low + high)
             beyond = squares > stats.chi2.isf(np.exp(middle), freedom)
@@ -220,7 +220,7 @@ class Odds:
         for b in np.unique(best):
             mine = best == b
             fit = np.maximum(gain[mine, b][:, None] - gain[mine], 0.0)
-            # no more complex, or a twin: what is usual must not decide alone, only how well it fits
+            # no more complex, or an alias: the usual size must not decide alone, only the fit
             alike = (freedom <= freedom[b]) | self._twins(int(b), residual[mine])
             possible = np.isfinite(evidence[mine])
             cost[mine] = np.where(alike & possible, np.minimum(cost[mine], fit), cost[mine])

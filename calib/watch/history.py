@@ -26,7 +26,7 @@ from calib.watch.whitened_readings import WhitenedReadings
 
 FORMAT = "truepose-watch-history/1"
 _TEXTS = ("data_sha256", "baseline_sha256", "poses_sha256", "verdict")
-_LARGEST = 1e12  # of a residual, which counts in standard deviations
+_LARGEST = 1e12  # limit of a residual, in standard deviations
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def append(
         "residual": [float(f"{x:.6g}") for x in seen.residual],
     }
     text = read_text(path) if path.exists() else ""
-    text += "\n" if text and not text.endswith("\n") else ""  # a line that was cut off is not lengthened
+    text += "\n" if text and not text.endswith("\n") else ""  # nothing is appended to a truncated line
     replace_file(path, text + json.dumps(line, allow_nan=False) + "\n")
 
 

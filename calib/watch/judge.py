@@ -111,7 +111,7 @@ class WatchVerdict:
 
     @property
     def in_words(self) -> str:
-        """The verdict in a sentence."""
+        """Verdict as a sentence."""
         if self.kind == "unchanged":
             return f"Nothing has changed that {self.questions[0].rows} values could show."
         if self.kind == "unexplained":
@@ -185,7 +185,7 @@ def _explained(
     odds, white = asked.odds, asked.residual[None]
     mean = None if asked.mean is None else asked.mean.residual
     causes = [fitted(seen, column.effect, asked.whiten, mean) for column in odds.causes]
-    # what the derivative says of shifts alone, and of what physics forbids, beside the fits
+    # the linear evidence for shifts alone and for physical bounds is added to that of the fits
     linear = np.array([column.whole(white)[0] for column in odds.causes])
     allowed = np.isfinite(linear)
     beside = np.where(allowed, odds.evidence(white)[0] - np.where(allowed, linear, 0.0), -np.inf)

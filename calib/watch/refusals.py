@@ -232,7 +232,7 @@ def refuse_copies(dataset: Dataset) -> None:
     _, first, count = np.unique(np.nan_to_num(read, nan=-1e9), axis=0, return_index=True, return_counts=True)
     twice = count > 1
     times = conditions.time[rows]
-    timed = np.isfinite(times) & (len(np.unique(times)) > 1)  # one time for all of them says nothing
+    timed = np.isfinite(times) & (len(np.unique(times)) > 1)  # one common time is no information
     copied = twice & (timed[first] | twice.all())
     if copied.any():
         name = np.array(dataset.reading_id)[rows][first[copied][0]]

@@ -234,7 +234,7 @@ class ParameterChange:
     ) -> Array:
         """Compute the covariance (size, size) of the estimate after the change is added at `place`."""
         old = len(saved.estimate)
-        # not what the instrument did with time in its own campaign
+        # excludes the drift of the instrument during its own campaign
         acts = np.flatnonzero(np.diag(seen.covariance)[:old] > 0.0)
         shared = -saved.covariance[:, acts] @ seen.of_parameters[:, acts].T @ self.weighed @ self.normal
         into = np.zeros((size, old + len(place)))

@@ -27,9 +27,9 @@ compared with the permitted error.
 
     rms^2 = sum e_i^2 / n,    u(rms)^2 = sum g_i' N_i g_i + (J' g)' F (J' g),    g_i = e_i d_i / (n rms)
 
-Here d_i is the direction of the error e_i, N_i the covariance of the instrument, F the covariance of its frame, and J
-the derivative of the points by the frame. The robot's repeatability and the unmodelled scatter are errors, and are not
-part of U.
+Here d_i is the direction of the error e_i and N_i the covariance of the instrument. F is the covariance of its frame,
+and J the derivative of the points by the frame. The robot's repeatability and the unmodelled scatter are errors, and
+are not part of U.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ from calib.saved import CalibratedModel
 from calib.watch.baseline import Baseline, in_series, root_of, unmodelled_scatter
 
 _FEWEST = 3
-_STEP_MM = 1e-3  # by which a nest is moved to see what its errors do
+_STEP_MM = 1e-3  # step of a nest for the numerical derivative
 
 
 @dataclass(frozen=True)
@@ -211,7 +211,7 @@ class WhitenedReadings:
 
 
 _SINCE = "since"
-_FREE = 1e4  # standard deviations of the noise by which an unknown frame may be elsewhere
+_FREE = 1e4  # prior of an unknown frame, in standard deviations of the noise
 
 
 def _causes(saved: CalibratedModel, dataset: Dataset, readings: FitReadings) -> tuple[Effect, ...]:

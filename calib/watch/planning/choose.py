@@ -31,12 +31,12 @@ from calib.watch.baseline import root_of
 from calib.watch.planning.sizes import needed, of_one_unit, wanted_of
 from calib.watch.whitened_readings import WhitenedReadings
 
-_NOTICED = 0.1  # of the usual size
-_PASSING = ("drift_translation", "drift_rotation", "arm_growth")  # looked for, but no pose is chosen for them
+_NOTICED = 0.1  # share of the usual size
+_PASSING = ("drift_translation", "drift_rotation", "arm_growth")  # tested, but no pose is chosen for them
 _ROUNDS = 6
 _RIDGE = 1e-6
 _SHOWN = 1e-2  # non-centrality in all candidates together
-_P_LIMIT = 1e-3  # of an alarm, about: how many questions there are hardly matters to the choice
+_P_LIMIT = 1e-3  # approximate limit of an alarm: the number of tests hardly matters to the choice
 
 
 def choose(seen: WhitenedReadings, visit: NDArray[np.int64], count: int) -> list[int]:
@@ -141,8 +141,8 @@ class _Short:
     def _with_each_beside(self, taken: list[int]) -> Array:
         """Compute the shortfall (V,) of the causes with each visit added to those already taken.
 
-        With the columns A for the causes and B for the shared errors, a further visit adds R' (I + B K B')^-1 R to the
-        information, R = A - B K (sum B' A), K = (I + sum B' B)^-1.
+        Let A be the columns for the causes and B those for the shared errors. A further visit adds
+        R' (I + B K B')^-1 R to the information, with R = A - B K (sum B' A) and K = (I + sum B' B)^-1.
         """
         b, a = (each[taken].reshape(-1, each.shape[2]) for each in (self.shared, self.stated))
         k = np.linalg.inv(np.eye(b.shape[1]) + b.T @ b)

@@ -24,7 +24,7 @@ from calib.watch.planning.sizes import DetectableSizes, shown
 from calib.watch.whitened_readings import WhitenedReadings
 
 FEWEST = 4
-_MOST = 60  # poses that are tried where fewer show too little
+_MOST = 60  # largest number of poses that is tried
 _TRIES = 3
 _STEPS = 6
 _NEAR = 0.02
@@ -150,7 +150,7 @@ def plan(
     strict = {label: wanted(label) for label in goal}
     lever = None
     if best.short > 1.0 and best.worst.endswith(f":j{saved.model.robot.joints}"):
-        # nothing may show it: a target on the axis, or too few readings
+        # possibly nothing shows it: a target on the axis, or too few readings
         now = next((c.lever_mm for c in found.causes if c.label == best.worst), None)
         long = None if now is None else lever_needed(ways, once, best.rounds, best.worst, now)
         lever = None if long is None else (best.worst, long)

@@ -29,8 +29,8 @@ from calib.watch.whitened_readings import WhitenedReadings
 
 TIMES = (1, 2, 4)
 REPEATS = (1, 2, 3, 4, 6, 8, 12)
-_MOVE = 4  # readings that an arrival costs
-_NEAR = 1.1  # of the smallest size that any readings show, up to which fewer are preferred
+_MOVE = 4  # cost of an arrival, in readings
+_NEAR = 1.1  # fewer readings are preferred up to this multiple of the smallest detectable size
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,8 @@ from calib.watch.cause_evidence import CauseColumns, Odds
 from calib.watch.judge import RATE, odds_of
 from calib.watch.whitened_readings import WhitenedReadings
 
-_TIMES = (1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)  # of the smallest size, at which names are counted
+# Multiples of the smallest size at which identifications are counted
+_TIMES = (1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)
 _DRAWS = 400
 _NOTHING = 1e-12  # non-centrality of one unit
 SEEN, ALONE = 0.95, 0.80
