@@ -653,7 +653,7 @@ class Blocks:
         return cls(rank * count // n, count)
 
     @classmethod
-    def dealt(cls, space: Space) -> Blocks:
+    def random_blocks(cls, space: Space) -> Blocks:
         """Deal short stretches of whole poses, in the order of their first visit, to the blocks.
 
         No pose is in two blocks, and no block contains all readings that show a step.

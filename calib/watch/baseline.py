@@ -181,7 +181,7 @@ def root_of(covariance: Array) -> Array:
     return size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def scatter_beyond(saved: CalibratedModel, dataset: Dataset) -> Array:
+def unmodelled_scatter(saved: CalibratedModel, dataset: Dataset) -> Array:
     """Return the joint scatter beyond the declared repeatability.
 
     The model file states it. For a file without it, one angle for all joints is estimated from the held-out error, or

@@ -108,7 +108,7 @@ def plan(
     both = times is None or times > 1
     offered = candidates.again(2 if both else 1)
     would = planned(saved, header, offered)
-    lack = scatter_beyond(saved, would)
+    lack = unmodelled_scatter(saved, would)
     # The unmodelled scatter differs with each pose, as the repeatability does with each visit. The noise has one
     # value for all joints: that of a wrist, which may be off by ten times as much, would hide the others.
     noise, usual = header.noise, float(np.median(lack))
