@@ -108,7 +108,7 @@ class WhitenedReadings:
         frame_known : bool, optional
             False if the positions of robot and instrument cannot be compared with the calibration.
         lack : array of shape (N,), optional
-            Unmodelled scatter of every joint, rad. Default: from `scatter_beyond`.
+            Unmodelled scatter of every joint, rad. Default: from `unmodelled_scatter`.
 
         Raises
         ------
