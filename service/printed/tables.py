@@ -16,10 +16,11 @@ from calib.fit import ErrorStatistics, ExcludedReading, IdentificationFit
 from calib.fit import left_out as rows_left_out
 from calib.units import percent
 from service import wording
+from service.results.common import ParameterResponse
 from service.results.judgement.acceptance import NAMES, RULE, AcceptanceResult
 from service.results.models import positions
-from service.results.models.documents import PatchResult
-from service.results.models.parameters import ParameterRow, rows_of
+from service.results.models.diagnosed import PatchResult
+from service.results.models.parameters import rows_of
 from service.results.shape import ResponseBody, cells_of, columns_of
 
 _SHOWN = 24  # effects listed on a terminal; the report and the JSON hold all
@@ -221,7 +222,7 @@ def parameters(found: IdentificationFit) -> RenderableType:
     return table
 
 
-def _cells(row: ParameterRow) -> tuple[str, ...]:
+def _cells(row: ParameterResponse) -> tuple[str, ...]:
     nominal = "" if row.nominal is None else f"{row.nominal:.4f}"
     if row.absolute is None or row.absolute_std is None:
         with_whom = ", ".join(row.confounded_with[:4])
@@ -229,7 +230,7 @@ def _cells(row: ParameterRow) -> tuple[str, ...]:
         return row.name, nominal, reason, "", "", row.unit
     _, error = wording.with_uncertainty(row.absolute, row.absolute_std)
     places = len(error.partition(".")[2])
-    change = "" if row.change is None else f"{row.change:+.{places}f}"
+    change = "" if row.change_from_nominal is None else f"{row.change_from_nominal:+.{places}f}"
     return row.name, nominal, f"{row.absolute:.{places}f}", change, error, row.unit
 
 

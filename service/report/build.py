@@ -36,11 +36,12 @@ from service.report.sections import (
     verification,
 )
 from service.report.sections.findings import DRAWN, effects_of, power_of, structure_of
+from service.results.common import ParameterResponse
 from service.results.judgement.acceptance import NAMES, RULE, AcceptanceResult
 from service.results.judgement.validation import ValidationOutcome
 from service.results.models import positions
-from service.results.models.documents import PatchResult
-from service.results.models.parameters import ParameterRow, rows_of
+from service.results.models.diagnosed import PatchResult
+from service.results.models.parameters import rows_of
 from service.results.shape import document_of
 
 _LEFT_OUT_SHOWN = 30  # readings, largest errors first
@@ -382,7 +383,7 @@ def _begun(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _parameter(row: ParameterRow) -> dict[str, Any]:
+def _parameter(row: ParameterResponse) -> dict[str, Any]:
     shown: dict[str, Any] = {
         "name": row.name,
         "unit": row.unit,
@@ -394,7 +395,7 @@ def _parameter(row: ParameterRow) -> dict[str, Any]:
         _, uncertainty = wording.with_uncertainty(row.absolute, wording.COVERAGE * row.absolute_std)
         places = len(uncertainty.partition(".")[2])
         shown["uncertainty"] = uncertainty
-        for name, x in (("value", row.absolute), ("change", row.change)):
+        for name, x in (("value", row.absolute), ("change", row.change_from_nominal)):
             # + 0.0: what rounds to nothing has no sign
             shown[name] = "" if x is None else f"{round(x, places) + 0.0:.{places}f}".replace("-", "−")
         shown["nominal"] = shown["nominal"].replace("-", "−")

@@ -1,45 +1,65 @@
-"""The bodies of an identification and of what all results share, as `--json` of the command line has them.
-
-`service.results` makes them; a test compares.
-
-The body of a model, as `--model` of the command line writes it (`truepose-model/1`).
-"""
+"""The parts that results share, and the body of a model, as `--model` writes it (`truepose-model/1`)."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from dataclasses import asdict
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field, SkipValidation
 
+from acquisition import CampaignTable
 from calib.data import Dataset
-from service.results.shape import ResponseBody, told
+from calib.fit import IdentificationFit, TargetOffset, left_out, offsets_of
+from service.results import typed
+from service.results.judgement.acceptance import AcceptanceShown
+from service.results.shape import DescribedAs, Real, ResponseBody, told
 
 _SHA = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
 ERRORS = {"n": 120, "rms": 0.04, "mean": 0.036, "p95": 0.067, "max": 0.09}
-Reading = Annotated[int | str, told("The id of a reading, a number or text as in the data set.", 17)]
+
+Campaign = Annotated[dict[str, Any], DescribedAs(CampaignTable)]
+"""What `campaign.toml` holds, as JSON; `acquisition.campaign` describes and reads it."""
 
 Warnings = Annotated[
     list[str], told("What keeps the figures from meaning what they seem to, in sentences.", [])
 ]
 
-Share = Annotated[float | None, told("A share from 0 to 1, no unit.", 0.97)]
-Number = Annotated[float | None, told("A number without a unit; null: not known.", 1.02)]
+Share = Annotated[Real, told("A share from 0 to 1, no unit.", 0.97)]
+Number = Annotated[Real, told("A number without a unit; null: not known.", 1.02)]
 Unit = Annotated[str, told("The unit of value and std.", "deg")]
 
 
-def reading(name: str) -> int | str:
+def reading(name: int | str) -> int | str:
     """A reading id as the data set means it: a whole number, or text."""
-    return int(name) if name.isascii() and name.isdigit() and str(int(name)) == name else name
+    text = str(name)
+    return int(text) if text.isascii() and text.isdigit() and str(int(text)) == text else name
+
+
+ReadingId = Annotated[int | str, BeforeValidator(reading)]
+Reading = Annotated[
+    ReadingId, told("The id of a reading, a number or text as in the data set.", 17, of="reading_id")
+]
+
+
+class OrderedBody(ResponseBody):
+    """A response that is written in the order in which its members were given, not in that of the class."""
+
+    def __init__(self, /, **members: Any) -> None:
+        super().__init__(**members)
+        own = vars(self)
+        for name in {**members, **own}:
+            if name in own:
+                own[name] = own.pop(name)
 
 
 class ErrorStatisticsResponse(ResponseBody):
     """Errors of n readings, mm."""
 
     n: Annotated[int, told("Number of readings.", 120)]
-    rms: Annotated[float | None, told("Root mean square, mm.", 0.04)]
-    mean: Annotated[float | None, told("Mean, mm.", 0.036)]
-    p95: Annotated[float | None, told("95 % of them are less, mm.", 0.067)]
-    max: Annotated[float | None, told("The largest, mm.", 0.09)]
+    rms: Annotated[Real, told("Root mean square, mm.", 0.04)]
+    mean: Annotated[Real, told("Mean, mm.", 0.036)]
+    p95: Annotated[Real, told("95 % of them are less, mm.", 0.067)]
+    max: Annotated[Real, told("The largest, mm.", 0.09)]
 
 
 class DeviceResponse(ResponseBody):
@@ -100,25 +120,30 @@ class DataShown(ResponseBody):
 class Figure(ResponseBody):
     """A value with its standard error."""
 
-    value: Annotated[float | None, told("The value, in `unit`.", 0.131)]
-    std: Annotated[float | None, told("Its standard error, in `unit`.", 0.002)]
+    value: Annotated[Real, told("The value, in `unit`.", 0.131)]
+    std: Annotated[Real, told("Its standard error, in `unit`.", 0.002)]
     unit: Unit
 
+    @classmethod
+    def of(cls, value: float, std: float, unit: str) -> Self:
+        """A value with its standard error."""
+        return cls(value=value, std=std, unit=unit)
 
-class ParameterResponse(Figure):
+
+class ParameterResponse(OrderedBody, Figure):
     """A parameter of a model: `value` and `std` count from where the fit began, of a link from nominal."""
 
     name: Annotated[str, told("Its name.", "theta2")]
     nominal: Annotated[
-        float | None,
+        Real,
         told("Nominal value by robot file or header, in `unit`; null where there is none.", -90.0),
     ]
     absolute: Annotated[
-        float | None, told("The value itself, in `unit`; of a base its pose, turns about x, y, z.", -90.1)
+        Real, told("The value itself, in `unit`; of a base its pose, turns about x, y, z.", -90.1)
     ] = None
-    absolute_std: Annotated[float | None, told("Its standard error, in `unit`.", 0.002)] = None
+    absolute_std: Annotated[Real, told("Its standard error, in `unit`.", 0.002)] = None
     change_from_nominal: Annotated[
-        float | None, told("Absolute less nominal, in `unit`; null where there is no nominal value.", -0.1)
+        Real, told("Absolute less nominal, in `unit`; null where there is no nominal value.", -0.1)
     ] = None
     owner: Annotated[str, told("To whom it belongs: robot, mounting, tool, instrument ...", "robot")]
     dropped: Annotated[bool, told("These readings do not determine it.", False)] = False
@@ -140,8 +165,8 @@ class LeftOutResponse(ResponseBody):
     reading: Reading
     joints_deg: Annotated[list[float], told("The joints as the controller counts them, deg.", [12.0, 45.0])]
     target: Annotated[str, told("The target.", "T1")]
-    error_mm: Annotated[float | None, told("Its error, mm.", 1.9)]
-    times_noise: Annotated[float | None, told("Its error as a number of times the declared noise.", 44.0)]
+    error_mm: Annotated[Real, told("Its error, mm.", 1.9)]
+    times_noise: Annotated[Real, told("Its error as a number of times the declared noise.", 44.0)]
 
 
 class TargetOffsetResponse(ResponseBody):
@@ -152,45 +177,35 @@ class TargetOffsetResponse(ResponseBody):
     u_mm: Annotated[float, told("Stated standard uncertainty per axis, mm.", 0.3)]
     offset_mm: Annotated[list[float], told("Where it lies against the stated place, mm.", [0.1, 0.0, -0.2])]
     std_mm: Annotated[list[float], told("Standard errors of that, mm.", [0.01, 0.01, 0.01])]
-    distance_mm: Annotated[float | None, told("Its length, mm.", 0.22)]
+    distance_mm: Annotated[Real, told("Its length, mm.", 0.22)]
     sigma: Number
     doubted: Annotated[bool, told("It should be measured anew.", False)]
     rivals: Annotated[list[str], told("Names of what it cannot be distinguished from.", [])]
 
-
-class CriterionResponse(ResponseBody):
-    """One figure against its limit."""
-
-    quantity: Annotated[Literal["rms", "max"], told("Which error.", "rms")]
-    zone: Annotated[str | None, told("Of which zone; null: of all readings held out.", None)] = None
-    figure_mm: Annotated[float | None, told("The figure, mm; null: no reading lies in the zone.", 0.041)]
-    expanded_uncertainty_mm: Annotated[float | None, told("Its expanded uncertainty U (95 %), mm.", 0.004)]
-    uncertainty_basis: Annotated[str, told("What that is based on.", "bootstrap over 40 whole poses")]
-    limit_mm: Annotated[float, told("The limit, mm.", 0.05)]
-    verdict: Annotated[Literal["accepted", "rejected", "not_decided"], told("The verdict.", "accepted")]
-
-
-class AcceptanceShown(ResponseBody):
-    """The error on readings held out, held to limits with guard bands (ISO 14253-1)."""
-
-    verdict: Annotated[
-        Literal["accepted", "rejected", "not_decided"], told("Rejected where one criterion is.", "accepted")
-    ]
-    model: Annotated[str, told("The model that was judged.", "base model with the effects found")]
-    readings: Annotated[int, told("Number of readings.", 120)]
-    rule: Annotated[str, told("The decision rule in words.", "Accepted where ...")]
-    criteria: Annotated[list[CriterionResponse], told("Every figure that has a limit.", [])]
+    @classmethod
+    def of(cls, found: TargetOffset) -> Self:
+        """The place of a target as a fit found it."""
+        return cls(
+            name=found.name,
+            kind=found.kind,
+            u_mm=found.u_mm,
+            offset_mm=list(found.offset_mm),
+            std_mm=list(found.std_mm),
+            **asdict(found.judged),
+        )
 
 
-class FitShown(ResponseBody):
+class FitShown(OrderedBody):
     data: Annotated[DataShown, told("The readings.", {"readings": 300})]
-    faulty_rows: Annotated[list[int | str], told("Ids of readings that do not belong.", [])]
+    faulty_rows: Annotated[list[ReadingId], told("Ids of readings that do not belong.", [])]
     left_out: Annotated[list[LeftOutResponse], told("Readings that took no part.", [])]
     relabelled_rows: Annotated[
         list[list[int | str]], told("Reading, target as labelled, target as believed.", [[17, "T1", "T2"]])
     ]
-    noise_scale: Annotated[float | None, told("Number of times the declared noise that is left.", 0.99)]
-    degrees_of_freedom: Annotated[float, told("Number of observations less that of parameters.", 149.0)]
+    noise_scale: Annotated[Real, told("Number of times the declared noise that is left.", 0.99)]
+    degrees_of_freedom: Annotated[
+        float, SkipValidation, told("Number of observations less that of parameters.", 149.0)
+    ]
     reduced_chi_square: Number
     condition_number: Number
     config_sha256: Annotated[str, told("Hash of model and options.", _SHA)]
@@ -210,56 +225,28 @@ class FitShown(ResponseBody):
     ]
     acceptance: Annotated[AcceptanceShown | None, told("Where limits were given.", None)] = None
 
-
-class Correlation(ResponseBody):
-    """Two parameters whose errors go together."""
-
-    between: Annotated[list[str], told("Their names.", ["a2", "d4"])]
-    correlation: Annotated[float | None, told("From -1 to 1, no unit.", 0.93)]
-
-
-class Leverage(ResponseBody):
-    """A reading on which the fit leans."""
-
-    reading: Reading
-    leverage: Share
-
-
-class Spread(ResponseBody):
-    """Expanded uncertainty of predicted positions, mm."""
-
-    median: Annotated[float | None, told("Median, mm.", 0.14)]
-    p95: Annotated[float | None, told("95 % of them are less, mm.", 0.26)]
-    max: Annotated[float | None, told("The largest, mm.", 0.41)]
-
-
-class PredictedU(ResponseBody):
-    """The expanded uncertainty of predicted positions."""
-
-    coverage_factor: Annotated[float, told("Number of standard uncertainties.", 2)]
-    measured_ranges: Annotated[Spread | None, told("Within the measured joint ranges, mm.", None)]
-    outside_them: Annotated[Spread | None, told("Outside of them, mm.", None)]
-    radius_95_measured_ranges: Annotated[
-        Spread | None, told("Radius that contains 95 %, within the measured joint ranges, mm.", None)
-    ] = None
-    radius_95_outside_them: Annotated[
-        Spread | None, told("Radius that contains 95 %, outside of them, mm.", None)
-    ] = None
-
-
-class IdentificationResult(FitShown):
-    """An identification (`truepose-identification/1`)."""
-
-    format: Annotated[Literal["truepose-identification/1"], told("The format.", "truepose-identification/1")]
-    parameters: Annotated[list[ParameterResponse], told("Every parameter.", [])]
-    correlations: Annotated[list[Correlation], told("Those above 0.9.", [])]
-    high_leverage: Annotated[list[Leverage], told("Readings on which the fit leans.", [])]
-    predicted_u_mm: Annotated[
-        PredictedU, told("Expanded uncertainty of positions, mm.", {"coverage_factor": 2})
-    ]
-    error_identified_mm: Annotated[
-        ErrorStatisticsResponse | None, told("Of the identified model, on readings held out, mm.", ERRORS)
-    ]
+    @staticmethod
+    def fit_members(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:
+        """The members that a fit alone makes, in the order of the document; with `prior` where it knew its type."""
+        same = (
+            "noise_scale",
+            "degrees_of_freedom",
+            "reduced_chi_square",
+            "condition_number",
+            "config_sha256",
+        )
+        return {
+            "faulty_rows": found.faulty_rows,
+            "left_out": left_out(dataset, found),
+            "relabelled_rows": [[reading(name), was, is_] for name, was, is_ in found.relabelled_rows],
+            **{name: getattr(found, name) for name in same},
+            "converged": bool(found.converged),
+            "ending": found.ending.value,
+            "offsets": [TargetOffsetResponse.of(each) for each in offsets_of(found)],
+            "dropped": found.dropped,
+            "warnings": found.warnings,
+            **typed.document_of(found),
+        }
 
 
 class LoadShown(ResponseBody):

@@ -10,7 +10,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetJsonSchemaHandler, TypeAdapter
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from service import wording
 
@@ -21,6 +23,16 @@ def told(words: str, example: Any, *, of: str | None = None, **limits: Any) -> A
     of: the attribute that it is read from, unless that has the field's name.
     """
     return Field(description=words, examples=[example], validation_alias=of, **limits)
+
+
+class DescribedAs:
+    """The annotation of a plain dictionary that another reader checks: the schema shows this one's instead."""
+
+    def __init__(self, table: type) -> None:
+        self._schema = TypeAdapter(table).core_schema
+
+    def __get_pydantic_json_schema__(self, _: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return handler(self._schema)
 
 
 class ResponseBody(BaseModel):

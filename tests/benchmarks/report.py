@@ -15,7 +15,7 @@ from calib.convert.ipa_ur10 import read
 from calib.diagnose import diagnose
 from service.gc_pause import left_alone
 from service.report import diagnosis_report
-from service.results.models import documents
+from service.results.models.diagnosed import DiagnosisOutcome
 from tests.benchmarks.clock import line
 from tests.benchmarks.real_data import DATA
 
@@ -33,7 +33,7 @@ def run() -> bool:
         read(DATA / "series_A.csv").hold_out("random", 0.2, 1).write(path)
         found = diagnose(read_dataset(path))
         sealed = save_model(Path(folder) / "m.json", found.final, found)
-    document, spent, page = documents.of_diagnosis(found, None, None), [], ""
+    document, spent, page = DiagnosisOutcome(found).document(), [], ""
     for _ in range(TRIES):
         begin = time.process_time()
         with left_alone():

@@ -20,7 +20,7 @@ from calib.diagnose.structure import BASE, TIME, left_over
 from calib.effects.geometry import tool_shift
 from calib.scan import Space
 from calib.units import DEG
-from service.results.models.documents import of_diagnosis
+from service.results.models.diagnosed import DiagnosisOutcome
 from service.wording import verdict_in_words
 from tests.calib.campaigns import simulate
 
@@ -58,7 +58,7 @@ def test_held_out_readings_that_contradict_a_verdict_are_told_before_it(few: lis
     assert not result.effects
     assert result.surprise is not None
     assert result.surprise.real
-    told = of_diagnosis(result)["held_out_misfit"]
+    told = DiagnosisOutcome(result).document()["held_out_misfit"]
     assert told == {
         "times_expected": result.surprise.times,
         "p_value": result.surprise.p_value,

@@ -17,7 +17,7 @@ from calib.diagnose import diagnose
 from calib.text import parse_toml
 from mocks.campaign import make_campaign, write_campaign
 from service.files import as_json
-from service.results.models import documents
+from service.results.models.diagnosed import DiagnosisOutcome
 from service.results.watched import WatchRequest, WatchResultSummary
 from tests.service.campaigns import Rows, edit_rows
 
@@ -74,7 +74,7 @@ def _written(folder: Path, life: Life) -> list[Path]:
             found = diagnose(dataset)
             baseline = place / "model.json"
             save_model(baseline, found.final, found)
-            (place / "diagnosis.json").write_text(as_json(documents.of_diagnosis(found)), "utf-8")
+            (place / "diagnosis.json").write_text(as_json(DiagnosisOutcome(found).document()), "utf-8")
             out += [baseline, place / "diagnosis.json"]
         else:
             verdict = WatchResultSummary.of(dataset, load_model(baseline), baseline, WatchRequest())

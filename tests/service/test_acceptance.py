@@ -18,6 +18,7 @@ from service.results.judgement.acceptance import (
     RULE,
     AcceptanceLimits,
     AcceptanceResult,
+    AcceptanceShown,
     Criterion,
     Verdict,
     decide,
@@ -95,7 +96,7 @@ def test_a_single_pose_decides_nothing(data: Path) -> None:
     sets = np.where(np.arange(len(dataset)) == first, "validation", "calibration")
     found = held(replace(dataset, sets=sets), AcceptanceLimits(1e6, None))
     assert found.verdict == "not_decided"
-    assert found.document()["criteria"][0]["expanded_uncertainty_mm"] is None
+    assert AcceptanceShown.model_validate(found).criteria[0].expanded_uncertainty_mm is None
 
 
 def test_the_largest_error_is_as_sure_as_its_noisiest_reading(data: Path) -> None:

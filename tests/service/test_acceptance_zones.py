@@ -18,7 +18,7 @@ from calib.data import Dataset, read_dataset
 from calib.fit import IdentificationFit, errors_on, identify
 from calib.validation import targets_in_base
 from service.cli import main
-from service.results.judgement.acceptance import AcceptanceLimits, Zone, decide, read_zones
+from service.results.judgement.acceptance import AcceptanceLimits, AcceptanceShown, Zone, decide, read_zones
 from tests.service.campaigns import write_data
 from tests.service.certificates import MEASURED
 
@@ -86,7 +86,7 @@ def test_one_zone_that_is_not_met_rejects_and_an_empty_one_decides_nothing(
     assert decide(AcceptanceLimits(1.0, None, (low, replace(high, rms=1e-4))), *judged).verdict == "rejected"
     held = decide(AcceptanceLimits(1.0, None, (low, high, NOWHERE)), *judged)
     assert held.verdict == "not_decided"
-    assert held.document()["criteria"][-1]["figure_mm"] is None
+    assert AcceptanceShown.model_validate(held).criteria[-1].figure_mm is None
     assert AcceptanceLimits.kept(
         json.loads(json.dumps(asdict(AcceptanceLimits(1.0, None, (NOWHERE,)))))
     ) == AcceptanceLimits(1.0, None, (NOWHERE,))

@@ -28,7 +28,9 @@ from service.report.figures.residuals import MDEG, PlotSample
 from service.report.scope import scope_of
 from service.report.sections.follow_up_section import middle_step_in_words
 from service.report.sections.judged import stretches
-from service.results.models import documents
+from service.results.cell.loop_results import FollowUpResponse
+from service.results.models.diagnosed import DiagnosisOutcome
+from service.results.shape import document_of
 from tests.service.campaigns import edit_rows, edit_text, write_data, write_narrow_data
 
 HOSTILE = "<script>alert(1)</script>"
@@ -46,7 +48,7 @@ def narrow(tmp_path_factory: pytest.TempPathFactory) -> DiagnosisFit:
 
 @pytest.fixture(scope="module")
 def page(diagnosis: DiagnosisFit) -> str:
-    return diagnosis_report(diagnosis, documents.of_diagnosis(diagnosis))
+    return diagnosis_report(diagnosis, DiagnosisOutcome(diagnosis).document())
 
 
 class Elements(HTMLParser):
@@ -119,7 +121,7 @@ def test_the_report_says_what_a_reader_must_know(page: str, diagnosis: Diagnosis
     ):
         assert piece in text
     assert "SIMULATED" in text
-    assert documents.of_diagnosis(diagnosis)["simulated"] is True
+    assert DiagnosisOutcome(diagnosis).document()["simulated"] is True
 
 
 def test_the_report_says_what_to_check_and_what_it_is_worth(page: str, diagnosis: DiagnosisFit) -> None:
@@ -151,7 +153,9 @@ def test_the_middle_step_is_told(diagnosis: DiagnosisFit, narrow: DiagnosisFit) 
     step = FollowUpResult(narrow, narrow.follow_up, 12)
     text = html.unescape(
         diagnosis_report(
-            diagnosis, documents.of_diagnosis(diagnosis) | documents.of_middle_step(step), followed_up=step
+            diagnosis,
+            DiagnosisOutcome(diagnosis).document() | document_of(FollowUpResponse.of(step)),
+            followed_up=step,
         )
     )
     assert "What was ambiguous, and how it was settled" in text
@@ -174,7 +178,7 @@ def test_what_stays_ambiguous_is_said(narrow: DiagnosisFit) -> None:
 def test_the_copy_for_programs_is_the_document(page: str, diagnosis: DiagnosisFit) -> None:
     found = re.search(r'<script type="application/json" id="truepose-result">(.*?)</script>', page, re.DOTALL)
     assert found is not None
-    assert json.loads(found[1]) == json.loads(json.dumps(documents.of_diagnosis(diagnosis)))
+    assert json.loads(found[1]) == json.loads(json.dumps(DiagnosisOutcome(diagnosis).document()))
 
 
 def test_before_and_after_share_their_bins() -> None:
@@ -258,7 +262,7 @@ def test_every_kind_of_effect_has_its_picture(tmp_path: Path) -> None:
         assert np.all(np.isfinite(panel.x))
         assert panel.x_label
         assert panel.y_label
-    Elements(diagnosis_report(result, documents.of_diagnosis(result)))
+    Elements(diagnosis_report(result, DiagnosisOutcome(result).document()))
 
 
 def test_a_wire_without_checksums_is_named(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from calib.diagnose import DiagnosisFit, diagnose
 from calib.fit import ErrorStatistics
 from service.report import diagnosis_report
 from service.report.sections.ladder import BASE, EFFECTS, HELD_OUT, NOMINAL, VERIFIED, ladder_of
-from service.results.models import documents
+from service.results.models.diagnosed import DiagnosisOutcome
 from tests.service.campaigns import write_data
 
 
@@ -51,7 +51,7 @@ def test_nothing_held_out_is_no_ladder() -> None:
 def test_a_report_opens_with_the_robot_as_found_and_names_every_model_once(sound: DiagnosisFit) -> None:
     assert sound.effects == ()
     assert sound.error_nominal is not None
-    page = diagnosis_report(sound, documents.of_diagnosis(sound))
+    page = diagnosis_report(sound, DiagnosisOutcome(sound).document())
     ladder = table_of(page)
     assert f"{sound.error_nominal.rms:.3f}</td>" in ladder
     assert page.index("ladder") < page.index("<main>")
@@ -68,12 +68,12 @@ def test_the_verified_robot_is_the_last_rung(sound: DiagnosisFit) -> None:
         nests_off_mm=0.0,
         approach="from below",
     )
-    page = diagnosis_report(sound, documents.of_diagnosis(sound), verified=driven)
+    page = diagnosis_report(sound, DiagnosisOutcome(sound).document(), verified=driven)
     last = table_of(page).split("<tr")[-1]
     assert VERIFIED in last
     assert "0.023</td>" in last
     without = diagnosis_report(
-        sound, documents.of_diagnosis(sound), verified=replace(driven, uncorrected=None)
+        sound, DiagnosisOutcome(sound).document(), verified=replace(driven, uncorrected=None)
     )
     assert (page.count("Driven uncorrected"), without.count("Driven uncorrected")) == (1, 0)
     assert page.count(NOMINAL) == 1
@@ -81,6 +81,6 @@ def test_the_verified_robot_is_the_last_rung(sound: DiagnosisFit) -> None:
 
 def test_without_held_out_readings_there_is_no_ladder(sound: DiagnosisFit) -> None:
     unjudged = replace(sound, error_nominal=None, error_before=None, error_after=None)
-    page = diagnosis_report(unjudged, documents.of_diagnosis(unjudged))
+    page = diagnosis_report(unjudged, DiagnosisOutcome(unjudged).document())
     assert 'class="ladder"' not in page
     assert "nothing here was judged" in page

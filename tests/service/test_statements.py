@@ -23,13 +23,11 @@ from calib.model import BoundModel
 from calib.robot_file import RobotFileMistake, RobotFileVerdict
 from calib.units import to_internal
 from service import wording
-from service.http.wire.bodies.diagnoses import DiagnosisResult
 from service.printed import tables
 from service.printed.robot_tables import verdict_lines
 from service.report import diagnosis_report
 from service.report.sections.findings import power_of
-from service.results.models import documents
-from service.results.models.diagnosed import DiagnosisOutcome
+from service.results.models.diagnosed import DiagnosisOutcome, DiagnosisResult
 from service.results.models.parameters import absolutes, rows_of
 from tests.service.campaigns import write_data
 
@@ -69,7 +67,7 @@ def printed(diagnosis: DiagnosisFit) -> str:
 
 def everywhere(diagnosis: DiagnosisFit) -> dict[str, str]:
     """The presentations of a diagnosis as text."""
-    document = documents.of_diagnosis(diagnosis)
+    document = DiagnosisOutcome(diagnosis).document()
     DiagnosisResult.model_validate(document)
     page = diagnosis_report(diagnosis, document).partition('<script type="application/json"')[0]
     return {"terminal": printed(diagnosis), "report": html.unescape(page)}
@@ -77,7 +75,7 @@ def everywhere(diagnosis: DiagnosisFit) -> dict[str, str]:
 
 def test_the_sentence_of_the_verdict_is_in_every_presentation(known: DiagnosisFit, data: Path) -> None:
     sentence = wording.verdict_in_words(known)
-    document = documents.of_diagnosis(known)
+    document = DiagnosisOutcome(known).document()
     assert document["finding"] == sentence
     assert sentence in everywhere(known)["report"]
     assert " ".join(sentence.split()) in " ".join(everywhere(known)["terminal"].split())
@@ -93,7 +91,7 @@ def test_a_known_cause_has_rivals_and_advice(known: DiagnosisFit) -> None:
         assert "none" in text
         assert "mitated" not in text
         assert "What to measure next" not in text
-    assert documents.of_diagnosis(known)["next_measurements"] == []
+    assert DiagnosisOutcome(known).document()["next_measurements"] == []
 
 
 @pytest.mark.parametrize("verdict", ["unexplained", "excess_noise"])
@@ -107,7 +105,7 @@ def test_an_unknown_cause_is_imitated_and_gets_no_advice(verdict: Any, known: Di
         assert "rivals" not in text.lower() or name == "report"
         for advice in left.next_measurements:
             assert advice in " ".join(text.split())
-    document = documents.of_diagnosis(left)
+    document = DiagnosisOutcome(left).document()
     (effect,) = document["effects"]
     assert (effect["check"], effect["imitates"]) == ("", True)
     assert "joint 3 alone" in document["next_measurements"][0]
@@ -125,14 +123,14 @@ def test_what_is_smaller_than_its_uncertainty_is_listed_apart(known: DiagnosisFi
     for text in everywhere(faint).values():
         assert "Not confirmed (smaller than the uncertainty U): backlash:j4 0.30 ± 0.79 deg." in text
         assert "What to check" not in text
-    (effect,) = documents.of_diagnosis(faint)["effects"]
+    (effect,) = DiagnosisOutcome(faint).document()["effects"]
     assert (effect["confirmed"], effect["check"]) == (False, "")
 
 
 @pytest.mark.parametrize(("size", "advised"), [(0.09, False), (0.11, True)])
 def test_advice_is_given_beyond_the_usual_size_only(size: float, advised: bool, known: DiagnosisFit) -> None:
     found = with_size(known, size, 0.001)
-    (effect,) = documents.of_diagnosis(found)["effects"]
+    (effect,) = DiagnosisOutcome(found).document()["effects"]
     assert effect["usual_size"] == pytest.approx(0.1)
     assert bool(effect["check"]) == advised
     texts = everywhere(found)
@@ -144,7 +142,7 @@ def test_advice_is_given_beyond_the_usual_size_only(size: float, advised: bool, 
 
 def test_a_negative_size_that_cannot_be_is_remarked(known: DiagnosisFit) -> None:
     negative = with_size(known, -0.2, 0.01)
-    (effect,) = documents.of_diagnosis(negative)["effects"]
+    (effect,) = DiagnosisOutcome(negative).document()["effects"]
     assert (effect["impossible"], effect["check"]) == (True, "")
     for text in everywhere(negative).values():
         assert wording.IMPOSSIBLE in text
@@ -167,9 +165,9 @@ def test_the_moment_and_the_constant_are_printed_with_their_uncertainty(known: D
         assert "between readings 227 and 247" in text
     for text in everywhere(warm).values():
         assert "time constant 830 ± 200 s" in text
-    (effect,) = documents.of_diagnosis(step)["effects"]
+    (effect,) = DiagnosisOutcome(step).document()["effects"]
     assert effect["between"] == [227, 247]
-    (effect,) = documents.of_diagnosis(warm)["effects"]
+    (effect,) = DiagnosisOutcome(warm).document()["effects"]
     assert effect["shape_std"] == {"time_constant_s": 100.0}
 
 
@@ -192,7 +190,7 @@ def test_shares_and_carried_terms_are_in_every_presentation(known: DiagnosisFit)
     for text in everywhere(carried).values():
         assert " ".join(sentence.split()) in " ".join(text.replace("−", "-").split())
         assert "50\u00a0% is carried without a cause" in text.replace("\n", " ")
-    document = documents.of_diagnosis(carried)
+    document = DiagnosisOutcome(carried).document()
     assert document["shares"] == {"named": 0.25, "carried": 0.5, "noise": 0.25}
     assert document["carried"][0]["finding"] == sentence
     faint = replace(moved, covariance=100.0**2 * moved.covariance)
@@ -235,7 +233,7 @@ def test_absolute_values_predict_what_the_model_predicts(data: Path) -> None:
 def test_parameters_show_value_nominal_and_change(data: Path) -> None:
     found = with_tool(data)
     dataset = read_dataset(data)
-    shown = {p["name"]: p for p in documents.parameters_of(found)}
+    shown = {p.name: p.model_dump() for p in rows_of(found)}
     (target, stated), *_ = dataset.header.targets.items()
     for axis, nominal in zip("xyz", stated, strict=True):
         each = shown[f"{target}.{axis}"]
@@ -251,7 +249,8 @@ def test_parameters_show_value_nominal_and_change(data: Path) -> None:
         assert each["absolute"] == pytest.approx(each["nominal"] + each["value"])
     plain = identify(dataset)
     (base, *_) = rows_of(plain)
-    assert (base.name, base.nominal, base.change) == ("base.x", 0.0, base.absolute)  # the world is given
+    assert (base.name, base.nominal) == ("base.x", 0.0)  # the world is given
+    assert base.change_from_nominal == base.absolute
     frame = truepose.identify(data).parameters
     for row in rows_of(plain):
         if row.absolute is not None:

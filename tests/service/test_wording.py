@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from calib.diagnose import ACTS_ON, HeldOutTest, ResidualStructure, Shares
 from calib.fit import ErrorStatistics, HeldOutFaults
 from service.files import as_json
-from service.results.models.documents import reading
+from service.results.common import reading
 from service.wording import chance, counted, grouped, structure_in_words, verdict_in_words, with_uncertainty
 
 NO_FAULTS = HeldOutFaults((), np.zeros(1, dtype=np.bool_), None)

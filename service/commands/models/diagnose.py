@@ -21,9 +21,10 @@ from service.files import STANDARD_OUTPUT
 from service.gc_pause import left_alone
 from service.printed import tables, type_tables
 from service.printed.terminal import Terminal
-from service.results.models import documents
 from service.results.models.diagnosed import DiagnosisOutcome, DiagnosisRequest
+from service.results.models.parameters import rows_of
 from service.results.models.predictions import predictions_csv
+from service.results.shape import document_of
 
 
 def diagnose_command(
@@ -107,7 +108,8 @@ def diagnose_command(
             certified=certificate is not None,
         )
         if certificate is not None:
-            certificate.write(dataset, document, documents.parameters_of(diagnosis.final), sealed)
+            parameters = [document_of(row) for row in rows_of(diagnosis.final)]
+            certificate.write(dataset, document, parameters, sealed)
         if follow_up is not None and diagnosis.follow_up is not None:
             replace_file(follow_up, campaign_text(diagnosis.follow_up, the_cell))
         terminal.rest()

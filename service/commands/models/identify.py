@@ -19,7 +19,6 @@ from service.commands.models.certificate import CertificateRequest, Dcc, DccAbou
 from service.files import STANDARD_OUTPUT
 from service.printed import tables, type_tables
 from service.printed.terminal import Terminal
-from service.results.models.documents import parameters_of
 from service.results.models.identified import IdentificationReport
 
 
@@ -63,7 +62,8 @@ def identify_command(
         stage = None if preliminary is None else load_model(preliminary)
         if preliminary is not None and stage is not None:
             refuse_other_robot(stage, dataset, preliminary)
-        options.write_result(result.document(), json, terminal)
+        document = result.document()
+        options.write_result(document, json, terminal)
         named = model is not None or report is not None or certificate is not None
         fit_to_save = found.converged and (save_anyway or not result.worse_than_nominal)
         sealed = save_model(model if fit_to_save else None, found) if named and found.converged else None
@@ -71,7 +71,7 @@ def identify_command(
             terminal.say("drawing the report")
             replace_file(report, result.report(sealed, stage))
         if certificate is not None:
-            certificate.write(dataset, result.document(), parameters_of(found), sealed)
+            certificate.write(dataset, document, document["parameters"], sealed)
         terminal.rest()
         if dataset.header.simulated:
             terminal.note(wording.SIMULATED)

@@ -16,7 +16,7 @@ from service.commands import options
 from service.files import STANDARD_OUTPUT
 from service.printed import sweeps_tables
 from service.printed.terminal import Terminal
-from service.results.models import documents
+from service.results.models import swept
 
 
 def sweeps_command(
@@ -42,7 +42,7 @@ def sweeps_command(
             remarks.append(f"The axes are given alone, since no arm could be identified: {error}")
         else:
             found = analyse(dataset, identified)
-        options.write_result(documents.document(dataset, found, remarks), json, terminal)
+        options.write_result(swept.document(dataset, found, remarks), json, terminal)
         if picture is not None:
             # drawing is not needed for the numbers, and takes long to import
             from service.report.figures.sweeps import sweeps_picture

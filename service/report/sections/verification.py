@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
 from acquisition.record import Verification
@@ -44,22 +43,6 @@ def scope_in_words(verification: Verification) -> str:
         count = len(verification.refused)
         text += f"; {count} other{'s were' if count > 1 else ' was'} refused: {verification.refused[0]}"
     return "; ".join((text, *verification.accepted)) + "."
-
-
-def document_of(verification: Verification) -> dict[str, Any]:
-    """JSON of the verification."""
-    uncorrected = verification.uncorrected
-    return {
-        "error_uncorrected_mm": None if uncorrected is None else asdict(uncorrected),
-        "error_verified_mm": asdict(verification.verified),
-        "floor_rms_mm": verification.floor_mm,
-        "ratio": verification.ratio,
-        "poses": verification.poses,
-        "refused": list(verification.refused),
-        "nests_off_mm": verification.nests_off_mm,
-        "approach": verification.approach,
-        "accepted": list(verification.accepted),
-    }
 
 
 def section_of(verification: Verification | None) -> Mapping[str, Any] | None:

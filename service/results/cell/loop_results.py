@@ -1,4 +1,4 @@
-"""The results of a closed loop: result, model, corrected targets and report, in one folder.
+"""The results of a closed loop, described once, with model, corrected targets and report, in one folder.
 
 result.json  model.json  targets.csv  report.html, beside data.csv and data.toml of the loop
 """
@@ -6,24 +6,101 @@ result.json  model.json  targets.csv  report.html, beside data.csv and data.toml
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Self
 
-from acquisition.loop import LoopResult, targets_csv
+from acquisition.loop import FollowUpResult, LoopResult, targets_csv
 from calib.saved import save_model
 from calib.text import replace_file
 from service.files import as_json
 from service.job_folder import ARROWS, MODEL, REPORT, RESULT
 from service.results.cell.arrows import arrows_of
-from service.results.models import documents
+from service.results.common import ERRORS, ErrorStatisticsResponse
+from service.results.models.diagnosed import (
+    DiagnosisOutcome,
+    DiagnosisResult,
+    FollowUpShown,
+    Label,
+    Separation,
+    Verdict,
+)
+from service.results.shape import Real, ResponseBody, document_of, told
 
 TARGETS = "targets.csv"
+
+
+class Verified(ResponseBody):
+    """Where the robot landed with corrected targets."""
+
+    error_uncorrected_mm: Annotated[
+        ErrorStatisticsResponse | None, told("Driven uncorrected, mm.", ERRORS, of="uncorrected")
+    ]
+    error_verified_mm: Annotated[
+        ErrorStatisticsResponse, told("Driven corrected, mm.", ERRORS, of="verified")
+    ]
+    floor_rms_mm: Annotated[
+        float, told("What noise and repeatability alone would show, mm.", 0.039, of="floor_mm")
+    ]
+    ratio: Annotated[float, told("Verified over floor, a ratio.", 1.07)]
+    poses: Annotated[int, told("Number of new poses.", 20)]
+    refused: Annotated[list[str], told("Targets that could not be corrected.", [])]
+    nests_off_mm: Annotated[float | None, told("By how much the nests had moved, mm.", 0.01)]
+    approach: Annotated[str, told("The side of approach.", "from below")]
+    accepted: Annotated[list[str], told("Other devices that were accepted.", [])]
+
+
+class RivalsBefore(ResponseBody):
+    """An effect that was ambiguous."""
+
+    label: Label
+    candidates: Annotated[dict[str, Real], told("Probability by label.", {"periodic:j5:n2": 0.7})]
+
+
+class FollowUpResponse(ResponseBody):
+    """The middle step of a loop: what was ambiguous, and what was measured to settle it."""
+
+    verdict_before: Annotated[Verdict, told("The verdict before.", "ambiguous")]
+    effects_before: Annotated[list[RivalsBefore], told("What was ambiguous.", [{"label": "periodic:j5:n2"}])]
+    error_before_follow_up_mm: Annotated[
+        ErrorStatisticsResponse | None, told("The error before, mm.", ERRORS)
+    ]
+    poses: Annotated[int, told("Number of poses that were added.", 12)]
+    readings: Annotated[int, told("Number of readings that were added.", 36)]
+    separates: Annotated[list[Separation], told("The rivals that they tell apart.", [])]
+
+    @classmethod
+    def of(cls, step: FollowUpResult) -> Self:
+        """The middle step of a loop."""
+        before = step.before
+        return cls.model_validate(
+            {
+                "verdict_before": before.verdict,
+                "effects_before": [
+                    {"label": found.effect.label, "candidates": found.evidence.candidates}
+                    for found in before.effects
+                ],
+                "error_before_follow_up_mm": before.error_after,
+                "poses": len(step.poses.joints),
+                "readings": step.readings,
+                "separates": FollowUpShown.poses_of(step.poses).separates,
+            }
+        )
+
+
+class LoopResponse(DiagnosisResult):
+    """A diagnosis with its verification on the robot."""
+
+    verification: Annotated[Verified, told("Where the robot landed.", {"ratio": 1.07})]
+    followed_up: Annotated[FollowUpResponse | None, told("Where poses were added.", None)] = None
 
 
 def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> dict[str, Any]:
     """Write them, the result as `name` and last, so that with it everything is there. Returns it. Raises OSError."""
     from service.report import diagnosis_report  # drawing takes long to import
 
-    document = document_of(result)
+    step = result.followed_up
+    followed = {} if step is None else {"followed_up": FollowUpResponse.of(step)}
+    outcome = DiagnosisOutcome(result.diagnosis)
+    document = document_of(LoopResponse.of(outcome, verification=result.verification, **followed))
     final, sealed = result.diagnosis.final, None
     if final.converged:
         sealed = save_model(folder / MODEL, final, result.diagnosis)
@@ -40,16 +117,4 @@ def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> dict[str, 
     )
     replace_file(folder / ARROWS, as_json(arrows_of(result.diagnosis.dataset, final)))
     replace_file(folder / name, as_json(document))
-    return document
-
-
-def document_of(result: LoopResult) -> dict[str, Any]:
-    """The diagnosis (`truepose-diagnosis/1`) with `verification`, and `followed_up` where poses were added."""
-    from service.report.sections import verification
-
-    document = documents.of_diagnosis(result.diagnosis) | {
-        "verification": verification.document_of(result.verification),
-    }
-    if result.followed_up is not None:
-        document["followed_up"] = documents.of_middle_step(result.followed_up)
     return document

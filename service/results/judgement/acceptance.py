@@ -21,7 +21,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,7 @@ from calib.model import ModelStructure
 from calib.text import TomlTable, read_toml
 from calib.validation import targets_in_base
 from service import wording
+from service.results.shape import Real, ResponseBody, told
 
 _KEYS = ("name", "low_mm", "high_mm", "accept_rms_mm", "accept_max_mm")
 FARTHEST = 1e5  # mm
@@ -181,6 +182,11 @@ class Criterion:
         return what if self.zone is None else f"{what} in zone {self.zone.name}"
 
     @property
+    def zone_name(self) -> str | None:
+        """The name of its zone, if it has one."""
+        return None if self.zone is None else self.zone.name
+
+    @property
     def shown(self) -> tuple[str, str]:
         """Figure and uncertainty as text, mm."""
         if not math.isfinite(self.figure):
@@ -197,6 +203,7 @@ class AcceptanceResult:
     model: str
     n: int
     criteria: tuple[Criterion, ...]
+    rule: ClassVar[str] = RULE
 
     @property
     def verdict(self) -> Verdict:
@@ -222,26 +229,33 @@ class AcceptanceResult:
         """The zones that have limits, each once, in their order."""
         return list(dict.fromkeys(each.zone for each in self.criteria if each.zone is not None))
 
-    def document(self) -> dict[str, Any]:
-        """Document of the verdict, as JSON has it; an uncertainty that is unknown is null."""
-        return {
-            "verdict": self.verdict,
-            "model": self.model,
-            "readings": self.n,
-            "rule": RULE,
-            "criteria": [
-                {
-                    "quantity": each.quantity,
-                    "zone": None if each.zone is None else each.zone.name,
-                    "figure_mm": each.figure if math.isfinite(each.figure) else None,
-                    "expanded_uncertainty_mm": each.uncertainty if math.isfinite(each.uncertainty) else None,
-                    "uncertainty_basis": each.basis,
-                    "limit_mm": each.limit,
-                    "verdict": each.verdict,
-                }
-                for each in self.criteria
-            ],
-        }
+
+class CriterionResponse(ResponseBody):
+    """One figure against its limit."""
+
+    quantity: Annotated[Quantity, told("Which error.", "rms")]
+    zone: Annotated[
+        str | None, told("Of which zone; null: of all readings held out.", None, of="zone_name")
+    ] = None
+    figure_mm: Annotated[Real, told("The figure, mm; null: no reading lies in the zone.", 0.041, of="figure")]
+    expanded_uncertainty_mm: Annotated[
+        Real, told("Its expanded uncertainty U (95 %), mm.", 0.004, of="uncertainty")
+    ]
+    uncertainty_basis: Annotated[
+        str, told("What that is based on.", "bootstrap over 40 whole poses", of="basis")
+    ]
+    limit_mm: Annotated[float, told("The limit, mm.", 0.05, of="limit")]
+    verdict: Annotated[Verdict, told("The verdict.", "accepted")]
+
+
+class AcceptanceShown(ResponseBody):
+    """The error on readings held out, held to limits with guard bands (ISO 14253-1)."""
+
+    verdict: Annotated[Verdict, told("Rejected where one criterion is.", "accepted")]
+    model: Annotated[str, told("The model that was judged.", "base model with the effects found")]
+    readings: Annotated[int, told("Number of readings.", 120, of="n")]
+    rule: Annotated[str, told("The decision rule in words.", "Accepted where ...")]
+    criteria: Annotated[list[CriterionResponse], told("Every figure that has a limit.", [])]
 
 
 def decide(

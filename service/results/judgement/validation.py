@@ -33,8 +33,8 @@ from calib.validation import (
     refuse_incomparable,
     refuse_other_robot,
 )
-from service.results.common import AcceptanceShown, DataShown, Number, Unit, reading
-from service.results.judgement.acceptance import AcceptanceLimits, AcceptanceResult, decide
+from service.results.common import DataShown, Number, Unit, reading
+from service.results.judgement.acceptance import AcceptanceLimits, AcceptanceResult, AcceptanceShown, decide
 from service.results.shape import Real, ResponseBody, TableColumn, told
 
 _FORMAT = "truepose-validation/1"
@@ -372,7 +372,7 @@ def validate(
         warnings=_warnings(dataset, saved, second, judgements, placed=placed, everything=asked.everything),
     )
     if accepted is not None:
-        result.acceptance = AcceptanceShown.model_validate(accepted.document())
+        result.acceptance = AcceptanceShown.model_validate(accepted)
     return ValidationOutcome(dataset, result, saved.sha256, under, accepted)
 
 

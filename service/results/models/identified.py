@@ -1,29 +1,112 @@
-"""An identification with what is said of it, for the command line and for the jobs of the service."""
+"""An identification: the one description of the result (`truepose-identification/1`), and what makes it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import SkipValidation
 
 from calib.array import Array
 from calib.data import LEVELS, Dataset
 from calib.fit import (
     ErrorStatistics,
     IdentificationFit,
+    UncertaintyMap,
     base_model_of,
     errors_on,
     identify,
     place_nominal,
     silent,
     statistics_of,
+    uncertainty_map,
     worse,
 )
 from calib.model import ModelStructure
 from calib.prior import TypePrior
 from calib.saved import CalibratedModel
+from service.results.common import (
+    ERRORS,
+    DataShown,
+    ErrorStatisticsResponse,
+    FitShown,
+    ParameterResponse,
+    Reading,
+    Share,
+)
 from service.results.judgement.acceptance import BASE, AcceptanceLimits, AcceptanceResult, decide
-from service.results.models import documents
+from service.results.models.parameters import high_leverage, rows_of, strong_correlations
+from service.results.shape import Real, ResponseBody, document_of, told
+
+
+class Correlation(ResponseBody):
+    """Two parameters whose errors go together."""
+
+    between: Annotated[list[str], told("Their names.", ["a2", "d4"])]
+    correlation: Annotated[Real, told("From -1 to 1, no unit.", 0.93)]
+
+
+class Leverage(ResponseBody):
+    """A reading on which the fit leans."""
+
+    reading: Reading
+    leverage: Share
+
+
+class Spread(ResponseBody):
+    """Expanded uncertainty of predicted positions, mm."""
+
+    median: Annotated[Real, told("Median, mm.", 0.14)]
+    p95: Annotated[Real, told("95 % of them are less, mm.", 0.26)]
+    max: Annotated[Real, told("The largest, mm.", 0.41)]
+
+    @classmethod
+    def of(cls, u: Array) -> Self | None:
+        """The spread of values (n,); None where there are none."""
+        return cls(median=np.median(u), p95=np.quantile(u, 0.95), max=u.max()) if len(u) else None
+
+
+class PredictedU(ResponseBody):
+    """The expanded uncertainty of predicted positions."""
+
+    coverage_factor: Annotated[float, SkipValidation, told("Number of standard uncertainties.", 2)]
+    measured_ranges: Annotated[Spread | None, told("Within the measured joint ranges, mm.", None)]
+    outside_them: Annotated[Spread | None, told("Outside of them, mm.", None)]
+    radius_95_measured_ranges: Annotated[
+        Spread | None, told("Radius that contains 95 %, within the measured joint ranges, mm.", None)
+    ] = None
+    radius_95_outside_them: Annotated[
+        Spread | None, told("Radius that contains 95 %, outside of them, mm.", None)
+    ] = None
+
+    @classmethod
+    def of(cls, found: UncertaintyMap) -> Self:
+        """k = 2, and the radius that contains 95 %, within the measured joint ranges and outside."""
+        within = found.measured
+        return cls(
+            coverage_factor=2,
+            measured_ranges=Spread.of(found.u[within]),
+            outside_them=Spread.of(found.u[~within]),
+            radius_95_measured_ranges=Spread.of(found.radius_95[within]),
+            radius_95_outside_them=Spread.of(found.radius_95[~within]),
+        )
+
+
+class IdentificationResult(FitShown):
+    """An identification (`truepose-identification/1`)."""
+
+    format: Annotated[Literal["truepose-identification/1"], told("The format.", "truepose-identification/1")]
+    parameters: Annotated[list[ParameterResponse], told("Every parameter.", [])]
+    correlations: Annotated[list[Correlation], told("Those above 0.9.", [])]
+    high_leverage: Annotated[list[Leverage], told("Readings on which the fit leans.", [])]
+    predicted_u_mm: Annotated[
+        PredictedU, told("Expanded uncertainty of positions, mm.", {"coverage_factor": 2})
+    ]
+    error_identified_mm: Annotated[
+        ErrorStatisticsResponse | None, told("Of the identified model, on readings held out, mm.", ERRORS)
+    ]
 
 
 @dataclass(frozen=True)
@@ -68,12 +151,28 @@ class IdentificationReport:
 
     def document(self) -> dict[str, Any]:
         """Document of the result (`truepose-identification/1`)."""
-        document = documents.of_identification(
-            self.dataset, self.found, self.error_nominal, self.error_identified
+        dataset, found = self.dataset, self.found
+        result = IdentificationResult.model_validate(
+            {
+                "format": "truepose-identification/1",
+                "data": DataShown.of(dataset),
+                "parameters": rows_of(found),
+                **FitShown.fit_members(dataset, found),
+                "correlations": [
+                    Correlation(between=[a, b], correlation=r) for a, b, r in strong_correlations(found)
+                ],
+                "high_leverage": [
+                    Leverage(reading=dataset.reading_id[row], leverage=share)
+                    for row, share in high_leverage(found)
+                ],
+                "predicted_u_mm": PredictedU.of(uncertainty_map(found)),
+                "error_nominal_mm": self.error_nominal,
+                "error_identified_mm": self.error_identified,
+                "holdout": dataset.header.holdout,
+                **({} if self.acceptance is None else {"acceptance": self.acceptance}),
+            }
         )
-        if self.acceptance is not None:
-            document["acceptance"] = self.acceptance.document()
-        return document
+        return document_of(result)
 
     def report(self, model_sha256: str | None, preliminary: CalibratedModel | None = None) -> str:
         """The report as HTML. model_sha256: as `save_model` returns it, None of a fit that did not converge;

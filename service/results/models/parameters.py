@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -13,35 +12,14 @@ from calib.data import Header
 from calib.fit import IdentificationFit
 from calib.model import EffectTerm, InSeries, ModelStructure, OnTarget, Regressor, ToAnchor
 from calib.units import to_display, to_internal
+from service.results.common import ParameterResponse
 
 
-@dataclass(frozen=True)
-class ParameterRow:
-    """One parameter, in the unit it is shown in. What the fit says of it is None where it was dropped.
+def rows_of(found: IdentificationFit, *, base_model_only: bool = False) -> list[ParameterResponse]:
+    """Every parameter of a model in order; without those of diagnosed effects on request.
 
-    estimate and std: counted from where the fit began; absolute and absolute_std: the value itself, of a base its pose
-    in the world with turns about x, y, z in that order; nominal: from robot file or header, None if neither states it.
+    Of a base the absolute value is its pose in the world with turns about x, y, z in that order.
     """
-
-    name: str
-    effect: str
-    owner: str
-    unit: str
-    nominal: float | None
-    estimate: float | None
-    std: float | None
-    absolute: float | None
-    absolute_std: float | None
-    confounded_with: tuple[str, ...]
-
-    @property
-    def change(self) -> float | None:
-        """The change from nominal; None where there is no nominal value."""
-        return None if self.absolute is None or self.nominal is None else self.absolute - self.nominal
-
-
-def rows_of(found: IdentificationFit, *, base_model_only: bool = False) -> list[ParameterRow]:
-    """Every parameter of a model in order; without those of diagnosed effects on request."""
     dropped = {drop.name: drop.confounded_with for drop in found.dropped}
     errors = found.standard_errors
     absolute = absolutes(found.model, found.estimate, found.covariance)
@@ -51,21 +29,26 @@ def rows_of(found: IdentificationFit, *, base_model_only: bool = False) -> list[
         if base_model_only and effect.group != "base model":
             continue
         for parameter in effect.parameters:
-            position = found.model.index[parameter.name]
-            live = parameter.name not in dropped
+            position, unit, live = (
+                found.model.index[parameter.name],
+                parameter.unit,
+                parameter.name not in dropped,
+            )
             value, std = absolute[parameter.name] if live else (None, None)
+            stated = nominal.get(parameter.name)
             rows.append(
-                ParameterRow(
+                ParameterResponse(
                     name=parameter.name,
-                    effect=effect.label,
-                    owner=effect.owner,
-                    unit=parameter.unit,
-                    nominal=nominal.get(parameter.name),
-                    estimate=to_display(float(found.estimate[position]), parameter.unit) if live else None,
-                    std=to_display(float(errors[position]), parameter.unit) if live else None,
+                    value=to_display(float(found.estimate[position]), unit) if live else None,
+                    std=to_display(float(errors[position]), unit) if live else None,
+                    unit=unit,
+                    nominal=stated,
                     absolute=value,
                     absolute_std=std,
-                    confounded_with=dropped.get(parameter.name, ()),
+                    change_from_nominal=None if value is None or stated is None else value - stated,
+                    owner=effect.owner,
+                    dropped=not live,
+                    confounded_with=list(dropped.get(parameter.name, ())),
                 )
             )
     return rows

@@ -1,10 +1,8 @@
-"""Targets whose positions were known to an uncertainty, as a fit found them: for JSON, terminal and report."""
+"""Targets whose positions were known to an uncertainty, as a fit found them: for terminal and report."""
 
 from __future__ import annotations
 
-import math
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
@@ -45,24 +43,6 @@ def by_the_bar(dataset: Dataset) -> str:
     )
 
 
-def document_of(found: IdentificationFit) -> list[dict[str, Any]]:
-    """Every target with its offset, mm, (x, y, z) as far as they were free, and standard error."""
-    return [
-        {
-            "name": offset.name,
-            "kind": offset.kind,
-            "u_mm": offset.u_mm,
-            "offset_mm": list(offset.offset_mm),
-            "std_mm": list(offset.std_mm),
-            "distance_mm": _finite(offset.judged.distance_mm),
-            "sigma": _finite(offset.judged.sigma),
-            "doubted": offset.judged.doubted,
-            "rivals": list(offset.judged.rivals),
-        }
-        for offset in offsets_of(found)
-    ]
-
-
 def rows_of(found: IdentificationFit) -> list[tuple[str, ...]]:
     """One row of text a target, for `HEADINGS`."""
     return [
@@ -84,7 +64,3 @@ def _with_error(x: float, std: float) -> str:
 
 def _sigma(offset: TargetOffset) -> str:
     return f"{offset.judged.sigma:.1f}" + (": measure anew" if offset.judged.doubted else "")
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

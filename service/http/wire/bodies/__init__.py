@@ -1,6 +1,6 @@
 """The bodies of requests and answers, as OpenAPI describes them: every field with its unit and an example."""
 
-from service.http.wire.bodies.campaign import CampaignTable
+from acquisition import CampaignTable
 from service.http.wire.bodies.cell import (
     Campaigns,
     CampaignShown,

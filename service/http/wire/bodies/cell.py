@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from service.http.wire.bodies.campaign import Campaign
 from service.http.wire.bodies.fields import Created, Id, Name, ResponseBody, Simulated, told
+from service.results.common import Campaign
 
 
 class Health(ResponseBody):

@@ -13,13 +13,10 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
-    TypeAdapter,
     ValidationError,
     model_validator,
 )
-from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from acquisition.file_table import first_of_a_list
@@ -58,16 +55,6 @@ class RequestBody(BaseModel):
             raise PydanticCustomError(
                 "too_many_errors", "has {count} errors, too many to list", {"count": error.error_count()}
             ) from None
-
-
-class DescribedAs:
-    """The annotation of a plain dictionary that another reader checks: the schema shows this one's instead."""
-
-    def __init__(self, table: type) -> None:
-        self._schema = TypeAdapter(table).core_schema
-
-    def __get_pydantic_json_schema__(self, _: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        return handler(self._schema)
 
 
 Name = Annotated[

@@ -18,7 +18,6 @@ from pydantic import Field
 from acquisition import State
 from calib.data import DEFAULT_GROUPS
 from calib.selection import SHARE
-from service.http.wire.bodies.diagnoses import DiagnosisResult
 from service.http.wire.bodies.fields import (
     Created,
     Id,
@@ -38,11 +37,12 @@ from service.results.cell.placements import TOGETHER, PlacementRequest
 from service.results.common import (
     DataShown,
     DroppedParameterResponse,
-    IdentificationResult,
     Share,
     Warnings,
 )
 from service.results.judgement.validation import ValidationResult
+from service.results.models.diagnosed import DiagnosisResult
+from service.results.models.identified import IdentificationResult
 
 Number = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
 

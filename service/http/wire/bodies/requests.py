@@ -14,10 +14,11 @@ from fastapi import Body as BodyOf
 from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
 
 from calib.compensate import Bounds
-from service.http.wire.bodies.campaign import Campaign
-from service.http.wire.bodies.fields import AsRead, DescribedAs, Name, Prior, RequestBody, told, told_limit
+from service.http.wire.bodies.fields import AsRead, Name, Prior, RequestBody, told, told_limit
 from service.http.wire.bodies.targets import TargetRow
+from service.results.common import Campaign
 from service.results.judgement.acceptance import FARTHEST, AcceptanceLimits, Zone
+from service.results.shape import DescribedAs
 
 _LOW, _HIGH = [200.0, -400.0, 0.0], [500.0, -100.0, 300.0]
 _MOST = 100

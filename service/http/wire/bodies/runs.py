@@ -8,7 +8,6 @@ from pydantic import Field
 
 from acquisition import State
 from drivers.interfaces import Answer
-from service.http.wire.bodies.diagnoses import LoopResponse
 from service.http.wire.bodies.fields import (
     Created,
     Id,
@@ -19,6 +18,7 @@ from service.http.wire.bodies.fields import (
     Version,
     told,
 )
+from service.results.cell.loop_results import LoopResponse
 
 RunState = Annotated[State, told("What it does; `state_code` is its number.", "running")]
 StateCode = Annotated[

@@ -10,8 +10,9 @@ from typing import Annotated, Any, Literal, NotRequired
 from pydantic import Field
 from typing_extensions import TypedDict
 
-from service.http.wire.bodies.fields import DescribedAs, ResponseBody, told
+from service.http.wire.bodies.fields import ResponseBody, told
 from service.results.common import ERRORS, ErrorStatisticsResponse
+from service.results.shape import DescribedAs
 
 Millimetres = Annotated[float | None, told("A length, mm; null where it is not known.", 0.412)]
 Degrees = Annotated[float | None, told("An angle, deg; null where it is not known.", 0.031)]
