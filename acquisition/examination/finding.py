@@ -38,11 +38,6 @@ class CheckResult:
     error: str | None = None
     exit_code: int = HEALTHY
 
-    def as_dict(self) -> dict[str, object]:
-        """Return plain values, for programs."""
-        names = ("device", "check", "level", "found", "do", "code", "error")
-        return {name: getattr(self, name) for name in names}
-
 
 class Chart:
     """The findings of one device, in order.

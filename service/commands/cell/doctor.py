@@ -21,7 +21,8 @@ from service import exit_codes
 from service.commands import options
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed.terminal import Terminal
-from service.results.cell.examined import document_of, verdict_of
+from service.results.cell.examined import ExaminationShown
+from service.results.shape import document_of
 from service.simulated_cell import simulated_cell
 
 _STYLES = {"ok": "green", "note": "yellow", "fault": "bold red"}
@@ -49,10 +50,11 @@ def doctor_command(
             devices = open_devices(the_cell)
         stack.enter_context(_quiet_drivers())
         found = examine(the_cell, devices, record=record, simulated=simulate, progress=terminal.say)
+        result = ExaminationShown.of(found)
         terminal.rest()
         terminal.out.print(_table(found))
-        terminal.out.print(Text(verdict_of(found), style=_STYLES["fault" if found.faults else "ok"]))
-    write_json(document_of(found), json)
+        terminal.out.print(Text(result.verdict, style=_STYLES["fault" if found.faults else "ok"]))
+    write_json(document_of(result), json)
     if found.exit_code != exit_codes.DONE:
         raise typer.Exit(found.exit_code)
 

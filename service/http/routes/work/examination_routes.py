@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from fastapi import APIRouter
 
 from acquisition.examination import examine
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
-from service.http.wire.bodies import ExaminationShown
-from service.results.cell.examined import document_of
+from service.results.cell.examined import ExaminationShown
 
 router = APIRouter(route_class=JsonRoute, tags=["cell"])
 
 
-@router.post("/cell/examination", operation_id="examineCell", response_model=ExaminationShown)
-def examine_cell(here: Here) -> dict[str, Any]:
+@router.post("/cell/examination", operation_id="examineCell")
+def examine_cell(here: Here) -> ExaminationShown:
     """Ask every device whether a campaign can begin. Needs no lease; 409 while the robot is used."""
     cell = here.cell
     with here.book.examined():
@@ -26,4 +23,4 @@ def examine_cell(here: Here) -> dict[str, Any]:
             record=here.settings.record,
             simulated=here.settings.simulated is not None,
         )
-    return document_of(found)
+    return ExaminationShown.of(found)

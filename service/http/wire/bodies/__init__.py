@@ -12,7 +12,6 @@ from service.http.wire.bodies.cell import (
     LeaseShown,
 )
 from service.http.wire.bodies.deletions import DeletionList, DeletionShown
-from service.http.wire.bodies.examination import ExaminationShown
 from service.http.wire.bodies.fields import ProblemShown, ResponseBody
 from service.http.wire.bodies.jobs import (
     AlignmentShown,
@@ -78,7 +77,6 @@ __all__ = [
     "DiagnosisShown",
     "EventKind",
     "EventShown",
-    "ExaminationShown",
     "ExportBody",
     "ExportKind",
     "Health",
