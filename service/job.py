@@ -207,8 +207,9 @@ def alignment(folder: Path, job: Mapping[str, Any]) -> None:
     from service.files import as_json
     from service.kept_dataset import CSV, keep_dataset
     from service.report.figures.motion import motion_picture
-    from service.results.files.alignment import aligned_of, document
+    from service.results.files.alignment import AlignmentResult, aligned_of
     from service.results.files.alignment_request import AlignmentRequest
+    from service.results.shape import document_of
 
     result = aligned_of(
         folder / ROBOT,
@@ -217,7 +218,9 @@ def alignment(folder: Path, job: Mapping[str, Any]) -> None:
     )
     replace_file(folder / PICTURE, motion_picture(result))
     kept = keep_dataset(folder.parents[1] / "datasets", lambda at: result.table.write(at / CSV), job["name"])
-    replace_file(folder / RESULT, as_json({**document(result), "dataset_id": kept["id"]}))
+    replace_file(
+        folder / RESULT, as_json(document_of(AlignmentResult.of(result)) | {"dataset_id": kept["id"]})
+    )
 
 
 def watch_plan(folder: Path, job: Mapping[str, Any]) -> None:

@@ -19,6 +19,7 @@ from service.printed import alignment_tables
 from service.printed.terminal import Terminal
 from service.results.files import alignment
 from service.results.files.alignment_request import HOLDOUT, SEED, AlignmentRequest
+from service.results.shape import document_of
 
 
 def align_command(
@@ -110,7 +111,8 @@ def align_command(
         terminal.say(f"writing {out}")
         result.table.write(out)
         read_dataset(out)  # refused now, by name, rather than by the command that comes next
-        options.write_result(alignment.document(result), json, terminal)
+        described = alignment.AlignmentResult.of(result)
+        options.write_result(document_of(described), json, terminal)
         if picture is not None:
             # drawing is not needed for the numbers, and takes long to import
             from service.report.figures.motion import motion_picture
@@ -118,7 +120,7 @@ def align_command(
             terminal.say("drawing the picture")
             replace_file(picture, motion_picture(result))
         terminal.rest()
-        for shown in alignment_tables.aligned(result):
+        for shown in alignment_tables.aligned(described):
             terminal.out.print(shown)
         terminal.note(f"data set: {out}")
         if picture is not None:

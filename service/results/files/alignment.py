@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
 
@@ -14,26 +14,166 @@ from calib.arm import Robot, load_robot
 from calib.convert import ConvertedTable
 from calib.data import LEAST, Noise, read_noise
 from calib.errors import DataError
-from calib.motion import (
-    Aligned,
-    JointStream,
-    Origin,
-    PointStream,
-    SpeedBandErrors,
-    Standstills,
-    align,
-    by_speed,
-    data_set,
-    read_joints,
-    read_points,
-    standstills,
-)
+from service.results.common import Warnings
 from service.results.files.alignment_request import FARTHEST_TOOL_MM, AlignmentRequest
+from service.results.shape import ResponseBody, TableColumn, told
 
-FORMAT = "truepose-alignment/1"
+if TYPE_CHECKING:
+    from calib.motion import Aligned, JointStream, PointStream, SpeedBandErrors, Standstills
+
 ASSUMED_MM = 0.05  # as `convert` does
 _GAPS = 3  # that are named one by one
 _STRETCH_S = 1.0  # of wild points: no single outliers
+
+
+class ClocksResponse(ResponseBody):
+    """Two clocks put on one; u: one standard deviation."""
+
+    offset_s: Annotated[float, told("The tracker's clock less the robot's, s.", 0.412)]
+    u_offset_s: Annotated[float, told("Its uncertainty, s.", 0.0004)]
+    rate_ppm: Annotated[float, told("How much faster the tracker's runs, ppm.", 12.1)]
+    u_rate_ppm: Annotated[float, told("Its uncertainty, ppm.", 0.5)]
+    at_tracker_s: Annotated[float, told("When that offset holds, s.", 300.0)]
+    offset_by_speeds_s: Annotated[float, told("The offset by the speeds alone, s.", 0.41)]
+
+
+class Jump(ResponseBody):
+    """A jump of a clock."""
+
+    step_s: Annotated[float, told("Its size, s.", 0.1)]
+    u_step_s: Annotated[float, told("Its uncertainty, s.", 0.001)]
+    at_tracker_s: Annotated[float, told("When, s.", 212.0)]
+
+
+class StreamGapResponse(ResponseBody):
+    """A gap of a stream."""
+
+    begin_s: Annotated[float, told("From, s.", 12.0)]
+    end_s: Annotated[float, told("To, s.", 12.4)]
+    lost: Annotated[int, told("Number of samples that are missing.", 4)]
+
+
+class StreamShown(ResponseBody):
+    """A stream."""
+
+    samples: Annotated[int, told("Number of samples.", 12500)]
+    used: Annotated[int, told("Number of those that were used.", 12480)]
+    period_s: Annotated[float, told("Between two of them, s.", 0.008)]
+    begin_s: Annotated[float, told("The first, s.", 0.0)]
+    end_s: Annotated[float, told("The last, s.", 100.0)]
+    lost: Annotated[int, told("Number of samples that are missing.", 4)]
+    gaps: Annotated[list[StreamGapResponse], told("Where samples are missing.", [])]
+
+    @classmethod
+    def of(cls, stream: JointStream | PointStream, used: int) -> Self:
+        """What a stream holds, by its own clock. used: number of its samples that were used."""
+        return cls(
+            samples=len(stream.time),
+            used=used,
+            period_s=stream.period,
+            begin_s=stream.zero,
+            end_s=stream.zero + float(stream.time[-1]),
+            lost=stream.lost,
+            gaps=[
+                StreamGapResponse(begin_s=gap.begin + stream.zero, end_s=gap.end + stream.zero, lost=gap.lost)
+                for gap in stream.gaps
+            ],
+        )
+
+
+class BothStreams(ResponseBody):
+    """The streams by device."""
+
+    robot: Annotated[StreamShown, told("The robot's.", {"samples": 12500})]
+    tracker: Annotated[StreamShown, told("The instrument's.", {"samples": 1000})]
+
+
+class SpeedBand(ResponseBody):
+    """Errors between two speeds."""
+
+    slowest: Annotated[float, told("From, mm/s.", 0.0)]
+    fastest: Annotated[float, told("To, mm/s.", 5.0)]
+    count: Annotated[int, told("Number of samples.", 400), TableColumn("n", str)]
+    nominal_along_rms: Annotated[
+        float, told("Of the nominal arm, along the motion, mm.", 1.1), TableColumn("nominal along")
+    ]
+    nominal_across_rms: Annotated[
+        float, told("Of the nominal arm, across the motion, mm.", 1.0), TableColumn("across")
+    ]
+    static_along_rms: Annotated[float, told("Its static part, along, mm.", 0.9), TableColumn("static along")]
+    static_across_rms: Annotated[float, told("Its static part, across, mm.", 0.9), TableColumn("across")]
+    along_mean: Annotated[float, told("Left by the motion, along, mm; below 0: points come late.", -0.2)]
+    along_rms: Annotated[float, told("Left by the motion, along, mm.", 0.3), TableColumn("left along")]
+    across_rms: Annotated[float, told("Left by the motion, across, mm.", 0.1), TableColumn("across")]
+    across_max: Annotated[
+        float, told("Left by the motion, across, the largest, mm.", 0.4), TableColumn("across max")
+    ]
+    lag_ms: Annotated[
+        float, told("By how much points come late, ms.", 3.1), TableColumn("lag, ms", "{:+.2f}".format)
+    ]
+
+
+class AlignmentResult(ResponseBody):
+    """Two streams on one clock (`truepose-alignment/1`)."""
+
+    format: Annotated[Literal["truepose-alignment/1"], told("The format.", "truepose-alignment/1")]
+    dataset_id: Annotated[
+        str, told("The id of the data set that it made.", "20261121-170459-3f9a1c07b2e")
+    ] = ""
+    simulated: Annotated[bool, told("Whether either stream came from a simulator.", True)] = False
+    robot: Annotated[str, told("The robot file's name.", "ur5")]
+    tool_mm: Annotated[list[float], told("The target on the flange as stated, mm.", [0.0, 0.0, 100.0])]
+    tool_found_mm: Annotated[list[float], told("The target on the flange as found, mm.", [0.1, 0.0, 100.2])]
+    clocks: Annotated[ClocksResponse, told("The clocks.", {"offset_s": 0.412})]
+    jump: Annotated[Jump | None, told("A jump of a clock, where there is one.", None)]
+    streams: Annotated[BothStreams, told("What the streams hold.", {})]
+    gross_errors: Annotated[int, told("Number of points that do not belong.", 0)]
+    slower_than_mm_s: Annotated[float, told("Slower is a standstill, mm/s.", 1.0)]
+    standstills: Annotated[int, told("Number of standstills.", 38)]
+    waypoints: Annotated[int, told("Number of places where the robot stood.", 38)]
+    still_samples: Annotated[int, told("Number of samples at rest.", 760)]
+    rows: Annotated[int, told("Number of rows of the data set.", 38)]
+    validation: Annotated[int, told("Number of those that only judge.", 8)]
+    moving_error: Annotated[list[SpeedBand], told("The error by speed.", [])]
+    warnings: Warnings
+
+    @classmethod
+    def of(cls, result: StreamAlignment) -> Self:
+        """What is said of two streams. Uncertainties are one standard deviation."""
+        aligned, clocks = result.aligned, result.aligned.clocks
+        jump = None
+        if math.isfinite(clocks.step_at):
+            at = result.tracker_time(clocks.step_at)
+            jump = Jump(step_s=clocks.step, u_step_s=aligned.u_step, at_tracker_s=at)
+        return cls(
+            format="truepose-alignment/1",
+            simulated=result.moved.simulated or result.tracked.simulated,
+            robot=result.robot.name,
+            tool_mm=list(result.order.tool),
+            tool_found_mm=[float(x) for x in aligned.tool],
+            clocks=ClocksResponse(
+                offset_s=result.offset,
+                u_offset_s=aligned.u_offset,
+                rate_ppm=1e6 * clocks.rate,
+                u_rate_ppm=1e6 * aligned.u_rate,
+                at_tracker_s=result.tracker_time(clocks.middle),
+                offset_by_speeds_s=result.offset - clocks.offset + aligned.start.offset,
+            ),
+            jump=jump,
+            streams=BothStreams(
+                robot=StreamShown.of(result.moved, len(result.moved.time)),
+                tracker=StreamShown.of(result.tracked, int(aligned.used.sum())),
+            ),
+            gross_errors=int((aligned.weight == 0.0).sum()),
+            slower_than_mm_s=result.order.slower_than,
+            standstills=result.still.count,
+            waypoints=result.still.waypoints,
+            still_samples=len(result.still.sample),
+            rows=len(result.table),
+            validation=result.table.columns.get("set", []).count("validation"),
+            moving_error=[SpeedBand.model_validate(band) for band in result.bands],
+            warnings=result.warnings,
+        )
 
 
 @dataclass(frozen=True)
@@ -123,6 +263,9 @@ def aligned_of(
     progress: Callable[[str], None] = lambda _: None,
 ) -> StreamAlignment:
     """Read the streams, align them, gather the standstills. Raises DataError naming file, line, column or option."""
+    # the service describes results without them
+    from calib.motion import Origin, align, by_speed, data_set, read_joints, read_points, standstills
+
     if not all(abs(x) <= FARTHEST_TOOL_MM for x in order.tool):
         raise DataError("is no point on a tool.", do="Give X Y Z in mm, flange frame.", key="--tool")
     if not 0.0 < order.slower_than < math.inf:
@@ -187,59 +330,3 @@ def _noise(order: AlignmentRequest, header: Path) -> Noise | None:
             key="noise.kind",
         )
     return noise
-
-
-def document(result: StreamAlignment) -> dict[str, Any]:
-    """The document of `align --json`. Uncertainties are one standard deviation."""
-    aligned, clocks = result.aligned, result.aligned.clocks
-    jump = None
-    if math.isfinite(clocks.step_at):
-        jump = {
-            "step_s": clocks.step,
-            "u_step_s": aligned.u_step,
-            "at_tracker_s": result.tracker_time(clocks.step_at),
-        }
-    return {
-        "format": FORMAT,
-        "simulated": result.moved.simulated or result.tracked.simulated,
-        "robot": result.robot.name,
-        "tool_mm": list(result.order.tool),
-        "tool_found_mm": [float(x) for x in aligned.tool],
-        "clocks": {
-            "offset_s": result.offset,
-            "u_offset_s": aligned.u_offset,
-            "rate_ppm": 1e6 * clocks.rate,
-            "u_rate_ppm": 1e6 * aligned.u_rate,
-            "at_tracker_s": result.tracker_time(clocks.middle),
-            "offset_by_speeds_s": result.offset - clocks.offset + aligned.start.offset,
-        },
-        "jump": jump,
-        "streams": {
-            "robot": _stream(result.moved, len(result.moved.time)),
-            "tracker": _stream(result.tracked, int(aligned.used.sum())),
-        },
-        "gross_errors": int((aligned.weight == 0.0).sum()),
-        "slower_than_mm_s": result.order.slower_than,
-        "standstills": result.still.count,
-        "waypoints": result.still.waypoints,
-        "still_samples": len(result.still.sample),
-        "rows": len(result.table),
-        "validation": result.table.columns.get("set", []).count("validation"),
-        "moving_error": [asdict(band) for band in result.bands],
-        "warnings": result.warnings,
-    }
-
-
-def _stream(stream: JointStream | PointStream, used: int) -> dict[str, Any]:
-    return {
-        "samples": len(stream.time),
-        "used": used,
-        "period_s": stream.period,
-        "begin_s": stream.zero,
-        "end_s": stream.zero + float(stream.time[-1]),
-        "lost": stream.lost,
-        "gaps": [
-            {"begin_s": gap.begin + stream.zero, "end_s": gap.end + stream.zero, "lost": gap.lost}
-            for gap in stream.gaps
-        ],
-    }
