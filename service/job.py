@@ -116,12 +116,14 @@ def regression(folder: Path, job: Mapping[str, Any]) -> None:
     """Compare regression with identification, save the model with its regression, draw the report. Raises DataError."""
     from calib.text import replace_file
     from service.files import as_json
+    from service.report import regression_report
     from service.results.models.regressed import RegressionOutcome
+    from service.results.shape import document_of
 
     result = RegressionOutcome.of(Path(job["data"]), **job["order"])
     sealed = result.save(folder / MODEL)
-    replace_file(folder / REPORT, result.report(sealed))
-    replace_file(folder / RESULT, as_json(result.document))
+    replace_file(folder / REPORT, regression_report(result.comparison, result.result, sealed))
+    replace_file(folder / RESULT, as_json(document_of(result.result)))
 
 
 def validation(folder: Path, job: Mapping[str, Any]) -> None:

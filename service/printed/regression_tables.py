@@ -9,29 +9,27 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from calib.comparison import RegressionComparison, mae, rmse
-from service.results.models.regression_document import UM, waypoints
+from service.results.models.regressed import RegressionResult
 
 _NO_DECIMALS = 1000.0  # um
 COLUMNS = ("MAE x", "y", "z", "mean", "RMSE x", "y", "z", "mean")
 
 
-def rows(comparison: RegressionComparison) -> Iterator[tuple[str, str, list[str]]]:
+def rows(result: RegressionResult) -> Iterator[tuple[str, str, list[str]]]:
     """Name, "in sample" or "by waypoint", and eight figures in um of every predictor."""
-    for scored in comparison.scored:
-        for kind, errors in (("in sample", scored.in_sample), ("by waypoint", scored.by_waypoint)):
-            figures = [*mae(errors), *rmse(errors)]
-            yield scored.predictor.name, kind, [_um(UM * value) for value in figures]
+    for row in result.table_um:
+        for kind, errors in (("in sample", row.in_sample), ("by waypoint", row.by_waypoint)):
+            yield row.name, kind, [_um(value) for _, value in (*errors.mae, *errors.rmse)]
 
 
 def _um(value: float) -> str:
     return f"{value:.1f}" if value < _NO_DECIMALS else f"{value:,.0f}"
 
 
-def shown(comparison: RegressionComparison, findings: list[str]) -> Iterator[RenderableType]:
+def shown(result: RegressionResult) -> Iterator[RenderableType]:
     """The table and the sentences below it."""
     table = Table(
-        title=f"Error of {len(comparison.rows)} samples at {waypoints(comparison)} waypoints, um",
+        title=f"Error of {result.samples} samples at {result.waypoints} waypoints, um",
         title_justify="left",
         title_style="bold",
         box=box.SIMPLE_HEAD,
@@ -40,7 +38,7 @@ def shown(comparison: RegressionComparison, findings: list[str]) -> Iterator[Ren
     for i, name in enumerate(("", "judged", *COLUMNS)):
         table.add_column(name, justify="left" if i < 2 else "right", overflow="fold")
     last = ""
-    for name, kind, figures in rows(comparison):
+    for name, kind, figures in rows(result):
         table.add_row(
             "" if name == last else name, kind, *figures, style="" if kind == "by waypoint" else "dim"
         )
@@ -50,5 +48,5 @@ def shown(comparison: RegressionComparison, findings: list[str]) -> Iterator[Ren
         "By waypoint: whole waypoints left out in five parts, everything fitted and chosen again with the rest.",
         "dim",
     )
-    for finding in findings:
+    for finding in result.findings:
         yield Text(finding)

@@ -42,6 +42,7 @@ from service.results.judgement.validation import ValidationOutcome
 from service.results.models import positions
 from service.results.models.diagnosed import PatchResult
 from service.results.models.parameters import rows_of
+from service.results.models.regressed import RegressionResult
 from service.results.shape import document_of
 
 _LEFT_OUT_SHOWN = 30  # readings, largest errors first
@@ -244,7 +245,7 @@ def _with(preliminary: CalibratedModel | None, models: ballbar.Models) -> ballba
 
 
 def regression_report(
-    comparison: RegressionComparison, document: Mapping[str, Any], model_sha256: str | None = None
+    comparison: RegressionComparison, result: RegressionResult, model_sha256: str | None = None
 ) -> str:
     """The report of a regression as HTML: the panel of its comparison, and the model that it is based on, with its
     hash."""
@@ -255,14 +256,14 @@ def regression_report(
     return _render(
         dataset,
         found,
-        document,
+        document_of(result),
         model_sha256,
         kind="Regression",
         verdict="Compared",
         verdict_key="identified",
-        sentence=" ".join(regression.foremost(document["findings"], asked.name)),
+        sentence=" ".join(regression.foremost(result.findings, asked.name)),
         joints=joints,
-        regression=regression.section_of(comparison, document["findings"]),
+        regression=regression.section_of(comparison, result),
     )
 
 

@@ -43,7 +43,7 @@ from calib.regression.regression import (
 )
 from calib.saved.model_checks import content_hash
 from calib.saved.model_file import load_model, save_model
-from service.results.models.regression_document import findings
+from service.results.models.regressed import findings
 from tests.calib.campaigns import move_rows, write_files
 from tests.calib.chain import chain
 from tests.calib.ur5_path import REFLECTOR, ROBOT, WORLD, rows_of, simulate, waypoints

@@ -26,11 +26,11 @@ from service.exports import FORMATS
 from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
 from service.http.wire.bodies import CampaignTable, EventKind, ExportKind, ModelShown, requests
-from service.http.wire.bodies.jobs import RegressionResult
 from service.http.work import jobs
 from service.http.work.campaigns import campaign_of
 from service.results.models.diagnosed import DiagnosisResult
 from service.results.models.identified import IdentificationResult
+from service.results.models.regressed import RegressionResult
 from tests.end_to_end.simulated import ROOT
 from tests.service.campaigns import write_data
 

@@ -15,6 +15,7 @@ from service.files import STANDARD_OUTPUT
 from service.printed.regression_tables import shown
 from service.printed.terminal import Terminal
 from service.results.models.regressed import RegressionOutcome
+from service.results.shape import document_of
 
 METHODS = ("mls-svr",)
 
@@ -62,15 +63,17 @@ def regress_command(
             diagnosed=diagnosed,
             say=terminal.say,
         )
-        options.write_result(result.document, json, terminal)
+        options.write_result(document_of(result.result), json, terminal)
         sealed = result.save(model) if model is not None or report is not None else None
         if report is not None:
+            from service.report import regression_report  # drawing takes long to import
+
             terminal.say("drawing the report")
-            replace_file(report, result.report(sealed))
+            replace_file(report, regression_report(result.comparison, result.result, sealed))
         terminal.rest()
         if result.comparison.dataset.header.simulated:
             terminal.note(wording.SIMULATED)
-        for each in shown(result.comparison, result.document["findings"]):
+        for each in shown(result.result):
             terminal.out.print(each)
         if model is not None and not result.gains:
             terminal.note("the regression adds nothing: the model is saved without it")

@@ -13,22 +13,18 @@ from calib.array import Array
 from calib.comparison import RegressionComparison
 from service.printed.regression_tables import COLUMNS, rows
 from service.report.figures import drawing
-from service.results.models.regression_document import UM, waypoints
+from service.results.models.regressed import RegressionResult
 
 _WIDE = 1000.0  # ratio of the ends of an axis, from which on 2 and 5 between the powers of ten run into each other
 
 
-def section_of(comparison: RegressionComparison, findings: list[str]) -> dict[str, Any]:
-    """The panel as the template shows it: rows of (name, kind, figures), the picture, and the findings."""
+def section_of(comparison: RegressionComparison, result: RegressionResult) -> dict[str, Any]:
+    """The panel as the template shows it: rows of (name, kind, figures), the picture, and the result."""
     return {
         "columns": COLUMNS,
-        "rows": list(rows(comparison)),
+        "rows": rows(result),
         "picture": Markup(picture(comparison)),
-        "findings": findings,
-        "samples": len(comparison.rows),
-        "waypoints": waypoints(comparison),
-        "features": comparison.plan.wanted.features,
-        "kernel": comparison.plan.wanted.kernel,
+        "result": result,
     }
 
 
@@ -45,7 +41,7 @@ def picture(comparison: RegressionComparison) -> str:
         for (label, colour, beside), errors in zip(
             kinds, (scored.in_sample, scored.by_waypoint), strict=True
         ):
-            size = UM * _by_waypoint(errors, comparison.waypoint)
+            size = 1e3 * _by_waypoint(errors, comparison.waypoint)
             height = np.full(len(size), place + beside)
             axes.plot(size, height, ".", color=colour, markersize=4, label="" if place else label)
             axes.plot(
