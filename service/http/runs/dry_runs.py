@@ -17,7 +17,8 @@ from service.files import as_json
 from service.http.runs.damage import unreadable
 from service.http.runs.run_document import run_document
 from service.http.work.campaigns import campaign_of
-from service.results.cell.plan import plan_of_campaign, plan_of_record
+from service.results.cell.plan import PlanShown, plan_of_campaign, plan_of_record
+from service.results.shape import document_of
 from service.wording import counted
 
 FILE, PLAN = "dry_run.json", "plan.json"
@@ -46,14 +47,14 @@ def keep(folder: Path, cell: Cell, table: Mapping[str, Any], name: str, simulate
     total = readings_in(visits)
     plan = plan_of_campaign(cell, campaign, visits)
     folder.mkdir()
-    replace_file(folder / PLAN, as_json(plan))
+    replace_file(folder / PLAN, as_json(document_of(plan)))
     done = State.SUCCEEDED
     status = RunStatus(
         id=folder.name,
         name=name or cell.name,
         state=done.value,
         state_code=done.code,
-        seconds_left=plan["seconds"],
+        seconds_left=plan.seconds,
         reason=f"Checked only: {counted(len(visits), 'visit')}, {counted(total, 'reading')}; nothing has moved.",
         version=1,
         done=0,
@@ -64,10 +65,10 @@ def keep(folder: Path, cell: Cell, table: Mapping[str, Any], name: str, simulate
     replace_file(folder / FILE, as_json(document))
 
 
-def plan_in(folder: Path) -> dict[str, Any]:
+def plan_in(folder: Path) -> PlanShown:
     """The plan of a run or a dry run in its folder. Raises RecordError, StorageError, DataError."""
     if (folder / FILE).is_file():
-        return read_json(folder / PLAN)
+        return PlanShown.model_validate(read_json(folder / PLAN))
     return plan_of_record(folder)
 
 

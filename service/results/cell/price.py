@@ -8,7 +8,7 @@ as planned.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,43 @@ from acquisition.run import forecast_of
 from calib.errors import DataError
 from calib.fit import expanded
 from calib.selection import Candidates, candidates_of
+from service.results.cell.plan import VisitNumber
+from service.results.shape import ResponseBody, told
 
-FORMAT = "truepose-price/1"
 _PLACES = 400  # postures at which U is predicted
 _WORST_CONDITION = 1e12  # of the information: beyond it these poses do not determine the model
 
 
-def price_of(record: Path, number: int) -> dict[str, Any] | None:
+class UncertaintyResponse(ResponseBody):
+    """Expanded uncertainty of predicted positions over the joint limits of the cell, k = 2, worst direction."""
+
+    median: Annotated[float, told("In the middle of all postures, mm.", 0.031)]
+    p95: Annotated[float, told("Not exceeded in 95 of 100 postures, mm.", 0.052)]
+    max: Annotated[float, told("In the worst posture, mm.", 0.071)]
+
+
+class PriceShown(ResponseBody):
+    """The price of a visit."""
+
+    format: Annotated[str, told("Name of this format.", "truepose-price/1")]
+    visit: VisitNumber
+    name: Annotated[str, told("The name of the visit.", "pose 9 of block 1 (calibration)")]
+    set: Annotated[str, told("The set of its readings; validation only judges.", "calibration")]
+    seconds: Annotated[float, told("What it takes to measure it again, s.", 17.9)]
+    coverage_factor: Annotated[int, told("k of the uncertainties, a number.", 2)]
+    u_mm: Annotated[
+        UncertaintyResponse | None,
+        told(
+            "Predicted U as planned, and with the visit measured again, mm; null where it cannot be said.", {}
+        ),
+    ]
+    u_without_mm: Annotated[
+        UncertaintyResponse | None,
+        told("Predicted U without the visit, mm; null where it cannot be said.", {}),
+    ]
+
+
+def price_of(record: Path, number: int) -> PriceShown | None:
     """The price of a visit; None where the plan has none of this number. `u_mm` null: the poses left do not suffice.
 
     Raises DataError for a campaign of distances, RecordError, StorageError.
@@ -58,21 +88,21 @@ def price_of(record: Path, number: int) -> dict[str, Any] | None:
         mine = np.array([each.visit.number == number for each in fitted])
         which = np.array([names.index(each.target) for each in fitted], dtype=np.int64)
         u, without = (_predicted(found, rows, which) for rows in (np.ones(len(mine), dtype=bool), ~mine))
-    return {
-        "format": FORMAT,
-        "visit": number,
-        "name": own[0].visit.name,
-        "set": own[0].visit.set,
-        "seconds": round(forecast.seconds_left(first, first) - forecast.seconds_left(after, after), 1),
-        "coverage_factor": 2,
-        "u_mm": u,
-        "u_without_mm": without,
-    }
+    return PriceShown(
+        format="truepose-price/1",
+        visit=number,
+        name=own[0].visit.name,
+        set=own[0].visit.set,
+        seconds=round(forecast.seconds_left(first, first) - forecast.seconds_left(after, after), 1),
+        coverage_factor=2,
+        u_mm=u,
+        u_without_mm=without,
+    )
 
 
 def _predicted(
     found: Candidates, rows: NDArray[np.bool_], which: NDArray[np.int64]
-) -> dict[str, float] | None:
+) -> UncertaintyResponse | None:
     """U over the drawn postures from the readings of a mask (n,), of target `which` (n,) each."""
     n = len(which)
     width = found.rows.shape[-1]
@@ -84,8 +114,6 @@ def _predicted(
     points = found.points[n:].reshape(-1, 3, width)
     spread = points @ np.linalg.inv(np.linalg.cholesky(information)).T
     u = expanded(spread @ spread.transpose(0, 2, 1) + found.repeatability[n:].reshape(-1, 3, 3))
-    return {
-        "median": float(np.median(u)),
-        "p95": float(np.quantile(u, 0.95)),
-        "max": float(u.max()),
-    }
+    return UncertaintyResponse(
+        median=float(np.median(u)), p95=float(np.quantile(u, 0.95)), max=float(u.max())
+    )

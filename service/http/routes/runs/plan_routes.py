@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Query
 from fastapi.responses import JSONResponse
@@ -15,10 +15,10 @@ from service.http.runs.dry_runs import plan_in
 from service.http.state import Here
 from service.http.wire.bodies import RunResponse, WhyBody
 from service.http.wire.headers import IdempotencyKey, LeaseId, RunId
-from service.http.wire.plan_bodies import PlanShown, PriceShown, SceneShown
 from service.http.wire.problems import not_found
-from service.results.cell.price import price_of
-from service.results.cell.scene import scene_of
+from service.results.cell.plan import PlanShown
+from service.results.cell.price import PriceShown, price_of
+from service.results.cell.scene import SceneShown, scene_of
 
 router = APIRouter(route_class=JsonRoute, tags=["plans"])
 Number = Annotated[
@@ -34,8 +34,8 @@ Joints = Annotated[
 ]
 
 
-@router.get("/cell/scene", operation_id="getScene", response_model=SceneShown)
-def get_scene(here: Here, joints_deg: Joints = "") -> dict[str, Any]:
+@router.get("/cell/scene", operation_id="getScene")
+def get_scene(here: Here, joints_deg: Joints = "") -> SceneShown:
     """The cell as a picture needs it: arm and tool as capsules, boxes and posts, nests and targets, mm, world frame."""
     try:
         posture = [float(part) for part in joints_deg.split(",")] if joints_deg.strip() else []
@@ -44,14 +44,14 @@ def get_scene(here: Here, joints_deg: Joints = "") -> dict[str, Any]:
     return here.workers.call(scene_of, here.cell, posture)
 
 
-@router.get("/runs/{run_id}/plan", operation_id="getPlan", response_model=PlanShown)
-def get_plan(here: Here, run_id: RunId) -> dict[str, Any]:
+@router.get("/runs/{run_id}/plan", operation_id="getPlan")
+def get_plan(here: Here, run_id: RunId) -> PlanShown:
     """Every visit of a run, or of a dry run: where its targets should be, what became of them, how long it takes."""
     return here.workers.call(plan_in, here.book.path(run_id))
 
 
-@router.get("/runs/{run_id}/visits/{number}/price", operation_id="getPrice", response_model=PriceShown)
-def get_price(here: Here, run_id: RunId, number: Number) -> dict[str, Any]:
+@router.get("/runs/{run_id}/visits/{number}/price", operation_id="getPrice")
+def get_price(here: Here, run_id: RunId, number: Number) -> PriceShown:
     """The price of a pose: the predicted U of positions as planned and without it, mm, and the seconds it takes."""
     here.book.get(run_id)  # a dry run measures nothing
     price = here.workers.call(price_of, here.book.path(run_id), number)
