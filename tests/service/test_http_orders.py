@@ -22,7 +22,7 @@ from service import job_folder
 from service.cli import main
 from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
-from service.http.wire.bodies.jobs import SelectionResult
+from service.results.cell.selected import SelectionResult
 from service.results.judgement.validation import ValidationResult
 from tests.drivers.waiting import PATIENCE_S
 from tests.end_to_end.simulated import ROOT, cell_file

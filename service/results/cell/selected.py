@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -25,8 +25,62 @@ from calib.selection import (
 )
 from calib.units import to_display
 from service.json_values import finite
+from service.results.common import DroppedParameterResponse, Joints, Share, Warnings
+from service.results.shape import Real, ResponseBody, document_of, told
 
-FORMAT = "truepose-selection/1"
+
+class ObservabilityResponse(ResponseBody):
+    """The observability indices of the scaled columns."""
+
+    O1: Annotated[Real, told("No unit.", 0.9, of="o1")]
+    O2: Annotated[Real, told("No unit.", 0.02, of="o2")]
+    O3: Annotated[Real, told("No unit.", 0.1, of="o3")]
+    O4: Annotated[Real, told("No unit.", 0.002, of="o4")]
+    O5: Annotated[Real, told("No unit.", 0.3, of="o5")]
+
+
+class ExpectedErrorResponse(ResponseBody):
+    """The standard error that is expected of a parameter."""
+
+    name: Annotated[str, told("Its name.", "theta2")]
+    std: Annotated[Real, told("Its standard error, in `unit`.", 0.0005)]
+    unit: Annotated[str, told("The unit of std.", "deg")]
+
+
+class UncertaintyCurve(ResponseBody):
+    """The predicted expanded uncertainty of positions over the number of poses, worst direction, k = 2."""
+
+    poses: Annotated[list[int], told("Numbers of poses.", [40, 45, 50])]
+    max_u_mm: Annotated[list[Real], told("The largest, mm.", [0.21, 0.2, 0.19])]
+    mean_u_mm: Annotated[list[Real], told("The mean, mm.", [0.11, 0.1, 0.1])]
+    max_u_of_model_mm: Annotated[list[Real], told("The largest of the model alone, mm.", [0.2, 0.19, 0.18])]
+    enough: Annotated[int | None, told("From this number of poses on more are hardly worth it.", 45)]
+    wanted_u_mm: Annotated[Real, told("What was wanted, mm.", None)]
+    reached_with: Annotated[int | None, told("Number of poses that reach it.", None)]
+
+
+class SelectionResult(ResponseBody):
+    """The poses that were chosen, for a block with `select = "list"`, and what they promise."""
+
+    format: Annotated[Literal["truepose-selection/1"], told("The format.", "truepose-selection/1")]
+    cell: Annotated[str, told("The cell.", "irb120-cell")]
+    robot: Annotated[str, told("The robot file's name.", "abb-irb120")]
+    targets: Annotated[list[str], told("Names of targets.", ["T1"])]
+    groups: Annotated[list[str], told("What the model will free.", ["base", "geometry"])]
+    seed: Annotated[int, told("What everything was drawn from; no unit.", 1)]
+    candidates: Annotated[int, told("Number of candidates that were found.", 5000)]
+    poses_deg: Annotated[list[Joints], told("The poses, deg: `joints_deg` of a block.", [[12.0, 45.0]])]
+    filling: Annotated[list[int], told("Numbers of those that fill the joints' ranges.", [3, 17])]
+    observability: Annotated[ObservabilityResponse, told("The indices.", {"O1": 0.9})]
+    efficiency: Share
+    efficiency_without_filling: Share
+    bound_gap: Annotated[Real, told("How sharp the bound is, a ratio.", 1e-4)]
+    parameters: Annotated[list[ExpectedErrorResponse], told("Every parameter.", [])]
+    dropped: Annotated[
+        list[DroppedParameterResponse], told("Parameters that such poses do not determine.", [])
+    ]
+    uncertainty: Annotated[UncertaintyCurve, told("What more or fewer poses are worth.", {"enough": 45})]
+    warnings: Warnings
 
 
 @dataclass(frozen=True)
@@ -115,56 +169,51 @@ class Selected:
         return "\n".join(lines) + "\n"
 
     def document(self) -> dict[str, Any]:
-        """Document of the result, as JSON has it."""
-        choice, curve, o = self.choice, self.curve, self.choice.observability
+        """Document of the result, as JSON has it; `prior` beside what OpenAPI describes."""
+        choice, curve, wanted, of_type = self.choice, self.curve, self.asked.wanted_u, self.of_type
         index = {int(i): place for place, i in enumerate(choice.selection, start=1)}
-        wanted = self.asked.wanted_u
-        return finite(
-            {
-                "format": FORMAT,
-                "cell": self.cell.name,
-                "robot": self.cell.robot.model.name,
-                "targets": list(self.targets),
-                "groups": list(self.asked.groups),
-                "seed": self.asked.seed,
-                "candidates": len(self.candidates.joints),
-                "poses_deg": [list(pose.joints_deg) for pose in self.poses],
-                "filling": [index[i] for i in choice.filling],
-                "observability": {"O1": o.o1, "O2": o.o2, "O3": o.o3, "O4": o.o4, "O5": o.o5},
-                "efficiency": choice.efficiency,
-                "efficiency_without_filling": choice.efficiency_core,
-                "bound_gap": choice.gap,
-                "parameters": [
-                    {"name": p.name, "std": to_display(float(s), p.unit), "unit": p.unit}
-                    for p, s in zip(self.candidates.parameters, choice.std, strict=True)
-                ],
-                "dropped": [
-                    {"name": d.name, "confounded_with": list(d.confounded_with)} for d in choice.dropped
-                ],
-                "uncertainty": {
-                    "poses": curve.counts.tolist(),
-                    "max_u_mm": curve.largest.tolist(),
-                    "mean_u_mm": curve.mean.tolist(),
-                    "max_u_of_model_mm": curve.of_model.tolist(),
-                    "enough": curve.enough(),
-                    "wanted_u_mm": wanted,
-                    "reached_with": None if wanted is None else curve.reaches(wanted),
-                },
-                "warnings": list(choice.warnings),
-                **({} if self.of_type is None else {"prior": _beside(self.of_type)}),
-            }
-        )
-
-
-def _beside(of_type: BesideType) -> dict[str, Any]:
-    return {
-        "parameters": list(of_type.known),
-        "poses": of_type.curve.counts.tolist(),
-        "max_u_mm": of_type.curve.largest.tolist(),
-        "mean_u_mm": of_type.curve.mean.tolist(),
-        "u_without_mm": of_type.u_mm,
-        "reached_with": of_type.reached,
-    }
+        document = {
+            "format": "truepose-selection/1",
+            "cell": self.cell.name,
+            "robot": self.cell.robot.model.name,
+            "targets": self.targets,
+            "groups": self.asked.groups,
+            "seed": self.asked.seed,
+            "candidates": len(self.candidates.joints),
+            "poses_deg": [pose.joints_deg for pose in self.poses],
+            "filling": [index[i] for i in choice.filling],
+            "observability": choice.observability,
+            "efficiency": choice.efficiency,
+            "efficiency_without_filling": choice.efficiency_core,
+            "bound_gap": choice.gap,
+            "parameters": [
+                {"name": p.name, "std": to_display(float(s), p.unit), "unit": p.unit}
+                for p, s in zip(self.candidates.parameters, choice.std, strict=True)
+            ],
+            "dropped": choice.dropped,
+            "uncertainty": {
+                "poses": curve.counts,
+                "max_u_mm": curve.largest,
+                "mean_u_mm": curve.mean,
+                "max_u_of_model_mm": curve.of_model,
+                "enough": curve.enough(),
+                "wanted_u_mm": wanted,
+                "reached_with": None if wanted is None else curve.reaches(wanted),
+            },
+            "warnings": choice.warnings,
+        }
+        if of_type is not None:
+            document["prior"] = finite(
+                {
+                    "parameters": list(of_type.known),
+                    "poses": of_type.curve.counts.tolist(),
+                    "max_u_mm": of_type.curve.largest.tolist(),
+                    "mean_u_mm": of_type.curve.mean.tolist(),
+                    "u_without_mm": of_type.u_mm,
+                    "reached_with": of_type.reached,
+                }
+            )
+        return document_of(SelectionResult.model_validate(document))
 
 
 def _names(targets: Sequence[str] | None, cell: Cell) -> list[str]:

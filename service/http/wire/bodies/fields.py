@@ -21,6 +21,7 @@ from pydantic_core import CoreSchema, PydanticCustomError
 
 from acquisition.file_table import first_of_a_list
 from calib.text import turns_writing
+from service.results.common import Joints as Joints
 from service.results.shape import ResponseBody, told
 
 _MOST_ERRORS = 100
@@ -88,11 +89,6 @@ Point = Annotated[list[float], told("A place x, y, z, mm.", [401.223, 88.102, 31
 Prior = Annotated[
     dict[str, Any],
     told("The content of a file of `truepose fleet learn`: what robots of the type share; empty: none.", {}),
-]
-
-Joints = Annotated[
-    list[float],
-    told("Joint angles as the controller counts them, deg.", [12.0, 45.0, -10.0, 80.0, -35.0, 10.0]),
 ]
 
 
