@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -20,8 +20,8 @@ from acquisition.campaign import (
 )
 from calib.array import Array
 from calib.errors import DataError
+from service.results.shape import ResponseBody, document_of, told
 
-FORMAT = "truepose-placements/1"
 MOST = 20_000  # placements of a search
 TOGETHER = 4  # placements of one plan
 _TRIED = 5  # times as many placements are proven as are shown
@@ -53,6 +53,35 @@ class PlacementRequest:
         return cls(**plain)
 
 
+class Placed(ResponseBody):
+    """One placement of the base balls."""
+
+    shift_mm: Annotated[list[float], told("Shift from the cell file, mm.", [50.0, 0.0, 0.0])]
+    turn_deg: Annotated[float, told("Turn about the vertical, deg.", 15.0)]
+    nests_mm: Annotated[
+        dict[str, Annotated[list[float], told("A place x, y, z, mm.", [401.223, 88.102, 310.446])]],
+        told("The balls there, world, mm.", {"B1": [350.0, 0.0, 20.0]}),
+    ]
+    poses: Annotated[int, told("Number of stances that the arm reaches.", 61)]
+    configurations: Annotated[int, told("Number of configurations in which it does.", 124)]
+    by_branch: Annotated[dict[str, int], told("Number of them by branch of the arm.", {"front/up": 46})]
+    max_u_mm: Annotated[float | None, told("Largest predicted U (k = 2) in the zone, mm.", 0.021)]
+
+
+class PlacementsResult(ResponseBody):
+    """The result of a search (`truepose-placements/1`)."""
+
+    format: Annotated[Literal["truepose-placements/1"], told("The format.", "truepose-placements/1")]
+    cell: Annotated[str, told("Name of the cell.", "lrmate-ballbar")]
+    robot: Annotated[str, told("Name of the robot.", "fanuc-lrmate200ic")]
+    base: Annotated[list[str], told("The balls.", ["B1", "B2", "B3"])]
+    stances: Annotated[int, told("Number of stances of the legs.", 144)]
+    placements: Annotated[int, told("Number of placements that were tried.", 5832)]
+    zone_mm: Annotated[list[float] | None, told("The zone, mm, where one was given.", None)]
+    best: Annotated[list[Placed], told("The best, first.", [])]
+    plan: Annotated[list[Placed], told("Those that complete each other, in order.", [])]
+
+
 @dataclass(frozen=True)
 class PlacementResult:
     """The best placements, proven, each with the largest U in the zone, mm, by itself; `plan`: those that are to be
@@ -76,29 +105,30 @@ class PlacementResult:
     def document(self) -> dict[str, Any]:
         """The result for JSON."""
         hexapod = self.hexapod
-        return {
-            "format": FORMAT,
-            "cell": hexapod.cell.name,
-            "robot": hexapod.cell.robot.model.name,
-            "base": list(hexapod.base),
-            "stances": len(hexapod.stances.flange),
-            "placements": self.placements,
-            "zone_mm": None if self.order.zone is None else list(self.order.zone),
-            "best": [self._one(*each) for each in self.best],
-            "plan": [self._one(*each) for each in self.plan],
-        }
+        result = PlacementsResult(
+            format="truepose-placements/1",
+            cell=hexapod.cell.name,
+            robot=hexapod.cell.robot.model.name,
+            base=list(hexapod.base),
+            stances=len(hexapod.stances.flange),
+            placements=self.placements,
+            zone_mm=None if self.order.zone is None else list(self.order.zone),
+            best=[self._one(*each) for each in self.best],
+            plan=[self._one(*each) for each in self.plan],
+        )
+        return document_of(result)
 
-    def _one(self, each: ReachResult, u: float | None) -> dict[str, Any]:
+    def _one(self, each: ReachResult, u: float | None) -> Placed:
         nests = self.hexapod.moved(each.placement).nests
-        return {
-            "shift_mm": list(each.placement.shift_mm),
-            "turn_deg": each.placement.turn_deg,
-            "nests_mm": {name: list(nests[name]) for name in self.hexapod.base},
-            "poses": each.poses,
-            "configurations": each.configurations,
-            "by_branch": each.by_branch,
-            "max_u_mm": u,
-        }
+        return Placed(
+            shift_mm=list(each.placement.shift_mm),
+            turn_deg=each.placement.turn_deg,
+            nests_mm={name: list(nests[name]) for name in self.hexapod.base},
+            poses=each.poses,
+            configurations=each.configurations,
+            by_branch=each.by_branch,
+            max_u_mm=u,
+        )
 
 
 def wanted_of(order: PlacementRequest) -> list[BallPlacement]:

@@ -83,9 +83,6 @@ Version = Annotated[
     int, told("Grows with every change; send it as `after` to wait for the next. No unit.", 412)
 ]
 
-Names = Annotated[list[str], told("Names.", ["T1", "T2"])]
-Point = Annotated[list[float], told("A place x, y, z, mm.", [401.223, 88.102, 310.446])]
-
 Prior = Annotated[
     dict[str, Any],
     told("The content of a file of `truepose fleet learn`: what robots of the type share; empty: none.", {}),

@@ -1,6 +1,6 @@
 """The bodies of jobs: what was asked for, and what it came to.
 
-The bodies of searches of placements of a ballbar's base balls: what is asked, and the result.
+What is asked of a selection of poses and of a search of placements of a ballbar's base balls.
 """
 
 from __future__ import annotations
@@ -15,8 +15,6 @@ from calib.selection import SHARE
 from service.http.wire.bodies.fields import (
     Created,
     Id,
-    Names,
-    Point,
     Prior,
     ProblemShown,
     RequestBody,
@@ -26,7 +24,7 @@ from service.http.wire.bodies.fields import (
 )
 from service.http.wire.bodies.runs import StateCode
 from service.http.wire.bodies.watches import UpkeepResult, WatchPlanResult, WatchResult
-from service.results.cell.placements import TOGETHER, PlacementRequest
+from service.results.cell.placements import TOGETHER, PlacementRequest, PlacementsResult
 from service.results.cell.selected import SelectionResult
 from service.results.files.alignment import AlignmentResult
 from service.results.judgement.validation import ValidationResult
@@ -87,32 +85,6 @@ class PlacementsAsked(RequestBody):
     show: Annotated[
         int, told("Number of placements that are proven and listed.", PlacementRequest.show, ge=1, le=50)
     ] = PlacementRequest.show
-
-
-class Placed(ResponseBody):
-    """One placement of the base balls."""
-
-    shift_mm: Annotated[Point, told("Shift from the cell file, mm.", [50.0, 0.0, 0.0])]
-    turn_deg: Annotated[float, told("Turn about the vertical, deg.", 15.0)]
-    nests_mm: Annotated[dict[str, Point], told("The balls there, world, mm.", {"B1": [350.0, 0.0, 20.0]})]
-    poses: Annotated[int, told("Number of stances that the arm reaches.", 61)]
-    configurations: Annotated[int, told("Number of configurations in which it does.", 124)]
-    by_branch: Annotated[dict[str, int], told("Number of them by branch of the arm.", {"front/up": 46})]
-    max_u_mm: Annotated[float | None, told("Largest predicted U (k = 2) in the zone, mm.", 0.021)]
-
-
-class PlacementsResult(ResponseBody):
-    """The result of a search (`truepose-placements/1`)."""
-
-    format: Annotated[Literal["truepose-placements/1"], told("The format.", "truepose-placements/1")]
-    cell: Annotated[str, told("Name of the cell.", "lrmate-ballbar")]
-    robot: Annotated[str, told("Name of the robot.", "fanuc-lrmate200ic")]
-    base: Annotated[Names, told("The balls.", ["B1", "B2", "B3"])]
-    stances: Annotated[int, told("Number of stances of the legs.", 144)]
-    placements: Annotated[int, told("Number of placements that were tried.", 5832)]
-    zone_mm: Annotated[list[float] | None, told("The zone, mm, where one was given.", None)]
-    best: Annotated[list[Placed], told("The best, first.", [])]
-    plan: Annotated[list[Placed], told("Those that complete each other, in order.", [])]
 
 
 class SearchProgress(ResponseBody):
