@@ -46,17 +46,6 @@ Reading = Annotated[
 ]
 
 
-class OrderedBody(ResponseBody):
-    """A response that is written in the order in which its members were given, not in that of the class."""
-
-    def __init__(self, /, **members: Any) -> None:
-        super().__init__(**members)
-        own = vars(self)
-        for name in {**members, **own}:
-            if name in own:
-                own[name] = own.pop(name)
-
-
 class ErrorStatisticsResponse(ResponseBody):
     """Errors of n readings, mm."""
 
@@ -135,7 +124,7 @@ class Figure(ResponseBody):
         return cls(value=value, std=std, unit=unit)
 
 
-class ParameterResponse(OrderedBody, Figure):
+class ParameterResponse(Figure):
     """A parameter of a model: `value` and `std` count from where the fit began, of a link from nominal."""
 
     name: Annotated[str, told("Its name.", "theta2")]
@@ -200,7 +189,7 @@ class TargetOffsetResponse(ResponseBody):
         )
 
 
-class FitShown(OrderedBody):
+class FitShown(ResponseBody):
     data: Annotated[DataShown, told("The readings.", {"readings": 300})]
     faulty_rows: Annotated[list[ReadingId], told("Ids of readings that do not belong.", [])]
     left_out: Annotated[list[LeftOutResponse], told("Readings that took no part.", [])]

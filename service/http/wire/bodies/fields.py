@@ -21,7 +21,6 @@ from pydantic_core import CoreSchema, PydanticCustomError
 
 from acquisition.file_table import first_of_a_list
 from calib.text import turns_writing
-from service.results.common import Joints as Joints
 from service.results.shape import ResponseBody, told
 
 _MOST_ERRORS = 100

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from service.http.wire.bodies.fields import Joints, RequestBody, ResponseBody, told
-from service.results.common import Campaign, DeviceResponse, MeasuredPeriod
+from service.http.wire.bodies.fields import RequestBody, ResponseBody, told
+from service.results.common import Campaign, DeviceResponse, Joints, MeasuredPeriod
 
 _ID = "20261121-170459-3f9a1c07b2e"
 _HASH = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
