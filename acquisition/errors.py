@@ -60,7 +60,7 @@ class OtherIndividual(ConfigError):
     exit_code = 5
     advice = (
         "Connect the device of the record, or start a new record. Only where both belong together: accept it by "
-        "its serial number and with a reason (--accept-other SERIAL --reason TEXT)."
+        "its serial number and with a reason (--accept-device SERIAL --reason TEXT)."
     )
 
     def __init__(

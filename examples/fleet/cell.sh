@@ -29,7 +29,7 @@ if [ ! -f watch.toml ]; then
     run truepose campaign run cell.toml campaign.toml --record "$record" --simulate
     run truepose campaign export "$record" "$record/data.csv"
     run truepose diagnose "$record/data.csv" --model model.json --json diagnosis.json
-    run truepose watch plan model.json cell.toml --poses 8 --from 200 --out watch.toml
+    run truepose watch plan model.json cell.toml --poses 8 --candidates 200 --out watch.toml
 fi
 while true; do
     record=watch-$(date +%s)

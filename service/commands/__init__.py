@@ -50,7 +50,11 @@ class Group(TyperGroup):
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         with formatter.section("Commands"):
             formatter.write_dl(
-                [(name, each.get_short_help_str(_SENTENCE)) for name, each in self.commands.items()]
+                [
+                    (name, each.get_short_help_str(_SENTENCE))
+                    for name, each in self.commands.items()
+                    if not each.hidden
+                ]
             )
 
 

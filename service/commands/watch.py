@@ -62,6 +62,7 @@ AllowMissing = Annotated[
 RunningS = Annotated[
     float | None,
     typer.Option(
+        "--since-cold-start-s",
         "--running-s",
         min=0.0,
         metavar="S",
@@ -83,10 +84,20 @@ def plan_command(
         typer.Option(metavar="NAMES", help="Targets measured at every pose; default: all of the cell."),
     ] = None,
     candidates: Annotated[
-        int, typer.Option("--from", min=1, max=20_000, help="Random poses from which they are chosen.")
+        int,
+        typer.Option(
+            "--candidates", "--from", min=1, max=20_000, help="Random poses from which they are chosen."
+        ),
     ] = 800,
     offset_deg: Annotated[
-        float, typer.Option(min=0.1, max=30.0, help="Length of the last move of every joint, deg.")
+        float,
+        typer.Option(
+            "--approach-deg",
+            "--offset-deg",
+            min=0.1,
+            max=30.0,
+            help="Length of the last move of every joint, deg.",
+        ),
     ] = 5.0,
     one_side: Annotated[
         bool,
@@ -255,7 +266,8 @@ def judge_command(
         raise typer.Exit(found.exit_code)
 
 
-@app.command("upkeep")
+@app.command("upkeep", hidden=True)  # the name before 0.1
+@app.command("thermal")
 def upkeep_command(
     model: Baseline,
     data: options.Data,

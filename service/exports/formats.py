@@ -87,7 +87,9 @@ def _ur_yaml(export: ExportRequest) -> str:
     robot = export.robot
     if not robot.maker.casefold().startswith("universal robots") or robot.joints != 6:
         raise DataError(
-            f"the model is of {robot.name} by {robot.maker}.", do="This format is for UR robots.", key="--as"
+            f"the model is of {robot.name} by {robot.maker}.",
+            do="This format is for UR robots.",
+            key="--format",
         )
     if export.hash is None or not export.hash.startswith("calib_"):
         raise DataError(

@@ -39,7 +39,7 @@ class ExportedFile:
 def refuse_unknown(kind: str) -> None:
     """Raise DataError for a format that there is not."""
     if kind not in FORMATS:
-        raise DataError(f"'{kind}' is not a known format.", do=f"Use {', '.join(FORMATS)}.", key="--as")
+        raise DataError(f"'{kind}' is not a known format.", do=f"Use {', '.join(FORMATS)}.", key="--format")
 
 
 def written(

@@ -40,7 +40,8 @@ class KnownFrames:
         """The notes beside a target. Raises ValueError for external axes that may change where the tool is."""
         if used and not self.external_apart:
             raise ValueError(
-                "it positions an external axis, which may carry the robot or the work (--external-apart: it does not)"
+                "it positions an external axis, which may carry the robot or the work "
+                "(--fixed-external-axes: it does not)"
             )
         return ("its external axes stay as they are",) if used else ()
 

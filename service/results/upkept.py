@@ -85,7 +85,7 @@ class ThermalUpdateSummary:
                 kept.estimate,
                 kept.covariance,
                 {
-                    "by": "truepose watch upkeep",
+                    "by": "truepose watch thermal",
                     "measured": None if occasion is None else occasion.began,
                     "data": dataset.name,
                     "data_sha256": dataset.sha256,
@@ -172,7 +172,7 @@ def on_its_clock(saved: CalibratedModel, dataset: Dataset, model: Path, running_
     if watch.warms_up(saved.model):
         raise DataError(
             "warms up with the time since a cold start, which is not stated.",
-            do="Give --running-s, 0 for a cold robot.",
+            do="Give --since-cold-start-s, 0 for a cold robot.",
             file=model,
             key="effects",
         )

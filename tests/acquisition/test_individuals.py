@@ -63,7 +63,7 @@ def refused(stage: Stage, role: str, outcome: ExecutionOutcome) -> None:
     assert outcome.exit_code == 5
     assert f"another {role} answers" in outcome.reason
     assert "777777" in outcome.reason
-    assert "--accept-other" in outcome.reason
+    assert "--accept-device" in outcome.reason
     assert not [call for call in stage.bench.log if call.startswith(MOTIONS)]
 
 

@@ -199,7 +199,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         (["--turn", "0", "360", "0"], "STEP above zero"),
         (["--x", "-500", "500", "1", "--y", "-500", "500", "1"], "Ask for 20000 at most"),
         (["--base", "B1,B2"], "Name three or four of B1, B2, B3"),
-        (["--together", "2"], "'--together': needs a zone"),
+        (["--together", "2"], "'--group-size': needs a zone"),
         (["--x", "0", "1", "1e-9"], "'--x': asks for more than 20000 placements"),
         (["--zone", "9000", "0", "0", "50"], "name a zone that the arm reaches"),
     ],

@@ -281,7 +281,7 @@ def test_a_new_station_is_noted_while_it_is_paused_and_refused_while_it_runs(
     os.close(master)
     os.close(slave)
     assert process.returncode == 130
-    assert main(["campaign", "restation", record, "--reason", "a forklift", "--json", "-"]) == 0
+    assert main(["campaign", "move-instrument", record, "--reason", "a forklift", "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["state"] == "paused"
     assert main(["campaign", "events", record]) == 0
     assert '"reason": "a forklift"' in capsys.readouterr().out.splitlines()[-1]

@@ -11,4 +11,4 @@ def test_a_shell_completes_commands() -> None:
     asked = {"_TRUEPOSE_COMPLETE": "complete_bash", "COMP_WORDS": "truepose campaign res", "COMP_CWORD": "2"}
     command = [sys.executable, "-m", "truepose"]
     done = subprocess.run(command, env=os.environ | asked, capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["rescue", "resume", "restation"]
+    assert done.stdout.split() == ["rescue", "resume"]

@@ -253,7 +253,7 @@ def test_a_watch_is_driven_exported_and_judged(
     told = capsys.readouterr().err
     assert "another robot answers" in told
     assert "serial number 12." in told
-    assert "--accept-other" not in told
+    assert "--accept-device" not in told
     assert read_status(other).done == 0
     assert motions(other) == 0
     assert main([*run, "--json", str(verdict)]) in (3, 6)

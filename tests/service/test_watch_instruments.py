@@ -110,16 +110,16 @@ def test_the_warmth_of_the_day_is_updated_and_the_clock_is_asked_for(
     fitted = identify(read_dataset(write_data(folder, effects=(), n=90)))
     warming, out, document = tmp_path / "warm.json", tmp_path / "now.json", tmp_path / "u.json"
     save_warming(warming, fitted, 1e-5, 1e-6)
-    asked = ["watch", "upkeep", str(warming), str(csv_file), "--update", str(out), "--json", str(document)]
+    asked = ["watch", "thermal", str(warming), str(csv_file), "--update", str(out), "--json", str(document)]
     assert main(asked) == 2
-    assert "--running-s" in capsys.readouterr().err
+    assert "--since-cold-start-s" in capsys.readouterr().err
     assert main([*asked, "--running-s", "3000"]) == 0
     told = json.loads(document.read_text("utf-8"))
     assert told["thermal"]
     (changed,) = told["parameters"]
     now = load_model(out)
     assert now.estimate[-1] * 1e6 == pytest.approx(changed["value"], rel=1e-6)
-    assert now.updates[-1]["by"] == "truepose watch upkeep"
+    assert now.updates[-1]["by"] == "truepose watch thermal"
 
     def struck(rows: list[dict[str, str]]) -> None:
         for row in rows:

@@ -96,6 +96,8 @@ app.command("rescue")(rescue_command)
 AcceptOther = Annotated[
     str,
     typer.Option(
+        "--accept-device",
+        "--accept-other",
         metavar="SERIAL",
         help="Go on with this other robot or instrument, by its serial number (its model, where it reports none).",
     ),
@@ -147,7 +149,8 @@ def resume_command(
         execute(run, record, json, simulate=simulate)
 
 
-@app.command("restation")
+@app.command("restation", hidden=True)  # the name before 0.1
+@app.command("move-instrument")
 def restation_command(
     record: Record,
     reason: Annotated[str, typer.Option(metavar="TEXT", help="Why; it is kept in the record.")] = "",
@@ -235,7 +238,7 @@ def export_command(
         raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
     if streams:
         if later or accepted:
-            raise ConfigError("--streams: goes with neither --with nor --accept-other")
+            raise ConfigError("--streams: goes with neither --with nor --accept-device")
         _export_streams(record, out, json)
         return
     data, header = options.files_of(out)

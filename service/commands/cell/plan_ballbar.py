@@ -57,11 +57,22 @@ def plan_ballbar(
     together: Annotated[
         int,
         typer.Option(
-            min=1, max=TOGETHER, help="Placements of one plan, which complete each other in the zone."
+            "--group-size",
+            "--together",
+            min=1,
+            max=TOGETHER,
+            help="Placements of one plan, which complete each other in the zone.",
         ),
     ] = 1,
     offset_deg: Annotated[
-        float, typer.Option(min=0.1, max=30.0, help="From how far below every joint arrives at its pose.")
+        float,
+        typer.Option(
+            "--approach-deg",
+            "--offset-deg",
+            min=0.1,
+            max=30.0,
+            help="Length of the last move of every joint, from below, deg.",
+        ),
     ] = PlacementRequest.offset_deg,
     show: Annotated[
         int, typer.Option(min=1, max=50, help="Placements that are proven and listed.")

@@ -30,7 +30,7 @@ def select(
     ],
     count: Annotated[int, typer.Option(min=1, help="Poses to select.")] = 50,
     candidates: Annotated[
-        int, typer.Option("--from", min=1, max=50_000, help="Candidates, drawn at random.")
+        int, typer.Option("--candidates", "--from", min=1, max=50_000, help="Candidates, drawn at random.")
     ] = 5000,
     groups: Annotated[
         str, typer.Option(metavar="NAMES", help="What the model will free, with commas between.")
@@ -40,14 +40,27 @@ def select(
         typer.Option(metavar="NAMES", help="Targets measured at every pose; default: all of the cell."),
     ] = None,
     offset_deg: Annotated[
-        float, typer.Option(min=-30.0, max=30.0, help="From where every joint arrives at its pose.")
+        float,
+        typer.Option(
+            "--approach-deg",
+            "--offset-deg",
+            min=-30.0,
+            max=30.0,
+            help="Start of the last move of every joint, from its pose, deg.",
+        ),
     ] = -5.0,
     share: Annotated[
         float, typer.Option(min=0.0, max=1.0, help="Most of the poses that may fill the joints' ranges.")
     ] = SHARE,
     wanted_u: Annotated[
         float | None,
-        typer.Option(min=0.0, metavar="MM", help="Exit code 3 when the predicted U stays above."),
+        typer.Option(
+            "--require-u",
+            "--wanted-u",
+            min=0.0,
+            metavar="MM",
+            help="Exit code 3 when the predicted U stays above.",
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Draws the candidates and the starts.")] = 1,
     prior: options.PriorFile = None,

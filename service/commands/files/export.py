@@ -18,7 +18,9 @@ from service.printed.terminal import Terminal
 def export_command(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="The identified model.")],
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The file to write.")],
-    kind: Annotated[str, typer.Option("--as", metavar="NAME", help=f"What to write: {', '.join(FORMATS)}.")],
+    kind: Annotated[
+        str, typer.Option("--format", "--as", metavar="NAME", help=f"What to write: {', '.join(FORMATS)}.")
+    ],
     conditions: Annotated[
         str | None,
         typer.Option(metavar="KEY=VALUE,...", help="For which conditions it holds, as for compensate."),

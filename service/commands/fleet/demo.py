@@ -124,7 +124,7 @@ def _calibrate(cell: Path, commands: Commands) -> None:
     data, model = str(record / "data.csv"), str(cell / "model.json")
     commands.run("campaign", "export", str(record), data)
     commands.run("diagnose", data, "--model", model, "--json", str(cell / "diagnosis.json"))
-    plan = ["watch", "plan", model, parts[0], "--poses", "8", "--from", "200"]
+    plan = ["watch", "plan", model, parts[0], "--poses", "8", "--candidates", "200"]
     commands.run(*plan, "--out", str(cell / "watch.toml"))
 
 

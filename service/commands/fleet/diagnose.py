@@ -41,7 +41,9 @@ def diagnose_command(
         int | None,
         typer.Option(min=1, max=1024, help="Processes of this computer; default: one a processor."),
     ] = None,
-    most: Annotated[int, typer.Option(min=0, help="Most effects that may be added.")] = MOST_EFFECTS,
+    most: Annotated[
+        int, typer.Option("--max-effects", "--most", min=0, help="Largest number of effects to add.")
+    ] = MOST_EFFECTS,
     changed_since: Annotated[
         str,
         typer.Option(metavar="VERSION", help="Show what another version of TruePose said of them."),

@@ -1,4 +1,4 @@
-"""`--dcc` and `--dcc-about` of identify and diagnose: a digital calibration certificate beside the report."""
+"""`--dcc` and `--dcc-parties` of identify and diagnose: a digital calibration certificate beside the report."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ Dcc = Annotated[
 DccAbout = Annotated[
     Path | None,
     typer.Option(
+        "--dcc-parties",
+        "--dcc-about",
         metavar="ABOUT.toml",
         help="Whose certificate: laboratory, city, country (two letters), customer, responsible.",
     ),
@@ -31,7 +33,7 @@ DccAbout = Annotated[
 
 @dataclass(frozen=True)
 class CertificateRequest:
-    """The file of --dcc, and what --dcc-about states of it."""
+    """The file of --dcc, and what --dcc-parties states of it."""
 
     file: Path
     about: CertificateParties
@@ -42,7 +44,7 @@ class CertificateRequest:
         if dcc is not None:
             return CertificateRequest(dcc, _read_about(about))
         if about is not None:
-            raise DataError("is stated in a certificate.", do="Give --dcc as well.", key="--dcc-about")
+            raise DataError("is stated in a certificate.", do="Give --dcc as well.", key="--dcc-parties")
         return None
 
     def refuse_undated(self, dataset: Dataset) -> None:
@@ -66,7 +68,7 @@ class CertificateRequest:
 
 
 def _read_about(path: Path | None) -> CertificateParties:
-    """The file of --dcc-about; without one nothing is stated."""
+    """The file of --dcc-parties; without one nothing is stated."""
     from service.report.certificate import CertificateParties
 
     if path is None:

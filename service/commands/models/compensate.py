@@ -57,7 +57,11 @@ def compensate_command(
     ] = "",
     external_apart: Annotated[
         bool,
-        typer.Option("--external-apart", help="External axes carry neither robot nor work: they are kept."),
+        typer.Option(
+            "--fixed-external-axes",
+            "--external-apart",
+            help="External axes carry neither robot nor work: they are kept.",
+        ),
     ] = False,
     inverse: Annotated[
         bool, typer.Option("--inverse", help="From actual to nominal: targets taught on the real robot.")

@@ -38,7 +38,9 @@ def diagnose_command(
     ] = None,
     model: options.Model = None,
     report: options.Report = None,
-    most: Annotated[int, typer.Option(min=0, help="Most effects that may be added.")] = MOST_EFFECTS,
+    most: Annotated[
+        int, typer.Option("--max-effects", "--most", min=0, help="Largest number of effects to add.")
+    ] = MOST_EFFECTS,
     carry_to: Annotated[
         Path | None,
         typer.Option(

@@ -139,7 +139,7 @@ def wanted_of(order: PlacementRequest) -> list[BallPlacement]:
         raise DataError(f"asks for {count} placements.", do=f"Ask for {MOST} at most.", key="--turn")
     if order.together > 1 and order.zone is None:
         raise DataError(
-            "needs a zone in which placements complete each other.", do="Give --zone.", key="--together"
+            "needs a zone in which placements complete each other.", do="Give --zone.", key="--group-size"
         )
     return grid(shifts, turns)
 
