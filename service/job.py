@@ -255,7 +255,8 @@ def watch(folder: Path, job: Mapping[str, Any]) -> None:
     from calib.saved import load_model
     from calib.text import replace_file
     from service.files import as_json
-    from service.results.watched import WatchRequest, WatchResultSummary
+    from service.results.shape import document_of
+    from service.results.watched import WatchRequest, watch_result
 
     order, baseline = dict(job["order"]), folder / job["baseline"]["file"]
     means = None
@@ -263,7 +264,7 @@ def watch(folder: Path, job: Mapping[str, Any]) -> None:
         means = folder.parents[1] / "watch-means" / f"{job['baseline']['sha256']}.jsonl"
         means.parent.mkdir(exist_ok=True)
     asked = WatchRequest(means, folder / MODEL, **order)
-    found = WatchResultSummary.of(
+    found = watch_result(
         read_dataset(Path(job["data"])),
         load_model(baseline),
         baseline,
@@ -271,7 +272,7 @@ def watch(folder: Path, job: Mapping[str, Any]) -> None:
         lambda step: tell(folder, step),
     )
     # A place of the server, and another one every time: the same verdict is to be the same document.
-    document = found.document() | {"updated_model": MODEL if found.updated else None}
+    document = document_of(found) | {"updated_model": found.updated_model and MODEL}
     replace_file(folder / RESULT, as_json(document))
 
 
@@ -281,18 +282,19 @@ def upkeep(folder: Path, job: Mapping[str, Any]) -> None:
     from calib.saved import load_model
     from calib.text import replace_file
     from service.files import as_json
-    from service.results.upkept import ThermalUpdateRequest, ThermalUpdateSummary
+    from service.results.shape import document_of
+    from service.results.upkept import ThermalUpdateRequest, upkeep_result
 
     baseline = folder / job["baseline"]["file"]
     asked = ThermalUpdateRequest(folder / MODEL, **job["order"])
-    found = ThermalUpdateSummary.of(
+    found = upkeep_result(
         read_dataset(Path(job["data"])),
         load_model(baseline),
         baseline,
         asked,
         lambda step: tell(folder, step),
     )
-    document = found.document() | {"updated_model": MODEL if found.thermal else None}
+    document = document_of(found) | {"updated_model": found.updated_model and MODEL}
     replace_file(folder / RESULT, as_json(document))
 
 

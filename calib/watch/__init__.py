@@ -1,7 +1,7 @@
 """Watch of a calibrated robot: whether and how it has changed, and what to do."""
 
 from calib.watch.baseline import too_few_poses
-from calib.watch.cause import in_display
+from calib.watch.cause import Size, in_display
 from calib.watch.history import append, baseline_hash, read_history
 from calib.watch.judge import RATE, WatchVerdict, judge
 from calib.watch.nests import NestLimit, nest_limit
@@ -26,6 +26,7 @@ __all__ = [
     "DetectableSizes",
     "NestLimit",
     "PlannedVisits",
+    "Size",
     "SmallestDetected",
     "ThermalUpdate",
     "WatchPlan",

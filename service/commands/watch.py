@@ -21,9 +21,10 @@ from service.files import STANDARD_OUTPUT
 from service.printed.terminal import Terminal
 from service.printed.watch_tables import plan_tables, upkeep_tables, verdict_tables
 from service.private import owner_only
-from service.results.upkept import ThermalUpdateRequest, ThermalUpdateSummary
+from service.results.shape import document_of
+from service.results.upkept import ThermalUpdateRequest, upkeep_result
 from service.results.watch_plan import PlannedWatch, WatchPlanRequest, refuse_plan
-from service.results.watched import WatchRequest, WatchResultSummary
+from service.results.watched import WatchRequest, watch_result
 
 app = typer.Typer(help="Check with a few poses whether a robot has changed.")
 
@@ -249,18 +250,18 @@ def judge_command(
         saved = options.read_model(model, robot, options.LARGEST)
         options.note_without_regression(saved, terminal)
         asked = WatchRequest(history, update, rate, not new_frame, allow_missing, running_s)
-        found = WatchResultSummary.of(read_dataset(data), saved, model, asked, terminal.say)
-        options.write_result(found.document(), json, terminal)
+        found = watch_result(read_dataset(data), saved, model, asked, terminal.say)
+        options.write_result(document_of(found), json, terminal)
         terminal.rest()
         for shown in verdict_tables(found):
             terminal.out.print(shown)
-        if found.updated:
+        if found.updated_model is not None:
             terminal.note(
                 f"updated model: {update}. Correct targets again: truepose compensate {update} IN OUT"
             )
-        elif update is not None and found.verdict.kind == "unchanged":
+        elif update is not None and found.verdict == "unchanged":
             terminal.note(f"{update} was not written: nothing has changed.")
-        elif update is None and found.verdict.kind in ("changed", "ambiguous"):
+        elif update is None and found.verdict in ("changed", "ambiguous"):
             terminal.note("--update OUT.json writes the model with this change, where the cause is known.")
     if found.exit_code != exit_codes.DONE:
         raise typer.Exit(found.exit_code)
@@ -289,8 +290,8 @@ def upkeep_command(
         saved = options.read_model(model, robot, options.LARGEST)
         options.note_without_regression(saved, terminal)
         asked = ThermalUpdateRequest(update, rate, running_s, allow_missing)
-        found = ThermalUpdateSummary.of(read_dataset(data), saved, model, asked, terminal.say)
-        options.write_result(found.document(), json, terminal)
+        found = upkeep_result(read_dataset(data), saved, model, asked, terminal.say)
+        options.write_result(document_of(found), json, terminal)
         terminal.rest()
         for shown in upkeep_tables(found):
             terminal.out.print(shown)

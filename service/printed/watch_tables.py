@@ -10,9 +10,8 @@ from calib.units import percent
 from calib.watch import ALONE, SEEN, WatchPlanProposal
 from service import wording
 from service.printed import tables
-from service.results.upkept import ThermalUpdateSummary
+from service.results.watch_answers import QuestionShown, ThermalShown, UpkeepResult, WatchCause, WatchResult
 from service.results.watch_plan import PlannedWatch
-from service.results.watched import WatchResultSummary
 
 _PROPOSALS = 4
 
@@ -78,53 +77,34 @@ def _proposals(proposals: Sequence[WatchPlanProposal]) -> list[RenderableType]:
     return [table]
 
 
-def verdict_tables(found: WatchResultSummary) -> list[RenderableType]:
+def verdict_tables(found: WatchResult) -> list[RenderableType]:
     """The verdict, the questions that were asked of the readings, and the causes."""
-    verdict = found.verdict
-    shown: list[RenderableType] = [
-        verdict.in_words,
-        f"What to do: {verdict.advice}",
-    ]
-    table = tables.grid(
-        f"The readings against {found.model.name}, at {_alarms(verdict.rate)}",
-        "",
-        "T-squared",
-        "limit",
-        "smallest p",
-        "limit",
-        "alarm",
-    )
-    for each in verdict.questions:
-        name = "this watch" if each.watches == 1 else f"mean over {each.watches} watches"
-        table.add_row(
-            name,
-            f"{each.t_squared:.1f} of {each.rows} values",
-            f"{each.limit:.1f}",
-            wording.chance(each.p_value),
-            f"{each.p_limit:.2g}",
-            "yes" if each.alarm else "no",
+    rows = [
+        (
+            "this watch" if each.watches == 1 else f"mean over {each.watches} watches",
+            f"{each.t_squared:.1f} of {each.values} values",
+            each,
         )
-    shown.append(table)
-    if verdict.causes:
-        title = "Causes" if verdict.kind != "unexplained" else "What comes nearest, and does not explain it"
-        causes = tables.grid(title, "cause", "weight", "size")
-        for cause, weight in verdict.causes:
-            causes.add_row(cause.label, f"{weight:.2f}", str(cause.size))
-        shown.append(causes)
-    shown.append(tables.warnings(found.notes))
-    return shown
+        for each in found.questions
+    ]
+    title = f"The readings against {found.model}, at {_alarms(found.false_alarms)}"
+    table = tables.table_of(QuestionShown, title, ("", "T-squared"), rows)
+    table.columns[1].justify = "right"
+    shown: list[RenderableType] = [found.in_words, f"What to do: {found.advice}", table]
+    if found.causes:
+        title = "Causes" if found.verdict != "unexplained" else "What comes nearest, and does not explain it"
+        shown.append(tables.table_of(WatchCause, title, ("cause",), [(c.label, c) for c in found.causes]))
+    return [*shown, tables.warnings(found.notes)]
 
 
-def upkeep_tables(found: ThermalUpdateSummary) -> list[RenderableType]:
+def upkeep_tables(found: UpkeepResult) -> list[RenderableType]:
     """The thermal part of the change, and whether the rest is chance."""
-    rest = found.found.rest.questions[0]
-    table = tables.grid("Thermal parameters", "parameter", "before", "now", "U (k = 2)", "", left=1)
-    for name, before, now, u, unit in found.rows:
-        table.add_row(name, f"{before:.4g}", f"{now:.4g}", f"{u:.2g}", unit)
+    rows = [(each.name, each) for each in found.parameters]
     return [
         found.in_words,
         f"What to do: {found.advice}",
-        f"Beside it T-squared is {rest.t_squared:.1f} of {rest.rows} values, the limit {rest.limit:.1f}.",
-        table,
+        f"Beside it T-squared is {found.t_squared:.1f} of {found.values} values, "
+        f"the limit {found.t_squared_limit:.1f}.",
+        tables.table_of(ThermalShown, "Thermal parameters", ("parameter",), rows),
         tables.warnings(found.notes),
     ]

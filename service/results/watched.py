@@ -6,7 +6,7 @@ The plan of a watch in words: what it detects, or what would detect the rest.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,6 @@ from calib.watch import (
     SEEN,
     TIMES,
     WANTED,
-    CheckPoseErrors,
     SmallestDetected,
     WatchPlan,
     WatchPlanProposal,
@@ -31,8 +30,8 @@ from calib.watch import (
     WhitenedReadings,
 )
 from service import exit_codes
-from service.json_values import finite
-from service.results.upkept import on_its_clock, origin_of
+from service.results.upkept import on_its_clock
+from service.results.watch_answers import WatchResult
 
 FORMAT = "truepose-watch/1"
 
@@ -72,103 +71,62 @@ class WatchRequest:
     running_s: float | None = None
 
 
-@dataclass(frozen=True)
-class WatchResultSummary:
-    """A verdict and what else is said of it."""
-
-    dataset: Dataset
-    model: Path
-    asked: WatchRequest
-    verdict: WatchVerdict
-    error: CheckPoseErrors
-    notes: tuple[str, ...]
-    updated: bool
-
-    @staticmethod
-    def of(
-        dataset: Dataset,
-        saved: CalibratedModel,
-        model: Path,
-        asked: WatchRequest,
-        say: Callable[[str], None] = silent,
-    ) -> WatchResultSummary:
-        """Judge, append to the history, write the updated model where a cause is known. Raises DataError, OSError."""
-        watch.refuse_copies(dataset)
-        notes = saved.notes + watch.refuse_unlike(
-            saved, dataset, model, frame_known=asked.frame_known, missing_allowed=asked.missing_allowed
-        )
-        dataset = on_its_clock(saved, dataset, model, asked.running_s)
-        history = None if asked.history is None else watch.read_history(asked.history)
-        say("judging")
-        seen = WhitenedReadings.of(saved, dataset, frame_known=asked.frame_known)
-        baseline = watch.baseline_hash(saved)
-        before: Sequence[Any] = ()
-        if history is not None:
-            before, left_out = history.before(seen, dataset, baseline)
-            if left_out:
-                notes += (
-                    f"{asked.history}: {left_out} earlier watches are of another model or other poses and were not "
-                    "averaged.",
-                )
-        verdict = watch.judge(seen, before, asked.rate)
-        if watch.missing(dataset):
-            shown = left_to_see(watch.seen_from(seen, verdict.questions[0].p_limit))
-            notes += (shown,) if shown else ()
-        if asked.history is not None and history is not None and not history.holds(dataset):
-            watch.append(asked.history, seen, dataset, baseline, verdict)
-        updated = False
-        if asked.update is not None and verdict.kind != "unchanged":
-            notes, updated = _update(saved, seen, dataset, model, asked.update, verdict, notes)
-        return WatchResultSummary(dataset, model, asked, verdict, watch.missed(seen, dataset), notes, updated)
-
-    @property
-    def exit_code(self) -> int:
-        """The exit code of the verdict."""
-        return CODES[self.verdict.kind]
-
-    def document(self) -> dict[str, Any]:
-        """Document of the verdict, as JSON has it."""
-        verdict = self.verdict
-        return finite(
+def watch_result(
+    dataset: Dataset,
+    saved: CalibratedModel,
+    model: Path,
+    asked: WatchRequest,
+    say: Callable[[str], None] = silent,
+) -> WatchResult:
+    """Judge, append to the history, write the updated model where a cause is known. Raises DataError, OSError."""
+    watch.refuse_copies(dataset)
+    notes = saved.notes + watch.refuse_unlike(
+        saved, dataset, model, frame_known=asked.frame_known, missing_allowed=asked.missing_allowed
+    )
+    dataset = on_its_clock(saved, dataset, model, asked.running_s)
+    history = None if asked.history is None else watch.read_history(asked.history)
+    say("judging")
+    seen = WhitenedReadings.of(saved, dataset, frame_known=asked.frame_known)
+    baseline = watch.baseline_hash(saved)
+    before: Sequence[Any] = ()
+    if history is not None:
+        before, left_out = history.before(seen, dataset, baseline)
+        if left_out:
+            notes += (
+                f"{asked.history}: {left_out} earlier watches are of another model or other poses and were not "
+                "averaged.",
+            )
+    verdict = watch.judge(seen, before, asked.rate)
+    if watch.missing(dataset):
+        shown = left_to_see(watch.seen_from(seen, verdict.questions[0].p_limit))
+        notes += (shown,) if shown else ()
+    if asked.history is not None and history is not None and not history.holds(dataset):
+        watch.append(asked.history, seen, dataset, baseline, verdict)
+    updated = False
+    if asked.update is not None and verdict.kind != "unchanged":
+        notes, updated = _update(saved, seen, dataset, model, asked.update, verdict, notes)
+    said = {
+        "format": FORMAT,
+        "verdict": verdict.kind,
+        "exit_code": CODES[verdict.kind],
+        "in_words": verdict.in_words,
+        "advice": verdict.advice,
+        "questions": verdict.questions,
+        "causes": [
             {
-                "format": FORMAT,
-                **origin_of(self.dataset),
-                "verdict": verdict.kind,
-                "exit_code": self.exit_code,
-                "in_words": verdict.in_words,
-                "advice": verdict.advice,
-                "false_alarms": verdict.rate,
-                "questions": [
-                    {
-                        "watches": each.watches,
-                        "values": each.rows,
-                        "t_squared": each.t_squared,
-                        "t_squared_limit": each.limit,
-                        "p_value": each.p_value,
-                        "p_limit": each.p_limit,
-                        "alarm": each.alarm,
-                    }
-                    for each in verdict.questions
-                ],
-                "causes": [
-                    {
-                        "label": cause.label,
-                        "weight": weight,
-                        "size": {"value": cause.size.value, "u": cause.size.u, "unit": cause.size.unit},
-                        "parameters": watch.in_display(cause.effect, cause.values, cause.covariance),
-                        "in_words": cause.changed,
-                    }
-                    for cause, weight in verdict.causes
-                ],
-                "p_left": verdict.left,
-                "error_mm": asdict(self.error),
-                "model": self.model.name,
-                "data": self.dataset.name,
-                "data_sha256": self.dataset.sha256,
-                "updated_model": None if not self.updated else str(self.asked.update),
-                "notes": list(self.notes),
+                "label": cause.label,
+                "weight": weight,
+                "size": cause.size,
+                "parameters": watch.in_display(cause.effect, cause.values, cause.covariance),
+                "in_words": cause.changed,
             }
-        )
+            for cause, weight in verdict.causes
+        ],
+        "p_left": verdict.left,
+        "error_mm": watch.missed(seen, dataset),
+        "notes": notes,
+    }
+    return WatchResult.of(dataset, model, verdict, asked.update if updated else None, said)
 
 
 def _update(

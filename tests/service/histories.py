@@ -18,7 +18,8 @@ from calib.text import parse_toml
 from mocks.campaign import make_campaign, write_campaign
 from service.files import as_json
 from service.results.models.diagnosed import DiagnosisOutcome
-from service.results.watched import WatchRequest, WatchResultSummary
+from service.results.shape import document_of
+from service.results.watched import WatchRequest, watch_result
 from tests.service.campaigns import Rows, edit_rows
 
 FIT, JUDGED, CHECKED = 70, 30, 12  # readings of a calibration, held out, of a watch
@@ -77,8 +78,8 @@ def _written(folder: Path, life: Life) -> list[Path]:
             (place / "diagnosis.json").write_text(as_json(DiagnosisOutcome(found).document()), "utf-8")
             out += [baseline, place / "diagnosis.json"]
         else:
-            verdict = WatchResultSummary.of(dataset, load_model(baseline), baseline, WatchRequest())
-            (place / "watch.json").write_text(as_json(verdict.document()), "utf-8")
+            verdict = watch_result(dataset, load_model(baseline), baseline, WatchRequest())
+            (place / "watch.json").write_text(as_json(document_of(verdict)), "utf-8")
             out.append(place / "watch.json")
     return out
 

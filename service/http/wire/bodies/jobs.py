@@ -23,7 +23,7 @@ from service.http.wire.bodies.fields import (
     told_limit,
 )
 from service.http.wire.bodies.runs import StateCode
-from service.http.wire.bodies.watches import UpkeepResult, WatchPlanResult, WatchResult
+from service.http.wire.bodies.watches import WatchPlanResult
 from service.results.cell.placements import TOGETHER, PlacementRequest, PlacementsResult
 from service.results.cell.selected import SelectionResult
 from service.results.files.alignment import AlignmentResult
@@ -31,6 +31,7 @@ from service.results.judgement.validation import ValidationResult
 from service.results.models.diagnosed import DiagnosisResult
 from service.results.models.identified import IdentificationResult
 from service.results.models.regressed import RegressionResult
+from service.results.watch_answers import UpkeepResult, WatchResult
 
 Number = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
 

@@ -1,4 +1,4 @@
-"""The bodies of watches: plans of check poses, verdicts, upkeeps (`truepose-watch-plan/1`, `-watch/1`, `-upkeep/1`)."""
+"""The bodies of watches: what is asked of plans of check poses, of watches and upkeeps; the answer of a plan."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from service.http.wire.bodies.fields import RequestBody, ResponseBody, told
-from service.results.common import Campaign, DeviceResponse, Joints, MeasuredPeriod
+from service.results.common import Campaign, Joints
 
 _ID = "20261121-170459-3f9a1c07b2e"
 _HASH = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
@@ -199,114 +199,3 @@ class WatchPlanResult(ResponseBody):
     nests: Annotated[NestsSeen | None, told("The nests; null where none are measured.", None)]
     proposals: Annotated[list[ProposalShown], told("What it would take to see more.", [])]
     campaign: Annotated[Campaign, told("The campaign of the check poses.", CAMPAIGN)]
-
-
-class QuestionShown(ResponseBody):
-    """One test: of this watch, or of the mean over watches."""
-
-    watches: Annotated[int, told("Number of watches that it is about.", 1)]
-    values: Annotated[int, told("Number of values.", 30)]
-    t_squared: Annotated[float | None, told("T-squared, no unit.", 28.1)]
-    t_squared_limit: Annotated[float | None, told("Its limit, no unit.", 61.2)]
-    p_value: Annotated[float | None, told("The smallest probability of a cause by chance.", 0.3)]
-    p_limit: Annotated[float | None, told("Its limit, a probability.", 0.0004)]
-    alarm: Annotated[bool, told("Whether it says that something has changed.", False)]
-
-
-class SizeShown(ResponseBody):
-    """A size with its uncertainty."""
-
-    value: Annotated[float | None, told("The size, in `unit`.", 0.031)]
-    u: Annotated[float | None, told("U (k = 2), in `unit`.", 0.004)]
-    unit: Annotated[str, told("The unit.", "deg")]
-
-
-class ChangedShown(ResponseBody):
-    """A parameter that has changed."""
-
-    name: Annotated[str, told("Its name.", "zero_j4")]
-    value: Annotated[float | None, told("By how much, in `unit`.", 0.031)]
-    u: Annotated[float | None, told("U (k = 2), in `unit`.", 0.004)]
-    unit: Annotated[str, told("The unit.", "deg")]
-
-
-class WatchCause(ResponseBody):
-    """A cause of the class that the readings leave."""
-
-    label: Annotated[str, told("The cause.", "joint_step:j4")]
-    weight: Annotated[float | None, told("Probability among the members of the class.", 1.0)]
-    size: Annotated[SizeShown, told("Its size.", {"value": 0.031, "u": 0.004, "unit": "deg"})]
-    parameters: Annotated[list[ChangedShown], told("What has changed.", [])]
-    in_words: Annotated[str, told("What has changed, a sentence.", "Joint 4 lost its zero by 0.031 deg.")]
-
-
-class MissedShown(ResponseBody):
-    """The error of the baseline at the check poses."""
-
-    n: Annotated[int, told("Number of values.", 10)]
-    rms: Annotated[float | None, told("Root mean square, mm.", 0.081)]
-    max: Annotated[float | None, told("The largest, mm.", 0.15)]
-    u: Annotated[float | None, told("U of the RMS by instrument and frame, k = 2, mm.", 0.01)]
-
-
-class _Judged(ResponseBody):
-    program: Annotated[str, told("The program that judged.", "truepose 0.1.0")]
-    robot: Annotated[str, told("The robot file's name.", "abb-irb120")]
-    device: Annotated[list[DeviceResponse], told("Robot and instrument.", [])]
-    measured: Annotated[MeasuredPeriod | None, told("When.", None)]
-    simulated: Annotated[bool, told("Whether simulators were measured.", False)]
-    exit_code: Annotated[
-        int, told("The number for a PLC: 0 act on nothing, 3 changed, 6 cause unknown; no unit.", 0)
-    ]
-    in_words: Annotated[
-        str, told("What was found, a sentence.", "Nothing has changed that these readings can see.")
-    ]
-    advice: Annotated[str, told("What to do, a sentence.", "Nothing.")]
-    false_alarms: Annotated[float, told("Share of false alarms, no unit.", 0.01)]
-    model: Annotated[str, told("The file of the baseline.", "model.json")]
-    data: Annotated[str, told("The name of the table.", "data.csv")]
-    data_sha256: Annotated[str, told("Hash of table and header.", _HASH)]
-    updated_model: Annotated[
-        str | None,
-        told("There is an updated model: GET /models/ID of this job; null: none.", "model.json"),
-    ]
-    notes: Annotated[list[str], told("What else is to be known, in sentences.", [])]
-
-
-class WatchResult(_Judged):
-    """The verdict of a watch."""
-
-    format: Annotated[Literal["truepose-watch/1"], told("The format.", "truepose-watch/1")]
-    verdict: Annotated[
-        Literal["unchanged", "changed", "ambiguous", "unexplained"], told("The verdict.", "unchanged")
-    ]
-    questions: Annotated[list[QuestionShown], told("Of this watch, and of the mean over watches.", [])]
-    causes: Annotated[list[WatchCause], told("The members of the class, likeliest first.", [])]
-    p_left: Annotated[float | None, told("Probability that chance leaves as much as is left.", 0.4)]
-    error_mm: Annotated[
-        MissedShown, told("The error of the baseline at the check poses, mm.", {"n": 10, "rms": 0.081})
-    ]
-
-
-class ThermalShown(ResponseBody):
-    """A thermal parameter, before and now."""
-
-    name: Annotated[str, told("Its name.", "arm_growth")]
-    before: Annotated[float | None, told("Before, in `unit`.", 0.0)]
-    value: Annotated[float | None, told("Now, in `unit`.", 12.0)]
-    u: Annotated[float | None, told("U (k = 2), in `unit`.", 1.5)]
-    unit: Annotated[str, told("The unit.", "ppm")]
-
-
-class UpkeepResult(_Judged):
-    """The warmth of the arm by a few readings."""
-
-    format: Annotated[Literal["truepose-upkeep/1"], told("The format.", "truepose-upkeep/1")]
-    thermal: Annotated[
-        bool, told("Whether what has changed is thermal, or nothing has: then it is updated.", True)
-    ]
-    t_squared: Annotated[float | None, told("T-squared of the rest, no unit.", 9.1)]
-    t_squared_limit: Annotated[float | None, told("Its limit, no unit.", 24.2)]
-    values: Annotated[int, told("Number of values.", 12)]
-    parameters: Annotated[list[ThermalShown], told("The thermal parameters.", [])]
-    instead: Annotated[list[str], told("Causes that have changed instead.", [])]

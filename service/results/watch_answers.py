@@ -1,0 +1,187 @@
+"""The results of watches and upkeeps, each described once (`truepose-watch/1`, `truepose-upkeep/1`).
+
+The service knows them as it starts, without what judges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+from pydantic import SerializerFunctionWrapHandler, model_serializer
+
+from calib.data import Dataset
+from calib.text import written_by
+from service import wording
+from service.results.common import DeviceResponse, MeasuredPeriod
+from service.results.shape import Real, ResponseBody, TableColumn, document_of, told
+
+if TYPE_CHECKING:
+    from calib.watch import WatchVerdict
+
+_HASH = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
+
+
+class QuestionShown(ResponseBody):
+    """One test: of this watch, or of the mean over watches."""
+
+    watches: Annotated[int, told("Number of watches that it is about.", 1)]
+    values: Annotated[int, told("Number of values.", 30, of="rows")]
+    t_squared: Annotated[Real, told("T-squared, no unit.", 28.1)]
+    t_squared_limit: Annotated[
+        Real, told("Its limit, no unit.", 61.2, of="limit"), TableColumn("limit", "{:.1f}".format)
+    ]
+    p_value: Annotated[
+        Real,
+        told("The smallest probability of a cause by chance.", 0.3),
+        TableColumn("smallest p", wording.chance),
+    ]
+    p_limit: Annotated[Real, told("Its limit, a probability.", 0.0004), TableColumn("limit", "{:.2g}".format)]
+    alarm: Annotated[
+        bool,
+        told("Whether it says that something has changed.", False),
+        TableColumn("alarm", lambda alarm: "yes" if alarm else "no"),
+    ]
+
+
+class SizeShown(ResponseBody):
+    """A size with its uncertainty."""
+
+    value: Annotated[Real, told("The size, in `unit`.", 0.031)]
+    u: Annotated[Real, told("U (k = 2), in `unit`.", 0.004)]
+    unit: Annotated[str, told("The unit.", "deg")]
+
+    def __str__(self) -> str:
+        from calib.watch import Size
+
+        return str(Size(**document_of(self)))
+
+
+class ChangedShown(ResponseBody):
+    """A parameter that has changed."""
+
+    name: Annotated[str, told("Its name.", "zero_j4")]
+    value: Annotated[Real, told("By how much, in `unit`.", 0.031)]
+    u: Annotated[Real, told("U (k = 2), in `unit`.", 0.004)]
+    unit: Annotated[str, told("The unit.", "deg")]
+
+
+class WatchCause(ResponseBody):
+    """A cause of the class that the readings leave."""
+
+    label: Annotated[str, told("The cause.", "joint_step:j4")]
+    weight: Annotated[
+        Real, told("Probability among the members of the class.", 1.0), TableColumn("weight", "{:.2f}".format)
+    ]
+    size: Annotated[
+        SizeShown, told("Its size.", {"value": 0.031, "u": 0.004, "unit": "deg"}), TableColumn("size", str)
+    ]
+    parameters: Annotated[list[ChangedShown], told("What has changed.", [])]
+    in_words: Annotated[str, told("What has changed, a sentence.", "Joint 4 lost its zero by 0.031 deg.")]
+
+
+class MissedShown(ResponseBody):
+    """The error of the baseline at the check poses."""
+
+    n: Annotated[int, told("Number of values.", 10)]
+    rms: Annotated[Real, told("Root mean square, mm.", 0.081)]
+    max: Annotated[Real, told("The largest, mm.", 0.15)]
+    u: Annotated[Real, told("U of the RMS by instrument and frame, k = 2, mm.", 0.01)]
+
+
+class _Judged(ResponseBody):
+    program: Annotated[str, told("The program that judged.", "truepose 0.1.0")]
+    robot: Annotated[str, told("The robot file's name.", "abb-irb120")]
+    device: Annotated[list[DeviceResponse], told("Robot and instrument.", [])]
+    measured: Annotated[MeasuredPeriod | None, told("When.", None)]
+    simulated: Annotated[bool, told("Whether simulators were measured.", False)]
+    exit_code: Annotated[
+        int, told("The number for a PLC: 0 act on nothing, 3 changed, 6 cause unknown; no unit.", 0)
+    ]
+    in_words: Annotated[
+        str, told("What was found, a sentence.", "Nothing has changed that these readings can see.")
+    ]
+    advice: Annotated[str, told("What to do, a sentence.", "Nothing.")]
+    false_alarms: Annotated[float, told("Share of false alarms, no unit.", 0.01)]
+    model: Annotated[str, told("The file of the baseline.", "model.json")]
+    data: Annotated[str, told("The name of the table.", "data.csv")]
+    data_sha256: Annotated[str, told("Hash of table and header.", _HASH)]
+    updated_model: Annotated[
+        str | None,
+        told("There is an updated model: GET /models/ID of this job; null: none.", "model.json"),
+    ]
+    notes: Annotated[list[str], told("What else is to be known, in sentences.", [])]
+
+    @model_serializer(mode="wrap")
+    def _format_first(self, handler: SerializerFunctionWrapHandler):
+        """A history looks for the format among the first letters of a file."""
+        members = handler(self)
+        return {"format": members.pop("format"), **members}
+
+    @classmethod
+    def of(
+        cls,
+        dataset: Dataset,
+        model: Path,
+        verdict: WatchVerdict,
+        updated: Path | None,
+        said: Mapping[str, Any],
+    ) -> Self:
+        """The verdict on readings. model: file of the baseline; updated: that was written, None for none; said: all
+        other members."""
+        header = dataset.header
+        return cls.model_validate(
+            {
+                "program": written_by(),
+                "robot": header.robot.name,
+                "device": [dict(each) for each in header.devices],
+                "measured": header.occasion,
+                "simulated": header.simulated,
+                "false_alarms": verdict.rate,
+                "model": model.name,
+                "data": dataset.name,
+                "data_sha256": dataset.sha256,
+                "updated_model": None if updated is None else str(updated),
+                **said,
+            }
+        )
+
+
+class WatchResult(_Judged):
+    """The verdict of a watch."""
+
+    format: Annotated[Literal["truepose-watch/1"], told("The format.", "truepose-watch/1")]
+    verdict: Annotated[
+        Literal["unchanged", "changed", "ambiguous", "unexplained"], told("The verdict.", "unchanged")
+    ]
+    questions: Annotated[list[QuestionShown], told("Of this watch, and of the mean over watches.", [])]
+    causes: Annotated[list[WatchCause], told("The members of the class, likeliest first.", [])]
+    p_left: Annotated[Real, told("Probability that chance leaves as much as is left.", 0.4)]
+    error_mm: Annotated[
+        MissedShown, told("The error of the baseline at the check poses, mm.", {"n": 10, "rms": 0.081})
+    ]
+
+
+class ThermalShown(ResponseBody):
+    """A thermal parameter, before and now."""
+
+    name: Annotated[str, told("Its name.", "arm_growth")]
+    before: Annotated[Real, told("Before, in `unit`.", 0.0), TableColumn("before", "{:.4g}".format)]
+    value: Annotated[Real, told("Now, in `unit`.", 12.0), TableColumn("now", "{:.4g}".format)]
+    u: Annotated[Real, told("U (k = 2), in `unit`.", 1.5), TableColumn("U (k = 2)", "{:.2g}".format)]
+    unit: Annotated[str, told("The unit.", "ppm"), TableColumn("", str)]
+
+
+class UpkeepResult(_Judged):
+    """The warmth of the arm by a few readings."""
+
+    format: Annotated[Literal["truepose-upkeep/1"], told("The format.", "truepose-upkeep/1")]
+    thermal: Annotated[
+        bool, told("Whether what has changed is thermal, or nothing has: then it is updated.", True)
+    ]
+    t_squared: Annotated[Real, told("T-squared of the rest, no unit.", 9.1)]
+    t_squared_limit: Annotated[Real, told("Its limit, no unit.", 24.2)]
+    values: Annotated[int, told("Number of values.", 12)]
+    parameters: Annotated[list[ThermalShown], told("The thermal parameters.", [])]
+    instead: Annotated[list[str], told("Causes that have changed instead.", [])]
