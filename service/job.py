@@ -233,6 +233,7 @@ def watch_plan(folder: Path, job: Mapping[str, Any]) -> None:
     from calib.text import parse_toml, replace_file
     from drivers.errors import ConfigError
     from service.files import as_json
+    from service.results.shape import document_of
     from service.results.watch_plan import PlannedWatch, WatchPlanRequest
 
     baseline, targets = folder / job["baseline"]["file"], job["order"]["targets"]
@@ -245,7 +246,7 @@ def watch_plan(folder: Path, job: Mapping[str, Any]) -> None:
     except ConfigError as error:
         raise DataError(f"{error.message}.", do=error.what_to_do, key="poses") from error
     ((_, text),) = found.files(folder / "watch.toml").items()
-    document = found.document() | {"campaign": parse_toml(text, "watch.toml")}
+    document = document_of(found.result) | {"campaign": parse_toml(text, "watch.toml")}
     replace_file(folder / RESULT, as_json(document))
 
 

@@ -164,7 +164,7 @@ def plan_command(
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         saved = options.read_model(model, robot, options.LARGEST)
         found = PlannedWatch.of(read_cell(cell), cell, saved, model, asked, terminal.say)
-        options.write_result(found.document(), json, terminal)
+        options.write_result(document_of(found.result), json, terminal)
         for path, text in found.files(out).items():
             replace_file(path, text)
         terminal.rest()

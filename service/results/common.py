@@ -20,6 +20,11 @@ ERRORS = {"n": 120, "rms": 0.04, "mean": 0.036, "p95": 0.067, "max": 0.09}
 Campaign = Annotated[dict[str, Any], DescribedAs(CampaignTable)]
 """What `campaign.toml` holds, as JSON; `acquisition.campaign` describes and reads it."""
 
+Joints = Annotated[
+    list[float],
+    told("Joint angles as the controller counts them, deg.", [12.0, 45.0, -10.0, 80.0, -35.0, 10.0]),
+]
+
 Warnings = Annotated[
     list[str], told("What keeps the figures from meaning what they seem to, in sentences.", [])
 ]

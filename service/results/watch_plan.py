@@ -32,7 +32,7 @@ from calib.fit import silent
 from calib.saved import CalibratedModel
 from calib.units import DEG
 from calib.watch import NestLimit, PlannedVisits, WatchPlan, WatchPlanProposal
-from service.json_values import finite
+from service.results.watch_answers import WatchPlanFound
 from service.results.watched import in_words
 
 
@@ -58,7 +58,6 @@ class WatchPlanRequest:
     repeats: int | None = 1
 
 
-PLAN_FORMAT = "truepose-watch-plan/1"
 _STROKE_MM = 0.3  # of the bar's, which the legs of a check pose may be off by the model's own account
 _CORRECTED_DEG = 2.0  # by which a calibrated robot's joints differ from the nominal ones at most
 _SIDES_EACH = 4  # choices of sides for every stance
@@ -205,52 +204,39 @@ class PlannedWatch:
             }
         return touched_files(out, self.cell, self.asked, self.targets[0], self.poses, self.balls)
 
-    def document(self) -> dict[str, Any]:
-        """Document of the plan, as JSON has it."""
-        return finite(
+    @property
+    def result(self) -> WatchPlanFound:
+        """The plan for programs."""
+        asked, plan, cell = self.asked, self.plan, self.cell
+        return WatchPlanFound.model_validate(
             {
-                "format": PLAN_FORMAT,
-                "cell": self.cell.name,
+                "format": "truepose-watch-plan/1",
+                "cell": cell.name,
                 "model": self.model.name,
-                "instrument": "touch" if self.asked.touch else self.cell.instrument.name,
-                "targets": list(self.targets),
-                "rounds": self.plan.rounds,
-                "repeats": self.plan.repeats,
-                "readings": self.plan.shown.readings,
-                "false_alarms": self.asked.rate,
+                "instrument": "touch" if asked.touch else cell.instrument.name,
+                "targets": self.targets,
+                "rounds": plan.rounds,
+                "repeats": plan.repeats,
+                "readings": plan.shown.readings,
+                "in_words": self.in_words,
+                "enough_poses": plan.enough,
+                "enough_lever_mm": None if plan.lever is None else plan.lever[1],
+                "false_alarms": asked.rate,
                 "seen_in": watch.SEEN,
                 "alone_in": watch.ALONE,
-                "poses_deg": [list(pose.joints_deg) for pose in self.poses],
-                "sides": [list(pose.sides) for pose in self.poses],
-                "causes": [
-                    {
-                        "label": each.label,
-                        "meaning": each.meaning,
-                        "seen_from": each.size,
-                        "alone_from": each.alone,
-                        "unit": each.unit,
-                        "never_apart_from": list(each.always),
-                        "wanted": each.wanted,
-                        "share_seen_at_wanted": each.share,
-                        "lever_mm": each.lever_mm,
-                    }
-                    for each in self.plan.shown.causes
-                ],
-                "not_seen": list(self.plan.shown.unseen),
-                "nests": None
-                if self.nests is None
-                else {"limit_mm": self.nests.limit_mm, "seen_from_mm": self.nests.seen_mm},
-                "in_words": self.in_words,
-                "enough_poses": self.plan.enough,
-                "enough_lever_mm": None if self.plan.lever is None else self.plan.lever[1],
+                "poses_deg": [pose.joints_deg for pose in self.poses],
+                "sides": [pose.sides for pose in self.poses],
+                "causes": plan.shown.causes,
+                "not_seen": plan.shown.unseen,
+                "nests": self.nests,
                 "proposals": [
                     {
-                        "targets": list(each.targets),
+                        "targets": each.targets,
                         "rounds": each.rounds,
                         "repeats": each.repeats,
                         "readings": each.readings,
                         "reached": each.reached,
-                        "worst": {"label": each.label, "seen_from": each.size},
+                        "worst": each,
                     }
                     for each in self.proposals
                 ],

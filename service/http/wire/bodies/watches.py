@@ -1,13 +1,14 @@
-"""The bodies of watches: what is asked of plans of check poses, of watches and upkeeps; the answer of a plan."""
+"""The bodies of watches: what is asked of plans of check poses, of watches and upkeeps; a plan with its campaign."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from service.http.wire.bodies.fields import RequestBody, ResponseBody, told
-from service.results.common import Campaign, Joints
+from service.http.wire.bodies.fields import RequestBody, told
+from service.results.common import Campaign
+from service.results.watch_answers import WatchPlanFound
 
 _ID = "20261121-170459-3f9a1c07b2e"
 _HASH = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
@@ -123,79 +124,7 @@ class UpkeepAsked(ReadingsReference):
     """A few readings between watches, that say how warm the arm is."""
 
 
-class CauseSeen(ResponseBody):
-    """A cause, and from which size a plan shows it."""
-
-    label: Annotated[str, told("The cause.", "joint_step:j4")]
-    meaning: Annotated[str, told("What it means.", "Joint 4 lost its zero.")]
-    seen_from: Annotated[float | None, told("Seen in 95 of 100 watches from this size on, in `unit`.", 0.006)]
-    alone_from: Annotated[float | None, told("Named alone in 80 of 100 from this size on, in `unit`.", 0.01)]
-    unit: Annotated[str, told("The unit of the sizes.", "deg")]
-    never_apart_from: Annotated[
-        list[str], told("Causes that these readings cannot tell from it.", ["base_shift"])
-    ]
-    wanted: Annotated[float | None, told("The size that is to be detected, in `unit`.", 0.01)]
-    share_seen_at_wanted: Annotated[float | None, told("Share of watches that see that size, no unit.", 0.97)]
-    lever_mm: Annotated[
-        float | None, told("How far a single target would have to be off the axis, mm.", 120.0)
-    ]
-
-
-class NestsSeen(ResponseBody):
-    """The nests, which are measured again half-way."""
-
-    limit_mm: Annotated[float | None, told("The limit of the check, mm.", 0.06)]
-    seen_from_mm: Annotated[float | None, told("A nest that moved so far is seen, mm.", 0.1)]
-
-
-class WorstSeen(ResponseBody):
-    """A cause and the size from which it is seen."""
-
-    label: Annotated[str, told("The cause.", "backlash:j6")]
-    seen_from: Annotated[
-        float | None, told("Seen from this size on, in the unit of the cause (with unit).", 0.02)
-    ]
-
-
-class ProposalShown(ResponseBody):
-    """A choice of targets, visits and readings that detects every cause."""
-
-    targets: Annotated[list[str], told("Names of targets.", ["T1", "T2"])]
-    rounds: Annotated[int, told("Number of visits to each pose.", 4)]
-    repeats: Annotated[int, told("Number of readings of a target in a visit.", 1)] = 1
-    readings: Annotated[int, told("Number of readings.", 80)]
-    reached: Annotated[bool, told("Whether every cause is detected at its wanted size.", True)]
-    worst: Annotated[
-        WorstSeen, told("The cause that is seen worst.", {"label": "backlash:j6", "seen_from": 0.02})
-    ]
-
-
-class WatchPlanResult(ResponseBody):
+class WatchPlanResult(WatchPlanFound):
     """Check poses, what they will show, and the campaign that visits them: POST it to /runs."""
 
-    format: Annotated[Literal["truepose-watch-plan/1"], told("The format.", "truepose-watch-plan/1")]
-    cell: Annotated[str, told("The cell.", "irb120-cell")]
-    model: Annotated[str, told("The file of the baseline.", "model.json")]
-    instrument: Annotated[str, told("The instrument.", "faro-ion")]
-    targets: Annotated[list[str], told("Names of targets.", ["T1"])]
-    rounds: Annotated[int, told("Number of visits to each pose.", 1)]
-    repeats: Annotated[int, told("Number of readings of a target in a visit.", 1)] = 1
-    readings: Annotated[int, told("Number of readings.", 10)]
-    in_words: Annotated[str, told("What the poses show, in words; empty where nothing is said.", "")] = ""
-    enough_poses: Annotated[int | None, told("Number of poses that would show every cause.", None)] = None
-    enough_lever_mm: Annotated[
-        float | None,
-        told("How far off the last axis a target would show what is missed of that joint, mm.", None),
-    ] = None
-    false_alarms: Annotated[float, told("Share of false alarms, no unit.", 0.01)]
-    seen_in: Annotated[float, told("Share of watches in which `seen_from` is seen, no unit.", 0.95)]
-    alone_in: Annotated[float, told("Share of watches in which `alone_from` is named alone, no unit.", 0.8)]
-    poses_deg: Annotated[list[Joints], told("The poses, deg.", [[12.0, 45.0]])]
-    sides: Annotated[
-        list[list[int]], told("The side of approach of each joint, +1 or -1; no unit.", [[1, -1]])
-    ]
-    causes: Annotated[list[CauseSeen], told("What the poses will show.", [])]
-    not_seen: Annotated[list[str], told("Causes that they do not show.", [])]
-    nests: Annotated[NestsSeen | None, told("The nests; null where none are measured.", None)]
-    proposals: Annotated[list[ProposalShown], told("What it would take to see more.", [])]
     campaign: Annotated[Campaign, told("The campaign of the check poses.", CAMPAIGN)]
