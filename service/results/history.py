@@ -38,6 +38,7 @@ from fleet.store import (
     TrendPoint,
     VerdictRecord,
 )
+from service.results.robot_answers import LineShown, text_of
 
 FORMAT = "truepose-history/1"
 MOST = 100_000  # documents of one robot
@@ -90,6 +91,28 @@ class HistoryLine:
         if self.error is not None:
             words.append(f"error {self.error.value:.3f} mm")
         return ", ".join(words)
+
+    @property
+    def shown(self) -> LineShown:
+        """The line as it is answered."""
+        entry, said = self.entry, self.said
+        return LineShown.model_validate(
+            {
+                "measured": entry.measured_at,
+                "kind": entry.kind,
+                "cell": entry.cell,
+                "identity": entry.identity,
+                "document": entry.hash,
+                "program": entry.program,
+                "contradicts_another": entry.conflict,
+                "verdict": None if said is None else said.verdict,
+                "advice": None if said is None else said.advice,
+                "in_words": "" if said is None else said.in_words,
+                "causes": () if said is None else said.causes,
+                "error_mm": self.error,
+                "here": None,
+            }
+        )
 
 
 def lines_of(store: FleetStore, robot: RobotKey) -> list[HistoryLine]:
@@ -265,38 +288,8 @@ def trends_document(robot: RobotKey, trends: Sequence[Trend]) -> dict[str, Any]:
 
 def history_document(robot: RobotKey, lines: Sequence[HistoryLine]) -> dict[str, Any]:
     """The lines of a robot, as JSON has them."""
-    told = [
-        {
-            "measured": text_of(line.entry.measured_at),
-            "kind": line.entry.kind,
-            "cell": line.entry.cell,
-            "identity": line.entry.identity,
-            "document": line.entry.hash,
-            "program": line.entry.program,
-            "contradicts_another": line.entry.conflict,
-            "verdict": None if line.said is None else line.said.verdict,
-            "advice": None if line.said is None else line.said.advice,
-            "causes": [] if line.said is None else causes_of(line.said),
-            "error_mm": None if line.error is None else {"rms": line.error.value, "u": line.error.u},
-        }
-        for line in lines
-    ]
+    told = [line.shown.model_dump(exclude_unset=True, exclude={"in_words", "here"}) for line in lines]
     return {"format": FORMAT, "serial": robot.serial, "model": robot.model, "history": told}
-
-
-def causes_of(said: VerdictRecord) -> list[dict[str, Any]]:
-    """The causes or effects that a verdict names, as JSON has them."""
-    return [
-        {
-            "label": each.label,
-            "in_words": each.in_words,
-            "value": each.value,
-            "u": each.u,
-            "unit": each.unit,
-            "weight": each.weight,
-        }
-        for each in said.causes
-    ]
 
 
 def retired(robot: RobotKey, cell: str, because: str, now: datetime) -> Document:
@@ -342,11 +335,6 @@ def due_document(found: Sequence[NextCheck], now: datetime) -> dict[str, Any]:
             for each in found
         ],
     }
-
-
-def text_of(moment: datetime) -> str:
-    """A moment as JSON has it, UTC."""
-    return f"{moment:%Y-%m-%dT%H:%M:%SZ}"
 
 
 @dataclass(frozen=True)

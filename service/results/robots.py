@@ -29,13 +29,15 @@ from calib.upkeep import DriftInterval, Method, Staircase
 from drivers.errors import AcquisitionError
 from fleet.errors import StoreError
 from fleet.outbox import CellFolder, read_data, read_result
-from fleet.store import Document, FleetStore, RobotKey, RobotState, VerdictRecord, utc_now
+from fleet.store import Document, FleetStore, RobotKey, RobotState, utc_now
 from service import refusals
 from service.files import as_json
 from service.json_values import finite
 from service.kept_dataset import CSV, TOML, refuse_paths
 from service.results import history
 from service.results.history import CHANGED, doubtful_date, due_now, state_of
+from service.results.robot_answers import DueShown, RobotLine, text_of
+from service.results.shape import document_of
 
 Way = Literal["staircase", "drift"]
 MOST = 1000
@@ -92,15 +94,13 @@ def told_robots(address: str, asked: DueDateRequest) -> dict[str, Any]:
         lines = [_line(each, asked.permitted_mm, way, now) for each in store.standings()]
         place = store.place
     lines.sort(key=_urgency)
-    return finite(
-        {
-            "store": place,
-            "now": history.text_of(now),
-            "robots": lines[:MOST],
-            "left_out": len(lines[MOST:]),
-            "need_care": sum(line["needs_care"] for line in lines),
-        }
-    )
+    return {
+        "store": place,
+        "now": text_of(now),
+        "robots": [document_of(line) for line in lines[:MOST]],
+        "left_out": len(lines[MOST:]),
+        "need_care": sum(line.needs_care for line in lines),
+    }
 
 
 def told_robot(address: str, name: str, asked: DueDateRequest, most: int) -> dict[str, Any] | None:
@@ -115,18 +115,13 @@ def told_robot(address: str, name: str, asked: DueDateRequest, most: int) -> dic
         if robot is None or not found:
             return None
         lines = history.lines_of(store, robot)
-        shown = history.history_document(robot, lines[::-1][:most])["history"]
-        for told, line in zip(shown, lines[::-1], strict=False):
-            told["in_words"] = "" if line.said is None else line.said.in_words
-        return finite(
-            {
-                **_line(found[0], asked.permitted_mm, way, now),
-                "store": store.place,
-                "now": history.text_of(now),
-                "history": shown,
-                "left_out": max(len(lines) - most, 0),
-            }
-        )
+        return {
+            **document_of(_line(found[0], asked.permitted_mm, way, now)),
+            "store": store.place,
+            "now": text_of(now),
+            "history": [document_of(line.shown) for line in lines[::-1][:most]],
+            "left_out": max(len(lines) - most, 0),
+        }
 
 
 def told_trends(address: str, name: str, parameter: str | None, most: int) -> dict[str, Any] | None:
@@ -197,52 +192,34 @@ def _found(store: FleetStore, name: str) -> RobotKey | None:
     return same[0] if same else None
 
 
-def _line(
-    standing: RobotState, permitted_mm: float | None, way: Method | None, now: datetime
-) -> dict[str, Any]:
+def _line(standing: RobotState, permitted_mm: float | None, way: Method | None, now: datetime) -> RobotLine:
     """The line of a robot in a list."""
-    known, watched, model = standing.known, standing.watched, standing.baseline
-    errors = history.errors_by(standing, now)
+    known, errors = standing.known, history.errors_by(standing, now)
     state, due = state_of(standing), _due(standing, way, now)
     beyond = bool(errors and permitted_mm and errors[-1].value > permitted_mm)
-    doubted = doubtful_date(known, now)
-    return {
-        "id": id_of(known.robot),
-        "serial": known.robot.serial,
-        "model": known.robot.model,
-        "cells": list(known.cells),
-        "documents": dict(known.documents),
-        "last_measured": history.text_of(known.last),
-        "doubtful_date": None if doubted is None else history.text_of(doubted),
-        "state": state,
-        "needs_care": not known.retired and (state in CHANGED or due["overdue"] or beyond),
-        "beyond_permitted": beyond,
-        "watched": None if watched is None else _said(watched),
-        "diagnosed": None if standing.diagnosed is None else _said(standing.diagnosed),
-        "baseline": None
-        if model is None
-        else {"document": model.hash, "measured": history.text_of(model.measured_at)},
-        "error_mm": None if not errors else {"rms": errors[-1].value, "u": errors[-1].u},
-        "errors": [
-            {"measured": history.text_of(each.measured_at), "rms": each.value, "u": each.u}
-            for each in errors[-ERRORS:]
-        ],
-        "due": due,
-    }
+    return RobotLine.model_validate(
+        {
+            "id": id_of(known.robot),
+            "serial": known.robot.serial,
+            "model": known.robot.model,
+            "cells": known.cells,
+            "documents": known.documents,
+            "last_measured": known.last,
+            "state": state,
+            "needs_care": not known.retired and (state in CHANGED or due.overdue or beyond),
+            "beyond_permitted": beyond,
+            "doubtful_date": doubtful_date(known, now),
+            "watched": standing.watched,
+            "diagnosed": standing.diagnosed,
+            "baseline": standing.baseline,
+            "error_mm": errors[-1] if errors else None,
+            "errors": errors[-ERRORS:],
+            "due": due,
+        }
+    )
 
 
-def _said(said: VerdictRecord) -> dict[str, Any]:
-    return {
-        "measured": history.text_of(said.measured_at),
-        "verdict": said.verdict,
-        "in_words": said.in_words,
-        "advice": said.advice,
-        "document": said.hash,
-        "causes": history.causes_of(said),
-    }
-
-
-def _due(standing: RobotState, way: Method | None, now: datetime) -> dict[str, Any]:
+def _due(standing: RobotState, way: Method | None, now: datetime) -> DueShown:
     """The date of the next check, which is known for what has changed; without a date, the reason."""
     if standing.known.retired:
         due, because = None, "It is retired."
@@ -251,26 +228,20 @@ def _due(standing: RobotState, way: Method | None, now: datetime) -> dict[str, A
         because = "No permitted error is set." if due is None else due.because
     else:
         due, because = history.next_of(standing, way, now)
-    if due is None:
-        return {"date": None, "overdue": False, "because": because}
-    return {"date": history.text_of(due.date), "overdue": due.date <= now, "because": because}
+    date = None if due is None else text_of(due.date)
+    return DueShown(date=date, overdue=due is not None and due.date <= now, because=because)
 
 
-def _urgency(line: dict[str, Any]) -> tuple[int, float, str, str]:
+def _urgency(line: RobotLine) -> tuple[int, float, str, str]:
     """The rank of a robot in a list: what has changed, the largest error first; then what errs beyond what is
     permitted; then what is overdue, and the others by date."""
-    due, error = line["due"], line["error_mm"]
-    largest = -error["rms"] if error else 0.0
-    if line["state"] in CHANGED:
-        return 0, largest, "", line["serial"]
-    if line["beyond_permitted"] and line["needs_care"]:
-        return 1, largest, "", line["serial"]
-    return (
-        (2 if due["overdue"] else 4 if line["state"] == "retired" else 3),
-        0.0,
-        due["date"] or "",
-        line["serial"],
-    )
+    largest = -line.error_mm.rms if line.error_mm else 0.0
+    if line.state in CHANGED:
+        return 0, largest, "", line.serial
+    if line.beyond_permitted and line.needs_care:
+        return 1, largest, "", line.serial
+    rank = 2 if line.due.overdue else 4 if line.state == "retired" else 3
+    return rank, 0.0, line.due.date or "", line.serial
 
 
 def read_record(path: Path, cell: CellFolder) -> list[Document]:

@@ -21,8 +21,8 @@ from calib import identify, read_dataset, save_model, watch
 from fleet.store import dataset_texts
 from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
-from service.http.wire.bodies.robots import RobotResponse, Robots, Trends
 from service.http.wire.bodies.watches import RATE, WatchPlanResult
+from service.results.robot_answers import RobotResponse, Robots, Trends
 from service.results.watch_answers import WatchResult
 from tests.drivers.nobody import nobody_listens
 from tests.service.campaigns import edit_rows, edit_text, write_data

@@ -11,12 +11,12 @@ from fastapi.responses import JSONResponse, Response
 from service import history_calls
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
-from service.http.wire.bodies.robots import AddResponse, RobotResponse, Robots, Trends
 from service.http.wire.headers import IdempotencyKey
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
 from service.http.work.idempotency import reply
 from service.ids import plain_name
+from service.results.robot_answers import AddResponse, RobotResponse, Robots, Trends
 
 router = APIRouter(route_class=JsonRoute, tags=["robots"])
 DOCUMENTS = path_of("documents")

@@ -1,20 +1,40 @@
-"""The bodies of the history of robots: a list, one robot, its trends, and what was sent to be kept."""
+"""The history of robots as it is answered: a list, one robot, its trends, and what was sent to be kept.
+
+The service knows these as it starts, without the store.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from datetime import datetime
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
-from service.http.wire.bodies.fields import ResponseBody, told
+from service.results.shape import Real, ResponseBody, told
 
 _HASH = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
-Moment = Annotated[str, told("When the first reading was taken, RFC 3339 UTC.", "2026-03-02T09:15:00Z")]
+
+
+def text_of(moment: datetime) -> str:
+    """A moment as JSON has it, UTC."""
+    return f"{moment:%Y-%m-%dT%H:%M:%SZ}"
+
+
+def _as_text(value: Any) -> Any:
+    return text_of(value) if isinstance(value, datetime) else value
+
+
+AsText = BeforeValidator(_as_text)
+Moment = Annotated[
+    str,
+    AsText,
+    told("When the first reading was taken, RFC 3339 UTC.", "2026-03-02T09:15:00Z", of="measured_at"),
+]
 RobotState = Literal[
     "not_watched", "recalibrated", "unchanged", "changed", "ambiguous", "unexplained", "retired"
 ]
 DocumentKind = Literal["model", "watch", "campaign", "dataset", "diagnosis", "thermal", "retired"]
-DocumentHash = Annotated[str, told("SHA-256 of the document, by which it is asked for.", _HASH)]
+DocumentHash = Annotated[str, told("SHA-256 of the document, by which it is asked for.", _HASH, of="hash")]
 RobotId = Annotated[str, told("The id of the robot in addresses.", "3f9a1c07b2e48d15")]
 Serial = Annotated[str, told("Its serial number.", "120-500321")]
 Type = Annotated[str, told("Its type, as robot files name it.", "abb-irb120")]
@@ -26,8 +46,8 @@ _CAUSE = {"label": "joint_step:j4", "value": 0.031, "u": 0.004, "unit": "deg"}
 class ErrorShown(ResponseBody):
     """The position error that was found last."""
 
-    rms: Annotated[float, told("Root mean square, mm.", 0.081)]
-    u: Annotated[float | None, told("Its expanded uncertainty U (k = 2), mm.", 0.01)]
+    rms: Annotated[float, told("Root mean square, mm.", 0.081, of="value")]
+    u: Annotated[Real, told("Its expanded uncertainty U (k = 2), mm.", 0.01)]
 
 
 class ErrorOnDate(ErrorShown):
@@ -41,10 +61,10 @@ class CauseNamed(ResponseBody):
 
     label: Annotated[str, told("What has changed, or acts.", "joint_step:j4")]
     in_words: InWords = ""
-    value: Annotated[float | None, told("Its size, in `unit`.", 0.031)]
-    u: Annotated[float | None, told("U of the size (k = 2), in `unit`.", 0.004)]
+    value: Annotated[Real, told("Its size, in `unit`.", 0.031)]
+    u: Annotated[Real, told("U of the size (k = 2), in `unit`.", 0.004)]
     unit: Annotated[str, told("The unit of value and u.", "deg")]
-    weight: Annotated[float | None, told("Probability among the members of its class.", 1.0)]
+    weight: Annotated[Real, told("Probability among the members of its class.", 1.0)]
 
 
 class SaidShown(ResponseBody):
@@ -69,7 +89,7 @@ class DueShown(ResponseBody):
     """The date of the next check (ILAC-G24)."""
 
     date: Annotated[
-        str | None, told("When, RFC 3339 UTC; null where none can be told.", "2026-09-01T08:00:00Z")
+        str | None, AsText, told("When, RFC 3339 UTC; null where none can be told.", "2026-09-01T08:00:00Z")
     ]
     overdue: Annotated[bool, told("Whether it has passed.", False)]
     because: Annotated[str, told("Why then, or why there is no date.", "It was never checked.")]
@@ -97,6 +117,7 @@ class RobotLine(ResponseBody):
     beyond_permitted: Annotated[bool, told("Whether the last position error is more than permitted.", False)]
     doubtful_date: Annotated[
         str | None,
+        AsText,
         told("A date among its documents that only a wrong clock can have written, RFC 3339 UTC.", None),
     ]
     watched: Annotated[SaidShown | None, told("The last watch.", None)]
@@ -126,7 +147,7 @@ class _OfStore(ResponseBody):
         told("The time of the service, RFC 3339 UTC: dates are reckoned by it.", "2026-04-01T08:00:00Z"),
     ]
     permitted_mm: Annotated[
-        float | None,
+        Real,
         told("Position error, RMS, by which dates were reckoned, mm; null: nobody has said.", 0.2),
     ]
     left_out: Annotated[int, told("Number of further ones that are not in the answer.", 0)]
@@ -183,7 +204,7 @@ class TrendValue(ResponseBody):
 
     measured: Moment
     value: Annotated[float, told("The value, in `unit` of the trend.", 0.031)]
-    u: Annotated[float | None, told("U (k = 2), in `unit` of the trend.", 0.004)]
+    u: Annotated[Real, told("U (k = 2), in `unit` of the trend.", 0.004)]
     limits: Annotated[list[float] | None, told("The control limits for this value, in `unit`.", [0.01, 0.05])]
     signal: Annotated[bool, told("Whether it lies outside, itself or its mean with those before.", False)]
     document: DocumentHash
@@ -198,7 +219,7 @@ class TrendResponse(ResponseBody):
 
     parameter: Annotated[str, told("Its name, as the model has it; error_rms: the position error.", "theta4")]
     unit: Annotated[str, told("The unit of its values.", "deg")]
-    centre: Annotated[float | None, told("Centre of the chart, in `unit`; null without one.", 0.03)]
+    centre: Annotated[Real, told("Centre of the chart, in `unit`; null without one.", 0.03)]
     values: Annotated[list[TrendValue], told("Oldest first.", [])]
     signals: Annotated[list[str], told("What is outside its limits, a sentence each.", [])]
     no_chart_because: Annotated[str, told("Why there is no chart; empty where there is one.", "")]
