@@ -55,7 +55,7 @@ def overview(trends: Sequence[Trend]) -> Table:
     for trend in trends:
         first, last = trend.points[0], trend.points[-1]
         value, u = _figures(last.value, last.u)
-        signals = "-" if trend.chart is None else str(len({each.index for each in trend.chart.signals}))
+        signals = "-" if trend.chart is None else str(len(trend.signals))
         count = str(len(trend.points))
         shown.add_row(
             trend.parameter, count, _figures(first.value, first.u)[0], value, u, trend.unit, signals
@@ -67,13 +67,12 @@ def values(trend: Trend) -> Table:
     """The values of one parameter, with the limits of their chart."""
     title = f"{trend.parameter} of robot {_name(trend.robot)}, {trend.unit}"
     shown = grid(title, "measured", "value", "U", "limits", "", "document")
-    signals = set() if trend.chart is None else {each.index for each in trend.chart.signals}
-    for i, point in enumerate(trend.points):
-        limits = " to ".join(_figures(x, point.u)[0] for x in trend.limits(i) or ()) or "-"
-        marks = ["signal"] if i in signals else []
+    for point in trend.shown().values:
+        limits = " to ".join(_figures(x, point.u)[0] for x in point.limits or ()) or "-"
+        marks = ["signal"] if point.signal else []
         marks += [f"re-diagnosed by {point.program}"] if point.rediagnosed else []
         value, u = _figures(point.value, point.u)
-        shown.add_row(f"{point.measured_at:%Y-%m-%d}", value, u, limits, ", ".join(marks), point.hash[:SHORT])
+        shown.add_row(point.measured[:10], value, u, limits, ", ".join(marks), point.document[:SHORT])
     return shown
 
 

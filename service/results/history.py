@@ -38,7 +38,7 @@ from fleet.store import (
     TrendPoint,
     VerdictRecord,
 )
-from service.results.robot_answers import LineShown, text_of
+from service.results.robot_answers import LineShown, TrendResponse, TrendValue, text_of
 
 FORMAT = "truepose-history/1"
 MOST = 100_000  # documents of one robot
@@ -152,34 +152,37 @@ class Trend:
                 because = str(error)
         return cls(robot, points[0].parameter, units[0], tuple(points), chart, because)
 
-    def limits(self, i: int) -> list[float] | None:
-        """The control limits of a value; None without a chart, and for a value that alone is the reference of it."""
-        if self.chart is None or not np.isfinite(self.chart.limits[i]).all():
-            return None
-        return [float(x) for x in self.chart.limits[i]]
+    @property
+    def signals(self) -> set[int]:
+        """The values that lie outside, by index."""
+        return set() if self.chart is None else {each.index for each in self.chart.signals}
 
-    def document(self) -> dict[str, Any]:
-        """The trend, as JSON has it."""
-        chart = self.chart
-        return {
-            "parameter": self.parameter,
-            "unit": self.unit,
-            "centre": None if chart is None else chart.centre,
-            "values": [
-                {
-                    "measured": text_of(point.measured_at),
-                    "value": point.value,
-                    "u": point.u,
-                    "limits": self.limits(i),
-                    "document": point.hash,
-                    "program": point.program,
-                    "rediagnosed": point.rediagnosed,
-                }
-                for i, point in enumerate(self.points)
-            ],
-            "signals": [] if chart is None else [each.because for each in chart.signals],
-            "no_chart_because": self.because,
-        }
+    def shown(self, most: int = MOST) -> TrendResponse:
+        """The trend as it is answered, with the newest values; the chart is that of all."""
+        chart, signals = self.chart, self.signals
+        limits = () if chart is None else chart.limits  # NaN for a value that alone is the reference
+        values = [
+            TrendValue(
+                measured=text_of(point.measured_at),
+                value=point.value,
+                u=point.u,
+                limits=limits[i].tolist() if i < len(limits) and np.isfinite(limits[i]).all() else None,
+                signal=i in signals,
+                document=point.hash,
+                program=point.program,
+                rediagnosed=point.rediagnosed,
+            )
+            for i, point in enumerate(self.points)
+        ]
+        return TrendResponse(
+            parameter=self.parameter,
+            unit=self.unit,
+            centre=None if chart is None else chart.centre,
+            values=values[-most:],
+            signals=[] if chart is None else [each.because for each in chart.signals],
+            no_chart_because=self.because,
+            left_out=max(len(values) - most, 0),
+        )
 
 
 def trends_of(store: FleetStore, robot: RobotKey, parameter: str | None) -> list[Trend]:
@@ -282,7 +285,8 @@ def added_document(added: Sequence[tuple[Document, AddResult]]) -> dict[str, Any
 
 def trends_document(robot: RobotKey, trends: Sequence[Trend]) -> dict[str, Any]:
     """The trends of a robot, as JSON has them."""
-    told = [each.document() for each in trends]
+    ours = {"left_out": True, "values": {"__all__": {"signal"}}}
+    told = [each.shown().model_dump(exclude_unset=True, exclude=ours) for each in trends]
     return {"format": FORMAT, "serial": robot.serial, "model": robot.model, "trends": told}
 
 

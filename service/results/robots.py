@@ -32,7 +32,6 @@ from fleet.outbox import CellFolder, read_data, read_result
 from fleet.store import Document, FleetStore, RobotKey, RobotState, utc_now
 from service import refusals
 from service.files import as_json
-from service.json_values import finite
 from service.kept_dataset import CSV, TOML, refuse_paths
 from service.results import history
 from service.results.history import CHANGED, doubtful_date, due_now, state_of
@@ -137,14 +136,9 @@ def told_trends(address: str, name: str, parameter: str | None, most: int) -> di
             found = history.trends_in(robot, store.trend(robot))
         else:
             found = history.trends_of(store, robot, parameter)
-    told = history.trends_document(robot, found)
-    for trend, document in zip(found, told["trends"], strict=True):
-        signals = set() if trend.chart is None else {each.index for each in trend.chart.signals}
-        for i, value in enumerate(document["values"]):
-            value["signal"] = i in signals
-        document["left_out"] = max(len(document["values"]) - most, 0)
-        document["values"] = document["values"][-most:]
-    return finite({"id": id_of(robot), **told})
+    told = [document_of(each.shown(most)) for each in found]
+    about = {"id": id_of(robot), "format": history.FORMAT, "serial": robot.serial, "model": robot.model}
+    return about | {"trends": told}
 
 
 def content_of(address: str, hash: str) -> bytes | None:
