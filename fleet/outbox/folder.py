@@ -136,7 +136,7 @@ def read_result(path: Path, cell: CellFolder) -> list[Document]:
         The file cannot be read.
     """
     content = read_bytes(path, LARGEST)
-    if _MARK not in content[:200]:
+    if _MARK not in content:
         return []
     table = parse_json(content, path)
     if not isinstance(table, dict) or table.get("format") not in KINDS:

@@ -29,11 +29,6 @@ Warnings = Annotated[
     list[str], told("What keeps the figures from meaning what they seem to, in sentences.", [])
 ]
 
-Joints = Annotated[
-    list[float],
-    told("Joint angles as the controller counts them, deg.", [12.0, 45.0, -10.0, 80.0, -35.0, 10.0]),
-]
-
 Share = Annotated[Real, told("A share from 0 to 1, no unit.", 0.97)]
 Number = Annotated[Real, told("A number without a unit; null: not known.", 1.02)]
 Unit = Annotated[str, told("The unit of value and std.", "deg")]

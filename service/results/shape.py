@@ -48,8 +48,9 @@ class ResponseBody(BaseModel):
 
 
 def document_of(result: ResponseBody) -> dict[str, Any]:
-    """A result as JSON has it; members that nobody set are left out."""
-    return result.model_dump(exclude_unset=True)
+    """A result as JSON has it, without members that nobody set; its format comes first, where readers look for it."""
+    document = result.model_dump(exclude_unset=True)
+    return {"format": document["format"], **document} if "format" in document else document
 
 
 def _finite(value: Any) -> Any:

@@ -9,8 +9,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import SerializerFunctionWrapHandler, model_serializer
-
 from calib.data import Dataset
 from calib.text import written_by
 from service import wording
@@ -193,12 +191,6 @@ class _Judged(ResponseBody):
         told("There is an updated model: GET /models/ID of this job; null: none.", "model.json"),
     ]
     notes: Annotated[list[str], told("What else is to be known, in sentences.", [])]
-
-    @model_serializer(mode="wrap")
-    def _format_first(self, handler: SerializerFunctionWrapHandler):
-        """A history looks for the format among the first letters of a file."""
-        members = handler(self)
-        return {"format": members.pop("format"), **members}
 
     @classmethod
     def of(

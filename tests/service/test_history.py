@@ -116,6 +116,17 @@ def test_what_is_put_in_is_shown_in_the_order_of_time(
     assert "Last advice (2026-04-01): Re-zero joint 4 by 0.031 deg." in said
 
 
+def test_a_document_is_known_by_its_format_wherever_that_is(
+    ask: Callable[..., tuple[int, dict[str, Any]]], write: Callable[..., Path]
+) -> None:
+    """Other programs write the members in an order of their own."""
+    table = watch_of(0.4)
+    late = {"notes": ["a sentence" * 100]} | {k: v for k, v in table.items() if k != "format"}
+    file = write("v.json", late | {"format": table["format"]})
+    code, document = ask("add", str(file))
+    assert (code, [each["state"] for each in document["added"]]) == (0, ["new"])
+
+
 def test_a_contradiction_ends_with_3_and_both_are_kept(
     ask: Callable[..., tuple[int, dict[str, Any]]], write: Callable[..., Path]
 ) -> None:
