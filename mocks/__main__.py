@@ -1,6 +1,7 @@
-"""`python -m mocks cell CELL.toml | abb | abb-simple | faro | ...`: serve simulated devices until SIGTERM or SIGINT.
+"""Command line that serves simulated devices until SIGTERM or SIGINT.
 
-Prints one JSON line per endpoint on standard output. Ends with 0; 2 for a wrong file; 1 for a taken port.
+`python -m mocks cell CELL.toml | abb | abb-simple | faro | ...` prints one JSON line per endpoint on standard
+output. The exit code is 0, 2 for a wrong file, or 1 for a port that is taken.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ ROBOTS = {"fanuc": "fanuc-lrmate200ic", "ur": "ur5"}  # of a cell of one device,
 
 
 def _ours(_: Cell) -> None:
-    """As a cell is made."""
+    """Leave the dialect as the cell was created with."""
 
 
 def _stock(cell: Cell) -> None:
@@ -62,7 +63,13 @@ DIALECTS: Mapping[str, Mapping[str, Callable[[Cell], None]]] = {
 
 
 def speak(cell: Cell, dialect: str) -> None:
-    """Let the devices of the cell that know this dialect speak it. Raises ValueError that names the known ones."""
+    """Let the devices of the cell that know this dialect speak it.
+
+    Raises
+    ------
+    ValueError
+        No device of the cell knows the dialect; the message names the known ones.
+    """
     known = {name: put for device in cell.devices for name, put in DIALECTS.get(device, {}).items()}
     if dialect not in known:
         raise ValueError(f"--dialect {dialect}: there is {', '.join(known) or 'none to choose'} here.")
@@ -88,7 +95,13 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def described(chosen: argparse.Namespace) -> CellFile:
-    """The cell of the command line. Raises OSError, ValueError."""
+    """Return the cell that the command line describes.
+
+    Raises
+    ------
+    OSError, ValueError
+        The cell file cannot be read, or it is wrong.
+    """
     cell = CellFile() if chosen.file is None else read_cell(chosen.file)
     if chosen.name in ROBOTS:
         cell = replace(cell, robot=ROBOTS[chosen.name])

@@ -27,7 +27,7 @@ Order = Callable[[dict[str, Any]], dict[str, Any] | Awaitable[None] | None]
 
 
 class TrackerServer(Protocol):
-    """The wire side of a tracker, whatever it speaks."""
+    """The wire side of a tracker of any protocol."""
 
     odd: dict[str, Any]
 
@@ -37,7 +37,7 @@ class TrackerServer(Protocol):
 
 
 class BackDoor:
-    """Acts on the devices of one cell directly, beside their wires."""
+    """Direct access to the devices of one cell that bypasses their protocols."""
 
     def __init__(
         self,
@@ -59,7 +59,13 @@ class BackDoor:
             await writer.drain()
 
     async def do(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Carry out one order. Raises ValueError, KeyError, TypeError for a wrong one."""
+        """Carry out one order.
+
+        Raises
+        ------
+        ValueError, KeyError, TypeError
+            The order is wrong.
+        """
         what = order["do"]
         table: dict[str, Order] = {
             "state": self._state,

@@ -1,12 +1,15 @@
-"""A simulated measurement campaign: random poses of a simulated cell as a data set, with its hidden truth.
+"""A simulated measurement campaign: random poses as a data set, with the hidden truth.
 
 `python -m mocks.campaign --seed 7 --effect backlash:j4 --out DIR` writes DIR/data.csv, DIR/data.toml and
-DIR/truth.json and prints one JSON line with their paths. Without --effect one undeclared effect is drawn
-from the seed (`mocks.world.demo_labels` lists the candidates).
+DIR/truth.json and prints one JSON line with their paths. Without --effect one undeclared effect is drawn from
+the seed (`mocks.world.demo_labels` lists the candidates).
 
-Design of the campaign (thesis section 2.5 and the needs of a diagnosis): random poses in random order, three
-targets off each other, approach sides drawn independently per joint, an air temperature that does not follow
-the clock, validation rows interleaved in time.
+Design of the campaign (thesis section 2.5, and requirements of a diagnosis):
+
+- Random poses in random order, with three targets off each other.
+- Approach sides drawn independently per joint.
+- An air temperature that does not follow the clock.
+- Validation rows interleaved in time.
 """
 
 from __future__ import annotations
@@ -53,11 +56,20 @@ APPROACHES = ("offset", "varied", "direct")
 
 @dataclass
 class Campaign:
-    """A data set and what is hidden in it.
+    """A data set and its hidden truth.
 
-    `rows` are dicts by the contract's column names, in order of time; `header` is the contract's TOML as a
-    dict; `truth` is plain data (see `hidden_truth`); `world` is the cell that was measured; `readings` are
-    the states and targets behind the rows.
+    Attributes
+    ----------
+    rows : list of dict
+        Rows by the contract's column names, in order of time.
+    header : dict
+        The contract's TOML.
+    truth : dict
+        Plain data; see `hidden_truth`.
+    world : World
+        The cell that was measured.
+    readings : list of Reading
+        States and targets behind the rows.
     """
 
     rows: list[dict[str, Any]]
@@ -91,17 +103,32 @@ def make_campaign(
     station_mm: Sequence[float] = STATION_MM,
     fit: Sequence[str] | None = None,
 ) -> Campaign:
-    """A campaign of `n` calibration and `n_validation` validation rows, everything drawn from `seed`.
+    """Measure a campaign of calibration and validation rows, all drawn from `seed`.
 
-    `effects`: labels; [] hides nothing, None draws one label from the seed. Each is scaled so that the
-    displacement it causes over all rows is `size` times the noise, both RMS per axis. `departure` replaces
-    the textbook law of those labels that it applies to.
-    `both_sides`: approach sides random per joint, else +1 everywhere. `approach`: "offset" comes from q - side x 5
-    deg, "varied" from 5 to 15 deg, drawn for each pose, "direct" straight from the previous row's pose (the side is
-    then the sign of the move). `reference_every`: a reference row in one pose after every so many rows; 0 for none.
-    `gross_rows`, `swapped_rows`: so many calibration rows get an error of 2 mm, or a wrong target name.
-    `noise_declared_factor`: declared noise over true noise. The tool's `targets` (mm, flange frame), mass and centre,
-    `noise`, `repeatability_deg` and `station_mm` are those of the World.
+    Parameters
+    ----------
+    n, n_validation : int
+        Number of calibration and of validation rows.
+    effects : sequence of str, optional
+        Labels. An empty list hides nothing; None draws one label from the seed.
+    size : float
+        Each effect is scaled so that the displacement it causes over all rows is `size` times the noise, both RMS
+        per axis.
+    both_sides : bool
+        Draw approach sides at random per joint; otherwise they are +1 everywhere.
+    departure : str, optional
+        Replaces the textbook law of those labels that it applies to.
+    approach : {"offset", "varied", "direct"}
+        "offset" comes from q - side x 5 deg. "varied" comes from 5 to 15 deg, drawn for each pose. "direct" comes
+        straight from the previous row's pose; the side is then the sign of the move.
+    reference_every : int
+        Number of rows between two reference rows, which share one pose; 0 for no reference rows.
+    gross_rows, swapped_rows : int
+        Number of calibration rows with an error of 2 mm, and with a wrong target name.
+    targets, tool_mass_kg, tool_cog_mm, noise, repeatability_deg, station_mm
+        As for `World`: targets in mm in the flange frame, mass and centre of the tool.
+    noise_declared_factor : float
+        Ratio of declared noise to true noise.
     """
     if approach not in APPROACHES:
         raise ValueError(f"approach {approach!r} is not one of {APPROACHES}")
@@ -143,7 +170,13 @@ def make_campaign(
 
 
 def departure_for(label: str, departure: str | None) -> str | None:
-    """`departure` if it replaces the law of `label`, else None; ValueError for an unknown one."""
+    """Return `departure` if it replaces the law of `label`, or None.
+
+    Raises
+    ------
+    ValueError
+        The departure is unknown.
+    """
     if departure is None:
         return None
     if departure not in DEPARTURES:
@@ -186,7 +219,10 @@ def spoil(
     swapped_rows: int,
     rng: np.random.Generator,
 ) -> tuple[list[int], list[list[Any]]]:
-    """Spoils calibration rows in place; returns the ids of gross errors and [id, written, true] of swaps."""
+    """Spoil calibration rows in place.
+
+    Returns the ids of the gross errors, and [id, written, true] for each swapped target name.
+    """
     if gross_rows + swapped_rows == 0:
         return [], []
     if swapped_rows and len(targets) < 2:
@@ -238,7 +274,10 @@ def hidden_truth(world: World, readings: Sequence[Reading], size: float) -> dict
 
 
 def write_campaign(campaign: Campaign, folder: Path) -> dict[str, str]:
-    """Writes data.csv, data.toml and truth.json into `folder`; returns their paths by csv, toml, truth."""
+    """Write data.csv, data.toml and truth.json into `folder`.
+
+    Returns their paths under the keys csv, toml and truth.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     texts = {
         "csv": ("data.csv", csv_text(campaign.rows)),

@@ -1,4 +1,4 @@
-"""One cell: a world, and the servers of all its devices over it, in one event loop on loopback."""
+"""One cell: a world and the servers of all its devices, in one event loop on loopback."""
 
 from __future__ import annotations
 
@@ -39,7 +39,11 @@ LABEL_STREAM, CLOCK_STREAM = 22, 23
 
 
 def robot_in(cell: CellFile) -> Robot:
-    """The robot of a cell file: the simulator's own of this name, else from the robot file. ValueError."""
+    """Return the robot of a cell file.
+
+    It is the simulator's own robot of this name if there is one, or the robot of the robot file. A wrong file is a
+    ValueError.
+    """
     if cell.robot_file is None and cell.robot in ROBOTS:
         own = ROBOTS[cell.robot]
         return replace(own, counting=Counting()) if cell.joint_coupling == "none" else own
@@ -136,7 +140,10 @@ class Cell:
         return self.ur_clock, *(bridge.clock for bridge in self.bridges)
 
     async def _reboot(self, order: dict[str, Any]) -> None:
-        """Power off and on: connections reset, counters and clocks begin anew, instruments not initialised."""
+        """Switch the devices off and on.
+
+        Connections are reset, counters and clocks start again, and instruments are not initialised.
+        """
         for each in (self.faro, self.leica, self.ctrack, self.qc20w):
             each.reboot()
         self.ur_clock.restart()
@@ -153,12 +160,15 @@ class Cell:
         jog_into(self.world, self.arm, self.clock, order["target"], ball, order["near_deg"])
 
     def _clock_step(self, order: dict[str, Any]) -> None:
-        """Every device's own clock jumps by so many seconds."""
+        """Step every device's clock by `by_s` seconds."""
         for clock in self._clocks:
             clock.offset_s += float(order["by_s"])
 
     def _careless_stream(self, order: dict[str, Any]) -> None:
-        """Every bridge pushes samples to whoever is connected, whoever asked for them; rate 0 ends it."""
+        """Let every bridge push samples to the connected client, even if it did not request them.
+
+        Rate 0 ends the stream.
+        """
         fields = {key: str(value) for key, value in order.items()}
         for bridge in self.bridges:
             bridge.stream(fields if order["rate"] else None, careless=True)
@@ -171,7 +181,13 @@ class Cell:
     # -- serving ------------------------------------------------------------------------------------------
 
     async def start(self, port: int = 0) -> list[Endpoint]:
-        """Listen; `port` is the first device's, 0 for free ones. Raises OSError when it is taken."""
+        """Listen on `port` with the first device (0 for a free one), and on free ports with the others.
+
+        Raises
+        ------
+        OSError
+            The port is taken.
+        """
         ends: list[Endpoint] = []
         try:
             if "abb" in self.devices:
@@ -218,7 +234,10 @@ class Cell:
 
 
 class CellThread:
-    """A cell in a thread of its own, for tests: `with CellThread(CellFile(...)) as cell: cell.url("abb")`."""
+    """A cell in a separate thread, for tests.
+
+    Use it as `with CellThread(CellFile(...)) as cell` and connect to `cell.url("abb")`.
+    """
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""The part that a simulator needs of a `cell.toml` (format truepose-cell/1), read by the simplest means."""
+"""Simple reader of the parts of a `cell.toml` (truepose-cell/1) that a simulator needs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ STATION_MM = (2400.0, -900.0, 350.0)
 
 @dataclass(frozen=True)
 class CellFile:
-    """One cell. `effects` empty: drawn from the seed; `none` among them: none at all."""
+    """Description of one cell.
+
+    If `effects` is empty, one is drawn from the seed. If it contains `none`, there are no effects.
+    """
 
     robot: str = "abb-irb120"
     robot_file: dict[str, Any] | None = None  # the parsed file of a robot that is not in the library
@@ -48,7 +51,15 @@ class CellFile:
 
 
 def read_cell(path: Path) -> CellFile:
-    """Read a cell file. Raises ValueError naming the key, OSError."""
+    """Read a cell file.
+
+    Raises
+    ------
+    ValueError
+        The file is wrong; the message names the key.
+    OSError
+        The file cannot be read.
+    """
     table = tomllib.loads(path.read_text(encoding="utf-8"))
     if table.get("format") != "truepose-cell/1":
         raise ValueError(f"{path}: format is {table.get('format')!r}, needed 'truepose-cell/1'")
@@ -84,6 +95,9 @@ def read_cell(path: Path) -> CellFile:
 
 
 def _stated(table: dict[str, Any], names: str) -> dict[str, float]:
-    """Stated uncertainty of everything under `names`: by name, else that of all."""
+    """Return the stated uncertainty of each entry of a table by its name.
+
+    An entry without its own value has the value that is stated for all.
+    """
     known: dict[str, float] = dict.fromkeys(table.get(names, {}), float(table.get("u_mm", 0.0)))
     return known | table.get(f"{names}_u_mm", {})

@@ -1,9 +1,9 @@
-"""A TCP proxy between driver and simulator that spoils answers or requests, one message at a time.
+"""A TCP proxy between driver and simulator that spoils answers or requests one by one.
 
-An answer is what arrives from the device up to `boundary`, or one received piece where the protocol has none; a
-request is one received piece. Faults are chosen by name, for so many messages or at a rate: those of `FAULTS` hit
-answers, those of `REQUEST_FAULTS` hit requests. What only the device can do, counters that begin anew and a clock that
-steps, it is told through `device`, an order of the back door.
+An answer is the data from the device up to `boundary`, or one received piece if the protocol has no boundary. A
+request is one received piece. Faults are chosen by name, for a number of messages or at a rate: those of
+`FAULTS` hit answers, those of `REQUEST_FAULTS` hit requests. Faults that only the device can cause (counters
+that start again, a clock that steps) are passed to it through `device`, an order of the back door.
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ STEP_S = 3600.0
 
 
 class Spoiler:
-    """One direction of one connection: forwards messages to `writer`; each fault is a method that takes one message."""
+    """One direction of one connection, which forwards messages to `writer`.
+
+    Each fault is a method that takes one message.
+    """
 
     def __init__(
         self,
@@ -117,11 +120,14 @@ class Spoiler:
         raise ConnectionResetError
 
     async def black_hole(self, data: bytes) -> None:
-        """From now on nothing passes on this connection, which stays open."""
+        """Pass nothing more on this connection, but keep it open."""
         self.silent = True
 
     async def reboot(self, data: bytes) -> None:
-        """Every connection is reset, new ones are refused for a while, counters and clock begin anew."""
+        """Reset every connection, as a power cycle does.
+
+        New connections are refused for a while; counters and clock start again.
+        """
         self.power_off()
         raise ConnectionResetError
 
@@ -163,7 +169,10 @@ _METHODS = FAULTS | REQUEST_FAULTS
 
 
 class FaultProxy:
-    """Proxy in a thread of its own: `with FaultProxy(port) as proxy: proxy.spoil("half", times=1)`."""
+    """Proxy in a separate thread.
+
+    Use it as `with FaultProxy(port) as proxy: proxy.spoil("half", times=1)`.
+    """
 
     def __init__(
         self,
@@ -195,7 +204,10 @@ class FaultProxy:
         self._finish: asyncio.Event | None = None
 
     def spoil(self, *faults: str, times: int | None = 1, rate: float = 1.0, after: int = 0) -> None:
-        """From now on: leave `after` messages alone, then spoil the next `times` (None: all) at this rate."""
+        """Pass `after` messages unchanged, then spoil the next `times` messages at this rate.
+
+        With `times` None, all later messages are spoiled.
+        """
         for fault in faults:
             _METHODS[fault]
         with self._lock:

@@ -1,7 +1,7 @@
-"""Where the nests, cups and tool targets of a cell really are: beside the cell file, by what it says it knows of them.
+"""True places of nests, cups and tool targets, which differ from the cell file.
 
-Each is off by `[simulation] misplaced_mm` where it is named there, else by a draw of its stated `u_mm` per axis, else
-not at all.
+An entry that `[simulation] misplaced_mm` names is off by this vector. Any other entry is off by a draw of its
+stated `u_mm` per axis. Without a stated `u_mm` it is not off.
 """
 
 from __future__ import annotations
@@ -16,13 +16,16 @@ Vector = NDArray[np.float64]
 
 
 def offsets(cell: CellFile) -> dict[str, Vector]:
-    """How far everything that is off is off, (3,) mm: nests in the world, targets in the flange frame."""
+    """Return the error of each place that is off, (3,) mm, by name.
+
+    Nests are in the world frame, targets in the flange frame.
+    """
     rng = np.random.default_rng([cell.seed, PLACE_STREAM])
     drawn = {name: u_mm * rng.normal(size=3) for name, u_mm in cell.u_mm.items()}
     return drawn | {name: np.array(off, dtype=float) for name, off in cell.misplaced_mm.items()}
 
 
 def true_nests(cell: CellFile) -> dict[str, tuple[float, ...]]:
-    """Where the nests really are in the world, mm."""
+    """Return the true positions of the nests in the world frame, mm."""
     off = offsets(cell)
     return {name: tuple(np.asarray(p, dtype=float) + off.get(name, 0.0)) for name, p in cell.nests.items()}

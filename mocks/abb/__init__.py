@@ -1,1 +1,4 @@
-"""A simulated ABB IRC5: RAPID sockets (`mocks.abb.controller`) and simple_message (`mocks.abb.simple`)."""
+"""Simulated ABB IRC5.
+
+It serves RAPID sockets (`mocks.abb.controller`) and simple_message (`mocks.abb.simple`).
+"""

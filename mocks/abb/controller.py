@@ -1,10 +1,14 @@
-"""Simulated ABB IRC5 on the wire: open_abb as its users have it (`stock`), or our CALSRV superset.
+"""Simulated ABB IRC5 on the wire: stock open_abb (`stock`) or the CALSRV superset.
 
-Written from the description of the protocol, not from the driver. Kept on purpose: stock reads up to the
-first `#` of one receive and drops the rest; a corrupt request is answered with the code of the one before
-and 0; an emergency stop, a supervision stop or a limit leaves the connection open and silent; a second
-client is accepted by the network and never answered; read-back has 2 decimals (superset 5). In the
-superset, codes below 100 are answered byte for byte as by open_abb.
+Written from the description of the protocol, not from the driver. These faults are kept on purpose:
+
+- Stock reads up to the first `#` of one receive and drops the rest.
+- A corrupt request is answered with the code of the request before and 0.
+- An emergency stop, a supervision stop or a limit leaves the connection open and silent.
+- A second client is accepted by the network and never answered.
+- The read-back has 2 decimals (superset 5).
+
+In the superset, codes below 100 are answered byte for byte as by open_abb.
 """
 
 from __future__ import annotations
@@ -117,7 +121,10 @@ class AbbController:
         raise ConnectionResetError("program pointer to main")
 
     async def _log(self, writer: asyncio.StreamWriter) -> None:
-        """LOGGER pushes records without end marks: `# 0` position (not simulated: zeros), `# 1` joints."""
+        """Push log records without end marks, as LOGGER does.
+
+        Records `# 0` are positions (not simulated, zeros); records `# 1` are joints.
+        """
         stamp = "11-21-2026 12:00:00"
         while True:
             joints = " ".join(f"{q:.2f}" for q in self.joints_deg())
@@ -128,7 +135,7 @@ class AbbController:
             await asyncio.sleep(LOG_EVERY_S)
 
     def joints_deg(self) -> tuple[float, ...]:
-        """Where the arm is now, as the controller counts."""
+        """Return the current joint angles of the arm, as the controller counts them, deg."""
         return self.robot.counting.counted(self.arm.joints_deg())
 
     # -- requests -----------------------------------------------------------------------------------------

@@ -1,9 +1,12 @@
-"""Simulated ABB IRC5 under ROS-Industrial's abb_driver: motion server (11000), state server (11002), motion task.
+"""Simulated ABB IRC5 under ROS-Industrial's abb_driver.
 
-Written from the description of `simple_message`, not from the driver. Kept on purpose: a trajectory is acknowledged
-when received; its first point is skipped within 0.1 deg; a new trajectory, or a stop, ends the one under way; a lost
-client does not; a second client is accepted by the network and not read until the first goes; a message that is not a
-trajectory point ends the server's program, and the connection stays open and silent.
+It has a motion server (11000), a state server (11002) and a motion task. Written from the description of
+`simple_message`, not from the driver. These properties are kept on purpose:
+
+- A trajectory is acknowledged when it is received. Its first point is skipped within 0.1 deg.
+- A new trajectory, or a stop, ends the current one. A lost client does not.
+- A second client is accepted by the network and not read until the first leaves.
+- A message that is not a trajectory point ends the server's program. The connection stays open and silent.
 """
 
 from __future__ import annotations
@@ -80,12 +83,18 @@ class SimpleMessageServers:
         self._restarted = asyncio.Event()
 
     def restart(self) -> None:
-        """Somebody starts the programs of the controller again."""
+        """Start the programs of the controller again, as a person does at the pendant."""
         self._restarted.set()
         self._restarted = asyncio.Event()
 
     async def listen(self, servers: Servers, port: int) -> list[Endpoint]:
-        """Both servers, the states two ports above the motion. Raises OSError."""
+        """Start both servers, the state server two ports above the motion server.
+
+        Raises
+        ------
+        OSError
+            A port is taken.
+        """
         one = await servers.listen_around({0: self.serve_motion, 2: self.serve_state}, port)
         names = {"abb-simple": one, "abb-simple-state": one + 2}
         return [Endpoint(name, "simple_message", number) for name, number in names.items()]

@@ -1,9 +1,10 @@
-"""Simulated C-Track behind its MBP/1 bridge (OCMM): two cameras, reflective targets on base, tool and nests.
+"""Simulated C-Track behind its MBP/1 bridge (OCMM).
 
-A target is seen by a camera when it looks at it within 60 deg, within its range, with no limb of the arm
-between. The reference body sits on the base at a place and turn that nobody tells; poses are given in its
-frame, so that moving the cameras changes nothing. One body a tool target (20 reflectors, or 9 where told) and
-one a nest (9), each with its frame parallel to the flange, to the world for a nest.
+It has two cameras and reflective targets on base, tool and nests. A camera sees a target that looks at it
+within 60 deg, within its range, with no limb of the arm between. The reference body sits on the base in an
+unknown pose. Poses are given in its frame, so that moving the cameras changes nothing. There is one body per
+tool target (20 reflectors, or 9 if the cell says so) and one per nest (9 reflectors). The frame of a body is
+parallel to the flange, and for a nest to the world.
 
 p_reference = R^T (p_world - origin); the noise of an averaged pose is 0.02 mm per axis and 0.05 mrad.
 """
@@ -35,7 +36,10 @@ Vector = NDArray[np.float64]
 
 
 def plate(count: int, facing: Vector) -> tuple[Vector, Vector]:
-    """Places (n, 3) mm and normals (n, 3) of `count` reflectors on a small plate that looks along `facing`."""
+    """Return the places and normals of reflectors on a small plate.
+
+    Places (count, 3) are in mm; normals (count, 3) all equal the unit vector along `facing`.
+    """
     z = facing / np.linalg.norm(facing)
     x = np.cross(z, [0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [1.0, 0.0, 0.0])
     x /= np.linalg.norm(x)
@@ -46,7 +50,10 @@ def plate(count: int, facing: Vector) -> tuple[Vector, Vector]:
 
 
 def quaternion(rotation: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """Unit quaternion, scalar first, of a rotation matrix (3, 3): eigenvector of the largest eigenvalue."""
+    """Return the unit quaternion, scalar first, of a rotation matrix (3, 3).
+
+    It is the eigenvector of the largest eigenvalue.
+    """
     r = rotation
     k = np.array(
         [
@@ -61,7 +68,10 @@ def quaternion(rotation: NDArray[np.float64]) -> tuple[float, float, float, floa
 
 
 class CTrackDevice:
-    """State of cameras and bodies. `covered`: reflectors of a body that something hides, by its name."""
+    """State of cameras and bodies.
+
+    `covered` counts the hidden reflectors of a body, by its name.
+    """
 
     def __init__(
         self,
@@ -98,7 +108,7 @@ class CTrackDevice:
         return {"base": len(self.base_plate[0])} | tool | dict.fromkeys(self.nests, 9)
 
     def frame(self, name: str) -> Matrix:
-        """Where a body really is, world frame, (4, 4)."""
+        """Return the true pose of a body in the world frame, (4, 4)."""
         if name in self.nests:
             return shift(*self.nests[name])
         return target_frame(self.world, state_at_rest(self.world, self.arm, self.clock), name)
@@ -108,7 +118,7 @@ class CTrackDevice:
         return np.linalg.inv(self.base_frame) @ frame
 
     def visible(self, name: str) -> int:
-        """How many reflectors of a body both cameras see now."""
+        """Count the reflectors of a body that both cameras see now."""
         ends = limbs(self.world, self.arm)
         if name == "base":
             places, normals = self.base_plate
@@ -133,7 +143,10 @@ class CTrackDevice:
         return True
 
     def average(self, name: str, frames: int) -> tuple[Matrix, Vector, float]:
-        """Pose in the reference's frame, scatter of single frames per axis (mm) and of the turn (mrad)."""
+        """Measure a pose in the frame of the reference body.
+
+        Returns the pose, and the scatter of single frames per axis (mm) and of the rotation (mrad).
+        """
         pose = self.to_reference(self.frame(name))
         pose[:3, 3] += self._rng.normal(scale=POINT_SIGMA_MM, size=3)
         pose[:3, :3] = turn(self._rng.normal(scale=1e-3 * TURN_SIGMA_MRAD, size=3))[:3, :3] @ pose[:3, :3]
@@ -144,7 +157,10 @@ class CTrackDevice:
 
 
 class CTrackBridge:
-    """The wire side. `odd` holds faults of single readings set by the back door, used up by one MEASURE."""
+    """Wire side of the C-Track.
+
+    `odd` holds faults of single readings that the back door sets; one MEASURE uses them up.
+    """
 
     def __init__(self, device: CTrackDevice) -> None:
         self.device = device

@@ -1,6 +1,6 @@
-"""Simulated Fanuc controller apart from its wires: angles as it counts them, its speeds, its alarms, its moves.
+"""Simulated Fanuc controller without its protocols: joint angles, speeds, alarms, moves.
 
-The arm of the cell turns by the angles of the kinematic model; a Fanuc counts joint 3 from the horizontal and
+The arm of the cell turns by the angles of the kinematic model. A Fanuc counts joint 3 from the horizontal, and
 joints 4 to 6 the other way round (`Robot.counting`). Its limits hold for its own angles.
 """
 
@@ -22,7 +22,7 @@ NO_CAP_MM_S = 1e9  # a joint move has no cap on the speed of the tool
 
 
 class End(Enum):
-    """How a move ended."""
+    """Ways in which a move can end."""
 
     ARRIVED = "arrived"
     STOPPED = "stopped"
@@ -50,13 +50,13 @@ class FanucController:
         return self.robot.counting.to_model(q)
 
     def joints_deg(self) -> tuple[float, ...]:
-        """Where the arm is now, as the controller counts."""
+        """Return the current joint angles of the arm, as the controller counts them, deg."""
         return self.robot.counting.counted(self.arm.joints_deg())
 
     def pose(self) -> tuple[float, ...]:
-        """x, y, z (mm) and w, p, r (deg) of the nominal flange; the origin lies at the height of joint 2.
+        """Return x, y, z (mm) and w, p, r (deg) of the nominal flange.
 
-        Turn = Rz(r) Ry(p) Rx(w).
+        The origin is at the height of joint 2. The rotation is Rz(r) Ry(p) Rx(w).
         """
         angles = self.robot.internal(self.arm.joints_deg())
         flange = frames(self.robot.convention, nominal_geometry(self.robot), angles)[-1]
@@ -77,7 +77,10 @@ class FanucController:
         return self.arm.can_move
 
     def current_alarm(self) -> tuple[int, int]:
-        """Emergency stop of the panel, fence open, pendant enabled, collision; (0, 0): none."""
+        """Return the current alarm, or (0, 0) if there is none.
+
+        Simulated alarms are emergency stop of the panel, fence open, pendant enabled and collision.
+        """
         if self.fit:
             return (0, 0)
         if self.arm.emergency_stop:
@@ -100,7 +103,10 @@ class FanucController:
     # -- motion -------------------------------------------------------------------------------------------
 
     async def move(self, target: Sequence[float], percent: float, *, cnt: bool = False) -> End:
-        """A joint move at `percent` of the joints' speeds; `cnt`: over before the arm stands."""
+        """Move the joints to a target at `percent` of their speeds.
+
+        With `cnt`, the move ends before the arm is at rest.
+        """
         arm, here = self.arm, self.joints_deg()
         if not self.fit:
             return End.UNFIT
@@ -125,7 +131,10 @@ class FanucController:
             silent = await self._pause(arm.left_s - lead_s)
 
     async def _pause(self, seconds: float) -> bool:
-        """Wait for the end of the move or a change; True when the client has been silent for too long."""
+        """Wait for the end of the move or a change.
+
+        Returns True if the client has been silent for too long.
+        """
         if self.beat_s:
             left = self.last_word + self.beat_s - time.monotonic()
             if left <= 0:
@@ -136,7 +145,7 @@ class FanucController:
         return False
 
     async def until_restart(self) -> None:
-        """A paused program answers nothing until somebody resets the alarm and starts it again."""
+        """Answer nothing until the alarm is reset and the paused program started again."""
         while self.arm.hung:
             self.arm.changed.clear()
             await self.arm.changed.wait()

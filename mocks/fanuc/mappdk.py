@@ -1,11 +1,16 @@
-"""Simulated KAREL servers of a Fanuc on TCP 18735 and 18736: stock MAPPDK as fanucpy brings it, or ours.
+"""Simulated KAREL servers of a Fanuc on TCP 18735 and 18736: stock MAPPDK or our superset.
 
-Written from the description of the protocol, not from the driver. Kept on purpose: commands are known by their
-first letters only; answers have no end mark; one client a port, a second is accepted by the network and never
-greeted; a stock move runs with CNT and is answered while the arm still runs out; a move that an alarm pauses is never
-answered, and the second port goes on. Ours (`stock` False) knows `calname`, `calstat`, `calstop` and `calbeat` on the
-second port; on the first it moves in two steps, `calset` with the target and `calgo` with the sum that the client has
-of that request, ends moves FINE and answers every one.
+Written from the description of the protocol, not from the driver. Stock is MAPPDK as fanucpy brings it. These
+properties are kept on purpose:
+
+- Commands are recognised by their first letters only, and answers have no end mark.
+- One client per port. A second is accepted by the network and never greeted.
+- A stock move runs with CNT and is answered while the arm still runs out.
+- A move that an alarm pauses is never answered. The second port continues to answer.
+
+Ours (`stock` False) knows `calname`, `calstat`, `calstop` and `calbeat` on the second port. On the first port
+it moves in two steps: `calset` with the target, then `calgo` with the checksum that the client has of that
+request. It ends moves FINE and answers every one.
 """
 
 from __future__ import annotations
@@ -115,7 +120,10 @@ class MappdkServer:
         return "0:success"
 
     def _keep(self, command: str) -> str:
-        """calset:NNNN:VVVV: and six values of 14 characters: kept and shown back."""
+        """Keep the target of a calset request and show it back.
+
+        The request is `calset:NNNN:VVVV:` and six values of 14 characters.
+        """
         self._kept = None
         found = _SET.fullmatch(command)
         if not found or not 1 <= int(found[2]) <= 100:

@@ -1,9 +1,13 @@
-"""Simulated Modbus TCP servers of a Fanuc: frames written and read by the simplest means, and two register layouts.
+"""Simulated Modbus TCP servers of a Fanuc, with two register layouts.
 
-`hmi` is the HMI option with the assignment of our README over the TP program CALHMI; an address that is not assigned
-reads 0 and swallows writes without an error; beyond four clients the one silent for longest is dropped. `io` is the
-I/O option over the KAREL program CALIO: only 16-bit words, inputs of the robot from address 0, outputs from 100.
-Written from the description of the options, not from the driver.
+`hmi` is the HMI option with the assignment of our README over the TP program CALHMI. An address that is not
+assigned reads 0 and swallows writes without an error. Beyond four clients, the one silent for longest is
+dropped.
+
+`io` is the I/O option over the KAREL program CALIO. It has 16-bit words only, inputs of the robot from address
+0, outputs from 100.
+
+Frames are written and read by the simplest means. Written from the description of the options, not from the driver.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Simulated Fanuc with all of its wires: MAPPDK on two neighbouring ports, Modbus TCP in two register layouts."""
+"""Simulated Fanuc with all protocols: MAPPDK on two ports, Modbus TCP in two layouts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,13 @@ class Fanuc:
         }
 
     async def listen(self, servers: Servers, port: int) -> list[Endpoint]:
-        """All servers; `port` is the first one's, 0 for free ones. Raises OSError."""
+        """Start all servers, the first at `port`; 0 is a free port.
+
+        Raises
+        ------
+        OSError
+            The port is taken.
+        """
         one, two = await servers.listen_pair(self.mappdk.serve_main, self.mappdk.serve_logger, port)
         second = "mappdk" if self.mappdk.stock else "mappdk-cal"
         ends = [Endpoint("fanuc", "mappdk", one), Endpoint("fanuc-logger", second, two)]

@@ -17,7 +17,10 @@ RATES_HZ = (1.0, 1000.0)
 
 
 class FaroBridge:
-    """The wire side. `odd` holds faults of single readings set by the back door, used up by one MEASURE."""
+    """Wire side of the FARO tracker.
+
+    `odd` holds faults of single readings that the back door sets; one MEASURE uses them up.
+    """
 
     def __init__(self, tracker: TrackerDevice, clock: CellClock) -> None:
         self.tracker = tracker

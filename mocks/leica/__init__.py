@@ -1,1 +1,4 @@
-"""Simulated Leica trackers: an AT960 behind its bridge (`mocks.leica.bridge`), an AT901 (`mocks.leica.emscon`)."""
+"""Simulated Leica trackers.
+
+An AT960 behind its bridge (`mocks.leica.bridge`) and an AT901 (`mocks.leica.emscon`).
+"""

@@ -1,4 +1,4 @@
-"""Simulated bridge of a Leica AT960 (beside LMF): MBP/1 lines on TCP over a LeicaDevice."""
+"""Simulated bridge of a Leica AT960 with LMF: MBP/1 lines on TCP over a LeicaDevice."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ FACES = {"1": 1.0, "2": 1.0, "BOTH": 2.0}  # and how much longer it takes
 
 
 class LeicaBridge:
-    """The wire side. `odd` holds faults of single readings set by the back door, used up by one MEASURE."""
+    """Wire side of the AT960.
+
+    `odd` holds faults of single readings that the back door sets; one MEASURE uses them up.
+    """
 
     def __init__(self, tracker: LeicaDevice) -> None:
         self.tracker = tracker
@@ -47,7 +50,7 @@ class LeicaBridge:
         self.bridge.reboot()
 
     def orders(self) -> dict[str, Any]:
-        """Orders of the back door, beside those of every tracker."""
+        """Return the orders of the back door that only this tracker has."""
         return {"power_lock": lambda order: setattr(self.tracker, "power_lock", bool(order["on"]))}
 
     # -- short commands -----------------------------------------------------------------------------------

@@ -1,9 +1,10 @@
-"""The simulated Leica tracker apart from its wire: what it adds to the tracker of `mocks.shared.tracker_device`.
+"""Simulated Leica tracker without its protocol, based on `mocks.shared.tracker_device`.
 
-An SMR whose normal the cell declares is seen within 30 deg of it and when no limb of the arm stands between; a
-target without a normal is seen from everywhere, as one that a person turns. A beam that was broken finds its
-SMR again by itself (PowerLock) unless that is switched off: then only after pointing. The head drifts while it
-warms up, and a wrong weather makes every distance too long or too short:
+If the cell declares the normal of an SMR, the tracker sees it within 30 deg of this normal when no limb of the
+arm is between. A target without a normal is seen from everywhere, like one that a person turns. After a broken
+beam, the tracker finds its SMR again by itself (PowerLock). If PowerLock is switched off, it finds it only
+after pointing. The head drifts while it warms up, and a wrong weather makes every distance too long or too
+short:
 
     p' = station + (1 + s) R(w) (p - station),  w = w0 exp(-t / 1800 s) about the vertical,
     s = 1e-6 (-0.95 (T - T_set) + 0.27 (P - P_set))    T in degC, P in hPa
@@ -33,7 +34,10 @@ Vector = NDArray[np.float64]
 
 
 class LeicaDevice(TrackerDevice):
-    """State of one AT960 or AT901. `assumed`: (T, P) set by hand; None: the weather station's."""
+    """State of one AT960 or AT901.
+
+    `assumed` is (T, P) set by hand, or None for the values of the weather station.
+    """
 
     def __init__(
         self,
@@ -55,7 +59,7 @@ class LeicaDevice(TrackerDevice):
         return round(self.world.air_c(self.clock.now()), 2)
 
     def sees(self, name: str) -> bool:
-        """Whether the SMR of a nest can send the beam back now."""
+        """Return whether the SMR of a nest can send the beam back now."""
         if name not in self.normals:
             return True
         frame, place = self.world.flange(self.arm_state()), self.true_world(name)

@@ -1,8 +1,9 @@
-"""Simulated emScon server of a Leica AT901 (TCP 700 of the real one): its packets over a LeicaDevice.
+"""Simulated emScon server of a Leica AT901 (TCP 700 on the real one) over a LeicaDevice.
 
-Little-endian, i32 size, i32 type; one client, a second is told 10011; one command at a time, else status 1. A
-stationary measurement answers at once and sends its result packet later; a beam that breaks meanwhile sends an
-error packet instead. Changes of settings are told to the client (unsolicited packets of type 8).
+Packets are little-endian: i32 size, i32 type. There is one client; a second gets code 10011. There is one
+command at a time; another gets status 1. A stationary measurement answers at once and sends its result packet
+later. If the beam breaks meanwhile, it sends an error packet instead. Changes of settings are sent to the
+client (unsolicited packets of type 8).
 """
 
 from __future__ import annotations
@@ -44,9 +45,10 @@ def numbers(data: bytes) -> list[int]:
 
 
 class EmsconServer:
-    """The wire side. `odd` replaces fields of the next result packet: status, mode, x, y, z, sx, T.
+    """Wire side of the AT901.
 
-    `settings`: the nine of the tracker, whoever set them. A transformation that they apply scales points by `scale`.
+    `odd` replaces fields of the next result packet: status, mode, x, y, z, sx, T. `settings` are the nine settings
+    of the tracker, set by any program. A transformation that they apply scales points by `scale`.
     """
 
     def __init__(self, tracker: LeicaDevice) -> None:
@@ -87,7 +89,7 @@ class EmsconServer:
                 await job
 
     def event(self, name: str) -> None:
-        """The tracker's event for what the back door does to the beam."""
+        """Send the event of the tracker after a change of the beam by the back door."""
         self._changed.set()
         codes = {"BEAM_BROKEN": LOST, "TARGET_LOST": LOST, "TARGET_FOUND": READY}
         if name in codes:
@@ -98,11 +100,14 @@ class EmsconServer:
             self._writer.write(packet(kind, body))
 
     def orders(self) -> dict[str, Any]:
-        """Orders of the back door, beside those of every tracker."""
+        """Return the orders of the back door that only this tracker has."""
         return {"meddle": self.meddle, "positions": self.positions}
 
     def meddle(self, order: dict[str, Any]) -> None:
-        """Another program sets up the tracker: its `settings`, `scale`, `reflector`; `code` is told to everybody."""
+        """Change `settings`, `scale` and `reflector` as another program would.
+
+        If the order has a `code`, the client receives it.
+        """
         self.settings = order.get("settings", self.settings)
         self.scale = order.get("scale", self.scale)
         self.reflector = order.get("reflector", self.reflector)
@@ -110,7 +115,7 @@ class EmsconServer:
             self._send(8, i32(order["code"]))
 
     def positions(self, order: dict[str, Any]) -> None:
-        """The place of the beam and the tilt come by themselves, as another program has switched on."""
+        """Send beam position and tilt unasked, as if another program had switched them on."""
         self._send(7, i32(0) + f64(1.0, 2.0, 3.0))
         self._send(6, i32(0, 0) + f64(0.0, 0.0, 20.0))
 

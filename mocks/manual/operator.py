@@ -1,9 +1,11 @@
-"""A simulated person: reads a question, drives the simulated arm by hand or reads the simulated tracker, and types.
+"""A simulated person who reads a question, acts on it, and types an answer.
 
-JSON lines over TCP: {"text": ..., "picture": ..., "entry": {...}} is answered by {"answer": "confirm", "typed": ...}.
-What to do is taken from the words, as a person does: the postures named there are driven to one after another, `J1
-12.50 deg, E1 ... mm`; the name behind "Measure" is the target. The pendant shows what `resolution_deg` of
-the cell file lets it, mm where a joint slides, and where `within_deg` allows it the hand is off by up to half of that.
+The person drives the simulated arm by hand or reads the simulated tracker. JSON lines over TCP: {"text": ...,
+"picture": ..., "entry": {...}} is answered by {"answer": "confirm", "typed": ...}.
+
+The action is taken from the text, as a person does. The arm is driven to the named postures in turn, `J1 12.50
+deg, E1 ... mm`. The name after "Measure" is the target. The pendant shows as many digits as `resolution_deg` of
+the cell file allows, in mm for a sliding joint. If `within_deg` is given, the hand is off by up to half of it.
 """
 
 from __future__ import annotations
@@ -31,7 +33,10 @@ _NUMBER = r"(-?\d+(?:\.\d+)?)(?: deg| mm)?"
 
 
 class SimulatedPerson:
-    """One person for robot and instrument; the pendant counts joints as the controller of `robot` does."""
+    """One person for robot and instrument.
+
+    The pendant counts joints as the controller of `robot` does.
+    """
 
     def __init__(
         self, cell: CellFile, arm: ArmDevice, tracker: TrackerDevice, clock: CellClock, robot: Robot
@@ -50,7 +55,7 @@ class SimulatedPerson:
             await writer.drain()
 
     async def answer(self, question: dict[str, Any]) -> dict[str, str]:
-        """The answer to one question."""
+        """Answer one question."""
         entry, picture = question.get("entry"), question.get("picture") or ""
         self.asked.append(question["text"])
         if entry is None:
@@ -63,7 +68,10 @@ class SimulatedPerson:
         return {"answer": "confirm", "typed": self._last}
 
     async def _act(self, text: str, what: str, entry: dict[str, Any]) -> str:
-        """Do what is asked: what is then typed, nothing where the display shows what was asked for."""
+        """Carry out a question and return the text to type.
+
+        The text is empty if the display shows the requested value.
+        """
         if what == "read":
             return await self._read(text, entry["unit"])
         if what == "pendant":
@@ -90,7 +98,7 @@ class SimulatedPerson:
         return " ".join(f"{self._rounded(q) + 0.0:.{decimals}f}" for q in shown)
 
     async def _read(self, text: str, unit: str) -> str:
-        """The point that the instrument shows of the target."""
+        """Return the point of the target that the instrument shows."""
         await self._clock.wait(READING_S, asyncio.Event())
         (name,) = re.findall(r"Measure (\w+)", text)
         point, _ = self._tracker.average(self._tracker.choose(name), 100)

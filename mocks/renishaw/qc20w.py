@@ -1,9 +1,9 @@
-"""Simulated QC20-W ballbar behind its MBP/1 bridge (BALLBAR), on TCP and on a pseudo-terminal.
+"""Simulated QC20-W ballbar behind its MBP/1 bridge (BALLBAR), on TCP and a pseudo-terminal.
 
 The bar spans a ball on the tool and a ball on the base (the cell's nests). Its sensor shows the true distance
-less the bar's length, which grows with the temperature, plus a zero that creeps by some micrometres; beyond
-+-1.0 mm it shows its stop. `mounted` None: the bar is wherever it is asked about, as in a rehearsal; a pair of
-names: it sits there, whatever is asked (the operator's mix-up).
+less the bar's length, which grows with the temperature, plus a zero that creeps by some micrometres. Beyond
++-1.0 mm it shows its stop. If `mounted` is None, the bar is between the requested balls, as in a rehearsal. If
+it is a pair of names, the bar sits there for any request (the operator's mix-up).
 """
 
 from __future__ import annotations
@@ -30,7 +30,10 @@ ZERO_DRIFT_MM, ZERO_DRIFT_S = 0.003, 1800.0
 
 
 class BallbarDevice:
-    """State of one bar. `nominal_mm` is what its case says; its true length differs by some micrometres."""
+    """State of one bar.
+
+    `nominal_mm` is the length on its case; its true length differs by some micrometres.
+    """
 
     def __init__(
         self,
@@ -70,7 +73,13 @@ class BallbarDevice:
         return self._zero_mm * (1.0 - math.exp(-self.clock.now() / ZERO_DRIFT_S))
 
     def read_zero(self) -> float:
-        """The value that it shows there, mm. Raises BadRequest 510 when it is not in its calibrator."""
+        """Return the value that the bar shows in its calibrator, mm.
+
+        Raises
+        ------
+        BadRequest
+            510: the bar is not in its calibrator.
+        """
         if not self.in_calibrator:
             raise BadRequest(510, "the bar is not in its calibrator")
         return self.zero_mm() + self.knocked_mm + MEAN_SIGMA_MM * float(self._rng.normal())
@@ -93,7 +102,13 @@ class BallbarDevice:
         return (self.distance(base, target) - bar) / self.scale + self.zero_mm() + self.knocked_mm
 
     def look(self) -> None:
-        """Raises BadRequest unless the bar can be read."""
+        """Check that the bar can be read.
+
+        Raises
+        ------
+        BadRequest
+            The bar cannot be read.
+        """
         if self.battery < 5.0:
             raise BadRequest(502, "battery low")
         if not self.radio:
@@ -103,7 +118,13 @@ class BallbarDevice:
             raise BadRequest(codes[self.state], f"bar is {self.state}", retry=True)
 
     def average(self, base: str, target: str, n: int) -> tuple[float, float]:
-        """Mean and standard deviation of n values, mm. Raises BadRequest 510, 511 out of stroke."""
+        """Return mean and standard deviation of n values, mm.
+
+        Raises
+        ------
+        BadRequest
+            510 or 511: the bar is out of stroke on the long or the short side.
+        """
         d = self.deviation(base, target)
         if abs(d) > STROKE_MM:
             raise BadRequest(
@@ -115,7 +136,10 @@ class BallbarDevice:
 
 
 class BallbarBridge:
-    """The wire side. `odd` holds faults of single readings set by the back door, used up by one READ."""
+    """Wire side of the ballbar.
+
+    `odd` holds faults of single readings that the back door sets; one READ uses them up.
+    """
 
     def __init__(self, device: BallbarDevice) -> None:
         self.device = device
@@ -144,7 +168,13 @@ class BallbarBridge:
     # -- serial line --------------------------------------------------------------------------------------
 
     async def open_pty(self) -> Endpoint:
-        """Serve on a pseudo-terminal as well. Raises ImportError on Windows, which has none."""
+        """Serve on a pseudo-terminal as well.
+
+        Raises
+        ------
+        ImportError
+            Windows has no pseudo-terminals.
+        """
         from mocks.renishaw.serial_line import open_line
 
         end, self._closing = await open_line(self.serial.serve_serial)
@@ -221,7 +251,7 @@ class BallbarBridge:
         )
 
     def _sample(self, fields: Fields) -> str:
-        """One line of a stream: what the sensor shows, and whether that is its stop."""
+        """Return one line of a stream: the value of the sensor, and whether it is at its stop."""
         self.device.look()
         d = self.device.deviation(fields.get("base", ""), fields.get("target", ""))
         return pairs(d=max(-STROKE_MM, min(STROKE_MM, d)), over=(d > STROKE_MM) - (d < -STROKE_MM))

@@ -1,6 +1,6 @@
-"""A serial line of POSIX, a pseudo-terminal: a real driver opens its other end as it opens `/dev/rfcomm0`.
+"""A POSIX serial line (pseudo-terminal), which a real driver opens like `/dev/rfcomm0`.
 
-Windows has none; imported where one is asked for.
+Windows has none. The module is therefore imported only when a line is opened.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
 
 @dataclass(frozen=True)
 class PtyEndpoint(Endpoint):
-    """Where a simulated serial device is found. It has no port."""
+    """Address of a simulated serial device, which has no port."""
 
     url: str = ""
 

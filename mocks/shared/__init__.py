@@ -1,1 +1,1 @@
-"""The parts that simulated devices of several makers share: arm, tracker, clocks, the bridge, servers."""
+"""Shared parts of the simulated devices: arm, tracker, clocks, the bridge, servers."""

@@ -1,8 +1,8 @@
-"""The arm of a simulated robot apart from any wire protocol: joint angles as a function of simulated time.
+"""Arm of a simulated robot without a protocol: joint angles as a function of simulated time.
 
 A move runs linearly in time on all joints together and lasts max|dq| / rate, or longer when the speed of the
-tool demands it. The side from which a joint arrived is the direction of its own last motion; a joint that
-does not move keeps its side.
+tool demands it. The side from which a joint arrived is the direction of its own last motion. A joint that does
+not move keeps its side.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _STILL_DEG = 1e-9
 
 
 class Outcome(Enum):
-    """How a move ended."""
+    """Ways in which a move can end."""
 
     ARRIVED = "arrived"
     STOPPED = "stopped"  # by a stop command or the watchdog
@@ -95,15 +95,18 @@ class ArmDevice:
 
     @property
     def moves(self) -> int:
-        """How many moves have begun: where the arm comes to rest, and is off by, belongs to the last of them."""
+        """Number of moves that have begun.
+
+        The rest position of the arm, and its error, belong to the last of them.
+        """
         return len(self.sent_to)
 
     def joints_deg(self) -> tuple[float, ...]:
-        """Where the arm is now."""
+        """Return the current commanded joint angles of the arm, deg."""
         return self.move.joints_deg(self.now())
 
     def actual_deg(self) -> tuple[float, ...]:
-        """Where the arm really is, behind its servos."""
+        """Return the actual joint angles of the arm, which trail the commanded ones, deg."""
         return tuple(q - behind for q, behind in zip(self.joints_deg(), self.trail_deg(), strict=True))
 
     def trail_deg(self) -> tuple[float, ...]:

@@ -1,7 +1,7 @@
-"""The world as instruments other than the tracker need it: the arm as it came to rest, and what hides behind it.
+"""The arm at rest and the limbs that hide targets, for instruments other than the tracker.
 
-The robot's repeatability belongs to a move (`World.arrival_error`): whatever is read before the next one sees the same.
-Adding it to the angles of the state gives the place and turn of the flange as it stands.
+The robot's repeatability belongs to a move (`World.arrival_error`): all readings before the next move have the
+same error. Adding it to the angles of the state gives the pose of the flange at rest.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LIMBS = 5  # frames 0..4: the wrist is where the tool begins
 
 
 def state_at_rest(world: World, arm: ArmDevice, clock: CellClock) -> ArmState:
-    """The state of the arm now, with the robot's repeatability in its last move."""
+    """Return the current state of the arm, with the robot's repeatability in its last move."""
     now = clock.now()
     error = world.robot.outside(world.arrival_error(arm.moves).tolist())
     return ArmState(
@@ -51,7 +51,7 @@ def limbs(world: World, arm: ArmDevice) -> list[Vector]:
 
 
 def hidden_by(ends: list[Vector], eye: Vector, point: Vector, thickness_mm: float = LIMB_MM) -> bool:
-    """Whether a link of the arm is between `eye` and `point`, both (3,) mm."""
+    """Return whether a link of the arm is between `eye` and `point`, both (3,) mm."""
     return any(
         float(np.linalg.norm(b - a)) > 1.0 and _distance(a, b, eye, point) < thickness_mm
         for a, b in pairwise(ends)

@@ -1,6 +1,7 @@
-"""Clocks of a cell: simulated seconds run `time_scale` times faster than those on the wall; each device has its own.
+"""Clocks of a cell: simulated seconds run `time_scale` times faster than real ones.
 
-On a `SteppedClock` they pass only while somebody waits for them: what happens then does not depend on the machine.
+Each device has its own clock. On a `SteppedClock`, simulated seconds pass only while a client waits for them,
+so that the results do not depend on the machine.
 """
 
 from __future__ import annotations
@@ -37,7 +38,10 @@ class CellClock:
 
     @contextmanager
     def held(self, at_s: float) -> Iterator[None]:
-        """All that is read within the block is of this instant of the cell; nothing is awaited there."""
+        """Hold the time of the cell at one instant within the block.
+
+        Nothing may be awaited there.
+        """
         self._held = at_s
         try:
             yield
@@ -45,9 +49,10 @@ class CellClock:
             self._held = None
 
     async def ticks(self, period_s: float) -> AsyncIterator[tuple[int, float]]:
-        """A tick every so many simulated seconds: its number, and the instant of the cell at which it was due.
+        """Yield a tick per period of simulated seconds.
 
-        A sampler that the machine has kept waiting makes up for it, as a real one is never late.
+        A tick is its number and the instant of the cell at which it was due. A sampler that the machine has delayed
+        catches up, as a real one is never late.
         """
         every_s = period_s / self.time_scale
         begun, number = self._wall(), 0
@@ -65,7 +70,7 @@ class CellClock:
                 yield number, (begun - self._start + number * every_s) * self.time_scale
 
     async def wait(self, seconds: float, until: asyncio.Event) -> bool:
-        """Wait so many simulated seconds, or until the event; True when the event came first."""
+        """Wait for simulated seconds, or until the event; True if the event came first."""
         try:
             await asyncio.wait_for(until.wait(), max(0.0, seconds / self.time_scale))
         except TimeoutError:
@@ -74,7 +79,10 @@ class CellClock:
 
 
 class Past(Generic[T]):
-    """A value that changes at instants of the cell: read within `CellClock.held`, it is what it was then."""
+    """A value that changes at instants of the cell.
+
+    Within `CellClock.held`, it has the value of that instant.
+    """
 
     def __init__(self, now: Callable[[], float], value: T) -> None:
         self._now = now
@@ -87,12 +95,15 @@ class Past(Generic[T]):
         return next((value for since, value in reversed(self._changes) if since <= now), self._changes[0][1])
 
     def change(self, value: T) -> None:
-        """From now on the value is another one."""
+        """Change the value from now on."""
         self._changes.append((self._now(), value))
 
 
 class SteppedClock(CellClock):
-    """Simulated seconds that cost none on the wall, shared by a cell and those who measure there, one at a time."""
+    """Simulated seconds that take no real time.
+
+    A cell and its clients share the clock; one client measures at a time.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -103,7 +114,7 @@ class SteppedClock(CellClock):
         return self._now
 
     def step(self, seconds: float) -> None:
-        """So many simulated seconds are over."""
+        """Advance the clock by simulated seconds."""
         with self._lock:
             self._now += max(0.0, seconds)
 
@@ -121,8 +132,10 @@ class SteppedClock(CellClock):
 
 
 class DeviceClock(CellClock):
-    """The clock of a device's stamps: the cell's time, which it counts too fast or too slowly, and an offset,
-    which can step. It changes no waiting."""
+    """The clock of a device's time stamps.
+
+    It has the cell's time with a wrong rate and an offset, which can step. It does not affect waiting.
+    """
 
     def __init__(self, cell: CellClock) -> None:
         super().__init__(cell.time_scale)

@@ -1,6 +1,7 @@
-"""A person at the pendant: the arm jogged until a ball of the tool sits in a cup, where it settles to some micrometres.
+"""A person at the pendant who jogs the arm until a ball of the tool sits in a cup.
 
-From a posture near it, joint angles q change by the shortest way, with p(q) the ball on the real arm:
+The ball settles there to some micrometres. From a posture near it, joint angles q change by the shortest way,
+with p(q) the ball on the real arm:
 
     dq = pinv(dp/dq) (cup - p(q))
 """
@@ -26,7 +27,13 @@ _STEPS = 50
 def jog_into(
     world: World, arm: ArmDevice, clock: CellClock, target: str, cup: Vector, near_deg: Sequence[float]
 ) -> None:
-    """Move the arm until `target` is in `cup` (3,) mm. Raises ValueError where it does not get there."""
+    """Move the arm until `target` is in `cup` (3,) mm.
+
+    Raises
+    ------
+    ValueError
+        The arm does not reach the cup.
+    """
     rng = np.random.default_rng([world.seed, JOG_STREAM, len(arm.sent_to), round(1e3 * float(cup[0]))])
     seat = cup + SEAT_MM * rng.normal(size=3)
 

@@ -40,7 +40,13 @@ class BadRequest(Exception):
 
 
 def request(data: bytes) -> tuple[int, str, dict[str, str]] | None:
-    """Number, command, fields of a request; None for a line with a wrong sum. Raises BadRequest(101)."""
+    """Parse a request into number, command and fields; None for a line with a wrong checksum.
+
+    Raises
+    ------
+    BadRequest
+        101: the line is no request.
+    """
     body = data.rstrip(b"\n").rstrip(b"\r")
     if len(body) >= 5 and body[-5:-4] == b"*":
         body, given = body[:-5], body[-4:]
@@ -54,7 +60,13 @@ def request(data: bytes) -> tuple[int, str, dict[str, str]] | None:
 
 
 def value(fields: dict[str, str], key: str, default: float | None = None) -> float:
-    """A number among the fields. Raises BadRequest(103)."""
+    """Return a number from the fields.
+
+    Raises
+    ------
+    BadRequest
+        103: the number is missing or wrong.
+    """
     if key not in fields and default is not None:
         return default
     try:
@@ -64,7 +76,15 @@ def value(fields: dict[str, str], key: str, default: float | None = None) -> flo
 
 
 def place(fields: dict[str, str]) -> tuple[float, float, float]:
-    """Where a POINT request points to, mm: `x y z`, or `az el r` (deg, mm). Raises BadRequest(103)."""
+    """Return the point that a POINT request names, mm.
+
+    The fields are `x y z`, or `az el r` (deg, mm).
+
+    Raises
+    ------
+    BadRequest
+        103: a number is missing or wrong.
+    """
     if "az" not in fields:
         return value(fields, "x"), value(fields, "y"), value(fields, "z")
     az, el = math.radians(value(fields, "az")), math.radians(value(fields, "el"))

@@ -1,12 +1,13 @@
-"""The bridge's side of an MBP/1 conversation apart from any instrument: one client, short and long commands.
+"""Bridge side of an MBP/1 conversation for any instrument, with short and long commands.
 
-Long commands are acknowledged and run beside the reader, so that ABORT and PING are answered meanwhile. A
-second client is told code 120; a client silent for 30 s on the wall is dropped. On a serial line a request
-without its sum is discarded like one with a wrong sum, and a HELLO begins a new conversation.
+Long commands are acknowledged and run concurrently with the reader, so that ABORT and PING are answered
+meanwhile. There is one client; a second gets code 120. A client silent for 30 s of real time is dropped. On a
+serial line, a request without a checksum is discarded like one with a wrong checksum, and a HELLO begins a new
+conversation.
 
-`STREAM on=1 rate=Hz` pushes samples until `on=0`, another HELLO or the end of the connection; a sample that the client
-does not take, or that the instrument does not have, is left out and its number with it. The back door can leave a
-stream running for whoever comes next, as a careless bridge does.
+`STREAM on=1 rate=Hz` pushes samples until `on=0`, another HELLO or the end of the connection. A sample that the
+client does not take, or that the instrument does not have, is left out together with its number. The back door
+can leave a stream running for the next client, as a careless bridge does.
 """
 
 from __future__ import annotations
@@ -26,8 +27,11 @@ Fields = dict[str, str]
 
 
 class MbpBridge:
-    """`short` and `long` answer commands with the text behind OK, `sample` is what a stream tells; all may raise
-    BadRequest. `state` of STATUS."""
+    """One bridge with its commands.
+
+    `short` and `long` answer commands with the text behind OK, `sample` returns a sample of a stream, and `state`
+    is the state for STATUS. The first three may raise BadRequest.
+    """
 
     def __init__(
         self,
@@ -62,7 +66,7 @@ class MbpBridge:
         return self.clock.now()
 
     def reboot(self) -> None:
-        """The connection is reset; counters and clock begin anew."""
+        """Reset the connection; counters and clock start again."""
         self.clock.restart()
         self._events = self._samples = 0
         self.stream(None)
@@ -93,7 +97,7 @@ class MbpBridge:
             await self._end_job()
 
     async def serve_serial(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """A line that is always there, whoever is at its other end."""
+        """Serve a serial line, which is always connected, for any client at its other end."""
         self._writer = writer
         while data := await reader.readline():
             with contextlib.suppress(ConnectionError):
@@ -131,8 +135,15 @@ class MbpBridge:
     # -- stream -------------------------------------------------------------------------------------------
 
     def stream(self, fields: Fields | None, *, careless: bool = False) -> None:
-        """Push samples from now on, or no more. `careless`: whoever is connected gets them, and nothing but this ends
-        it. Raises BadRequest(103)."""
+        """Start pushing samples, or stop if `fields` is None.
+
+        A `careless` stream goes to any connected client, and only this method ends it.
+
+        Raises
+        ------
+        BadRequest
+            103: the rate is out of range.
+        """
         if self._stream is not None:
             self._stream.cancel()
             self._stream = None

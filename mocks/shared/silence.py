@@ -1,8 +1,9 @@
-"""The silence that a watchdog waits for: on the wall, for it guards the link, and only while a simulator has its turn.
+"""Silence that a watchdog waits for, in real seconds while the simulator is running.
 
-No other program keeps a controller from its turn; a simulator is kept from it for seconds where the machine is busy.
-Meanwhile words wait in its sockets, and moves are over that nobody has ended. So silence is counted in pieces, each
-between two turns of the loop: what is due comes first, and turns that were lost count for one piece.
+It is measured in real time because it guards the link. On a real controller no other program delays the
+watchdog. A busy machine can delay a simulator for seconds. Meanwhile requests wait in its sockets, and moves
+finish that no one has ended. Silence is therefore counted in pieces, each between two turns of the event loop.
+Due tasks run first, and lost turns count as one piece.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ Handler = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]
 
 @dataclass(frozen=True)
 class Endpoint:
-    """Where a simulated device listens."""
+    """Address on which a simulated device listens."""
 
     device: str
     protocol: str
@@ -34,7 +34,13 @@ class Servers:
         self._writers: set[asyncio.StreamWriter] = set()
 
     async def listen(self, handler: Handler, port: int = 0) -> int:
-        """Listen on a port, 0 for a free one; the port. Raises OSError when it is taken."""
+        """Listen on a port, 0 for a free one, and return the port.
+
+        Raises
+        ------
+        OSError
+            The port is taken.
+        """
 
         async def connected(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
             task = asyncio.current_task()
@@ -55,12 +61,26 @@ class Servers:
         return int(server.sockets[0].getsockname()[1])
 
     async def listen_pair(self, first: Handler, second: Handler, port: int = 0) -> tuple[int, int]:
-        """Two neighbouring ports, as 5000 and 5001 of an IRC5. Raises OSError."""
+        """Listen on two neighbouring ports, like 5000 and 5001 of an IRC5.
+
+        Raises
+        ------
+        OSError
+            A port is taken.
+        """
         one = await self.listen_around({0: first, 1: second}, port)
         return one, one + 1
 
     async def listen_around(self, handlers: Mapping[int, Handler], port: int = 0) -> int:
-        """Servers at fixed distances from one port, as those of a UR; the port at 0. Raises OSError."""
+        """Listen at fixed distances from one port, like the servers of a UR.
+
+        Returns the port at distance 0.
+
+        Raises
+        ------
+        OSError
+            A port is taken.
+        """
         others = {offset: handler for offset, handler in handlers.items() if offset}
         for _ in range(100):
             before = len(self._servers)

@@ -1,11 +1,11 @@
-"""The simulated laser tracker apart from its wire: where its SMRs sit, what its beam holds, what it sees.
+"""Simulated laser tracker without a protocol: its SMRs, its beam and its visibility.
 
-The tracker's own frame is a rigid transform of the world frame that nobody tells: it stands within 20 mm of
-the station of the cell file, turned by any angle about the vertical and levelled to 0.05 deg, drawn from the
-seed. p_tracker = R^T (p_world - station). World frame and tracker meet only through the nests on the table.
+The tracker's own frame is an unknown rigid transform of the world frame. It is within 20 mm of the station of
+the cell file, turned by any angle about the vertical and levelled to 0.05 deg, drawn from the seed: p_tracker =
+R^T (p_world - station). World frame and tracker meet only through the nests on the table.
 
-`seated` None: an SMR in every nest, measured by name or by pointing. `seated` a name: one SMR, and whatever
-name is asked for, the beam measures where that SMR really is (the operator's mislabelled reading).
+If `seated` is None, every nest has an SMR, measured by name or by pointing. If `seated` is a name, there is one
+SMR, and the beam measures its true position for any requested name (the operator's mislabelled reading).
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class TrackerDevice:
         return (*self.world.targets, *self.nests)
 
     def arm_state(self) -> ArmState:
-        """The state of the arm now, as the world needs it."""
+        """Return the current state of the arm, as the world needs it."""
         now = self.clock.now()
         return ArmState(
             joints_deg=self.arm.actual_deg(),
@@ -81,7 +81,7 @@ class TrackerDevice:
         )
 
     def true_world(self, name: str) -> Vector:
-        """Where the SMR of a nest really is, world frame."""
+        """Return the true position of the SMR of a nest in the world frame, mm."""
         if name in self.nests:
             return self.nests[name]
         return np.array(self.world.true_point(self.arm_state(), name))
@@ -102,7 +102,13 @@ class TrackerDevice:
     # -- what it is told to do ----------------------------------------------------------------------------
 
     def check_ready(self) -> None:
-        """Raises BadRequest 2xx, 301, 610 unless a reading can be made."""
+        """Check that a reading can be taken.
+
+        Raises
+        ------
+        BadRequest
+            2xx, 301 or 610: no reading can be taken.
+        """
         codes = {"OFF": 201, "WARMING": 202, "ERROR": 201, "ESTOP": 610}
         if self.state in codes:
             raise BadRequest(codes[self.state], f"tracker is {self.state}", retry=True)
@@ -117,7 +123,13 @@ class TrackerDevice:
         self.beam_broken, self.homed, self.held = True, False, None
 
     def point(self, tracker_mm: Vector, radius_mm: float) -> str:
-        """Point there and hold the nearest SMR. Raises BadRequest 310, 311."""
+        """Point at a place and hold the nearest SMR.
+
+        Raises
+        ------
+        BadRequest
+            310: no SMR is near enough. 311: the place is inside the tracker.
+        """
         self.check_ready()
         self.held = None
         if float(np.linalg.norm(tracker_mm)) < 10.0:
@@ -131,7 +143,13 @@ class TrackerDevice:
         return nearest
 
     def sample(self, fields: dict[str, str]) -> str:
-        """One line of a stream: the SMR that the beam holds. Raises BadRequest."""
+        """Return one line of a stream: the SMR that the beam holds.
+
+        Raises
+        ------
+        BadRequest
+            No reading can be taken, or the target is lost.
+        """
         self.check_ready()
         if self.held is None or self.held in self.hidden:
             raise BadRequest(302, "target lost", retry=True)
@@ -139,7 +157,13 @@ class TrackerDevice:
         return pairs(x=x, y=y, z=z, status=0)
 
     def choose(self, name: str | None) -> str:
-        """The nest that a reading of `name` really measures. Raises BadRequest 103, 302."""
+        """Return the nest that a reading of `name` really measures.
+
+        Raises
+        ------
+        BadRequest
+            103: the name is unknown. 302: the target is lost.
+        """
         if name is not None and name not in self.names():
             raise BadRequest(103, f"no target {name}")
         really = self.seated or name or self.held

@@ -1,9 +1,12 @@
-"""Simulated Universal Robots controller (CB3, software 3.15) on the wire: RTDE, 30003, 30002, dashboard.
+"""Simulated Universal Robots controller (CB3, software 3.15): RTDE, 30003, 30002, dashboard.
 
-Written from the maker's sheets and manuals, not from the driver. Kept on purpose: nothing acknowledges a
-program; a new one aborts the one that runs; in local mode, without power or in a safety stop it is ignored
-without a word; all streams go on in every stop; the program ends while the joints still settle; a protective
-stop leaves the program paused; a target beyond the joint limits is a protective stop.
+Written from the maker's sheets and manuals, not from the driver. These properties are kept on purpose:
+
+- Nothing acknowledges a program, and a new program aborts the running one.
+- In local mode, without power or in a safety stop, a program is ignored silently.
+- All streams continue in every stop.
+- The program ends while the joints still settle.
+- A protective stop leaves the program paused. A target beyond the joint limits is a protective stop.
 """
 
 from __future__ import annotations
@@ -92,7 +95,7 @@ class UrController:
         return self.arm.can_move and self.safety_mode == NORMAL
 
     def variables(self) -> dict[str, Variable]:
-        """Variables of RTDE that can be asked for."""
+        """Return the variables that a client can request over RTDE."""
         state: dict[str, Variable] = {
             "timestamp": ("DOUBLE", self.clock.now),
             "target_q": ("VECTOR6D", self.servo.target),
@@ -108,10 +111,12 @@ class UrController:
         return state | unsimulated() | self.registers.variables()
 
     def orders(self) -> dict[str, Callable[[dict[str, Any]], dict[str, Any] | None]]:
-        """Orders of the back door for this device alone.
+        """Return the orders of the back door that only this device has.
 
-        {"do": "ur_safety_mode", "mode": 5} ("mode": null: as the arm is) {"do": "ur_registers", "on": false}
-        {"do": "ur_speed_slider", "fraction": 0.1} {"do": "ur_refused"} (programs that were not run, and why)
+        - {"do": "ur_safety_mode", "mode": 5}; "mode" null sets the state of the arm
+        - {"do": "ur_registers", "on": false}
+        - {"do": "ur_speed_slider", "fraction": 0.1}
+        - {"do": "ur_refused"} returns the programs that were not run, with the reasons
         """
         return {
             "ur_safety_mode": lambda order: self._force_safety(order["mode"]),
@@ -210,7 +215,13 @@ class UrController:
     # -- ports --------------------------------------------------------------------------------------------
 
     async def listen(self, servers: Servers, port: int) -> list[Endpoint]:
-        """Serve RTDE at `port` (0: a free one) and the other ports at their usual distances. Raises OSError."""
+        """Serve RTDE at `port` (0 for a free one) and the other ports at their usual distances.
+
+        Raises
+        ------
+        OSError
+            A port is taken.
+        """
         ports: dict[str, tuple[str, int, Handler]] = {
             "ur": ("rtde", 0, self.serve_rtde),
             "ur-realtime": ("realtime", -1, self.serve_realtime),

@@ -1,7 +1,8 @@
-"""Bytes of the UR streams on 30003 and 30002, written from the maker's sheets and not from the driver.
+"""Packets of the UR streams on 30003 and 30002.
 
-30003, software 3.14: 1140 bytes; fields by their place in the sheet, each a double. 30002: packages of
-sub-packages, `>IB` size and type, with the version message first.
+Written from the maker's sheets, not from the driver. A packet of 30003 (software 3.14) has 1140 bytes. Fields
+are at their place in the sheet, each a double. The stream on 30002 has packages of sub-packages, `>IB` size and
+type, with the version message first.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class Dh:
 
 
 def realtime_packet(**fields: float | Sequence[float]) -> bytes:
-    """One packet of the real-time interface; what is not given is 0."""
+    """Return one packet of the real-time interface; fields that are not given are 0."""
     packet = bytearray(REALTIME_BYTES)
     struct.pack_into(">I", packet, 0, REALTIME_BYTES)
     for name, value in fields.items():
@@ -79,6 +80,9 @@ def kinematics(calibrated: Dh, checksum: Sequence[int] | None = None) -> bytes:
 
 
 def mode_data(robot_mode: int, *, running: bool, emergency: bool, protective: bool) -> bytes:
-    """Sub-package 0: time stamp, five flags of the arm, program running, paused, mode, control mode, speeds."""
+    """Return sub-package 0 with the modes of the robot.
+
+    It has a time stamp, five flags of the arm, program running, paused, mode, control mode and speeds.
+    """
     flags = [True, True, robot_mode == 7, emergency, protective, running, False]
     return package(0, struct.pack(">Q7?2B3d", 0, *flags, robot_mode, 0, 1.0, 1.0, 1.0))

@@ -1,6 +1,6 @@
-"""The registers of a simulated UR controller: outputs that a program writes, inputs that clients write for it.
+"""Registers of a simulated UR controller: outputs of a program, and inputs from clients.
 
-Kept on purpose: an input belongs to one client at a time, and is free again when that client is gone.
+An input belongs to one client at a time, and is free again when that client leaves. This is kept on purpose.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Registers:
         self._doubles.change(self.doubles | {register: value})
 
     def variables(self) -> dict[str, Variable]:
-        """The outputs by their names; none where the software has no registers."""
+        """Return the outputs by name; empty if the software has no registers."""
         if not self.served:
             return {}
         integers = {

@@ -1,7 +1,7 @@
-"""The RTDE server of a simulated UR controller (protocol version 2), written from the maker's guide.
+"""RTDE server of a simulated UR controller (protocol version 2).
 
-Kept on purpose: recipes belong to one connection; nothing is refused for pausing twice; an unknown package is
-answered by a text message.
+Written from the maker's guide. These properties are kept on purpose: recipes belong to one connection, pausing
+twice is not an error, and an unknown package is answered by a text message.
 """
 
 from __future__ import annotations
@@ -46,7 +46,10 @@ def unsimulated() -> dict[str, Variable]:
 
 
 class RtdeClient:
-    """One connection. variables: a function that returns what can be asked for now, by name."""
+    """One connection.
+
+    `variables` is a function that returns the variables that can be requested now, by name.
+    """
 
     def __init__(
         self,

@@ -1,8 +1,8 @@
-"""The little of URScript that drivers send: single calls, and programs `def name(): ... end`.
+"""Subset of URScript that drivers send: single calls, and programs `def name(): ... end`.
 
-Written from the script manual: movej, stopj, registers, rtde_set_watchdog, sleep, sync, textmsg; names for numbers and
-lists of them; and a loop that does nothing but wait for an input register. Anything else is an error of the program,
-which then does not run, as on a controller.
+Written from the script manual. It has movej, stopj, registers, rtde_set_watchdog, sleep, sync and textmsg,
+names for numbers and lists of them, and a loop that only waits for an input register. Anything else is an error
+of the program, which then does not run, as on a controller.
 """
 
 from __future__ import annotations
@@ -42,7 +42,13 @@ class Call:
 
 
 def _value(node: ast.expr, names: dict[str, Any]) -> Any:
-    """A literal, a name, or one element of a named list. Raises LookupError, TypeError, ValueError."""
+    """Evaluate a literal, a name, or one element of a named list.
+
+    Raises
+    ------
+    LookupError, TypeError, ValueError
+        The expression is none of these.
+    """
     if isinstance(node, ast.Name):
         return names[node.id]
     if isinstance(node, ast.Subscript):
@@ -51,7 +57,13 @@ def _value(node: ast.expr, names: dict[str, Any]) -> Any:
 
 
 def parse_call(line: str, names: dict[str, Any] | None = None) -> Call:
-    """One line of a program; `names` are those given before. Raises ScriptError."""
+    """Parse one line of a program; `names` are the names assigned before.
+
+    Raises
+    ------
+    ScriptError
+        The line is no known call.
+    """
     known = names or {}
     try:
         call = ast.parse(line.strip(), mode="eval").body
@@ -70,7 +82,13 @@ def parse_call(line: str, names: dict[str, Any] | None = None) -> Call:
 
 
 def _check(name: str, arguments: dict[str, Any]) -> None:
-    """Refuse what the controller refuses at run time. Raises ScriptError."""
+    """Refuse arguments that the controller refuses at run time.
+
+    Raises
+    ------
+    ScriptError
+        An argument is refused.
+    """
     if name == "movej":
         q, numbers = arguments["q"], [arguments[key] for key in "avtr"]
         if not isinstance(q, list) or not all(isinstance(value, int | float) for value in [*q, *numbers]):
@@ -82,7 +100,13 @@ def _check(name: str, arguments: dict[str, Any]) -> None:
 
 
 def parse_program(lines: list[str]) -> list[Call]:
-    """The calls of one program, with or without `def` and `end`. Raises ScriptError."""
+    """Parse the calls of one program, with or without `def` and `end`.
+
+    Raises
+    ------
+    ScriptError
+        A line cannot be run.
+    """
     left = iter(lines[1:-1] if _HEAD.fullmatch(lines[0].strip()) else lines)
     names: dict[str, Any] = {}
     calls: list[Call] = []
@@ -108,7 +132,7 @@ def _literal(text: str, names: dict[str, Any]) -> Any:
 
 
 class ScriptReader:
-    """Cuts what a client sends into programs: a line by itself, or everything from `def` to `end`."""
+    """Splitter of a client's text into programs: single lines, or all from `def` to `end`."""
 
     def __init__(self) -> None:
         self._rest = ""

@@ -1,8 +1,8 @@
-"""Target and actual joints of a simulated UR arm: the actual ones trail, as behind any servo.
+"""Target and actual joints of a simulated UR arm, whose actual joints trail the targets.
 
-The targets are those of the ArmDevice. The actual angle follows the target as a first-order lag, so that the
-controller has ended its program while the arm still creeps the last tenths of a degree: a read-back taken then
-is wrong. Read back in steps of `COUNT_RAD`, a choice of this simulator.
+The targets are those of the ArmDevice. The actual angle follows the target as a first-order lag, as behind any
+servo. The controller therefore ends its program while the arm still creeps the last tenths of a degree, and a
+read-back taken then is wrong. Angles are read back in steps of `COUNT_RAD`, a choice of this simulator.
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ Vector = tuple[float, ...]
 
 
 class Servo:
-    """Angles in rad and rad/s at the simulated time of the arm: a function of that time and of the move alone."""
+    """Joint angles and speeds in rad and rad/s at the simulated time of the arm.
+
+    They depend only on that time and on the move.
+    """
 
     def __init__(self, arm: ArmDevice) -> None:
         self.arm = arm
@@ -32,7 +35,7 @@ class Servo:
         return tuple(map(math.radians, move.speed_deg_s)) if under_way else (0.0,) * 6
 
     def trail(self) -> Vector:
-        """How far the joints are behind their targets."""
+        """Return the distances of the joints behind their targets, rad."""
         move, now = self.arm.move, self.arm.now()
         begun_s = max(now - move.start_s, 0.0)
         over_s = max(now - move.end_s, 0.0)

@@ -1,4 +1,4 @@
-"""Air temperature of the hall: two slow sines, of periods that keep it from following the clock."""
+"""Air temperature of the hall: two slow sines whose periods do not follow the clock."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class Air:
         return value
 
     def lagged(self, t_s: float, lag_s: float, steps: int = 80) -> float:
-        """Temperature in degC of a body that follows the air with time constant `lag_s` (first order).
+        """Return the temperature in degC of a body that follows the air with time constant `lag_s`.
 
-        T_b' = (T - T_b) / lag, in equilibrium with the air at t = 0; the convolution integral as a midpoint
-        sum over the last eight time constants.
+        First order, T_b' = (T - T_b) / lag, in equilibrium with the air at t = 0. The convolution integral is a
+        midpoint sum over the last eight time constants.
         """
         start = max(0.0, t_s - 8.0 * lag_s)
         value = self(start) * math.exp(-(t_s - start) / lag_s)

@@ -1,4 +1,4 @@
-"""One reading of the arm: what is known about it, and the working copy that hidden effects act on."""
+"""One reading of the arm: its known conditions, and the copy that hidden effects change."""
 
 from __future__ import annotations
 
@@ -16,9 +16,20 @@ from mocks.world.transforms import Matrix, Vector
 class ArmState:
     """The conditions of one reading, as the cell knows them.
 
-    `joints_deg` commanded angles, `previous_deg` the angles before the last move, `sides` +1 per joint that
-    arrived from below and -1 from above, `t_s` seconds since the start, `t_air_c` air temperature,
-    `reading` the order of the reading in the campaign, 0-based.
+    Attributes
+    ----------
+    joints_deg : tuple of float
+        Commanded angles.
+    previous_deg : tuple of float
+        Angles before the last move.
+    sides : tuple of int
+        +1 for each joint that arrived from below, -1 from above.
+    t_s : float
+        Seconds since the start.
+    t_air_c : float
+        Air temperature, degC.
+    reading : int
+        Order of the reading in the campaign, 0-based.
     """
 
     joints_deg: tuple[float, ...]
@@ -31,11 +42,12 @@ class ArmState:
 
 @dataclass
 class Arm:
-    """The working copy of one reading. Effects change it in place; then the chain is evaluated.
+    """The working copy of one reading.
 
-    Angles rad, lengths mm, moments N.mm in the base frame, torques N.mm. `extra_angle` is added to the joints (rad,
-    mm of those that slide), `lean` and `tilts` are rotation vectors (see kinematics.frames), `shove` moves the whole
-    robot in the world, `tool` moves all targets in the flange frame, `target_shift` single ones.
+    Effects change it in place; then the chain is evaluated. Angles are in rad, lengths in mm, moments in N.mm in
+    the base frame, torques in N.mm. `extra_angle` is added to the joints (rad, mm for sliding ones). `lean` and
+    `tilts` are rotation vectors (see kinematics.frames). `shove` moves the whole robot in the world, `tool` moves
+    all targets in the flange frame, and `target_shift` moves single ones.
     """
 
     state: ArmState
@@ -60,7 +72,10 @@ class Arm:
 
 @dataclass
 class Sight:
-    """One point on its way to the instrument's display: `point` (3,) mm in the world, seen from `station`."""
+    """One point on its way to the instrument's display.
+
+    `point` (3,) is in mm in the world, seen from `station`.
+    """
 
     state: ArmState
     point: Vector

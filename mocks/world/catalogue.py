@@ -112,9 +112,12 @@ def group_of(label: str) -> str:
 
 
 def build(material: Material, departure: str | None = None) -> Effect:
-    """The effect that `material.label` names, of unit size, or its `departure` from the textbook.
+    """Build the effect of unit size for a label, or its `departure` from the textbook.
 
-    ValueError: the label is unknown or incomplete, or the departure does not replace it.
+    Raises
+    ------
+    ValueError
+        The label is unknown or incomplete, or the departure does not replace it.
     """
     name = material.label.split(":", maxsplit=1)[0]
     if name != "outside" and name not in LAWS:
@@ -136,10 +139,10 @@ def build(material: Material, departure: str | None = None) -> Effect:
 
 
 def demo_labels(robot: Robot) -> dict[str, list[str]]:
-    """The effects from which a campaign without instructions draws one, by name.
+    """Return the effects from which a campaign without instructions draws one, by name.
 
-    Those that a campaign of random poses shows well: encoder scale only on joints that turn by 300 deg or
-    more, backlash on joints 2..6, gear orders 1..5 and near the ratios of strain-wave gears.
+    They are those that a campaign of random poses shows well. Encoder scale is listed only for joints that turn by
+    300 deg or more, backlash for joints 2..6, and gear orders for 1..5 and near the ratios of strain-wave gears.
     """
     turning = [name for name, slides in zip(robot.names, robot.sliding, strict=True) if not slides]
     sliding = [name for name, slides in zip(robot.names, robot.sliding, strict=True) if slides]

@@ -1,6 +1,7 @@
-"""The format of a data set: rows by column name, the TOML header as a dict, CSV text, atomic files.
+"""The format of a data set: rows, TOML header as a dict, CSV text, atomic files.
 
-Units stand in the columns' names. Written here a second time, without the reader that it will meet.
+Rows are by column name, and the names contain the units. The format is written here a second time, independent
+of the reader.
 """
 
 from __future__ import annotations

@@ -18,15 +18,15 @@ BASE_MM, BASE_DEG = 0.3, 0.02
 
 
 def deviation(rng: np.random.Generator, size: float) -> float:
-    """A number of random sign whose magnitude is within 0.6 and 1.4 times `size` (bounded on purpose)."""
+    """Draw a number of random sign with magnitude 0.6 to 1.4 times `size` (bounded on purpose)."""
     return float(rng.choice((-1.0, 1.0)) * rng.uniform(0.6, 1.4) * size)
 
 
 def true_geometry(robot: Robot, rng: np.random.Generator) -> Geometry:
-    """The DH numbers (rad, mm) of one real arm of this type, its base near the world's origin.
+    """Draw the DH numbers (rad, mm) of one real arm of this type.
 
-    Modified DH: link 1 is left as it is, the base takes its errors. Standard DH: all links. beta on the links that
-    are `twisted`: |beta| lies within 0.018 and 0.042 deg.
+    Its base is near the world's origin. In modified DH, link 1 is left as it is; the base takes its errors. In
+    standard DH, all links are drawn. The `twisted` links also have beta, |beta| within 0.018 and 0.042 deg.
     """
     g = nominal_geometry(robot)
     first = 1 if robot.convention == "mdh" else 0
@@ -54,7 +54,10 @@ def random_joints(robot: Robot, rng: np.random.Generator) -> tuple[float, ...]:
 
 @lru_cache(maxsize=16)
 def torque_range(robot: Robot, loads: tuple[Load, ...]) -> tuple[float, ...]:
-    """Largest |torque| in N.mm that gravity puts on every joint over the sensible ranges (200 poses)."""
+    """Return the largest |torque| of gravity on every joint, N.mm.
+
+    It is taken over 200 poses in the sensible ranges.
+    """
     rng = np.random.default_rng(0)
     geometry = nominal_geometry(robot)
     largest = [0.0] * len(robot.links)
@@ -67,7 +70,7 @@ def torque_range(robot: Robot, loads: tuple[Load, ...]) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Session:
-    """How long a campaign is: `readings` in all, `seconds` each."""
+    """Length of a campaign: number of `readings`, and `seconds` per reading."""
 
     readings: int = 300
     seconds: float = 20.0
@@ -80,7 +83,10 @@ class Session:
 
 @dataclass(frozen=True)
 class Material:
-    """The material from which an effect is drawn. `arguments` is the part of the label behind its first colon."""
+    """The material from which an effect is drawn.
+
+    `arguments` are the parts of the label behind its first colon.
+    """
 
     label: str
     arguments: tuple[str, ...]
@@ -90,7 +96,7 @@ class Material:
     rng: np.random.Generator
 
     def sign(self) -> float:
-        """+1 or -1."""
+        """Draw +1 or -1."""
         return float(self.rng.choice((-1.0, 1.0)))
 
     def direction(self, n: int) -> list[float]:
@@ -99,7 +105,10 @@ class Material:
         return (v / np.linalg.norm(v)).tolist()
 
     def step_reading(self) -> int:
-        """A reading in the middle half of the campaign, where a step leaves enough rows on both sides."""
+        """Draw a reading in the middle half of the campaign.
+
+        A step there leaves enough rows on both sides.
+        """
         n = self.session.readings
         return int(self.rng.integers(n // 4, max(n // 4 + 1, (3 * n) // 4)))
 

@@ -59,16 +59,27 @@ class Effect:
 
 
 def joint_number(text: str) -> int:
-    """6 from "j6"; ValueError for anything that is not a joint."""
+    """Return the number of a joint from its name, such as 6 from "j6".
+
+    Raises
+    ------
+    ValueError
+        The text is not the name of a joint.
+    """
     if text[:1] != "j" or not text[1:].isdecimal() or text[1] == "0":
         raise ValueError(f"{text!r} is not a joint such as j1")
     return int(text[1:])
 
 
 def number_of(robot: Robot, part: str) -> str:
-    """A part of a label with every joint by its number in the table of links: of an arm on a track j1 is j2, e1 is j1.
+    """Return a part of a label with every joint as its number in the table of links.
 
-    ValueError: the robot has no such joint.
+    On an arm on a track, j1 is j2 and e1 is j1.
+
+    Raises
+    ------
+    ValueError
+        The robot has no such joint.
     """
     names = part.split("-") if part[:1] in "je" and part[1:2].isdecimal() else ()
     for name in names:

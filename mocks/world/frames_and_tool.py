@@ -1,6 +1,6 @@
-"""Hidden effects of base, tool and payload: what stands where, and what it weighs.
+"""Hidden effects of base, tool and payload: their places and weights.
 
-Group: frames_and_tool; the two steps are of group procedure (somebody bumped something). Tool numbers are
+The group is frames_and_tool. The two steps are of group procedure (a person bumped something). Tool numbers are
 in the flange frame, base numbers in the world.
 """
 
@@ -21,7 +21,10 @@ TURNS = ("rx", "ry", "rz")
 
 
 def payload_mass(m: Material) -> Effect:
-    """The last load weighs `mass` kg more than declared; felt through the compliances of the joints."""
+    """Make the last load heavier than declared by `mass` kg.
+
+    It shows through the compliances of the joints.
+    """
 
     def act(arm: Arm, p: Values) -> None:
         last = arm.loads[-1]
@@ -84,10 +87,10 @@ def move_base(arm: Arm, motion: Matrix) -> None:
 
 
 def step(m: Material, departure: str) -> Effect:
-    """A step at one reading: of the tool (flange frame) or the base (world), by label; dx, dy, dz in mm.
+    """Shift the tool (flange frame) or the base (world) at one reading, by label.
 
-    Textbook: a translation that stays. "relaxing_step": it fades as exp(-(t - t_step)/relax).
-    "turning_step": it also turns, by rx, ry, rz deg about the flange's or the base's origin.
+    dx, dy, dz are in mm. The textbook law is a translation that stays. A "relaxing_step" fades as exp(-(t -
+    t_step)/relax). A "turning_step" also turns by rx, ry, rz deg about the flange's or the base's origin.
     """
     move = move_tool if m.label == "tool_shift" else move_base
     amplitudes = {name: 0.1 * v for name, v in zip(XYZ, m.direction(3), strict=True)}

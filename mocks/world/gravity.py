@@ -19,7 +19,7 @@ G_M_S2 = 9.81
 
 
 def load_points(chain: list[Matrix], loads: Sequence[Load]) -> list[tuple[int, float, list[float]]]:
-    """The loads, each as its link, its weight in N and the place of its centre, mm in the base frame."""
+    """Return the link, the weight in N, and the centre in mm in the base frame of each load."""
     points = []
     for load in loads:
         frame = chain[load.link]

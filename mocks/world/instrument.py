@@ -1,6 +1,6 @@
-"""Hidden effects of the instrument: what the tracker makes of a true point. Group: instrument.
+"""Hidden effects of the instrument, which change the point that the tracker shows.
 
-t is the time since the start of the campaign; a drift is given per hour.
+The group is instrument. t is the time since the start of the campaign; a drift is given per hour.
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ HOUR_S = 3600.0
 
 
 def elapsed_hours(m: Material, departure: str) -> Callable[[float], float]:
-    """Time in h that a drift has worked: t, or sqrt(t t_end), which agree at the end of the campaign."""
+    """Return the function of time by which a drift grows, in h.
+
+    It is t, or sqrt(t t_end) for "sqrt_drift". Both agree at the end of the campaign.
+    """
     end_s = m.session.duration_s
     if departure == "sqrt_drift":
         return lambda t_s: math.sqrt(max(0.0, t_s) * end_s) / HOUR_S

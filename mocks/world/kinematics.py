@@ -22,9 +22,10 @@ from mocks.world.transforms import Matrix, Vector, rx, ry, rz, shift, turn
 
 @dataclass
 class Geometry:
-    """The DH numbers of one arm (rad, mm), `theta` without the joint angle, and its base in the world.
+    """The DH numbers of one arm (rad, mm) and its base in the world.
 
-    `base_mm` and `base_rad` are x, y, z and the angles of Rx Ry Rz; `slides`: which joints slide. Index 0 is link 1.
+    `theta` is without the joint angle. `base_mm` and `base_rad` are x, y, z and the angles of Rx Ry Rz. `slides`
+    marks the sliding joints. Index 0 is link 1.
     """
 
     alpha: list[float]
@@ -85,7 +86,10 @@ def link_transform(convention: str, alpha: float, beta: float, a: float, theta: 
 
 
 def foot(convention: str, geometry: Geometry, lean: Sequence[float] | Vector | None = None) -> Matrix:
-    """Frame 0 in the world, (4, 4). `lean` is a rotation vector (rad) of a soft pedestal about the foot."""
+    """Return frame 0 in the world, (4, 4).
+
+    `lean` is a rotation vector (rad) of a soft pedestal about the foot.
+    """
     x, y, z = geometry.base_mm
     frame = shift(x, y, z)
     if lean is not None:
@@ -103,10 +107,10 @@ def frames(
     lean: Sequence[float] | Vector | None = None,
     tilts: Mapping[int, Sequence[float] | Vector] | None = None,
 ) -> list[Matrix]:
-    """Frames 0..N in the world, each (4, 4), at `joints` (N,) rad, mm of those that slide.
+    """Compute frames 0..N in the world, each (4, 4), at `joints` (N,) rad, mm for sliding ones.
 
-    `tilts` maps a joint number K to a rotation vector (rad, in the frame that carries axis K) by which its
-    bearing gives way about the origin of that frame: frame K in modified DH, frame K-1 in standard DH.
+    `tilts` maps a joint number K to a rotation vector (rad, in the frame that carries axis K). The bearing yields
+    by this rotation about the origin of that frame, which is frame K in modified DH and frame K-1 in standard DH.
     """
     tilts = tilts or {}
     chain = [foot(convention, geometry, lean)]
@@ -128,5 +132,8 @@ def frames(
 
 
 def axis_frame(convention: str, chain: list[Matrix], joint: int) -> Matrix:
-    """The frame whose z is the axis of `joint` (1-based): frame K in modified, K-1 in standard DH."""
+    """Return the frame whose z is the axis of a joint K (1-based).
+
+    It is frame K in modified DH, and frame K-1 in standard DH.
+    """
     return chain[joint] if convention == "mdh" else chain[joint - 1]

@@ -1,6 +1,6 @@
-"""Noise of the laser tracker: along the beam (interferometer) and across it (encoders), 1 sigma.
+"""Noise of the laser tracker along the beam (interferometer) and across it (encoders).
 
-sigma = fixed + ppm x distance, normal and independent along the beam and in two directions across it.
+1 sigma = fixed + ppm x distance, normal and independent along the beam and in two directions across it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Structure that no textbook law describes: smooth random fields, label outside:NAME. Group: outside.
+"""Structure that no textbook law describes: smooth random fields, label outside:NAME.
 
-Each component of the displacement is a sum of cosines of random direction, wavelength and phase (random
-Fourier features of a Gaussian kernel, Rahimi and Recht 2007), of unit variance times `rms` mm.
+The group is outside. Each component of the displacement is a sum of cosines, of unit variance times `rms` mm.
+Their directions, wavelengths and phases are random (random Fourier features of a Gaussian kernel, Rahimi and
+Recht 2007).
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def joint_field(m: Material) -> Effect:
 
 
 def workspace_field(m: Material) -> Effect:
-    """A displacement that depends smoothly on the place in the workspace (correlation length 200 mm)."""
+    """Displace points smoothly with their place in the workspace (correlation length 200 mm)."""
     field = Field(m.rng, 3)
 
     def act(sight: Sight, p: Values) -> None:

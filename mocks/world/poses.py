@@ -18,7 +18,10 @@ APPROACH_DEG, LONG_APPROACH_DEG = 5.0, 15.0
 
 
 def above_table(robot: Robot, joints_deg: Sequence[float], targets: Mapping[str, Sequence[float]]) -> bool:
-    """True if all targets, and the frames from the elbow on, are above the table (nominal robot)."""
+    """Return whether all targets, and the frames from the elbow on, are above the table.
+
+    The robot is nominal.
+    """
     chain = frames(robot.convention, nominal_geometry(robot), robot.internal(joints_deg))
     if any(frame[2, 3] <= TABLE_Z_MM for frame in chain[2:]):
         return False
@@ -28,7 +31,10 @@ def above_table(robot: Robot, joints_deg: Sequence[float], targets: Mapping[str,
 def random_pose(
     robot: Robot, targets: Mapping[str, Sequence[float]], rng: np.random.Generator
 ) -> tuple[float, ...]:
-    """Joints in deg or mm within the robot's sensible ranges, all targets above the table if that can be."""
+    """Draw joints in deg or mm within the robot's sensible ranges.
+
+    All targets are above the table if such a pose is found.
+    """
     joints = random_joints(robot, rng)
     for _ in range(_TRIES):
         if above_table(robot, joints, targets):
@@ -38,14 +44,17 @@ def random_pose(
 
 
 def random_sides(n_joints: int, rng: np.random.Generator) -> tuple[int, ...]:
-    """+1 or -1 for every joint, independent of each other and of the pose."""
+    """Draw +1 or -1 for every joint, independent of each other and of the pose."""
     return tuple(int(s) for s in rng.choice((-1, 1), size=n_joints))
 
 
 def approach_point(
     joints_deg: Sequence[float], sides: Sequence[int], length_deg: float = APPROACH_DEG
 ) -> tuple[float, ...]:
-    """Where the last move starts, deg: q - side x its length, 5 deg, on every joint (thesis, section 2.5)."""
+    """Return the start of the last move, deg: q - side x `length_deg` on every joint.
+
+    The default length is 5 deg (thesis, section 2.5).
+    """
     return tuple(round(q - s * length_deg, 3) for q, s in zip(joints_deg, sides, strict=True))
 
 

@@ -1,6 +1,7 @@
-"""Robots from robot files (`truepose-robot/1`), read by the simplest means: the program's own reader is not asked.
+"""Simple reader of robot files (`truepose-robot/1`), independent of the program's reader.
 
-What a file does not say is chosen here. Compliances are such that gravity turns a joint by `SAG_DEG` at the most.
+Values that a file does not state are chosen here. Compliances are such that gravity turns a joint by `SAG_DEG`
+at most.
 """
 
 from __future__ import annotations
@@ -37,10 +38,19 @@ def robot_of(
     coupling: str | None = None,
     limits_deg: Sequence[Sequence[float]] | None = None,
 ) -> Robot:
-    """The robot of a parsed robot file, driven within `limits_deg` (N, 2), None: those of the file.
+    """Return the robot of a parsed robot file.
 
-    coupling: the name of the joint matrix in use, None: the only one. Raises KeyError, ValueError, TypeError for a file
-    that is none.
+    Parameters
+    ----------
+    coupling : str, optional
+        Name of the joint matrix in use. Default: the only one.
+    limits_deg : sequence of shape (N, 2), optional
+        Limits within which the robot is driven. Default: those of the file.
+
+    Raises
+    ------
+    KeyError, ValueError, TypeError
+        The table is no robot file.
     """
     links = tuple(_link(entry) for entry in table["link"])
     limits = tuple(

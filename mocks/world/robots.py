@@ -1,13 +1,13 @@
-"""The four robots of the simulated cell as plain data: links, limits, loads, sensible ranges.
+"""The four robots of the simulated cell as plain data: links, limits, loads, ranges.
 
-This is the simulator's own copy, on purpose: a wrong digit in the identifier's robot file must show as a
-misfit and not hide because both sides read the same file.
+This is the simulator's own copy, on purpose. A wrong digit in the identifier's robot file must show as a
+misfit, and must not hide because both sides read the same file.
 
-Kinematics: A. Nubiola, thesis ETS Montreal, Annex I (modified DH, Craig) for the IRB 120 and the LR Mate;
-M. Khanesar, S. Piano, D. Branson, ICINCO 2022, and the maker's figures (standard DH) for UR5 and UR10.
-Loads: the thesis's masses (triangular tool 2.7 kg and 2.6 kg); for the URs the maker's published table "DH
-parameters for calculations of kinematics and dynamics" (mass and centre of mass of every link).
-Lengths mm, angles deg, masses kg, compliances rad/(N.mm).
+Kinematics of the IRB 120 and the LR Mate are from A. Nubiola, thesis ETS Montreal, Annex I (modified DH,
+Craig). Those of UR5 and UR10 are from M. Khanesar, S. Piano, D. Branson, ICINCO 2022, and the maker's values
+(standard DH). Loads are the masses of the thesis (triangular tool 2.7 kg and 2.6 kg). For the URs they are from
+the maker's published table "DH parameters for calculations of kinematics and dynamics" (mass and centre of mass
+of every link). Lengths are in mm, angles in deg, masses in kg, compliances in rad/(N.mm).
 """
 
 from __future__ import annotations
@@ -44,7 +44,10 @@ Matrix = tuple[tuple[float, ...], ...]
 
 @dataclass(frozen=True)
 class Counting:
-    """How a controller counts joints: model joint = matrix @ counted + offset, deg, and mm of joints that slide."""
+    """The way a controller counts joints: model joint = matrix @ counted + offset.
+
+    Values are in deg, and in mm for sliding joints.
+    """
 
     matrix: Matrix = ()
     offset: tuple[float, ...] = ()
@@ -66,13 +69,27 @@ class Counting:
 
 @dataclass(frozen=True)
 class Robot:
-    """A nominal robot. `convention` is "mdh" (Rx Tx Rz Tz) or "dh" (Rz Tz Tx Rx).
+    """A nominal robot.
 
-    `limits_deg` are the joint limits as the controller counts, `range_deg` the narrower ranges of the model's joints
-    in which poses are drawn (for the IRB 120 those of the thesis, section 2.5.2), both in mm for a joint that slides.
-    `compliance` lists c_1..c_N in rad/(N.mm) around which the true compliances are drawn. `carries_tool`: the last of
-    the loads is the tool. `twisted`: links whose axis is meant to be parallel to the next and is not. `axes`: what a
-    label calls every joint, where it is not j1, j2, ... `shown`: what its controller calls it.
+    Attributes
+    ----------
+    convention : str
+        "mdh" (Rx Tx Rz Tz) or "dh" (Rz Tz Tx Rx).
+    limits_deg : tuple of pairs of float
+        Joint limits as the controller counts, mm for a sliding joint.
+    range_deg : tuple of pairs of float
+        Narrower ranges of the model's joints in which poses are drawn (for the IRB 120 those of the thesis, section
+        2.5.2), mm for a sliding joint.
+    compliance : tuple of float
+        c_1..c_N in rad/(N.mm) around which the true compliances are drawn.
+    carries_tool : bool
+        Whether the last of the loads is the tool.
+    twisted : tuple of int
+        Links whose axis is meant to be parallel to the next and is not.
+    axes : tuple of str
+        Names of the joints in labels, if they are not j1, j2, ...
+    shown : str
+        Name that its controller has for the robot.
     """
 
     name: str
@@ -98,12 +115,12 @@ class Robot:
 
     @property
     def sliding(self) -> tuple[bool, ...]:
-        """(N,) which joints slide."""
+        """Mask of the sliding joints, (N,)."""
         return tuple(link.slides for link in self.links)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """(N,) what a label calls every joint."""
+        """Names of the joints in labels, (N,)."""
         return self.axes or tuple(f"j{k}" for k in range(1, len(self.links) + 1))
 
 

@@ -1,4 +1,4 @@
-"""How large an effect is: the RMS per axis of the displacement it causes, over that of the noise."""
+"""Size of an effect: RMS per axis of the displacement it causes, over that of the noise."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ REHEARSAL_READINGS = 100
 
 
 class Cell(Protocol):
-    """A world, as far as the size of an effect in it depends on it."""
+    """The part of a world on which the size of an effect depends."""
 
     robot: Robot
     seed: int
@@ -58,7 +58,7 @@ def displacement(world: Cell, effect: Effect, readings: Sequence[Reading]) -> np
 
 
 def rms_per_axis(vectors: np.ndarray) -> float:
-    """Root of the mean square of all components of (n, 3) vectors."""
+    """Return the root mean square over all components of (n, 3) vectors."""
     return math.sqrt(float(np.mean(vectors**2)))
 
 

@@ -56,7 +56,7 @@ def bearing_tilt(m: Material) -> Effect:
 
 
 def pedestal(m: Material) -> Effect:
-    """The base leans about its foot by c times the arm's overturning moment, about x and about y."""
+    """Lean the base about its foot by c times the arm's overturning moment, about x and y."""
 
     def act(arm: Arm, p: Values) -> None:
         arm.lean = p["c"] * arm.overturning

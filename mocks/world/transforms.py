@@ -36,7 +36,7 @@ def shift(x: float, y: float, z: float) -> Matrix:
 
 
 def turn(rotation_vector: Sequence[float] | Vector) -> Matrix:
-    """Rotation about the direction of `rotation_vector` by its length in rad (Rodrigues), (4, 4)."""
+    """Return the rotation (4, 4) about `rotation_vector` by its length in rad (Rodrigues)."""
     x, y, z = (float(v) for v in rotation_vector)
     angle = math.sqrt(x * x + y * y + z * z)
     matrix = np.eye(4)
@@ -48,5 +48,5 @@ def turn(rotation_vector: Sequence[float] | Vector) -> Matrix:
 
 
 def place(matrix: Matrix, point: Sequence[float] | Vector) -> Vector:
-    """The `point` (3,) mm given in the frame `matrix` (4, 4), in the frame that `matrix` is given in."""
+    """Transform a `point` (3,) mm from the frame `matrix` (4, 4) to its parent frame."""
     return matrix[:3, :3] @ np.asarray(point, dtype=float) + matrix[:3, 3]

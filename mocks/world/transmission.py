@@ -1,8 +1,8 @@
-"""Hidden effects of gears, encoders and bearings: angles added to the joint angle of the model.
+"""Hidden effects of gears, encoders and bearings: additions to the model's joint angles.
 
-theta is the commanded joint angle, tau the gravity torque about the joint's axis. Group: transmission;
-settling is of group procedure (the pause before the reading was too short). What physics forbids is not drawn: gaps,
-compliances and lags are never negative.
+theta is the commanded joint angle, tau the gravity torque about the joint's axis. The group is transmission;
+settling is of group procedure (the pause before the reading was too short). Values that physics forbids are not
+drawn. Gaps, compliances and lags are never negative.
 """
 
 from __future__ import annotations
@@ -67,7 +67,10 @@ def joint_step(m: Material) -> Effect:
 
 
 def joint_compliance(m: Material) -> Effect:
-    """c tau beyond the compliance the true robot has anyway, label joint_compliance:jK; c in rad/(N.mm)."""
+    """Add c tau beyond the compliance that the true robot already has, c in rad/(N.mm).
+
+    The label is joint_compliance:jK.
+    """
     i = joint_number(m.arguments[0]) - 1
 
     def act(arm: Arm, p: Values) -> None:
@@ -99,7 +102,10 @@ def backlash_load(m: Material) -> Effect:
 
 
 def lost_motion(m: Material) -> Effect:
-    """-width/2 x side of approach: the joint stops short from either side, label lost_motion:jK; width in deg."""
+    """Stop the joint short by width/2 on its side of approach, width in deg.
+
+    The added angle is -width/2 x side of approach. The label is lost_motion:jK.
+    """
     i = joint_number(m.arguments[0]) - 1
 
     def act(arm: Arm, p: Values) -> None:
@@ -159,7 +165,10 @@ def cubic_stiffness(m: Material) -> Effect:
 
 
 def settling(m: Material) -> Effect:
-    """-k (theta - previous theta): the joint has not arrived yet, label settling:jK; k in rad/rad."""
+    """Add -k (theta - previous theta), as the joint has not arrived yet, k in rad/rad.
+
+    The label is settling:jK.
+    """
     i = joint_number(m.arguments[0]) - 1
 
     def act(arm: Arm, p: Values) -> None:
@@ -180,7 +189,10 @@ def coupling(m: Material) -> Effect:
 
 
 def non_integer_gear(m: Material) -> Effect:
-    """Departure: the gear's order lies a quarter off an integer; the label says so (n3 becomes n3.25)."""
+    """Add a departure in which the gear's order is a quarter off an integer.
+
+    The label says so (n3 becomes n3.25).
+    """
     joint, order = m.arguments
     shifted = f"n{float(order[1:]) + 0.25:g}"
     effect = periodic(

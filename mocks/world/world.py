@@ -1,8 +1,9 @@
-"""The simulated physical truth of one cell: a real arm, its hidden effects, and the tracker that sees it.
+"""The simulated physical truth of one cell: a real arm, its hidden effects, and its tracker.
 
-World -> base -> links 1..N -> flange -> target. Joint = commanded joint + c tau + what the hidden effects add
-(+ repeatability in a measured reading). tau is taken on the nominal geometry at the commanded joints (Nubiola's
-thesis, Annex I), with the true loads. Lengths mm, angles deg in states and rad inside.
+World -> base -> links 1..N -> flange -> target. Joint = commanded joint + c tau + the angles that the hidden
+effects add (+ repeatability in a measured reading). tau is taken on the nominal geometry at the commanded
+joints (Nubiola's thesis, Annex I), with the true loads. Lengths are in mm, angles in deg in states and rad
+inside.
 """
 
 from __future__ import annotations
@@ -41,9 +42,10 @@ def stream(seed: int, number: int) -> np.random.Generator:
 
 
 def declared_loads(robot: Robot, mass_kg: float | None, cog_mm: Point | None) -> list[Load]:
-    """The robot's loads with its tool replaced: `mass_kg` and `cog_mm` (flange frame) of the tool.
+    """Return the robot's loads with mass and centre (flange frame) of its tool replaced.
 
-    The tool is the load that the thesis's robots carry on their last link; others carry none, there it is added.
+    The tool is the load that the thesis's robots carry on their last link. Other robots carry none, and the tool is
+    added.
     """
     loads = list(robot.loads)
     if mass_kg is None and cog_mm is None:
@@ -59,9 +61,9 @@ def declared_loads(robot: Robot, mass_kg: float | None, cog_mm: Point | None) ->
 class World:
     """One arm drawn from `seed`, its hidden `effects`, and a laser tracker at `station_mm`.
 
-    `effects` are Effect objects, or labels: these are drawn from the seed and scaled so that each displaces
-    the points of 100 random poses by `size` times the noise (RMS per axis). `misplaced_mm`: by how much a target
-    is not where `targets` has it, flange frame. `session` tells how long the campaign is, for steps, drifts and lags.
+    `effects` are Effect objects, or labels. Labels are drawn from the seed and scaled so that each displaces the
+    points of 100 random poses by `size` times the noise (RMS per axis). `misplaced_mm` is the error of the places
+    in `targets`, in the flange frame. `session` is the length of the campaign, for steps, drifts and lags.
     """
 
     def __init__(
@@ -123,7 +125,10 @@ class World:
     def _nominal_statics(
         self, joints_deg: tuple[float, ...]
     ) -> tuple[list[Matrix], list[Vector], list[float], Vector]:
-        """Frames 0..N of the nominal robot; moments, torques and overturning moment of the declared loads."""
+        """Compute the nominal frames 0..N and the statics of the declared loads.
+
+        The statics are moments, torques and the overturning moment.
+        """
         kind = self.robot.convention
         chain = frames(kind, self._nominal_geometry, self.robot.internal(joints_deg))
         joint_moments = moments(kind, chain, self.loads)
@@ -161,7 +166,10 @@ class World:
         return arm
 
     def _chain(self, arm: Arm, angle_noise: Vector | None = None) -> list[Matrix]:
-        """Frames 0..N of the true arm in the world; `angle_noise` (N,) rad is the robot's repeatability."""
+        """Compute frames 0..N of the true arm in the world.
+
+        `angle_noise` (N,) rad is the robot's repeatability.
+        """
         angles = []
         for i, angle in enumerate(arm.angles):
             deflection = self.compliance[i] * arm.torques[i]
@@ -171,7 +179,7 @@ class World:
         return chain if arm.shove is None else [arm.shove @ frame for frame in chain]
 
     def _target(self, arm: Arm, target: str) -> Vector:
-        """Where `target` really is in the flange frame, (3,) mm."""
+        """Return the true position of `target` in the flange frame, (3,) mm."""
         if target not in self.targets:
             raise ValueError(f"target {target!r} is not one of {sorted(self.targets)}")
         point = np.array(self.targets[target]) + self.misplaced.get(target, 0.0)
@@ -187,7 +195,7 @@ class World:
         stages: Sequence[str],
         angle_noise: Vector | None = None,
     ) -> Vector:
-        """The target (3,) mm with the effects of the arm and those on the point whose stage is listed."""
+        """Compute the target (3,) mm with the effects of the arm and those of the listed stages."""
         arm = self._arm(state, effects)
         flange = self._chain(arm, angle_noise)[-1]
         sight = Sight(state, place(flange, self._target(arm, target)), self.station)
@@ -202,18 +210,24 @@ class World:
         return self._chain(self._arm(state, self.effects))[-1]
 
     def nominal_point(self, state: ArmState, target: str) -> Point:
-        """Where the maker's model, without base, compliance or any effect, puts `target`; mm."""
+        """Return the position of `target` in the maker's model, mm.
+
+        It is without base, compliance or any effect.
+        """
         chain = self._nominal(tuple(state.joints_deg))[0]
         return as_point(place(chain[-1], self.targets[target]))
 
     def true_point(self, state: ArmState, target: str) -> Point:
-        """Where `target` really is, mm in the world frame; no repeatability, no instrument."""
+        """Return the true position of `target` in the world frame, mm.
+
+        It is without repeatability and instrument.
+        """
         return as_point(self._point(state, target, self.effects, ("point",)))
 
     def indicated_point(self, state: ArmState, target: str, effects: Sequence[Effect] | None = None) -> Point:
-        """The point that a tracker without noise would show, mm: the true point and the instrument's effects.
+        """Return the point that a tracker without noise would show, mm.
 
-        `effects` replaces the world's own list for this call.
+        It is the true point with the instrument's effects. `effects` replaces the world's own list for this call.
         """
         chosen = self.effects if effects is None else effects
         return as_point(self._point(state, target, chosen, ("point", "instrument")))
@@ -227,9 +241,10 @@ class World:
         return self._scatter * rng.normal(size=len(self.robot.links))
 
     def measured_point(self, state: ArmState, target: str) -> Point:
-        """The point that the tracker shows, mm: repeatability, the instrument's effects, and noise.
+        """Return the point that the tracker shows, mm.
 
-        The noise is drawn anew in every call; the repeatability belongs to `state.reading`.
+        It has repeatability, the instrument's effects, and noise. The noise is drawn again in every call; the
+        repeatability belongs to `state.reading`.
         """
         arrival = self.arrival_error(state.reading)
         point = self._point(state, target, self.effects, ("point", "instrument"), arrival)
@@ -254,7 +269,7 @@ class World:
 
     @property
     def truth(self) -> list[dict[str, Any]]:
-        """The hidden effects: label, parameters {name: {value, unit}}, shape, group."""
+        """Return label, parameters ({name: {value, unit}}), shape and group of each hidden effect."""
         return [effect.truth() | {"group": group_of(effect.label)} for effect in self.effects]
 
 
