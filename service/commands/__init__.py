@@ -1,5 +1,7 @@
-"""The commands of `truepose`: one file each, imported when it is called, so that none waits for what another computes
-with."""
+"""The commands of `truepose`, one file each.
+
+A file is imported when its command is called, so that no command waits for the libraries of another.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,10 @@ _SETTINGS: Any = {"pretty_exceptions_enable": False, "rich_markup_mode": None, "
 
 
 class Group(TyperGroup):
-    """A group that lists the first sentences of its commands whole, on as many lines as a narrow terminal needs."""
+    """A group that lists the first sentences of its commands in full.
+
+    They take as many lines as a narrow terminal needs.
+    """
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         with formatter.section("Commands"):

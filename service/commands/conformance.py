@@ -1,4 +1,7 @@
-"""`truepose conformance`: what a driver of another package keeps of the promises of drivers, on its own simulator."""
+"""`truepose conformance`: test a driver of another package on its own simulator.
+
+The report states which of the promises of drivers it keeps.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +33,9 @@ def conformance_command(
 ) -> None:
     """Try a driver of your own package on its simulator.
 
-    When it moves, how it stops, what it believes, and every fault of a wire. No device is needed and none is touched.
-    Exit code 1 where a promise does not hold. The page 'truepose docs extending' says what a package has to bring.
+    The tests cover when it moves, how it stops, which answers it believes, and every fault of a connection. No
+    device is needed and none is touched. Exit code 1 if a promise does not hold. The page 'truepose docs extending'
+    lists the required parts of a package.
     """
     options.check_outputs({"--json": json})
     found: list[PromiseResult] = []
@@ -57,7 +61,7 @@ def conformance_command(
 
 
 def _table(found: Sequence[PromiseResult]) -> Table:
-    """Promise, whether it holds, and what was seen where it does not."""
+    """Build the table: each promise, whether it holds, and the observation if it does not."""
     table = Table(box=None, pad_edge=False)
     table.add_column("promise", no_wrap=True)
     table.add_column("holds", no_wrap=True)

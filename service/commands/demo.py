@@ -1,10 +1,11 @@
-"""`truepose demo`: the whole loop on a simulated cell with an effect hidden in it, over real sockets.
+"""`truepose demo`: the whole loop on a simulated cell with a hidden effect.
 
-The cell runs in a process of its own and speaks the devices' wire protocols: nothing of the hidden robot can leak
-into the program. The robot is measured and diagnosed; where something is ambiguous, poses that settle it are measured
-as well; then it is sent corrected targets, and measured again. What was hidden is asked from the simulator's back
-door afterwards, to be shown beside what was found. `--narrow` makes a start that leaves effects ambiguous;
-`--in-memory` leaves devices and correction out: a simulated campaign as files, and its diagnosis.
+The cell runs in a separate process and speaks the devices' wire protocols over real sockets, so that nothing of
+the hidden robot can leak into the program. The robot is measured and diagnosed. If something is ambiguous,
+poses that settle it are measured as well. Then the robot gets corrected targets and is measured again. The
+hidden effect is requested from the simulator's back door afterwards, to be shown next to the result. `--narrow`
+starts so that effects stay ambiguous. `--in-memory` leaves out devices and correction: it makes a simulated
+campaign as files, and its diagnosis.
 """
 
 from __future__ import annotations
@@ -179,7 +180,13 @@ def _show(result: LoopResult, hidden: list[dict[str, Any]], terminal: Terminal) 
 
 
 def _truth(port: int) -> list[dict[str, Any]]:
-    """The effects that the simulated cell hides, from its back door. Raises OSError."""
+    """Read the effects that the simulated cell hides from its back door.
+
+    Raises
+    ------
+    OSError
+        The back door cannot be reached.
+    """
     with socket.create_connection(("127.0.0.1", port), timeout=BACK_DOOR_TIMEOUT_S) as link:
         link.sendall(b'{"do": "truth"}\n')
         with link.makefile("rb") as answers:
@@ -191,7 +198,13 @@ def _reveal(hidden: list[dict[str, Any]], diagnosis: DiagnosisFit, terminal: Ter
 
 
 def _clear(out: Path) -> None:
-    """Take away the records of an earlier demo. Raises DataError when a record there was measured on real devices."""
+    """Delete the records of an earlier demo.
+
+    Raises
+    ------
+    DataError
+        A record there was measured on real devices.
+    """
     for record in sorted(out.glob("campaign*/")):
         if not read_status(record).simulated:
             raise DataError(
@@ -225,7 +238,15 @@ def _in_memory(
 
 
 def _simulate(seed: int, out: Path, effect: str | None) -> None:
-    """Run the simulated campaign. Raises DataError when it cannot write, typer.Exit when it fails."""
+    """Run the simulated campaign.
+
+    Raises
+    ------
+    DataError
+        It cannot write.
+    typer.Exit
+        It fails.
+    """
     command = python("mocks.campaign", "--seed", str(seed), "--approach", "varied")
     command += ["--out", str(out)]
     if effect is not None:

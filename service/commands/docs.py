@@ -1,4 +1,4 @@
-"""`truepose docs`: the documentation that came with the program, in the browser or in the terminal."""
+"""`truepose docs`: the documentation of this installation, in the browser or the terminal."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def docs_command(
         bool, typer.Option("--where", help="Say where the pages are, and open nothing.")
     ] = False,
 ) -> None:
-    """Open the documentation. Where it was not built as a site its pages are listed."""
+    """Open the documentation. If it was not built as a site, its pages are listed."""
     folder = pages_folder()
     site = folder / SITE
     with Terminal() as terminal:
@@ -42,7 +42,13 @@ def docs_command(
 
 
 def pages_folder() -> Path:
-    """Folder of the pages: beside the sources, or where the wheel put them. Raises DataError where it did not."""
+    """Return the folder of the pages, in the sources or in the wheel.
+
+    Raises
+    ------
+    DataError
+        The installation has no pages.
+    """
     if (SOURCES / "index.md").is_file():
         return SOURCES
     for path in metadata.files("truepose") or ():
@@ -64,7 +70,13 @@ def names(folder: Path) -> list[str]:
 
 
 def _page(folder: Path, name: str) -> Path:
-    """The file of a page by its name, or by the end of it. Raises DataError."""
+    """Return the file of a page by its name, or by the end of its name.
+
+    Raises
+    ------
+    DataError
+        No page, or several, have this name.
+    """
     found = [each for each in names(folder) if each == name or each.endswith(f"/{name}")]
     if len(found) != 1:
         raise DataError(

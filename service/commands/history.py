@@ -1,6 +1,7 @@
-"""`truepose history`: the documents of robots over the years, their trends, control charts and next checks.
+"""`truepose history`: documents of robots over the years.
 
-The store that a command asks: its address, or the file of this cell.
+It shows their trends, control charts and next checks. A command asks the store at an address, or in the file of
+this cell.
 """
 
 from __future__ import annotations
@@ -91,7 +92,10 @@ def add_command(
     ] = False,
     json: options.Json = None,
 ) -> None:
-    """Keep documents, each once. Exit code 3: one contradicts another of the same thing; both are kept."""
+    """Keep documents, each once.
+
+    Exit code 3 if one contradicts another of the same thing; both are kept.
+    """
     options.check_outputs({"--json": json}, inputs=files)
     whose = CellFolder(socket.gethostname() if cell is None else cell, serial, simulated)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
@@ -179,7 +183,10 @@ def trend_command(
     ] = None,
     json: options.Json = None,
 ) -> None:
-    """Show how a parameter has changed, with U and the limits of its control chart; without a name: all."""
+    """Show how a parameter has changed, with U and the limits of its control chart.
+
+    Without a name, all parameters are shown.
+    """
     from service.report.figures.trend_picture import ENDINGS, picture_bytes
 
     options.check_outputs({"--json": json, "--picture": picture})
@@ -258,7 +265,13 @@ def due_command(
 
 
 def _documents(file: Path, cell: CellFolder) -> list[Document]:
-    """The documents of one file or record. Raises DataError."""
+    """Read the documents of one file or record.
+
+    Raises
+    ------
+    DataError
+        The file or record has no documents.
+    """
     if file.is_dir():
         if not (file / _RECORD).is_file():
             raise DataError("is no record of a campaign.", do="Name a record, or files.", file=file)
@@ -283,7 +296,15 @@ def _documents(file: Path, cell: CellFolder) -> list[Document]:
 
 
 def opened(address: str | None, *, make: bool = False) -> FleetStore:
-    """The store at an address, or this cell's; `make` it where there is none. Raises DataError."""
+    """Open the store at an address, or this cell's store.
+
+    With `make`, a missing store is created.
+
+    Raises
+    ------
+    DataError
+        The store cannot be opened.
+    """
     from fleet.store import FleetStore
 
     own = f"sqlite:///{DEFAULT.absolute()}"

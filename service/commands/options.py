@@ -1,4 +1,4 @@
-"""Options that several commands share, and what they check."""
+"""Options that several commands share, with their checks."""
 
 from __future__ import annotations
 
@@ -108,12 +108,24 @@ LARGEST = (Bounds().turn_deg, Bounds().shift_mm)
 
 
 def limits_of(rms: float | None, largest: float | None, zones: Path | None) -> AcceptanceLimits | None:
-    """The limits of --accept-rms, --accept-max and --accept-zones; None without any. Raises DataError."""
+    """Return the limits of --accept-rms, --accept-max and --accept-zones; None without any.
+
+    Raises
+    ------
+    DataError
+        A limit or the file of zones cannot be used.
+    """
     return AcceptanceLimits.of(rms, largest, () if zones is None else read_zones(zones))
 
 
 def read_model(path: Path, robot_file: Path | None, largest: tuple[float, float]) -> CalibratedModel:
-    """A model file for a command. Raises DataError naming file, key or option."""
+    """Read a model file for a command.
+
+    Raises
+    ------
+    DataError
+        The model cannot be used; the message names file, key or option.
+    """
     if not all(0.0 < value < math.inf for value in largest):
         raise DataError("is no bound.", do="Give DEG MM, above zero.", key="--largest-correction")
     return load_model(path, robot_file=robot_file, bounds=Bounds(*largest))
@@ -122,18 +134,30 @@ def read_model(path: Path, robot_file: Path | None, largest: tuple[float, float]
 def read_for_use(
     path: Path, robot_file: Path | None, largest: tuple[float, float], *, named_only: bool
 ) -> tuple[CalibratedModel, Usable]:
-    """A model file for corrections, and what it leaves out of the whole model. Raises DataError."""
+    """Read a model file for corrections, and list the parts of the model that are left out.
+
+    Raises
+    ------
+    DataError
+        The model cannot be used.
+    """
     saved = read_model(path, robot_file, largest)
     return saved.for_use(named_only=named_only, bounds=Bounds(*largest))
 
 
 def read_prior(path: Path | None) -> TypePrior | None:
-    """The prior of --prior, where one was named. Raises DataError."""
+    """Read the prior of --prior; None without the option.
+
+    Raises
+    ------
+    DataError
+        The prior cannot be used.
+    """
     return None if path is None else load_prior(path)
 
 
 def note_without_regression(saved: CalibratedModel, terminal: Terminal) -> None:
-    """Say that a command leaves out the regression of a model, where there is one."""
+    """Tell the user that a command leaves out the regression of a model, if it has one."""
     if saved.regression is not None:
         terminal.note("truepose: the regression in the model is left out: only compensate uses it")
 
@@ -144,11 +168,23 @@ def check_outputs(
     inputs: Iterable[Path | None] = (),
     added_to: Collection[str] = (),
 ) -> None:
-    """Raise DataError, naming the option, for an output that cannot be written or would write over something.
+    """Refuse outputs that cannot be written or would overwrite something, before the work.
 
-    It is refused before the work, not after it, and so is a file that no command has written (`service.written`) unless
-    --overwrite is given. `outputs`: option or argument -> file; `inputs`: files that are read; `added_to`: options of
-    files that keep all that they hold.
+    A file that no command has written (`service.written`) is refused unless --overwrite is given.
+
+    Parameters
+    ----------
+    outputs : mapping of str to path
+        File of each option or argument.
+    inputs : iterable of path
+        Files that are read.
+    added_to : collection of str
+        Options of files that keep their content.
+
+    Raises
+    ------
+    DataError
+        An output is refused; the message names the option.
     """
     note_files(written.remember)
     read = [path for path in inputs if path is not None]
@@ -206,7 +242,13 @@ def check_outputs(
 
 
 def check_data_set(out: Path, json: str | None, inputs: Iterable[Path | None]) -> None:
-    """Raise DataError where `out` is no name of a data set, or it or its header cannot be written."""
+    """Refuse a file that is no data set or that, like its header, cannot be written.
+
+    Raises
+    ------
+    DataError
+        `out` does not end in .csv, or it or its header cannot be written.
+    """
     if out.suffix != ".csv":
         raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
     data, header = files_of(out)

@@ -142,9 +142,14 @@ def serve(
 
 @contextmanager
 def _sole_service(record: Path) -> Iterator[Callable[[str], object]]:
-    """The record folder belongs to this service as long as the block lasts; what to call with its address.
+    """Reserve the record folder for this service while the block lasts.
 
-    Raises DataError where another service has it, with that one's address and process.
+    Yields a function to call with the address of the service.
+
+    Raises
+    ------
+    DataError
+        Another service has the folder; the message states its address and process.
     """
     where = record / "service.txt"
     with ExitStack() as held:
@@ -173,8 +178,10 @@ def _sole_service(record: Path) -> Iterator[Callable[[str], object]]:
 
 
 def _lock_in_kernel(held: ExitStack, folder: Path) -> bool:
-    """Lock a folder beside its file, which somebody may delete, as `acquisition.run.orders.robot_lock` locks a robot;
-    False where another service has it."""
+    """Lock a folder in addition to its lock file, which a person may delete.
+
+    It works as `acquisition.run.orders.robot_lock` locks a robot. Returns False if another service has the folder.
+    """
     found = folder.stat()
     try:
         lock = held.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
@@ -211,7 +218,15 @@ def _for_people(settings: ServiceSettings, url: str) -> str:
 
 
 def refuse_host(host: str) -> None:
-    """Raise DataError for what is neither address nor name: the system takes '' and '0' for all its addresses."""
+    """Refuse a host that is neither an address nor a name.
+
+    The system takes '' and '0' for all its addresses.
+
+    Raises
+    ------
+    DataError
+        The host is neither.
+    """
     try:
         ipaddress.ip_address(host.removeprefix("[").removesuffix("]"))
     except ValueError as error:
@@ -224,7 +239,7 @@ def refuse_host(host: str) -> None:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this computer can reach the address."""
+    """Return whether only this computer can reach the address."""
     if host == "localhost":
         return True
     try:

@@ -1,4 +1,7 @@
-"""`truepose watch`: is this robot still the robot that was calibrated; what has changed, and what to do."""
+"""`truepose watch`: check whether a robot has changed since its calibration.
+
+The result names the change and the recommended action.
+"""
 
 from __future__ import annotations
 
@@ -141,7 +144,7 @@ def plan_command(
     robot: options.RobotFile = None,
     json: options.Json = None,
 ) -> None:
-    """Choose check poses, and show what they can detect."""
+    """Choose check poses, and show their sensitivity."""
     options.check_outputs({"--out": out, "--json": json}, inputs=(model, cell))
     names = (
         None if targets is None else tuple(dict.fromkeys(n.strip() for n in targets.split(",") if n.strip()))

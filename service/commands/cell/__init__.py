@@ -1,1 +1,1 @@
-"""Commands about a cell: examine its devices, choose poses and places, measure, rescue a record."""
+"""Commands for a cell: examine devices, choose poses and places, measure, rescue a record."""

@@ -57,7 +57,10 @@ def rescue_command(
     ] = None,
     json: options.Json = None,
 ) -> None:
-    """Save what can be read of a damaged record into a new one. What was lost is said. DIR is left as it is."""
+    """Save the readable part of a damaged record into a new one.
+
+    Losses are reported. DIR is left as it is.
+    """
     place = out or record.with_name(f"{record.absolute().name}-rescued")
     written = options.files_of(place) if place.suffix == ".csv" else ()
     outputs = {"--json": json} | {f"OUT {file.suffix}": file for file in written}
@@ -156,7 +159,10 @@ def restation_command(
     reason: Annotated[str, typer.Option(metavar="TEXT", help="Why; it is kept in the record.")] = "",
     json: options.Json = None,
 ) -> None:
-    """State that the instrument is being moved: the campaign pauses, and measures the nests when it is resumed."""
+    """State that the instrument is being moved.
+
+    The campaign pauses, and measures the nests when it is resumed.
+    """
     options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
     try:
         run = Run.open(record)
@@ -290,12 +296,24 @@ def _export_streams(record: Path, out: Path, json: str | None) -> None:
 
 
 def _accepted(serial: str, reason: str) -> DeviceAcceptance | None:
-    """The other device that the options accept. Raises ConfigError where one is given without the other."""
+    """Return the other device that the options accept.
+
+    Raises
+    ------
+    ConfigError
+        Only one of serial number and reason is given.
+    """
     return DeviceAcceptance(serial, reason, "terminal") if serial or reason else None
 
 
 def _refuse_begun(record: Path, cell: Cell, campaign: Campaign) -> None:
-    """Refuse a DIR that holds a campaign: what it measures was settled when it was begun. Raises RecordError."""
+    """Refuse a DIR that holds a campaign, whose measurements were settled when it began.
+
+    Raises
+    ------
+    RecordError
+        DIR holds a campaign.
+    """
     if not (record / RECORD_FILE).is_file():
         return
     store = RecordStore.open(record, writer=False)
@@ -318,9 +336,14 @@ def _refuse_begun(record: Path, cell: Cell, campaign: Campaign) -> None:
 
 
 def created(record: Path, cell: Cell, campaign: Campaign, file: Path, *, simulate: bool) -> Run:
-    """A new run of the campaign of a file, checked before anything moves.
+    """Create the run of the campaign of a file, checked before anything moves.
 
-    Raises ConfigError, UnsafePlan, RecordError.
+    Raises
+    ------
+    ConfigError, UnsafePlan
+        The files or the plan cannot be used; the message names the campaign file.
+    RecordError
+        The record cannot be created.
     """
     try:
         run = Run.create(record, cell, campaign, simulated=simulate)
@@ -337,9 +360,10 @@ def created(record: Path, cell: Cell, campaign: Campaign, file: Path, *, simulat
 def execute(
     run: Run, record: Path, json: str | None, *, simulate: bool, quiet: bool = False, judge: str | None = None
 ) -> None:
-    """Execute to the end, a pause or a stop, and leave with the contract's exit code where it was not the end.
+    """Execute a run to its end, a pause or a stop.
 
-    judge: the command that will judge the readings once they are exported, where that is what they are taken for.
+    If it did not reach the end, the program exits with the contract's exit code. `judge` is the command that will
+    judge the exported readings, if they are taken for one.
     """
     with ExitStack() as stack:
         terminal = stack.enter_context(Terminal(quiet=quiet or json == STANDARD_OUTPUT))

@@ -1,6 +1,7 @@
-"""`truepose doctor`: are the devices of a cell there, are they the right ones, and is everything fit for a campaign?
+"""`truepose doctor`: check that the devices of a cell are ready for a campaign.
 
-Read-only: nothing is armed, moved or set. One line a check, then one line with the verdict.
+They must be present and the right ones. The command is read-only: nothing is armed, moved or set. It prints one
+line per check, then one line with the verdict.
 """
 
 from __future__ import annotations
@@ -61,7 +62,10 @@ def doctor_command(
 
 @contextmanager
 def _quiet_drivers() -> Iterator[None]:
-    """Warnings of drivers that connect stay off the screen: the table has them, and does not overwrite progress."""
+    """Keep warnings of connecting drivers off the screen.
+
+    The table shows them and does not overwrite the progress line.
+    """
     log, nobody = logging.getLogger("drivers"), logging.NullHandler()
     log.addHandler(nobody)
     try:
@@ -71,7 +75,7 @@ def _quiet_drivers() -> Iterator[None]:
 
 
 def _table(found: Examination) -> Table:
-    """Level, device, check, and what was found with what to do beneath it."""
+    """Build the table: level, device, check and result, with the recommended action below it."""
     table = Table(box=None, show_header=False, pad_edge=False)
     for _ in range(3):
         table.add_column(no_wrap=True)

@@ -1,4 +1,4 @@
-"""`truepose select`: which calibration poses to measure in a cell, and how many are worth it."""
+"""`truepose select`: choose calibration poses in a cell, and how many are worth measuring."""
 
 from __future__ import annotations
 

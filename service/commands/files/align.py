@@ -1,4 +1,7 @@
-"""`truepose align`: two streams of a moving robot on one clock; its standstills become a data set."""
+"""`truepose align`: synchronise two streams of a moving robot.
+
+The intervals in which the robot is stationary become a data set.
+"""
 
 from __future__ import annotations
 
@@ -83,7 +86,7 @@ def align_command(
     ] = None,
     json: options.Json = None,
 ) -> None:
-    """Align the streams of a moving robot and of a tracker. Its standstills become a data set."""
+    """Align the streams of a moving robot and of a tracker. Its stationary intervals become a data set."""
     if out.suffix != ".csv":
         raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
     data, header = options.files_of(out)
@@ -128,7 +131,10 @@ def align_command(
 
 
 def _beside(out: Path, robot: str) -> str:
-    """The robot as a header beside `out` names it: files are looked for from there."""
+    """Return the robot as a header in the folder of `out` names it.
+
+    Files are found relative to that folder.
+    """
     if robot in built_in_robots():
         return robot
     try:

@@ -1,5 +1,7 @@
-"""`truepose convert`: a foreign file becomes a data set: a known one by its importer, any other by a map of its
-columns."""
+"""`truepose convert`: create a data set from a foreign file.
+
+A known file is read by its importer, any other by a map of its columns.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,7 @@ from service.results.files import conversion
 
 
 class HoldoutKind(Enum):
-    """How poses are held out."""
+    """Ways of holding out poses."""
 
     RANDOM = "random"
     BLOCK = "block"

@@ -1,4 +1,7 @@
-"""`truepose export`: a model as another program reads it, with what that program's format cannot carry."""
+"""`truepose export`: write a model for another program, and report the lost content.
+
+Another program's format cannot carry every part of a model.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,7 @@ def export_command(
     largest_correction: options.LargestCorrection = options.LARGEST,
     json: options.Json = None,
 ) -> None:
-    """Write a model in another program's format. The error that this format leaves is said."""
+    """Write a model in another program's format. The error that this format leaves is reported."""
     options.check_outputs({"OUT": out, "--json": json}, inputs=(model, *options.files_of(data)))
     refuse_unknown(kind)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:

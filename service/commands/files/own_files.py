@@ -1,6 +1,7 @@
-"""Files of a user's own for `truepose convert`: a map is proposed and its open questions asked, or a kept map is used.
+"""Custom files for `truepose convert`, read by a proposed or a kept map.
 
-Questions are asked where both ends are a terminal; elsewhere they are printed and the command ends with exit code 2.
+Open questions of a proposal are asked if both ends are a terminal. Otherwise they are printed and the command
+ends with exit code 2.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from service.results.files import conversion
 
 @dataclass(frozen=True)
 class OwnFiles:
-    """Files and what the command line says of them."""
+    """Files, with the statements of the command line about them."""
 
     files: Sequence[Path]
     out: Path | None
@@ -41,8 +42,17 @@ class OwnFiles:
     lines: tuple[int, int] | None
 
     def convert(self, holdout: Mapping[str, Any], json: str | None) -> None:
-        """Propose, or convert by the map. holdout: kind, share and seed, as far as given; kept in a map that is
-        proposed. Raises DataError, and typer.Exit with USAGE where questions are open."""
+        """Propose a map, or convert by one.
+
+        `holdout` has kind, share and seed if they are given. They are kept in a proposed map.
+
+        Raises
+        ------
+        DataError
+            A file, an answer or an option cannot be used.
+        typer.Exit
+            With USAGE, if questions are open.
+        """
         self._check(json)
         with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
             for file in self.files:
@@ -100,7 +110,7 @@ class OwnFiles:
         return {key: value for key, value in given.items() if value}
 
     def _proposal(self, terminal: Terminal, *, asking: bool) -> MapProposal:
-        """The proposal, with what a person at the terminal answers."""
+        """Return the proposal, completed by the answers of a person at the terminal."""
         answers = self._given()
         asking = asking and sys.stdin is not None and sys.stdin.isatty() and sys.stdout.isatty()
         proposal = propose(self.files, answers, self.lines)
@@ -149,8 +159,10 @@ class OwnFiles:
         terminal: Terminal,
         json: str | None,
     ) -> None:
-        """Convert, hold the result against its robot, and write it only then. home: from where the map names a
-        robot. told: what has been said of the files already."""
+        """Convert the files, compare the result with its robot, and only then write it.
+
+        The map names a robot relative to `home`. `told` lists the lines that were printed about the files already.
+        """
         assert self.out is not None
         made = _from(made, home, self.out.parent)
         found = converted(made, self.files, kept, self.out.parent)
@@ -166,7 +178,7 @@ class OwnFiles:
 
 
 def _held(made: Map, holdout: Mapping[str, Any]) -> Map:
-    """The map with what the command line says of the hold-out."""
+    """Return the map with the hold-out of the command line."""
     if not holdout:
         return made
     return replace(made, header={**made.header, "holdout": {**made.header.get("holdout", {}), **holdout}})
@@ -179,7 +191,7 @@ def _keep(made: Map, proposal: MapProposal, to: Path, terminal: Terminal) -> Non
 
 
 def _asked(question: ColumnQuestion) -> str:
-    """The answer of a person; an empty one is the proposed one where there is one."""
+    """Ask a person; an empty answer means the proposed one, if there is one."""
     typer.echo(f"\n{question.text}")
     for number, choice in enumerate(question.choices, start=1):
         typer.echo(f"  {number}  {choice}" + ("   (likely)" if choice == question.proposed else ""))

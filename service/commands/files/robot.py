@@ -103,7 +103,7 @@ def new_command(
     source: Annotated[str | None, typer.Option(help="Where the numbers come from.")] = None,
     mass: MassOption = None,
 ) -> None:
-    """Write a robot file; what no option gives is asked for."""
+    """Write a robot file; questions are asked for missing options."""
     _refuse_existing(out)
     convention_name = None if convention is None else convention.value
     asked = RobotFileAnswers(name, maker, convention_name, joints, link or [], source, mass)
@@ -143,7 +143,7 @@ def import_command(
     maker: Annotated[str, typer.Option(help="Its maker.")] = "unknown",
     mass: MassOption = None,
 ) -> None:
-    """Make a robot file of a URDF or of a table of DH numbers."""
+    """Make a robot file from a URDF or a table of DH numbers."""
     out = Path(f"{file.stem}.toml") if out is None else out
     _refuse_existing(out)
     with Terminal() as terminal:
@@ -199,8 +199,8 @@ def check_command(
 ) -> None:
     """Check a robot file; readings name usual mistakes.
 
-    Says where the flange is in named postures, reach, wrist, inverse kinematics and what is odd; draws the arm. Exit
-    code 3 where the readings show a mistake, or nothing explains them.
+    Shows the flange in named postures, reach, wrist, inverse kinematics and oddities, and draws the arm. Exit code
+    3 if the readings show a mistake, or if nothing explains them.
     """
     path = Path(robot)
     options.check_outputs({"--picture": picture, "--json": json}, inputs=(path, *options.files_of(data)))
@@ -268,7 +268,13 @@ def _refuse_existing(out: Path) -> None:
 
 
 def _posture(text: str, robot: Robot) -> Array:
-    """(N,) joints of a posture in words, rad or mm. Raises DataError."""
+    """Parse the joints of a posture, shape (N,), rad or mm.
+
+    Raises
+    ------
+    DataError
+        The text is not one number per joint.
+    """
     try:
         counted = np.array([float(word) for word in text.replace(";", ",").split(",")])
     except ValueError:

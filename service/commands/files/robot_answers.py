@@ -1,4 +1,4 @@
-"""The questions of `truepose robot new`: one question a line, asked again where the answer is none."""
+"""The questions of `truepose robot new`, one per line, repeated until the answer is valid."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ _ROW = "alpha deg, a mm, theta deg, d mm, lowest, highest"
 
 @dataclass(frozen=True)
 class RobotFileAnswers:
-    """The answers that options gave already; None, or too few links, is asked for."""
+    """The answers that options gave.
+
+    A question is asked for each None, and for missing links.
+    """
 
     name: str | None
     maker: str | None
@@ -32,12 +35,18 @@ class RobotFileAnswers:
 
     @property
     def complete(self) -> bool:
-        """Whether options gave all that a file needs, so that nobody is asked for anything."""
+        """Whether options gave everything that a file needs, so that no question is asked."""
         return None not in (self.name, self.maker, self.convention, self.source) and bool(self.links)
 
 
 def ask_draft(asked: RobotFileAnswers) -> Draft:
-    """The draft of a robot file from options and answers. Raises DataError for an option that cannot be used."""
+    """Create the draft of a robot file from options and answers.
+
+    Raises
+    ------
+    DataError
+        An option cannot be used.
+    """
     links = [link_of(text) for text in asked.links]
     if asked.joints is not None and len(links) > asked.joints:
         raise DataError(
@@ -67,7 +76,13 @@ def ask_mass() -> float:
 
 
 def link_of(text: str) -> DraftLink:
-    """The link of one row. Raises DataError, saying what a row is."""
+    """Parse the link of one row.
+
+    Raises
+    ------
+    DataError
+        The text is no row; the message explains the format of a row.
+    """
     words = text.replace(",", " ").replace(";", " ").split()
     slides = bool(words) and words[0].lower() == _SLIDES
     try:

@@ -1,4 +1,4 @@
-"""`truepose fleet`: what the cells of a plant know of their robots, sent to one place and kept there."""
+"""`truepose fleet`: collect and keep what the cells of a plant learn about their robots."""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
-"""`truepose fleet demo`: a fleet on this computer: a server with its store, simulated cells, and workers that diagnose.
+"""`truepose fleet demo`: a fleet on this computer.
 
-Each cell is an ABB IRB 120 with a serial number and errors of its own; a sender of its own runs beside it, as it would
-on the cell PC. They measure one after the other: first a campaign and a model, then a watch each, again and again until
-Ctrl-C. Everything is a command that a person could type; each is printed, runs below a guard and ends with this one.
-What the commands say is in DIR/demo.log.
+It has a server with its store, simulated cells, and workers that diagnose. Each cell is an ABB IRB 120 with its
+own serial number and errors. Its own sender runs next to it, as on the cell PC. The cells measure one after the
+other: first a campaign and a model, then a watch each, again and again until Ctrl-C. Each step is a command
+that a person could type. It is printed, runs below a guard and ends with this command. The output of the
+commands is in DIR/demo.log.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _EFFECTS = ("backlash:j4", "none", "periodic:j2:n2", "joint_offset:j5")  # of th
 
 
 class _Stopped(Exception):
-    """Somebody asked the demo to end."""
+    """The demo was asked to end."""
 
 
 @owner_only()
@@ -56,7 +57,7 @@ def demo_command(
     ] = 120.0,
     once: Annotated[bool, typer.Option("--once", help="End after the first round.")] = False,
 ) -> None:
-    """See a fleet on this computer: a server, simulated cells that send to it, workers that diagnose."""
+    """Run a demo fleet here: a server, simulated cells that send to it, workers that diagnose."""
     if out.exists() and (not out.is_dir() or (any(out.iterdir()) and not (out / "tokens").exists())):
         raise DataError("holds something else than a demo.", do="Name another folder.", file=f"--out {out}")
     out.mkdir(parents=True, exist_ok=True)
@@ -115,7 +116,7 @@ def _make_cell(out: Path, number: int) -> Path:
 
 
 def _calibrate(cell: Path, commands: Commands) -> None:
-    """Measure a campaign, make a model of it and choose check poses; none of it where there is a model already."""
+    """Measure a campaign, identify its model and choose check poses, if there is no model yet."""
     if (cell / "watch.toml").exists():
         return
     record = cell / f"campaign-{new_id()}"
@@ -156,8 +157,11 @@ def _settle(cells: Sequence[Path], ending: ShutdownSignal) -> None:
 
 
 class Commands:
-    """Commands of this program, each below a guard: it ends when its standard input closes, and so when this program is
-    killed. log: where they say what they do; ending: whether to stop."""
+    """Commands of this program, each below a guard.
+
+    A guard ends when its standard input closes, and therefore also when this program is killed. `log` takes the
+    output of the commands; `ending` says whether to stop.
+    """
 
     def __init__(self, log: IO[str], ending: ShutdownSignal) -> None:
         self.ending = ending
@@ -175,7 +179,10 @@ class Commands:
 
     @contextmanager
     def beside(self, *arguments: str, told: bool = False) -> Iterator[subprocess.Popen[str]]:
-        """One that runs beside the others until the block ends. told: whether its standard output is read."""
+        """Run a command concurrently until the block ends.
+
+        Its standard output is read if `told` is set.
+        """
         line = shlex.join(["truepose", *arguments])
         _say(line)
         self._log.write(f"$ {line}\n")
@@ -207,7 +214,7 @@ class Commands:
             yield notation.loads(hello)["url"]
 
     def _failed(self, what: str) -> None:
-        """Say what has failed, with the last line of the log."""
+        """Report a failed command, with the last line of the log."""
         self._log.flush()
         last = Path(self._log.name).read_text(encoding="utf-8").strip().splitlines()[-1:]
         _say(f"{what}: {' '.join(last)}", f"more is in {self._log.name}")

@@ -1,4 +1,7 @@
-"""`truepose fleet diagnose`: many data sets by many workers, every result once, in the store."""
+"""`truepose fleet diagnose`: diagnose many data sets with many workers, each result once.
+
+The results are in the store.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +53,7 @@ def diagnose_command(
     ] = "",
     json: options.Json = None,
 ) -> None:
-    """Diagnose many data sets. What has a result of this version already is not done again."""
+    """Diagnose many data sets. Data sets with a result of this version are not diagnosed again."""
     given = tuple(data or ())
     options.check_outputs({"--json": json}, inputs=given)
     if not store:

@@ -1,4 +1,4 @@
-"""`truepose fleet migrate`: the tables of a store made, or brought to this program's version."""
+"""`truepose fleet migrate`: create the tables of a store, or update them to this version."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def migrate_command(
         False, "--roles", help=f"Make the roles {READER} and {WRITER} of a PostgreSQL, for its users."
     ),
 ) -> None:
-    """Make the tables of a store, or bring those of an older version to this one; all or nothing."""
+    """Make the tables of a store, or update those of an older version; all or nothing."""
     with Terminal() as terminal:
         terminal.say("migrating")
         before, after = migrate(store, roles=roles)

@@ -1,4 +1,4 @@
-"""`truepose fleet outbox`: what waits to be sent, what the server refused, what was not taken, and why."""
+"""`truepose fleet outbox`: waiting, refused and rejected documents, with the reasons."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ MOST = 50  # documents in a table
 
 @app.command("list")
 def list_command(folder: Folder, json: options.Json = None) -> None:
-    """List what waits, and what cannot be sent. What was set aside, and files not taken, have a reason each."""
+    """List waiting documents, and those that cannot be sent.
+
+    Documents set aside, and files not taken, have a reason each.
+    """
     options.check_outputs({"--json": json})
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal, _opened(folder) as outbox:
         waiting, aside = outbox.entries("waiting"), outbox.entries("aside")
@@ -61,7 +64,7 @@ def retry_command(
         str, typer.Argument(metavar="[HASH]", help="Only those that begin so; default: all.")
     ] = "",
 ) -> None:
-    """Let what was set aside be sent again. Files that were not taken are looked at again."""
+    """Send documents again that were set aside. Files that were not taken are read again."""
     with Terminal() as terminal, _opened(folder) as outbox:
         again = [entry.hash for entry in outbox.entries("aside") if entry.hash.startswith(hash)]
         if hash and not again:

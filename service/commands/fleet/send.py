@@ -1,4 +1,7 @@
-"""`truepose fleet send`: new documents of a folder go into its outbox, and from there to a fleet's server."""
+"""`truepose fleet send`: send new documents of a folder to a fleet's server.
+
+They go through an outbox.
+"""
 
 from __future__ import annotations
 
@@ -84,7 +87,10 @@ def send_command(
 def _once(
     folder: Path, cell: CellFolder, sender: Sender, ending: ShutdownSignal, terminal: Terminal
 ) -> SendRound:
-    """Collect, and send until nothing is left, the server is away or a document has failed several times."""
+    """Collect and send once.
+
+    It ends when nothing is left, the server is away, or a document has failed several times.
+    """
     collect(folder, cell, sender.outbox, utc_now, terminal.note, read_record)
     kept = refused = 0
     done = SendRound()
@@ -100,7 +106,10 @@ def _once(
 def _on_and_on(
     folder: Path, cell: CellFolder, sender: Sender, every_s: float, ending: ShutdownSignal, terminal: Terminal
 ) -> None:
-    """Collect every so often and send what waits, until the command is asked to end; what changes is said."""
+    """Collect at intervals and send waiting documents until the command is asked to end.
+
+    Changes are reported.
+    """
     look_at, said = time.monotonic(), ""
     while not ending:
         wait_s: float | None = None

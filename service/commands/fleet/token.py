@@ -39,7 +39,10 @@ def add_command(
     ] = "cell",
     robot: Robots = None,
 ) -> None:
-    """Make a token and print it: it is kept nowhere, so put it into the cell's own token file (mode 0600)."""
+    """Make a token and print it.
+
+    It is kept nowhere, so put it into the cell's own token file (mode 0600).
+    """
     typer.echo(issue(file, name, role, f"{utc_now():%Y-%m-%d}", robots_of(robot or [])))
     if role == "cell" and not robot:
         sys.stderr.write(_ANY.format(name))
@@ -48,7 +51,10 @@ def add_command(
 @app.command("allow")
 @owner_only()
 def allow_command(name: Name, file: File, robot: Robots = None) -> None:
-    """Let a token name these robots too; from the next request on it sends documents of no others."""
+    """Let a token name these robots too.
+
+    From the next request on it sends documents of no others.
+    """
     if not robot:
         raise DataError("is missing.", do="Give TYPE:SERIAL.", key="--robot")
     allow(file, name, robots_of(robot))
@@ -70,6 +76,9 @@ def list_command(file: File) -> None:
 @app.command("revoke")
 @owner_only()
 def revoke_command(name: Name, file: File) -> None:
-    """Take a token away: it is worth nothing from the next request on; what the cell has waits in its outbox."""
+    """Take a token away.
+
+    It is invalid from the next request on. The cell's documents wait in its outbox.
+    """
     revoke(file, name)
     sys.stderr.write(f"truepose: '{name}' may send no more.\n")

@@ -40,7 +40,13 @@ class CertificateRequest:
 
     @staticmethod
     def of(dcc: Path | None, about: Path | None) -> CertificateRequest | None:
-        """The certificate that the options ask for; without --dcc none. Raises DataError naming file and key."""
+        """Return the certificate that the options request; None without --dcc.
+
+        Raises
+        ------
+        DataError
+            An option is wrong; the message names file and key.
+        """
         if dcc is not None:
             return CertificateRequest(dcc, _read_about(about))
         if about is not None:
@@ -48,7 +54,13 @@ class CertificateRequest:
         return None
 
     def refuse_undated(self, dataset: Dataset) -> None:
-        """Raise DataError for a data set that no certificate can be about: before a long fit, not after it."""
+        """Refuse a data set that cannot have a certificate, before a long fit and not after it.
+
+        Raises
+        ------
+        DataError
+            The data set does not state when it was measured.
+        """
         from service.report.certificate import measured_on
 
         measured_on(dataset)
@@ -60,7 +72,13 @@ class CertificateRequest:
         parameters: Sequence[Mapping[str, Any]],
         model_sha256: str | None,
     ) -> None:
-        """Write the certificate of a result. Raises DataError."""
+        """Write the certificate of a result.
+
+        Raises
+        ------
+        DataError
+            The data set or an entry cannot be used in a certificate.
+        """
         from service.report.certificate import CertificateContent, certificate_xml
 
         certified = CertificateContent(dataset, document, parameters, model_sha256)

@@ -1,4 +1,7 @@
-"""`truepose compensate`: a program whose targets make the real robot land where the program says."""
+"""`truepose compensate`: write a program with corrected targets.
+
+With them the real robot lands where the program says.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`truepose diagnose`: identify, find what the model lacks, refit, and judge on readings that took no part."""
+"""`truepose diagnose`: identify, find missing effects, refit, judge on held-out readings."""
 
 from __future__ import annotations
 
@@ -150,8 +150,11 @@ def write_results(
     save_anyway: bool = False,
     certified: bool = False,
 ) -> str | None:
-    """Write predictions, model and report, where they were asked for; what can fail most easily comes last. Returns the
-    hash of the model, None of one that did not converge, or where neither file nor certificate (certified) names it."""
+    """Write the requested predictions, model and report.
+
+    The step that fails most easily comes last. Returns the hash of the model. It is None if the fit did not
+    converge, or if neither a file nor a certificate (`certified`) names the model.
+    """
     diagnosis = outcome.diagnosis
     if predictions is not None:
         replace_file(predictions, predictions_csv(diagnosis))

@@ -1,4 +1,4 @@
-"""`truepose identify`: the parameters of the base model, without any search for missing effects."""
+"""`truepose identify`: identify the base model, without a search for missing effects."""
 
 from __future__ import annotations
 

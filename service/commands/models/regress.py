@@ -1,4 +1,7 @@
-"""`truepose regress`: MLS-SVR on positions or on what a model leaves, beside the models, in sample and by waypoint."""
+"""`truepose regress`: fit MLS-SVR to positions or residuals and compare it with the models.
+
+The comparison is in sample and by waypoint.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`truepose sweeps`: error and reversal of every joint that was turned alone, and the axes of their circles."""
+"""`truepose sweeps`: errors, reversals and circle axes of joints that were turned alone."""
 
 from __future__ import annotations
 

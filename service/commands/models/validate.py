@@ -1,4 +1,4 @@
-"""`truepose validate`: a saved model judged on readings that took no part, or hold-outs of several kinds compared."""
+"""`truepose validate`: judge a saved model on held-out readings, or compare hold-outs."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def validate_command(
 
 
 def _draw(found: ValidationOutcome, report: Path | None, picture: Path | None, terminal: Terminal) -> None:
-    """Write the report and the picture that are asked for."""
+    """Write the requested report and picture."""
     # drawing is not needed for the numbers, and takes long to import
     from service.report import judged_in, validation_report
 
