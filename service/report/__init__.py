@@ -1,4 +1,4 @@
-"""Reports that need nothing else: one HTML file, no request to anywhere, prints to A4."""
+"""Self-contained reports: one HTML file without requests, printable on A4."""
 
 from service.report.build import (
     diagnosis_report,

@@ -1,4 +1,4 @@
-"""Puts a report together: numbers in words, figures, and the template."""
+"""Builder of reports from text, figures and the template."""
 
 from __future__ import annotations
 
@@ -69,11 +69,22 @@ def diagnosis_report(
     acceptance: AcceptanceResult | None = None,
     model_sha256: str | None = None,
 ) -> str:
-    """The report of a diagnosis as HTML. `document` is its JSON, of which the report carries a copy.
+    """Build the report of a diagnosis as HTML.
 
-    patched: a residual map, where one was asked for; verified: what the robot did with corrected targets, where they
-    were driven; followed_up: how what was ambiguous at first was settled; acceptance: where limits were given;
-    model_sha256: of the model where it was saved, to spare making its file again.
+    Parameters
+    ----------
+    document : mapping
+        The JSON of the diagnosis; the report contains a copy.
+    patched : PatchResult, optional
+        A residual map, if one was requested.
+    verified : Verification, optional
+        Readings of corrected targets, if the robot was driven to them.
+    followed_up : FollowUpResult, optional
+        The measurements that settled the first ambiguities.
+    acceptance : AcceptanceResult, optional
+        Results for the limits, if limits were given.
+    model_sha256 : str, optional
+        Hash of a saved model, to avoid making its file again.
     """
     dataset, final = diagnosis.dataset, diagnosis.final
     found = tuple(f.effect for f in diagnosis.effects)
@@ -157,10 +168,16 @@ def identification_report(
     model_sha256: str | None = None,
     preliminary: CalibratedModel | None = None,
 ) -> str:
-    """The report of an identification alone as HTML; `placed` is the estimate of the nominal robot in its place.
+    """Build the report of an identification as HTML.
 
-    model_sha256: of the model, None of a fit that did not converge; preliminary: a model of stage 1, for the section of
-    the ballbar.
+    Parameters
+    ----------
+    placed : array
+        Estimate of the nominal robot in its place.
+    model_sha256 : str, optional
+        Hash of the model; None if the fit did not converge.
+    preliminary : CalibratedModel, optional
+        A model of stage 1, for the section of the ballbar.
     """
     models = {
         "nominal robot": (nominal, placed, drawing.NOMINAL),
@@ -217,7 +234,10 @@ def validation_report(validated: ValidationOutcome) -> str:
 
 
 def judged_in(validated: ValidationOutcome) -> tuple[list[errors.ErrorSample], dict[str, Any]]:
-    """The errors of every model on the validation rows, and their pictures and table; arrows of the first two."""
+    """Return the errors of every model on the validation rows, with their pictures and table.
+
+    Arrows are drawn for the first two models.
+    """
     colours = (drawing.NOMINAL, drawing.AFTER, drawing.FITTED, drawing.BEFORE)
     dataset = validated.dataset
     measured = [
@@ -229,7 +249,10 @@ def judged_in(validated: ValidationOutcome) -> tuple[list[errors.ErrorSample], d
 
 
 def _colour_of(diagnosis: DiagnosisFit) -> str:
-    """The class of the verdict's box: a warning where held-out readings are worse with what was found than without."""
+    """Return the class of the verdict's box.
+
+    It is a warning if held-out readings are worse with the effects found than without.
+    """
     before, after = diagnosis.error_before, diagnosis.error_after
     worse = bool(diagnosis.effects) and before is not None and after is not None and after.rms > before.rms
     return "not_carried" if worse else diagnosis.verdict
@@ -247,8 +270,10 @@ def _with(preliminary: CalibratedModel | None, models: ballbar.Models) -> ballba
 def regression_report(
     comparison: RegressionComparison, result: RegressionResult, model_sha256: str | None = None
 ) -> str:
-    """The report of a regression as HTML: the panel of its comparison, and the model that it is based on, with its
-    hash."""
+    """Build the report of a regression as HTML.
+
+    It has the panel of its comparison, and the model that it is based on, with the hash.
+    """
     asked = comparison.asked.predictor
     assert asked.found is not None  # of what is asked for only the nominal robot has none
     dataset, found = comparison.dataset, asked.found
@@ -268,7 +293,7 @@ def regression_report(
 
 
 def _joints(sample: PlotSample, model: ModelStructure, found: tuple[Effect, ...]) -> Markup:
-    """A panel a joint of what is left, with the lines of the effects found."""
+    """Draw one panel of residuals per joint, with the lines of the effects found."""
     return Markup(
         scatter.joints_figure([panels.of_joint(sample, k, found) for k in range(1, model.robot.joints + 1)])
     )
@@ -300,7 +325,7 @@ def _render(
     model_sha256: str | None,
     **parts: Any,
 ) -> str:
-    """A report as HTML; found: the fit, of which a report that only judges has none."""
+    """Render a report as HTML; a report that only judges has no fit in `found`."""
     fitted = {} if found is None else _of_fit(dataset, found)
     return _template().render(
         dataset=dataset,
@@ -323,7 +348,7 @@ def _render(
 
 
 def _of_fit(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:
-    """What a report says of a fit: its readings, parameters and trust."""
+    """Return the template values of a fit: its readings, parameters and trust."""
     return {
         "fit_count": len(found.readings.rows),
         "scope": scope.scope_of(dataset),
@@ -343,7 +368,10 @@ def _of_fit(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:
 def _held_out(
     dataset: Dataset, models: Mapping[str, tuple[ModelStructure, Array, str]]
 ) -> list[errors.ErrorSample]:
-    """Distances of every model on the measured validation readings; empty where there are none."""
+    """Return the distances of every model on the measured validation readings.
+
+    The list is empty without such readings.
+    """
     rows = dataset.validation_rows
     if not rows.any():
         return []

@@ -1,11 +1,12 @@
-"""A digital calibration certificate (DCC) beside the report: the same figures as XML for programs.
+"""Digital calibration certificate (DCC): the values of a report as XML for programs.
 
-Written after the schema of the PTB, version 3.3.0, with quantities in D-SI 2.2. What a data set does not know,
-laboratory, customer and who is responsible, is told by `CertificateParties`; it is not a certificate of an accredited
-laboratory unless one issues it. Sources: PTB, dcc.xsd v3.3.0 (structure, order, enumerations); D-SI 2.2 (quantities,
-units).
+Written according to the schema of the PTB, version 3.3.0, with quantities in D-SI 2.2. `CertificateParties`
+states what a data set does not know: laboratory, customer and the responsible person. It is not a certificate
+of an accredited laboratory unless one issues it. Sources are PTB, dcc.xsd v3.3.0 (structure, order,
+enumerations), and D-SI 2.2 (quantities, units).
 
-The marks of a report that can be filed and signed: its number, who measured and when, program and hashes.
+This module also makes the marks of a report that can be filed and signed: its number, who measured and when,
+program and hashes.
 """
 
 from __future__ import annotations
@@ -63,8 +64,10 @@ _OF_THE_RUN = ("seconds",)  # keys of a result that differ each time it is worke
 
 @dataclass(frozen=True)
 class CertificateParties:
-    """The entries of a certificate that no data set knows. country: two letters (ISO 3166-1); `ZZ` where it is not
-    told."""
+    """The entries of a certificate that no data set knows.
+
+    `country` has two letters (ISO 3166-1); it is `ZZ` if it is not stated.
+    """
 
     laboratory: str = "not stated"
     city: str = "not stated"
@@ -73,7 +76,13 @@ class CertificateParties:
     responsible: str = "not stated"
 
     def refuse_unusable(self) -> CertificateParties:
-        """The same entries, once they are known to fit a certificate. Raises DataError naming one that does not."""
+        """Return the same entries, after a check that they fit a certificate.
+
+        Raises
+        ------
+        DataError
+            An entry does not fit; the message names it.
+        """
         for each in fields(self):
             if not getattr(self, each.name).strip():
                 raise DataError("is empty.", do="Give it, or leave it out.", key=each.name)
@@ -84,8 +93,11 @@ class CertificateParties:
 
 @dataclass(frozen=True)
 class CertificateContent:
-    """The content of a certificate: a result (`identify --json` or `diagnose --json`), the parameters of its model with
-    value, std and unit, and the hash of that model; None where the fit did not converge."""
+    """The content of a certificate.
+
+    `document` is the result (`identify --json` or `diagnose --json`). `parameters` are those of its model with
+    value, std and unit. `model_sha256` is the hash of that model; it is None if the fit did not converge.
+    """
 
     dataset: Dataset
     document: Mapping[str, Any]
@@ -94,9 +106,12 @@ class CertificateContent:
 
 
 def certificate_xml(certified: CertificateContent, about: CertificateParties) -> str:
-    """The XML of a certificate, with the number of the report, issued today (UTC).
+    """Write the XML of a certificate, with the number of the report, issued today (UTC).
 
-    Raises DataError where the data set does not say when it was measured, or `about` cannot be used.
+    Raises
+    ------
+    DataError
+        The data set does not state when it was measured, or `about` cannot be used.
     """
     about.refuse_unusable()
     ElementTree.register_namespace("dcc", SCHEMA)
@@ -240,7 +255,10 @@ _FIGURES = {
 
 
 def _uncertainty(document: Mapping[str, Any], key: str) -> Mapping[str, float]:
-    """Expanded uncertainties, mm, of the figures that were held to limits: those of the last model."""
+    """Return the expanded uncertainties, mm, of the values that were compared with limits.
+
+    These are the values of the last model.
+    """
     last = "error_after_mm" if "error_after_mm" in document else "error_identified_mm"
     acceptance = document.get("acceptance")
     if key != last or acceptance is None:
@@ -296,7 +314,13 @@ def _temperature(result: ElementTree.Element, dataset: Dataset) -> None:
 
 
 def measured_on(dataset: Dataset) -> tuple[str, str]:
-    """The days of the first and the last reading, as XML has dates. Raises DataError if they are not stated."""
+    """Return the days of the first and the last reading, as XML dates.
+
+    Raises
+    ------
+    DataError
+        The data set does not state them.
+    """
     occasion = dataset.header.occasion
     days = [] if occasion is None else [occasion.began[:10], occasion.ended[:10]]
     try:
@@ -312,7 +336,7 @@ def measured_on(dataset: Dataset) -> tuple[str, str]:
 
 
 def _device(dataset: Dataset, role: str) -> dict[str, str]:
-    """Model and serial number of the first device with this role, as far as it said."""
+    """Return model and serial number of the first device with this role, if stated."""
     devices = [individual_of(table) for table in dataset.header.devices]
     for each in devices:
         if each.role == role:
@@ -366,8 +390,11 @@ def _child(parent: ElementTree.Element, space: str, name: str, text: str | None)
 
 
 def number_of(document: Mapping[str, Any], program: str) -> str:
-    """The number of a report, "TP-1a2b-3c4d-5e6f", from its result and the hash of the program: the same readings and
-    the same program give the same number."""
+    """Return the number of a report, "TP-1a2b-3c4d-5e6f".
+
+    It depends only on the result and the hash of the program, so that the same readings and the same program give
+    the same number.
+    """
     rest = {key: value for key, value in document.items() if key not in _OF_THE_RUN}
     text = json.dumps([program, rest], sort_keys=True, separators=(",", ":"), allow_nan=False)
     digits = hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
@@ -375,7 +402,10 @@ def number_of(document: Mapping[str, Any], program: str) -> str:
 
 
 def hash_of(folders: Iterable[Path]) -> str:
-    """SHA-256 of the sources in folders: the names and bytes of their Python files and templates, in order."""
+    """Return the SHA-256 of the sources in folders.
+
+    It covers the names and bytes of their Python files, templates and TOML files, in order.
+    """
     digest = hashlib.sha256()
     for folder in folders:
         for path in sorted(p for p in folder.rglob("*") if p.suffix in (".py", ".j2", ".toml")):
@@ -391,8 +421,10 @@ def program_hash() -> str:
 
 
 def paper_of(dataset: Dataset, document: Mapping[str, Any], model_sha256: str | None) -> dict[str, Any]:
-    """The number of the report and its lines (what, value, whether the value is a hash). model_sha256: of the saved
-    model, None where there is none."""
+    """Return the number of the report and its lines (text, value, whether the value is a hash).
+
+    `model_sha256` is the hash of the saved model, or None.
+    """
     program = program_hash()
     return {
         "number": number_of(document, program),

@@ -1,4 +1,4 @@
-"""The scope of a report's figures: poses, side of approach, temperature, load, time and noise of the data."""
+"""Scope of a report: poses, approach, temperature, load, time and noise of the data."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LISTED = 12
 
 
 def scope_of(dataset: Dataset, rows: NDArray[np.bool_] | None = None) -> list[tuple[str, str]]:
-    """(what, how it was) for some rows (mask), default those of the fit."""
+    """Return pairs (property, value) for the rows of a mask, default those of the fit."""
     rows = dataset.fit_rows if rows is None else rows
     conditions = dataset.conditions.take(rows)
     points = dataset.points[rows]
@@ -45,7 +45,10 @@ def scope_of(dataset: Dataset, rows: NDArray[np.bool_] | None = None) -> list[tu
 
 
 def _apart(dataset: Dataset) -> list[str]:
-    """Pairs of targets that are not as far apart as when both were measured first, each with the later reading."""
+    """Return pairs of targets whose distance has changed since both were measured first.
+
+    Each pair comes with the later reading.
+    """
     conditions, usable = dataset.conditions, dataset.usable & dataset.pointed
     out = []
     for series in np.unique(conditions.series[usable]):
@@ -68,13 +71,16 @@ def _apart(dataset: Dataset) -> list[str]:
 
 
 def devices_of(dataset: Dataset) -> list[tuple[str, str]]:
-    """(role, which one) for every robot and instrument that the data set names."""
+    """Return pairs (role, device) for every robot and instrument that the data set names."""
     several = len(dataset.conditions.series_names) > 1
     return [_device(table, several) for table in dataset.header.devices]
 
 
 def _device(table: Mapping[str, str], several: bool) -> tuple[str, str]:
-    """Maker, model, serial number, software; of one that was accepted beside another, by whom and why."""
+    """Return maker, model, serial number and software of a device.
+
+    For a device that was accepted in place of another, it also states by whom and why.
+    """
     device = individual_of(table)
     text = str(device)
     if device.firmware:
@@ -97,7 +103,10 @@ def _workspace(points: Array) -> str:
 
 
 def noise_in_words(dataset: Dataset) -> str:
-    """The declared noise of what was measured, as the header has it; points per axis."""
+    """Return the declared noise of the measured quantities, according to the header.
+
+    That of points is per axis.
+    """
     noise = dataset.header.noise
     of_points = {
         "tracker": f"range {noise.range_mm * 1e3:g} µm + {noise.range_ppm:g} ppm, "

@@ -1,8 +1,10 @@
-"""A picture of an arm from its robot file: oblique, from the front, from the side and from above, as one SVG file.
+"""Picture of an arm from its robot file in four views as one SVG file.
 
-The body as capsules, every axis as a dashed line with the joint's number, the base frame with its letters, and every
-link with its length, mm, once: in the view that sees it longest. Words move aside until they stand on no others. No
-library is asked: it is lines and circles, and ids that could clash are not needed. z up, x to the right in front.
+The views are oblique, from the front, from the side and from above; z is up, and x to the right in front. The
+body is drawn as capsules, every axis as a dashed line with the joint's number, and the base frame with its
+letters. The length of every link, mm, is written once, in the view that shows it longest. Labels move aside
+until they overlap no others. No library is used: the picture is lines and circles, and ids that could clash are
+not needed.
 """
 
 from __future__ import annotations
@@ -70,8 +72,11 @@ def arm_svg(robot: Robot, joints: Array, title: str) -> str:
 
 
 def _skeleton(robot: Robot, joints: Array) -> tuple[Array, list[bool]]:
-    """The corners of a line from the base to the flange along every a and d of the robot file, (n + 1, 3), mm; and
-    whether each of its n parts has its length from there: one along which a joint slides has not."""
+    """Trace a line from the base to the flange along every a and d of the robot file.
+
+    Returns its corners (n + 1, 3), mm. For each of its n parts, also returns whether the file gives its length; it
+    does not for a part along which a joint slides.
+    """
     chain, values = Chain.of(robot), nominal_values(robot, joints[None, :])
     frames = propagate(chain, values, BasePoses())
     corners, fixed = [np.zeros(3)], []
@@ -84,8 +89,11 @@ def _skeleton(robot: Robot, joints: Array) -> tuple[Array, list[bool]]:
 
 
 def _written(skeleton: Array, fixed: Sequence[bool]) -> dict[int, int]:
-    """The line by number from the base -> the view that has its length written on it: the first of those that see it
-    longest. A line that is as long as a joint has slid has none."""
+    """Choose for each line the view that has its length written on it.
+
+    Lines are numbered from the base. It is the first of the views that show the line longest. A line whose length
+    depends on a sliding joint has none.
+    """
     lines = np.diff(skeleton, axis=0)
     seen = np.stack([np.linalg.norm(lines @ _turn(*eye)[:2].T, axis=1) for eye in _VIEWS.values()], axis=1)
     best = seen.max(axis=1)
@@ -95,7 +103,7 @@ def _written(skeleton: Array, fixed: Sequence[bool]) -> dict[int, int]:
 
 
 class _Words:
-    """Words on one view that stand on no others."""
+    """Labels of one view that do not overlap."""
 
     def __init__(self) -> None:
         self._taken: list[tuple[float, float, float, float]] = []
@@ -130,7 +138,7 @@ def _view(
     directions: Array,
     written: Sequence[int],
 ) -> Iterator[str]:
-    """One view. written: the links that have their lengths here."""
+    """Draw one view; the links `written` have their lengths here."""
     turn = _turn(*eye)
 
     def paper(place: Array) -> Array:
@@ -173,7 +181,7 @@ def _view(
 
 
 def _turn(azimuth: float, elevation: float) -> Array:
-    """(3, 3) rows: right, up and towards the eye."""
+    """Return the axes of a view as rows (3, 3): right, up and towards the eye."""
     ca, sa, ce, se = np.cos(azimuth), np.sin(azimuth), np.cos(elevation), np.sin(elevation)
     return np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
 

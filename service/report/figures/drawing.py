@@ -1,4 +1,7 @@
-"""The look of figures, and their inline SVG: small, without ids that clash, readable by screen readers."""
+"""Style of figures and their inline SVG, which is small and has no clashing ids.
+
+Screen readers can read the description of a figure.
+"""
 
 from __future__ import annotations
 
@@ -72,10 +75,11 @@ _DOTS = re.compile(r'<g id="dots-(\d+)"\s*/>')
 def figure(
     width: float, height: float, rows: int = 1, columns: int = 1, *, bars: bool = False
 ) -> tuple[Figure, list[Axes]]:
-    """An empty figure, inches, and its axes row by row. Free of pyplot, so nothing is kept between reports.
+    """Create an empty figure, inches, and its axes row by row.
 
-    bars: leaves room for a `colour_bar` at the end of each row. The margins hold every number and label; a layout that
-    is fitted to the words would take a fifth of the time of a report.
+    It does not use pyplot, so nothing is kept between reports. With `bars`, there is space for a `colour_bar` at
+    the end of each row. The margins hold every number and label. A layout that is fitted to the text would take a
+    fifth of the time of a report.
     """
     with matplotlib.rc_context(_STYLE):
         drawn = Figure(figsize=(width, height))
@@ -126,8 +130,11 @@ def colour_bar(drawn: Figure, of: ScalarMappable, last: Axes, label: str) -> Col
 
 
 class _Dots(Line2D):
-    """Dots for which the figure keeps the place and the entry of its legend, and which `as_svg` draws: a report has
-    tens of thousands, and matplotlib writes each with a style of its own."""
+    """Dots that `as_svg` draws.
+
+    The figure keeps their place and their legend entry. A report has tens of thousands of dots, and matplotlib
+    writes each with a separate style.
+    """
 
     def __init__(self, points: Array, size: float, alpha: float, colour: str, label: str | None) -> None:
         look = {"linestyle": "none", "marker": "o", "markersize": size, "markeredgewidth": 0.0}
@@ -173,8 +180,11 @@ def plain_ratio_axis(axes: Axes) -> None:
 
 
 def plain(axis: Axis) -> None:
-    """Plain numbers on a logarithmic axis, no powers of ten; between decades at 2 and 5, where few decades are seen,
-    and at every digit within a fourfold."""
+    """Write plain numbers on a logarithmic axis, without powers of ten.
+
+    Between decades, 2 and 5 are labelled on an axis of few decades, and every digit on an axis within a factor of
+    four.
+    """
 
     def between(value: float, _: object) -> str:
         low, high = axis.get_view_interval()
@@ -187,7 +197,10 @@ def plain(axis: Axis) -> None:
 
 
 def as_svg(drawn: Figure, name: str, description: str) -> str:
-    """The figure as an `<svg>` element. `name` keeps its ids apart; `description` is read to those who cannot see."""
+    """Return the figure as an `<svg>` element.
+
+    `name` keeps its ids apart. `description` is for screen readers.
+    """
     for made_before in _texts(drawn):
         made_before.set_parse_math(False)
     clouds = [line for axes in drawn.axes for line in axes.lines if isinstance(line, _Dots)]

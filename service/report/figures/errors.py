@@ -1,4 +1,4 @@
-"""Figures of the position error on held-out readings: histogram on common bins, and cumulative curve."""
+"""Position error on held-out readings: histogram on common bins, and cumulative curve."""
 
 from __future__ import annotations
 

@@ -1,5 +1,8 @@
-"""Picture of two aligned streams: the speeds by each one's clock, on one clock, and the error along and across the path
-by speed."""
+"""Picture of two aligned streams.
+
+It shows the speeds by each stream's own clock and by the common clock, and the error along and across the path
+by speed.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +54,10 @@ def _speeds(axes: Axes, time: Array, speed: Array, begin: float, colour: str, la
 
 
 def _errors(result: StreamAlignment, along: Axes, across: Axes) -> None:
-    """The errors of the samples that move, by speed: of the nominal arm, and what its static part leaves."""
+    """Draw the errors of the moving samples by speed.
+
+    They are those of the nominal arm, and the residuals of its static part.
+    """
     found = result.aligned
     moving = np.flatnonzero((found.weight > 0.0) & (found.speed >= result.order.slower_than))
     shown = moving[thinned(np.arange(len(moving)), _MOST_DOTS)]

@@ -1,9 +1,16 @@
-"""Panels: the residual over what drives an effect, with the fitted law drawn on it.
+"""Panels of the residual over the driver of an effect, with the fitted law drawn on it.
 
-Which abscissa convinces depends on the driver: the joint angle for gears, the phase of the gear error where it
-repeats too often to follow, the side of approach for backlash, the order of the readings for steps, the time for
-drifts, the temperature for growth, torque and moment for what bends. An effect that several things drive at once is
-drawn over the displacement that it should cause: readings that follow it lie on the diagonal.
+The abscissa depends on the driver:
+
+- joint angle for gears, or phase of the gear error if it repeats too often to follow
+- side of approach for backlash
+- order of the readings for steps
+- time for drifts
+- temperature for growth
+- torque and moment for bending
+
+An effect with several drivers at once is drawn over the displacement that it should cause. Readings that follow
+it are on the diagonal.
 """
 
 from __future__ import annotations
@@ -42,7 +49,10 @@ Curve = tuple[Array, Array, float]  # x, y, side (0 where none is distinguished)
 
 @dataclass(frozen=True)
 class PlotPanel:
-    """Points (x, y, sd), the law to draw as lines (x, y), and labels; all in the units of the labels."""
+    """Points (x, y, sd), the law as lines (x, y), and labels.
+
+    All values are in the units of the labels.
+    """
 
     title: str
     x_label: str
@@ -59,7 +69,7 @@ class PlotPanel:
 
     @property
     def clear(self) -> Mask:
-        """(n,) mask of the readings that see the quantity well enough to be drawn."""
+        """Mask (n,) of the readings that determine the quantity well enough to be drawn."""
         return self.sd <= _BLIND * np.median(self.sd)
 
     @property
@@ -83,8 +93,10 @@ def of_effect(sample: PlotSample, effect: Effect) -> PlotPanel:
 
 
 def _by_displacement(sample: PlotSample, effect: Effect) -> PlotPanel:
-    """The panel over the displacement that the law causes; in order of time where it is the same for all that it
-    moves."""
+    """Build the panel over the displacement that the law causes.
+
+    If the displacement is the same for all readings that the law moves, the panel is in order of time.
+    """
     seen = sample.of_share(effect)
     moved = np.linalg.norm(sample.moved(effect), axis=1)
     touched = moved > _UNTOUCHED * np.max(moved)
@@ -130,7 +142,10 @@ def _on_joint(sample: PlotSample, effect: Effect, joint: int) -> PlotPanel:
 
 
 def _over_a_turn(sample: PlotSample, effect: Effect, joint: int) -> PlotPanel:
-    """The curve of a gear over a whole turn about the readings, with the band that its uncertainty leaves (k = 2)."""
+    """Build the panel of a gear over a whole turn about the readings.
+
+    It has the band of its uncertainty (k = 2).
+    """
     angle = sample.angle(joint)
     seen = sample.of_joint(joint, [effect])
     shown = sample.shown(joint)
@@ -150,7 +165,10 @@ def _over_a_turn(sample: PlotSample, effect: Effect, joint: int) -> PlotPanel:
 
 
 def _turned(sample: PlotSample, joint: int, grid: Array, side: float = 0.0) -> Conditions:
-    """Conditions of the first reading with one joint turned to every angle of a grid, rad, from one side (or none)."""
+    """Return the first reading's conditions with one joint at every angle of a grid, rad.
+
+    The joint comes from one side, or none.
+    """
     conditions = sample.parts[0].conditions.take(np.zeros(len(grid), dtype=int))
     joints, sides = conditions.joints.copy(), conditions.side.copy()
     joints[:, joint - 1], sides[:, joint - 1] = grid, side
@@ -181,8 +199,10 @@ def _by_driver(sample: PlotSample, effect: Effect, axis: Axis) -> PlotPanel:
 
 
 def _common_axis(sample: PlotSample, effect: Effect) -> Axis | None:
-    """The axis over which all that drives an effect is drawn; None where that is several quantities, or one without an
-    axis."""
+    """Return the axis over which all drivers of an effect are drawn.
+
+    It is None if there are several quantities, or one without an axis.
+    """
     axes = [_axis(sample, term.regressor) for term in effect.terms]
     labels = {None if axis is None else axis.label for axis in axes}
     return axes[0] if len(labels) == 1 else None
@@ -193,7 +213,7 @@ def _axis(sample: PlotSample, driver: Regressor) -> Axis | None:
 
 
 def _side(sample: PlotSample, axis: Axis) -> Array | None:
-    """(n,) side of approach of the joint whose angle an axis is, where a law has two sides."""
+    """Return the side of approach (n,) of the joint of an axis if a law has two sides."""
     return sample.side(axis.joint) if axis.sided and axis.joint is not None else None
 
 
@@ -232,7 +252,10 @@ def _panel(
 
 
 def of_joint(sample: PlotSample, joint: int, effects: tuple[Effect, ...]) -> PlotPanel:
-    """The error of one joint over its angle, with everything found on that joint taken out and drawn as lines."""
+    """Build the panel of the error of one joint over its angle.
+
+    All effects found on that joint are removed from the points and drawn as lines.
+    """
     shown = sample.shown(joint)
     mine = tuple(e for e in effects if {t.slot for t in e.terms} == {shown.slot})
     seen = sample.of_joint(joint, mine)
@@ -267,7 +290,10 @@ def _gap(sample: PlotSample, effects: tuple[Effect, ...]) -> float:
 
 
 def _curves(sample: PlotSample, joint: int, effects: tuple[Effect, ...], *, sided: bool) -> tuple[Curve, ...]:
-    """The sum of the laws that the angle (and the side) of the joint drive, on an even grid of angles."""
+    """Evaluate the sum of the laws driven by the angle (and the side) of a joint.
+
+    The grid of angles is even.
+    """
     angle, shown = sample.angle(joint), sample.shown(joint)
     grid = np.linspace(angle.min(), angle.max(), _CURVE_POINTS)
     model, estimate = sample.fitted.model, sample.fitted.estimate

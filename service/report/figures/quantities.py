@@ -1,4 +1,4 @@
-"""The quantity over which a place of structure is drawn: an angle, a load, a time, where gravity points on the tool."""
+"""Quantities over which structure is drawn, such as an angle, a load or a time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ _PAUSE = "time since the last move"
 
 @dataclass(frozen=True)
 class Quantity:
-    """Values (n, q) of one quantity or several, what to call them, and (n,) groups of readings that differ."""
+    """Values (n, q) of one or several quantities.
+
+    They have labels, and (n,) groups of readings that differ.
+    """
 
     values: Array
     labels: tuple[str, ...]
@@ -30,7 +33,7 @@ class Quantity:
 
 
 def quantity_of(where: str, conditions: Conditions, header: Header) -> Quantity | None:
-    """The quantity over which a place of structure is drawn; None where it has no name we know."""
+    """Return the quantity over which a place of structure is drawn; None if its name is unknown."""
     if where == TOGETHER:
         moving = [k for k in range(conditions.joints.shape[1]) if np.ptp(conditions.joints[:, k]) > 0.0]
         return _over(moving, conditions)

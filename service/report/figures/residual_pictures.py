@@ -1,4 +1,4 @@
-"""Pictures of the residuals: over one quantity, by group, as arrows in the workspace, and the rejected readings."""
+"""Pictures of residuals over a quantity, by group or as arrows, and of left-out readings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ _GROUPS = (drawing.FITTED, drawing.AFTER, drawing.BEFORE, drawing.NOMINAL)
 
 
 def over(quantity: Quantity, left: Array, held: NDArray[np.bool_], name: str, where: str) -> str:
-    """The three components of the residuals (n, 3), mm, each over the one quantity, or over its own of three."""
+    """Draw the three components of the residuals (n, 3), mm, over a quantity.
+
+    If the quantity has three components, each residual component is drawn over its own one.
+    """
     drawn, places = drawing.figure(10.2, 2.5, 1, 3)
     limits = _limits(left)
     own = quantity.values.shape[1] == 3
@@ -69,7 +72,10 @@ def by_group(group: NDArray[np.int64], names: Sequence[str], left: Array, name: 
 
 
 def left_out(quantity: Quantity, error: Array, out: NDArray[np.bool_], name: str, where: str) -> str:
-    """The readings left out, `out` (n,): by their error (n,), mm, over one quantity, or in the plane of two."""
+    """Draw the readings that were left out among the others.
+
+    `out` (n,) marks them. They are drawn by their error (n,), mm, over one quantity, or in the plane of two.
+    """
     drawn, (axes,) = drawing.figure(5.0, 2.9)
     x = quantity.values[:, 0]
     y = error if quantity.values.shape[1] == 1 else quantity.values[:, 1]

@@ -1,9 +1,9 @@
-"""The residuals of one effect, reading by reading, with all other effects left in the model.
+"""The residuals of one effect, reading by reading, with all other effects in the model.
 
-With the effect's parameters set to zero and all others kept, r is the whitened residual of a reading and w the
-whitened displacement for a unit of what the effect drives. Then y = w.r / w.w is the best estimate of that drive
-from this reading alone, with standard error noise_scale / |w|. Drawn over what drives the effect, y must follow
-the fitted law. For effects on one joint y is a joint angle.
+With the effect's parameters set to zero and all others kept, r is the whitened residual of a reading. w is the
+whitened displacement for one unit of the effect's drive. Then y = w.r / w.w is the best estimate of that drive
+from this reading alone, with standard error noise_scale / |w|. Drawn over the driver of the effect, y must
+follow the fitted law. For effects on one joint y is a joint angle.
 """
 
 from __future__ import annotations
@@ -30,7 +30,10 @@ Law = Callable[[FitReadings, BoundModel], Array]
 
 
 class PlotValues(NamedTuple):
-    """The values of one quantity in n readings: estimate y, standard error sd, fitted law, in internal units."""
+    """The values of one quantity in n readings, in internal units.
+
+    They are the estimate y, its standard error sd, and the fitted law.
+    """
 
     y: Array
     sd: Array
@@ -39,8 +42,10 @@ class PlotValues(NamedTuple):
 
 @dataclass(frozen=True)
 class JointAxis:
-    """The way a joint is shown: its name, its slot, one unit of its place and of its error, and what to write on
-    axes."""
+    """The way a joint is shown.
+
+    It has a name, a slot, one unit of its place and of its error, and the texts of the axes.
+    """
 
     name: str
     slot: str
@@ -77,7 +82,7 @@ class PlotSample:
 
     @property
     def held(self) -> NDArray[np.bool_]:
-        """(n,) which of the readings took no part in the fit."""
+        """Mask (n,) of the readings that took no part in the fit."""
         return np.concatenate([np.full(len(p.rows), i > 0) for i, p in enumerate(self.parts)])
 
     @cached_property
@@ -90,15 +95,15 @@ class PlotSample:
         return JointAxis.of(self.fitted.model.robot, joint)
 
     def angle(self, joint: int) -> Array:
-        """(n,) model angle of a joint, rad, or its place along its axis, mm."""
+        """Return the model angles (n,) of a joint, rad, or its places along its axis, mm."""
         return np.concatenate([p.conditions.joints[:, joint - 1] for p in self.parts])
 
     def side(self, joint: int) -> Array:
-        """(n,) side of approach of a joint."""
+        """Return the side of approach (n,) of a joint."""
         return np.concatenate([p.conditions.side[:, joint - 1] for p in self.parts])
 
     def column(self, name: str) -> Array:
-        """(n,) any of the conditions that is one number a reading."""
+        """Return a condition (n,) that is one number per reading."""
         return np.concatenate([getattr(p.conditions, name) for p in self.parts])
 
     def axis(self, regressor: PlotAxis) -> Axis:
@@ -137,12 +142,17 @@ class PlotSample:
         return self._seen([effect], amounts, lambda part, _: np.ones(len(part.rows)))
 
     def moved(self, effect: Effect) -> Array:
-        """(n, 3) how the effect moves the tool point, mm; against the base target where it moves that."""
+        """Return the displacement (n, 3) of the tool point by the effect, mm.
+
+        If the effect moves the base target, it is the displacement against it.
+        """
         return np.concatenate([self._moved(effect, design) for design in self.designs])
 
     def displacement(self, effect: Effect) -> float:
-        """RMS over the readings (at most 400 of them) of how far the effect moves the tool point, or the base target,
-        mm."""
+        """Return the RMS displacement of the tool point, or the base target, by the effect, mm.
+
+        It is taken over at most 400 readings.
+        """
         moved = self._moved(effect, self._few)
         return float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
 
@@ -164,7 +174,10 @@ class PlotSample:
         return design.predict(self.fitted.estimate) - design.predict(without)
 
     def left(self, dataset: Dataset) -> Array:
-        """(n, 3) measured less predicted point of every reading, mm; NaN where no point was measured."""
+        """Return the residuals (n, 3), measured less predicted point, mm.
+
+        They are NaN without a measured point.
+        """
         return dataset.points[np.concatenate([part.rows for part in self.parts])] - self._predicted
 
     @cached_property
@@ -208,7 +221,10 @@ class PlotSample:
 
 
 def binned(x: Array, y: Array, sd: Array, edges: Array) -> tuple[Array, Array, Array]:
-    """Weighted means of y in bins of x: centres, means, expanded uncertainties (k = 2); only bins of 4 or more."""
+    """Return weighted means of y in bins of x.
+
+    Returns centres, means and expanded uncertainties (k = 2) of the bins with at least 4 readings.
+    """
     place = np.clip(np.digitize(x, edges) - 1, 0, len(edges) - 2)
     weight = 1.0 / sd**2
     size = len(edges) - 1

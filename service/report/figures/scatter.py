@@ -29,7 +29,7 @@ def effect_figure(panel: PlotPanel, name: str) -> str:
 
 
 def joints_figure(panels: Sequence[PlotPanel]) -> str:
-    """Small panels, one a joint, as SVG."""
+    """Draw small panels, one per joint, as SVG."""
     columns = 3
     rows = -(-len(panels) // columns)
     drawn, places = drawing.figure(8.6, 2.1 * rows, rows, columns)
@@ -131,7 +131,7 @@ def _heights(panel: PlotPanel) -> tuple[float, float]:
 
 
 def thinned(rows: np.ndarray, most: int) -> np.ndarray:
-    """The rows thinned to at most so many, by a fixed draw."""
+    """Thin rows to at most `most` by a fixed draw."""
     if len(rows) <= most:
         return rows
     return np.sort(np.random.default_rng(0).choice(rows, most, replace=False))

@@ -1,11 +1,14 @@
-"""Structure that no effect explains, drawn where it lives: over an angle, two or three of them, a load, a direction,
-time, the side of the tool that is down or seen, in the workspace, by target or by pose.
+"""Pictures of structure that no effect explains.
 
-What is left of every reading is a vector; its three parts in the world are drawn over what drives it, with the weighted
-means of bins, or as arrows at their place, means of the readings near it. Pure noise scatters evenly about zero and its
-arrows point anywhere. Where the readings that the fit left out lie together, they are drawn among the others.
+Structure is drawn where it lives: over an angle, two or three of them, a load, a direction or time, by the side
+of the tool that is down or seen, in the workspace, by target or by pose.
 
-Maps of the residuals: means in squares of two quantities, one map for every third of a third quantity.
+The residual of every reading is a vector. Its three components in the world are drawn over their driver, with
+the weighted means of bins, or as arrows at their place, means of the readings near it. Pure noise scatters
+evenly about zero, and its arrows point in random directions. If the readings that the fit left out lie
+together, they are drawn among the others.
+
+Maps of the residuals show means in squares of two quantities, with one map for every third of a third quantity.
 """
 
 from __future__ import annotations
@@ -36,7 +39,10 @@ _THIRDS = "lowest", "middle", "highest"
 
 
 def picture_of(left: ResidualStructure, number: int, dataset: Dataset, sample: PlotSample) -> str | None:
-    """The picture of one place as SVG; None where no points were measured, or the place has no name we know."""
+    """Draw the picture of one place as SVG.
+
+    It is None if no points were measured, or if the name of the place is unknown.
+    """
     name = f"left{number}"
     if left.acts_on == ACTS_ON:
         return _of_left_out(left.where, name, dataset, sample)
@@ -76,7 +82,10 @@ def _over_three(
     sample: PlotSample,
     name: str,
 ) -> str | None:
-    """Maps over the three angles that tell most of what is left: of its parts, or of the joint on which it acts."""
+    """Draw maps over the three angles that explain most of the residuals.
+
+    The maps show the components of the residuals, or the error of the joint on which the structure acts.
+    """
     values, weight, labels = rest[pointed], np.ones(int(pointed.sum())), tuple(f"{k}, mm" for k in "xyz")
     conditions = sample.parts[0].conditions
     axes = [axis.removeprefix("j") for axis in conditions.axis_names]
@@ -96,8 +105,11 @@ def _columns(quantity: Quantity, which: list[int]) -> Quantity:
 
 
 def most_telling(angles: Array, values: Array, weight: Array) -> list[int] | None:
-    """The three of angles (n, q) over whose cells the means of values (n, p) explain most, their number allowed for;
-    the one that tells least by itself last. None where fewer than three vary."""
+    """Find the three angles whose cells explain most.
+
+    Of angles (n, q), it takes the three over whose cells the means of values (n, p) explain most, corrected for
+    their number. The angle that explains least by itself is last. The result is None if fewer than three vary.
+    """
     n, q = angles.shape
     cells = int(np.clip((n / _IN_CELL) ** (1.0 / 3.0), 2, _MOST_CELLS))
     place = np.stack([_ranked(angle, cells) for angle in angles.T], axis=1)
@@ -118,7 +130,7 @@ def most_telling(angles: Array, values: Array, weight: Array) -> list[int] | Non
 
 
 def _ranked(angle: Array, cells: int) -> NDArray[np.int64]:
-    """(n,) which of so many cells, each with as many readings, an angle lies in."""
+    """Return the cell (n,) of each angle, for `cells` cells with equally many readings."""
     return np.argsort(np.argsort(angle, kind="stable"), kind="stable") * cells // len(angle)
 
 
@@ -147,13 +159,13 @@ def _quantity(where: str, design: BoundModel, dataset: Dataset, sample: PlotSamp
 
 
 def _in_tool(sample: PlotSample, rest: Array) -> Array:
-    """(n, 3) what is left along the axes of the tool."""
+    """Return the residuals (n, 3) along the axes of the tool."""
     turns = [design.frames(sample.fitted.estimate, ()).rotation for design in sample.designs]
     return np.einsum("nji,nj->ni", np.concatenate(turns), rest)
 
 
 def _by_pose(sample: PlotSample, rest: Array, pointed: NDArray[np.bool_], name: str) -> str | None:
-    """The poses whose own errors are largest, of those that were visited again in the calibration."""
+    """Draw the poses with the largest own errors, of those revisited in the calibration."""
     pose = sample.parts[0].conditions.pose
     count = len(pose)
     rest, pose = rest[:count][pointed[:count]], pose[pointed[:count]]
@@ -175,7 +187,10 @@ def _by_pose(sample: PlotSample, rest: Array, pointed: NDArray[np.bool_], name: 
 
 
 def _of_left_out(where: str, name: str, dataset: Dataset, sample: PlotSample) -> str | None:
-    """The distance of every calibration reading from the model, those that were left out among the others."""
+    """Draw the distance of every calibration reading from the model.
+
+    The readings that were left out are among the others.
+    """
     readings, out = all_readings(dataset, sample.fitted)
     design = BoundModel(sample.fitted.model, readings.conditions)
     predicted = design.predict(sample.fitted.estimate)
@@ -213,8 +228,11 @@ def over_two(quantity: Quantity, left: Array, name: str, where: str) -> str:
 def over_three(
     quantity: Quantity, values: Array, weight: Array, labels: Sequence[str], name: str, where: str
 ) -> str:
-    """Weighted means of values (n, p), `labels` their names, in squares of the first two of three quantities: a row of
-    maps for each of the p, a column for each third of the readings by the last quantity."""
+    """Draw weighted means of values (n, p) in squares of the first two of three quantities.
+
+    There is a row of maps for each of the p values, with their names in `labels`. There is a column for each third
+    of the readings by the last quantity.
+    """
     x, y, z = quantity.values.T
     count = int(np.clip(np.sqrt(len(z) / 3.0 / _IN_SQUARE), 4, _SQUARES))
     edges, thirds = (_edges(x, count), _edges(y, count)), np.quantile(z, (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0))
@@ -240,7 +258,7 @@ def _edges(values: Array, count: int) -> Array:
 
 
 def _means(x: Array, y: Array, value: Array, weight: Array, edges: tuple[Array, Array]) -> Array:
-    """(squares, squares) weighted means of the values in every square; NaN where it has no reading."""
+    """Return weighted means (squares, squares) of the values; NaN in squares without readings."""
     worth, total = (np.histogram2d(x, y, edges, weights=of)[0] for of in (weight, weight * value))
     return np.where(worth > 0.0, total / np.where(worth > 0.0, worth, 1.0), np.nan)
 

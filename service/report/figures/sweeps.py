@@ -1,4 +1,4 @@
-"""Picture of single joints: the tangential error over the angle, up and down, one panel a sweep."""
+"""Picture of single joints: tangential error over the angle, up and down, per sweep."""
 
 from __future__ import annotations
 

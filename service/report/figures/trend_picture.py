@@ -1,4 +1,4 @@
-"""The picture of a trend: every value with its U, the centre of its control chart, and the limits of every value."""
+"""Picture of a trend: values with U, centre of the control chart, limits of every value."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The sections of a report: what the template shows in each, as words, rows and figures."""
+"""The sections of a report: text, rows and figures for the template."""

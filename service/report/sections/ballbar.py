@@ -1,4 +1,4 @@
-"""The section of a ballbar in a report: sphere tests, errors of the distances, and how they grow from the fixture."""
+"""Ballbar section: sphere tests, errors of the distances, growth from the fixture."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ NEAR_MM = 200.0  # Nubiola, thesis, 4.4: better than 0.4 mm so near to the point
 
 
 def section_of(dataset: Dataset, models: Models) -> dict[str, Any] | None:
-    """Tables of the distances and of the sphere tests, and figures, for models with their colours.
+    """Build tables of the distances and sphere tests, and figures, for models with colours.
 
-    None without held-out distances.
+    Returns None without held-out distances.
     """
     rows = dataset.validation_rows & dataset.spanned
     if not rows.any():
@@ -60,7 +60,10 @@ def section_of(dataset: Dataset, models: Models) -> dict[str, Any] | None:
 def _row(
     name: str, found: Array, dataset: Dataset, rows: np.ndarray, above: Array | None
 ) -> tuple[str | int, ...]:
-    """Name, n, mean, std and max of the error of the distances, and of those near the fixture n and mean, mm."""
+    """Return name, n, mean, std and max of the error of the distances, mm.
+
+    For those near the fixture, n and mean are added.
+    """
     off = np.abs(found)
     row = (name, len(off), *(f"{each:.4f}" for each in (off.mean(), off.std(ddof=1), off.max())))
     if above is None:
@@ -70,12 +73,15 @@ def _row(
 
 
 def _from(above: Array, dataset: Dataset, rows: np.ndarray) -> Array:
-    """(n,) mm: how far the targets are from the point above the fixture."""
+    """Return the distances (n,) of the targets from the point above the fixture, mm."""
     return np.linalg.norm(dataset.conditions.point[rows] - above, axis=1)
 
 
 def _histogram(errors: Mapping[str, tuple[Array, str]]) -> str:
-    """Measured less predicted distance of every model, each on a scale of its own, as SVG."""
+    """Draw measured less predicted distances of every model as SVG.
+
+    Each model has its own scale.
+    """
     drawn, panels = drawing.figure(5.0, 3.1, len(errors), 1)
     for axes, (name, (found, colour)) in zip(panels, errors.items(), strict=True):
         edges = np.linspace(-1.0, 1.0, _BINS + 1) * max(float(np.abs(found).max()), 1e-9)
@@ -93,7 +99,10 @@ def _histogram(errors: Mapping[str, tuple[Array, str]]) -> str:
 
 
 def _growth(dataset: Dataset, rows: np.ndarray, above: Array, errors: Mapping[str, tuple[Array, str]]) -> str:
-    """Error of the distances over the distance of the target from the point above the fixture, as SVG."""
+    """Draw the error of the distances over the distance from the point above the fixture.
+
+    The result is SVG.
+    """
     distance = _from(above, dataset, rows)
     bins = (distance // _BIN_MM).astype(int)
     drawn, (axes,) = drawing.figure(5.0, 3.1)

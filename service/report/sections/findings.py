@@ -1,4 +1,4 @@
-"""The findings for the template, every effect and every place where structure is left: words, figures, pictures."""
+"""Findings for the template: text, values and pictures of every effect and structure."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def structure_of(
 
 
 def power_of(power: Sequence[DetectableEffect]) -> list[dict[str, Any]]:
-    """The smallest size that would have shown, by kind of effect, from the joint that shows it best to the worst."""
+    """Return the smallest detectable size by kind of effect, from the best joint to the worst."""
     kinds: dict[tuple[str, str], list[tuple[float, str]]] = {}
     for each in power:
         size = math.inf if each.size is None else each.size
@@ -106,7 +106,10 @@ def effect_of(
 
 
 def _parts(found: DiagnosedEffect) -> str:
-    """Every parameter of an effect that has more of them than its amplitude; empty for the waves of a curve."""
+    """Return every parameter of an effect that has more of them than its amplitude.
+
+    The text is empty for the waves of a curve.
+    """
     if not 3 <= len(found.effect.parameters) <= _LISTED:
         return ""
     texts = []

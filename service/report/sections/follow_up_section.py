@@ -1,4 +1,4 @@
-"""The follow-up sections: what to measure next, and in a closed loop what was ambiguous and what became of it."""
+"""The follow-up sections: next measurements, and the resolved ambiguities of a closed loop."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Weights = Sequence[tuple[str, float]]
 
 
 def section_of(follow_up: FollowUp | None) -> Mapping[str, Any] | None:
-    """The section on the poses to be measured next; None where nothing is ambiguous."""
+    """Build the section on the poses to be measured next; None if nothing is ambiguous."""
     if follow_up is None:
         return None
     return {
@@ -25,7 +25,10 @@ def section_of(follow_up: FollowUp | None) -> Mapping[str, Any] | None:
 
 
 def pairs_of(follow_up: FollowUp) -> list[tuple[str, str, str, bool]]:
-    """(effect, rival, expected squared distance as text, whether it settles the pair)."""
+    """Return the rivals of a follow-up.
+
+    Each is (effect, rival, expected squared distance as text, whether it settles the pair).
+    """
     return [
         (label, rival, f"{square:.0f}", square >= SEPARATES)
         for (label, rival), square in follow_up.separations.items()
@@ -33,7 +36,7 @@ def pairs_of(follow_up: FollowUp) -> list[tuple[str, str, str, bool]]:
 
 
 def middle_step_of(step: FollowUpResult | None, after: DiagnosisFit) -> Mapping[str, Any] | None:
-    """The section on the middle step; None where there was none."""
+    """Build the section on the middle step; None if there was none."""
     if step is None:
         return None
     return {

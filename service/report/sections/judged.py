@@ -1,7 +1,7 @@
-"""Pictures of what the models were judged by: errors as arrows in the workspace, over time, and target by target.
+"""Pictures of the judged errors: arrows in the workspace, over time, and by target.
 
-Arrows are measured less predicted points in the world, many times their size, each model with an enlargement of its
-own: what is left after a calibration would else be dots beside what was there before it.
+Arrows are measured less predicted points in the world, many times their size. Each model has its own
+enlargement. Otherwise the residuals after a calibration would be dots compared with those before it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,10 @@ class Vectors:
 
 
 def section_of(dataset: Dataset, models: Models, measured: Sequence[ErrorSample]) -> dict[str, Any]:
-    """Pictures and table for models with their colours and errors on the validation readings; empty where none is."""
+    """Build pictures and table for models with colours and errors on the validation readings.
+
+    It is empty without validation readings.
+    """
     if not measured:
         return {}
     rows = np.flatnonzero(dataset.validation_rows)
@@ -82,7 +85,10 @@ def _arrows_of(dataset: Dataset, models: Models) -> Markup | None:
 
 
 def arrows(points: Array, models: Sequence[Vectors]) -> str:
-    """Errors of models at points (n, 3), mm, from above and from the side, a row a model, as SVG."""
+    """Draw errors of models at points (n, 3), mm, as SVG.
+
+    They are drawn from above and from the side, one row per model.
+    """
     drawn, places = drawing.figure(8.2, 2.55 * len(models), len(models), 2)
     size = float(np.max(np.ptp(points, axis=0))) or 1.0
     told = []
@@ -132,8 +138,10 @@ def _arrows(axes: Axes, at: Array, vectors: Array, colour: str) -> None:
 
 
 def over_time(dataset: Dataset, rows: NDArray[np.int64], measured: Sequence[ErrorSample]) -> str:
-    """Errors (n,) of every model on the rows (n,) over time in hours, or in order where no time is known;
-    the line is the median of a stretch, and ends where measuring paused. As SVG."""
+    """Draw errors (n,) of every model on the rows (n,) over time in hours, as SVG.
+
+    If no time is known, they are in order. The line is the median of a stretch, and ends where measuring paused.
+    """
     clock = _known_time(dataset, rows)
     x = dataset.conditions.time[rows] / 3600.0 if clock else dataset.conditions.order[rows] + 1.0
     drawn, (axes,) = drawing.figure(8.2, 2.4)
@@ -158,7 +166,10 @@ def over_time(dataset: Dataset, rows: NDArray[np.int64], measured: Sequence[Erro
 
 
 def stretches(x: Array) -> list[list[NDArray[np.int64]]]:
-    """The rows of the stretches of times x (n,), apart where nothing was measured for a fifth of the whole time."""
+    """Split the rows of times x (n,) into stretches.
+
+    Rows are in different stretches if nothing was measured for a fifth of the whole time between them.
+    """
     order = np.argsort(x, kind="stable")
     sessions = np.split(order, np.flatnonzero(np.diff(x[order]) > _PAUSE * np.ptp(x)) + 1)
     share = [_STRETCHES * len(each) // len(x) for each in sessions]
@@ -171,7 +182,10 @@ def stretches(x: Array) -> list[list[NDArray[np.int64]]]:
 def _by_target(
     dataset: Dataset, rows: NDArray[np.int64], measured: Sequence[ErrorSample]
 ) -> list[tuple[str, int, list[tuple[str, str]]]]:
-    """(target, n, (RMS, max) of every model, mm) for every target, of every series where there are several."""
+    """Return (target, n, (RMS, max) of every model, mm) for every target.
+
+    If there are several series, targets are listed for each.
+    """
     conditions = dataset.conditions
     several = len(conditions.series_names) > 1
     table = []

@@ -1,4 +1,4 @@
-"""The ladder at the head of a report: the error of every model, from the robot as found to the robot verified."""
+"""Ladder at the head of a report: errors from the robot as found to the robot verified."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ DRIVEN = "new poses, driven corrected"
 
 @dataclass(frozen=True)
 class LadderStep:
-    """One model, the readings that judged it, its errors, and by how much its RMS differs from the rung above."""
+    """One model of the ladder.
+
+    It has the readings that judged it, its errors, and the difference of its RMS from the rung above.
+    """
 
     name: str
     judged: str
@@ -31,9 +34,10 @@ class LadderStep:
 def ladder_of(
     held_out: Mapping[str, ErrorStatistics | None], verified: ErrorStatistics | None = None
 ) -> list[LadderStep]:
-    """The rungs from top to bottom. held_out: model -> errors on the held-out readings, None where there are none.
+    """Return the rungs from top to bottom.
 
-    verified: the errors of targets that the robot was driven to with the correction.
+    `held_out` maps a model to its errors on the held-out readings, or None. `verified` are the errors of targets
+    that the robot was driven to with the correction.
     """
     judged = [(name, HELD_OUT, errors) for name, errors in held_out.items() if errors is not None]
     if verified is not None:
@@ -46,7 +50,7 @@ def ladder_of(
 
 
 def _step(before: ErrorStatistics | None, after: ErrorStatistics) -> str:
-    """The change of the RMS in mm and as a share of what it was, e.g. "−0.653 mm (−98 %)"."""
+    """Return the change of the RMS in mm and in percent, e.g. "−0.653 mm (−98 %)"."""
     if before is None:
         return ""
     change = after.rms - before.rms

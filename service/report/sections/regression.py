@@ -1,4 +1,4 @@
-"""The panel of a regression: its table, and its errors in sample and on waypoints left out as a picture."""
+"""Regression panel: its table, and a picture of errors in sample and on held-out waypoints."""
 
 from __future__ import annotations
 
@@ -29,12 +29,18 @@ def section_of(comparison: RegressionComparison, result: RegressionResult) -> di
 
 
 def foremost(findings: list[str], asked: str) -> list[str]:
-    """The findings for the head of the report: the first, and what is said of the predictor that was asked for."""
+    """Return the findings for the head of the report.
+
+    They are the first one, and those on the requested predictor.
+    """
     return list(dict.fromkeys([findings[0], *(each for each in findings if each.startswith(f"{asked}:"))]))
 
 
 def picture(comparison: RegressionComparison) -> str:
-    """The errors of every predictor: each waypoint a dot, in sample and left out, with the median."""
+    """Draw the errors of every predictor, in sample and left out, with the median.
+
+    Each waypoint is a dot.
+    """
     drawn, (axes,) = drawing.figure(7.2, 0.6 + 0.55 * len(comparison.scored))
     kinds = (("in sample", drawing.BEFORE, -0.16), ("on waypoints left out", drawing.AFTER, 0.16))
     for place, scored in enumerate(comparison.scored):
@@ -60,7 +66,7 @@ def picture(comparison: RegressionComparison) -> str:
 
 
 def _by_waypoint(errors: Array, waypoint: NDArray[np.int64]) -> Array:
-    """(w,) RMS distance at every waypoint of errors (n, 3)."""
+    """Return the RMS distance (w,) at every waypoint, from errors (n, 3)."""
     _, number = np.unique(waypoint, return_inverse=True)
     squares = np.bincount(number, weights=(errors**2).sum(axis=1)) / np.bincount(number)
     return np.maximum(np.sqrt(squares), 1e-9)

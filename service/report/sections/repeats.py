@@ -1,4 +1,4 @@
-"""The section of repeated poses: pose accuracy and repeatability of ISO 9283, where poses were visited again."""
+"""Section of revisited poses: pose accuracy and repeatability according to ISO 9283."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MOST = 24  # poses listed; the worst repeatability first
 
 
 def section_of(dataset: Dataset, model: ModelStructure, estimate: Array) -> dict[str, Any] | None:
-    """Rows of the table and what to say beside it; None where no pose was visited again."""
+    """Build the rows of the table and the text next to it; None if no pose was visited again."""
     poses = judge_repeats(dataset, model, estimate).poses
     if not poses:
         return None

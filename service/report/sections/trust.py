@@ -1,4 +1,4 @@
-"""The trust in a model: predicted uncertainty over the workspace, and what the fit leans on."""
+"""Trust in a model: predicted uncertainty over the workspace, and the basis of the fit."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ _COLOURS = colormaps["viridis_r"].resampled(16)  # steps can be read off; a smoo
 
 
 def trust_of(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:
-    """The section of a report: figure, radius that contains 95 %, correlations, leverage, condition number."""
+    """Build the section of a report on the trust in a model.
+
+    It has a figure, the radius that contains 95 %, correlations, leverage and condition number.
+    """
     of_map = uncertainty_map(found)
     return {
         "figure": Markup(_figure(of_map)),
@@ -49,7 +52,10 @@ def trust_of(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:
 
 
 def _figure(of_map: UncertaintyMap) -> str:
-    """Largest radius that contains 95 % by distance and height, within the measured ranges and within the limits."""
+    """Draw the largest radius that contains 95 % by distance and height.
+
+    One panel is within the measured ranges, the other within the limits.
+    """
     drawn, panels = drawing.figure(7.6, 3.0, 1, 2, bars=True)
     radius = np.linspace(0.0, float(of_map.radius.max()), _CELLS + 1)
     height = np.linspace(float(of_map.height.min()), float(of_map.height.max()), _CELLS + 1)

@@ -1,4 +1,4 @@
-"""The verification section: where the robot really landed with corrected targets, beside what was predicted."""
+"""Verification section: errors of the real robot with corrected targets, and predictions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NEARLY = 1.3  # times the floor: what a correction is held to
 
 
 def rows_of(diagnosis: DiagnosisFit, verification: Verification) -> dict[str, ErrorStatistics | None]:
-    """The one table: what each model predicts on validation readings, then what the robot did."""
+    """Return the errors of each model on validation readings (predicted), then of the robot."""
     return {
         "nominal robot, placed (predicted)": diagnosis.error_nominal,
         "level 3 (predicted)": diagnosis.error_before,
@@ -33,7 +33,7 @@ def floor_in_words(verification: Verification) -> str:
 
 
 def scope_in_words(verification: Verification) -> str:
-    """The scope of the figures in words."""
+    """Return the scope of the values as text."""
     text = (
         f"{wording.counted(verification.poses, 'new pose')}, {wording.counted(verification.verified.n, 'reading')}; "
         f"approach {verification.approach}; "
@@ -46,7 +46,10 @@ def scope_in_words(verification: Verification) -> str:
 
 
 def section_of(verification: Verification | None) -> Mapping[str, Any] | None:
-    """The section of the template; None where nothing was driven. What models predict is in the ladder alone."""
+    """Build the section of the template; None if nothing was driven.
+
+    The predictions of models are only in the ladder.
+    """
     if verification is None:
         return None
     driven = {"Driven uncorrected": verification.uncorrected, "Driven corrected": verification.verified}
