@@ -1,9 +1,10 @@
-"""A program corrected: every target found, solved, corrected in one batch, written, read again and compared.
+"""Correction of a program.
 
-What the written file means is taken from reading it back as the controller will, so that rounding, and anything that
-went wrong in writing, shows in the figures. Sources of the correction: `calib.compensate`.
+All targets are found, solved and corrected in one batch. The corrected program is written, read again and
+compared. The values of the written file are taken from reading it back as the controller will. Rounding, and
+any mistake in writing, therefore shows in the results. Sources of the correction: `calib.compensate`.
 
-The summary of a corrected program: a table for people, a document for programs.
+This module also gives the summary of a corrected program: a table for people, a document for programs.
 """
 
 from __future__ import annotations
@@ -43,13 +44,26 @@ _SHOWN = 40  # targets on a terminal; the JSON holds all
 
 @dataclass(frozen=True)
 class TargetOutcome:
-    """The outcome of one target. NaN where it was not corrected.
+    """The outcome of one target.
 
-    moved: mm and rad from the pose as written to the one that is sent; quantised: mm and rad from the latter to what
-    the file can hold; turned: rad, the largest change of a joint that turns; slid: mm, of one that slides, NaN where
-    none does; left: what this arm cannot correct and what is outside the measured range, as a sentence part; beyond:
-    what that is; radius_95: of the sphere that contains 95 % of the positions that the model allows, mm. Positions are
-    those of the target's tool point.
+    Values are NaN if the target was not corrected. Positions are those of the target's tool point.
+
+    Attributes
+    ----------
+    moved : tuple of float
+        mm and rad from the pose as written to the pose that is sent.
+    quantised : tuple of float
+        mm and rad from the pose that is sent to the one that the file can hold.
+    turned : float
+        Largest change of a rotating joint, rad.
+    slid : float
+        Largest change of a sliding joint, mm; NaN without one.
+    left : str
+        Sentence part on errors that this arm cannot correct, and on joints outside the measured range.
+    beyond : tuple
+        The joints outside the measured range.
+    radius_95 : float
+        Radius of the sphere that contains 95 % of the positions that the model allows, mm.
     """
 
     target: ProgramTarget
@@ -66,8 +80,10 @@ class TargetOutcome:
 
 @dataclass(frozen=True)
 class Compensation:
-    """A program with corrected targets, as text that holds no formula for a spreadsheet, and what became of every
-    target of the one it was made from."""
+    """A program with corrected targets, and the outcome of every target of its source.
+
+    The text holds no formula for a spreadsheet.
+    """
 
     text: str
     outcomes: tuple[TargetOutcome, ...]
@@ -87,11 +103,21 @@ def compensate(
     inverse: bool = False,
     most_mm: float = np.inf,
 ) -> Compensation:
-    """Correct every target of a program that can be; the others stay as they are, with the reason.
+    """Correct the targets of a program; the others stay as they are, with the reason.
 
-    inverse: from actual to nominal instead; most_mm: of the radius that contains 95 % of the positions that the model
-    allows, above which a target is not corrected. Raises DataError when the model lacks a stated condition, the program
-    holds no target, or it has poses and the robot no inverse kinematics here.
+    Parameters
+    ----------
+    inverse : bool
+        Correct from actual to nominal instead.
+    most_mm : float
+        Largest radius that contains 95 % of the positions that the model allows, mm. A target above it is not
+        corrected.
+
+    Raises
+    ------
+    DataError
+        The model lacks a stated condition, the program holds no target, or it has poses and the robot has no
+        inverse kinematics here.
     """
     robot, coupling = saved.model.robot, saved.coupling
     targets = program.targets
@@ -159,8 +185,11 @@ def compensate(
 
 
 def _outside(robot: Robot, measured: Sequence[Sequence[float]] | None, *joints: Array) -> list[list[str]]:
-    """Per target, the joints that are outside the range in which the model was `measured`, deg or mm, at any of some
-    controller angles (n, N), rad or mm; none where the model does not say its range."""
+    """List for each target the joints outside the range in which the model was `measured`.
+
+    The range is in deg or mm. A joint is listed if it is outside at any of the controller angles (n, N), rad or mm.
+    The lists are empty if the model does not state its range.
+    """
     if measured is None:
         return [[] for _ in joints[0]]
     low, high = np.transpose(measured)
@@ -172,7 +201,10 @@ def _outside(robot: Robot, measured: Sequence[Sequence[float]] | None, *joints: 
 
 
 def _with_tool(model: ModelStructure, targets: Sequence[ProgramTarget]) -> tuple[ModelStructure, str]:
-    """The model, and its target at the tool point of the targets; the flange if there are several."""
+    """Return the model, and its target at the tool point of the program's targets.
+
+    With several tools it is the flange.
+    """
     tools = np.unique([target.tool[:3, 3] for target in targets], axis=0)
     if len(tools) > 1 or not np.any(tools):
         return model, FLANGE
@@ -188,7 +220,13 @@ def _read_back(
     coupling: str,
     known: KnownFrames,
 ) -> Array:
-    """Model angles (n, N) that a controller finds in the program as written. Raises RuntimeError for a misprint."""
+    """Return the model angles (n, N) that a controller finds in the program as written.
+
+    Raises
+    ------
+    RuntimeError
+        The written program has other targets.
+    """
     again = parse(text, path, robot, known).targets
     if [t.name for t in again] != [t.name for t in targets]:
         raise RuntimeError("the corrected program reads otherwise than the program it was made from")
@@ -196,7 +234,7 @@ def _read_back(
 
 
 def _flanges(robot: Robot, joints: Array) -> Array:
-    """(n, 4, 4) flange poses of the nominal robot, NaN where the joints are."""
+    """Return flange poses (n, 4, 4) of the nominal robot; NaN where the joints are NaN."""
     poses = forward(robot, np.nan_to_num(joints))
     poses[~np.all(np.isfinite(joints), axis=1)] = np.nan
     return poses
@@ -256,7 +294,10 @@ def _notes(outcome: TargetOutcome) -> list[str]:
 
 
 def shown(done: Compensation) -> Iterator[RenderableType]:
-    """Every target with its move and its rounding; what was refused comes first and whole."""
+    """List every target with its move and its rounding.
+
+    Refused targets come first and in full.
+    """
     for outcome in done.of(REFUSED):
         yield Text(f"{refusal(outcome)}.")
     table = Table(

@@ -1,4 +1,4 @@
-"""`--conditions side=...,temperature=...`: for which conditions a correction shall hold.
+"""Conditions for which a correction must hold: `--conditions side=...,temperature=...`.
 
     side=below | above | +1 | -1, for all joints or one for each with ':' between, as the controller counts
     approach=5         how far before the target the last move begins, deg
@@ -7,7 +7,8 @@
     series=NAME        which set-up of base and tool
     absolute-accuracy=on | off   whether the controller that runs the program corrects by its maker's calibration
 
-What is not stated is taken from the model: the side of approach and the mean temperature it was identified at.
+Conditions that are not stated are taken from the model: the side of approach and the mean temperature of its
+identification.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _IDENTIFIED = {"from below": 1.0, "from above": -1.0}
 
 @dataclass(frozen=True)
 class ProgramConditions:
-    """Stated conditions, in words for people and as numbers for programs, and what is odd about them."""
+    """Stated conditions as text and as numbers for programs, with notes on oddities."""
 
     stated: StatedConditions
     document: dict[str, Any]
@@ -59,7 +60,13 @@ class ProgramConditions:
 
 
 def stated_conditions(text: str | None, saved: CalibratedModel) -> ProgramConditions:
-    """Conditions from the option's text. Raises DataError naming the key that is wrong."""
+    """Parse conditions from the option's text.
+
+    Raises
+    ------
+    DataError
+        A condition is wrong; the message names its key.
+    """
     given = _pairs(text or "")
     robot = saved.model.robot
     identified = saved.holds_for.get("approach") or ["both sides"] * robot.joints
@@ -140,7 +147,7 @@ def _pairs(text: str) -> dict[str, str]:
 
 
 def _sides(text: str, saved: CalibratedModel) -> Array:
-    """(N,) sides of the model's joints from those of the controller's."""
+    """Return the sides (N,) of the model's joints from those of the controller's."""
     robot = saved.model.robot
     words = text.split(":")
     if len(words) not in (1, robot.joints) or not all(word in _SIDES for word in words):

@@ -1,4 +1,4 @@
-"""Fanuc .ls programs: the positions of motion group 1 in the /POS section, Cartesian or joints.
+"""Fanuc .ls programs: Cartesian or joint positions of motion group 1 in /POS.
 
     P[2:"name"]{
        GP1:
@@ -6,10 +6,10 @@
         X = 600.000 mm, Y = -12.500 mm, Z = 900.000 mm, W = 180.000 deg, P = -.131 deg, R = -90.000 deg
     };
 
-CONFIG: N/F no flip or flip, U/D up or down, T/B toward (front) or back, then the whole turns of J1, J4, J6; its text is
-kept. `********` is a position that was never taught. Poses count in user frame UF of the controller's world, whose
-origin the robot file names; neither frame nor tool is in the file. Three decimals are all the format holds.
-Source: the maker's ASCII program listing.
+CONFIG is N/F (no flip or flip), U/D (up or down), T/B (toward, that is front, or back), then the whole turns of
+J1, J4, J6. Its text is kept. `********` is a position that was never taught. Poses count in user frame UF of
+the controller's world, whose origin the robot file names. Neither frame nor tool is in the file. The format
+holds three decimals. The source is the maker's ASCII program listing.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ _LETTERS = ({"T": "front", "B": "back"}, {"U": "up", "D": "down"}, {"N": "noflip
 
 @dataclass(frozen=True)
 class _Field:
-    """One number: where blanks and digits are, and its value; None where never taught."""
+    """One number: the span of its blanks and digits, and its value; None if it was never taught."""
 
     start: int
     end: int
@@ -90,7 +90,13 @@ class _FanucPlace:
 
 
 class FanucProgram:
-    """A .ls program. Raises DataError for a text that is none, or a /POS section that cannot be read."""
+    """A .ls program.
+
+    Raises
+    ------
+    DataError
+        The text is no program, or its /POS section cannot be read.
+    """
 
     def __init__(self, text: str, file: str, world: Array, known: KnownFrames) -> None:
         self.text = text
@@ -181,9 +187,14 @@ class FanucProgram:
     def _pose(
         self, target: ProgramTarget, body: str, place: _FanucPlace, values: list[float], *, others: bool
     ) -> tuple[ProgramTarget, _FanucPlace]:
-        """A Cartesian position; others: whether it positions another motion group as well.
+        """Read a Cartesian position.
 
-        Raises ValueError, saying why, where its joints cannot be found.
+        `others` says whether it positions another motion group as well.
+
+        Raises
+        ------
+        ValueError
+            Its joints cannot be found; the message says why.
         """
         used = others or any(name[0] == "E" and slot.value is not None for name, slot in place.fields.items())
         beside = self._known.note_external(used=used)
@@ -219,7 +230,10 @@ class FanucProgram:
         return end, end
 
     def _used_oddly(self, statements: Sequence[tuple[int, str]]) -> dict[int, str]:
-        """Number of a position that a motion does not drive to as it is written -> why, as a sentence part."""
+        """Return positions that a motion does not drive to as written.
+
+        The number of the position maps to the reason, as a sentence part.
+        """
         out: dict[int, str] = {}
         for at, statement in statements:
             motion = _MOTION.match(statement)
@@ -255,13 +269,22 @@ class FanucProgram:
 
 
 def _statements(text: str, begin: int, end: int) -> list[tuple[int, str]]:
-    """Position and code of every instruction of a part; remarks, and instructions that are remarked out, left out."""
+    """Return position and code of every instruction of a part.
+
+    Remarks, and instructions that are remarked out, are left out.
+    """
     found = ((m.start("code"), m["code"]) for m in _STATEMENT.finditer(text, begin, end))
     return [(at, code) for at, code in found if not code.lstrip().startswith(("!", "//", "--"))]
 
 
 def _configuration(text: str) -> tuple[str, dict[int, Window]]:
-    """Branch and ranges of J1, J4, J6, rad, of a CONFIG. Raises ValueError for one that is not understood."""
+    """Return branch and ranges of J1, J4, J6, rad, of a CONFIG.
+
+    Raises
+    ------
+    ValueError
+        The CONFIG is not understood.
+    """
     letters, *turns = text.split(",")
     words = []
     for choices in _LETTERS:

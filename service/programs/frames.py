@@ -1,7 +1,7 @@
-"""Poses as controllers write them, (4, 4) in mm inside: quaternion (ABB), W P R (Fanuc), rotation vector (UR).
+"""Poses as controllers write them: quaternion (ABB), W P R (Fanuc), rotation vector (UR).
 
-W, P, R turn about the fixed x, y and z axes in this order: R = Rz(R) Ry(P) Rx(W). Tools and frames that a program
-names without holding them come from the command line in the same form.
+Inside, a pose is (4, 4) in mm. W, P, R turn about the fixed x, y and z axes in this order: R = Rz(R) Ry(P)
+Rx(W). Tools and frames that a program names without holding them come from the command line in the same form.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ _FEWEST_PULSES, _MOST_PULSES = 1.0, 1e6  # a degree
 
 @dataclass(frozen=True)
 class KnownFrames:
-    """Tools on the flange and frames in the controller's world, by the name or number a program calls them.
+    """Tools on the flange and frames in the controller's world, by name or number.
 
-    pulses_per_deg: of every axis, for programs that count in pulses; empty: not known. external_apart: the external
-    axes carry neither the robot nor the work, so that they stay as they are and change nothing.
+    `pulses_per_deg` has a value for each axis, for programs that count in pulses; it is empty if unknown.
+    `external_apart` says that the external axes carry neither the robot nor the workpiece, so that they keep their
+    values and change nothing.
     """
 
     tools: Mapping[str, Array] = field(default_factory=dict)
@@ -37,7 +38,13 @@ class KnownFrames:
     external_apart: bool = False
 
     def note_external(self, *, used: bool) -> tuple[str, ...]:
-        """The notes beside a target. Raises ValueError for external axes that may change where the tool is."""
+        """Return the notes of a target that uses external axes.
+
+        Raises
+        ------
+        ValueError
+            External axes may change the place of the tool.
+        """
         if used and not self.external_apart:
             raise ValueError(
                 "it positions an external axis, which may carry the robot or the work "
@@ -47,14 +54,26 @@ class KnownFrames:
 
 
 def joint_angles(angles: Sequence[float] | Array) -> Array:
-    """(N,) joint angles, rad. Raises ValueError for turns that no joint makes."""
+    """Return joint angles (N,), rad.
+
+    Raises
+    ------
+    ValueError
+        An angle is larger than that of any joint.
+    """
     if not np.all(np.abs(angles) <= MOST_TURN):
         raise ValueError(f"a joint angle is beyond {MOST_TURN / DEG:g} deg")
     return np.array(angles, dtype=np.float64)
 
 
 def joint_positions(joints: Array, kinds: Sequence[str]) -> Array:
-    """(N,) joints, rad or mm. Raises ValueError for rotations and travels that no joint makes."""
+    """Return joints (N,), rad or mm.
+
+    Raises
+    ------
+    ValueError
+        A rotation or travel is larger than that of any joint.
+    """
     slides = np.array(kinds) == "slides"
     joint_angles(joints[~slides])
     if not np.all(np.abs(joints[slides]) <= FARTHEST_MM):
@@ -63,7 +82,13 @@ def joint_positions(joints: Array, kinds: Sequence[str]) -> Array:
 
 
 def pose_of(position: Sequence[float], rotation: Rotation) -> Array:
-    """(4, 4) from a position in mm and a rotation. Raises ValueError for a place that no robot reaches."""
+    """Return the pose (4, 4) of a position in mm and a rotation.
+
+    Raises
+    ------
+    ValueError
+        No robot reaches the position.
+    """
     if not np.all(np.abs(position) <= FARTHEST_MM):
         raise ValueError(f"it is farther than {FARTHEST_MM / 1000:g} m away")
     pose = np.eye(4)
@@ -72,7 +97,13 @@ def pose_of(position: Sequence[float], rotation: Rotation) -> Array:
 
 
 def of_quaternion(position: Sequence[float], wxyz: Sequence[float]) -> Array:
-    """Pose from a scalar-first quaternion. Raises ValueError, saying the norm, when it is not one of norm 1."""
+    """Return the pose of a scalar-first quaternion.
+
+    Raises
+    ------
+    ValueError
+        The norm of the quaternion is not 1; the message states it.
+    """
     norm = math.sqrt(sum(x * x for x in wxyz))
     if not abs(norm - 1.0) <= NORM_TOLERANCE:
         raise ValueError(f"its quaternion has norm {norm:.6g}, not 1")
@@ -81,22 +112,32 @@ def of_quaternion(position: Sequence[float], wxyz: Sequence[float]) -> Array:
 
 
 def quaternion(pose: Array, near: Sequence[float]) -> list[float]:
-    """Scalar-first quaternion of a pose, of the two that mean the same the one on the side of `near`."""
+    """Return the scalar-first quaternion of a pose.
+
+    Of the two equivalent ones, it is the one on the side of `near`.
+    """
     x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat()
     found = np.array([w, x, y, z])
     return list(-found if found @ np.asarray(near) < 0.0 else found)
 
 
 def of_wpr(position: Sequence[float], wpr_deg: Sequence[float]) -> Array:
-    """Pose from W, P, R in degrees. Raises ValueError for a place or an angle that no robot has."""
+    """Return the pose of W, P, R in degrees.
+
+    Raises
+    ------
+    ValueError
+        No robot has this position or angle.
+    """
     joint_angles(np.radians(wpr_deg))
     return pose_of(position, Rotation.from_euler("xyz", wpr_deg, degrees=True))
 
 
 def wpr(pose: Array, near: Sequence[float]) -> list[float]:
-    """W, P, R in degrees, -180 to 180, of the two triples that mean the same the one nearest to `near`.
+    """Return W, P, R in degrees, -180 to 180.
 
-    At P = +-90, where W and R turn about the same axis, W stays as it was.
+    Of the two equivalent triples, it is the one nearest to `near`. At P = +-90, where W and R turn about the same
+    axis, W keeps its value.
     """
     rotation = pose[:3, :3]
     cosine = math.hypot(rotation[0, 0], rotation[1, 0])
@@ -120,13 +161,22 @@ def wpr(pose: Array, near: Sequence[float]) -> list[float]:
 
 
 def of_vector(position: Sequence[float], vector: Sequence[float]) -> Array:
-    """Pose from a rotation vector in rad. Raises ValueError for a place or an angle that no robot has."""
+    """Return the pose of a rotation vector in rad.
+
+    Raises
+    ------
+    ValueError
+        No robot has this position or angle.
+    """
     joint_angles(vector)
     return pose_of(position, Rotation.from_rotvec(vector))
 
 
 def rotation_vector(pose: Array, near: Sequence[float]) -> list[float]:
-    """Rotation vector of a pose, rad, of those that differ by whole turns the one nearest to `near`."""
+    """Return the rotation vector of a pose, rad.
+
+    Of those that differ by whole turns, it is the one nearest to `near`.
+    """
     vector = Rotation.from_matrix(pose[:3, :3]).as_rotvec()
     angle = float(np.linalg.norm(vector))
     if angle < 1e-12:
@@ -137,7 +187,13 @@ def rotation_vector(pose: Array, near: Sequence[float]) -> list[float]:
 
 
 def named_frames(option: str, texts: Sequence[str]) -> dict[str, Array]:
-    """Poses from `NAME=x,y,z,w,p,r` or, unnamed, `x,y,z,w,p,r` (mm, deg). Raises DataError naming the option."""
+    """Parse poses from `NAME=x,y,z,w,p,r` or, unnamed, `x,y,z,w,p,r` (mm, deg).
+
+    Raises
+    ------
+    DataError
+        A text is no pose; the message names the option.
+    """
     out: dict[str, Array] = {}
     for text in texts:
         name, equals, numbers = text.rpartition("=")
@@ -156,7 +212,13 @@ def named_frames(option: str, texts: Sequence[str]) -> dict[str, Array]:
 
 
 def pulses_of(option: str, text: str) -> tuple[float, ...]:
-    """Pulses a degree of every axis from `p1,p2,...`; none from an empty text. Raises DataError naming the option."""
+    """Parse the pulses per degree of every axis from `p1,p2,...`; none from an empty text.
+
+    Raises
+    ------
+    DataError
+        The text is no list of pulses; the message names the option.
+    """
     try:
         pulses = tuple(float(part) for part in text.split(",")) if text.strip() else ()
     except ValueError:

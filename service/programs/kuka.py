@@ -1,14 +1,19 @@
-"""KUKA programs (.src, .dat): POS, E6POS, FRAME, AXIS and E6AXIS, declared, assigned or written into the motion.
+"""KUKA programs (.src, .dat): POS, E6POS, FRAME, AXIS and E6AXIS.
+
+They are declared, assigned or written into the motion.
 
     DECL E6POS XP1={X 500.0,Y 0.0,Z 300.0,A 0.0,B 90.0,C 0.0,S 2,T 10,E1 0.0,...}
     DECL FDAT FP1={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE,...}     tool and base of XP1
     PTP {A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}
 
-mm and deg; A, B and C turn about z, y' and x'': R = Rz(A) Ry(B) Rx(C). S, bit 0: the wrist in front of axis 1 or behind
-it; bit 1: of the two elbows the one with the larger A3. T, bit k: axis k + 1 is negative. S and T are read together:
-the one posture that fits both is meant, and none is guessed. One statement fills one line. Tool and base are those of
-the FDAT, else of $TOOL, $BASE or BAS before the motion, by number; 0 is the flange, and the world in which the robot
-stands without an offset. Source: descriptions of the language, and public programs; not tried on a controller.
+Units are mm and deg. A, B and C turn about z, y' and x'': R = Rz(A) Ry(B) Rx(C). Bit 0 of S says whether the
+wrist is in front of axis 1 or behind it. Bit 1 selects the elbow with the larger A3. Bit k of T says that axis
+k + 1 is negative. S and T are read together: the one posture that fits both is meant, and none is guessed. One
+statement fills one line.
+
+Tool and base are those of the FDAT. Without one they are those of $TOOL, $BASE or BAS before the motion, by
+number. 0 is the flange, and the world in which the robot is without an offset. Sources are descriptions of the
+language and public programs. It was not tried on a controller.
 """
 
 from __future__ import annotations
@@ -90,8 +95,10 @@ class _KukaPlace:
 
 @dataclass(frozen=True)
 class _Valid:
-    """The tool and base in force at a motion, or at a point by its FDAT: a pose, the number or name of one, None where
-    the file does not say."""
+    """The tool and base in force at a motion, or at a point by its FDAT.
+
+    Each is a pose, or the number or name of one; it is None if the file does not state it.
+    """
 
     tool: Array | str | None = None
     base: Array | str | None = None
@@ -149,7 +156,7 @@ class KukaProgram:
             yield _name(match["name"]), _Valid(of[0], of[1], outside)
 
     def _settings(self) -> Iterator[tuple[int, dict[str, Array | str | None]]]:
-        """What sets the tool or the base, by its place in the text."""
+        """Return the statements that set the tool or the base, by their position in the text."""
         for at, code in self._statements:
             if (match := _SET.match(code) or _BAS.match(code)) is not None:
                 yield at, {match["which"].lower(): self._named(match["value"].strip(), at)}
@@ -158,8 +165,11 @@ class KukaProgram:
                 yield at, {"tool": of.tool, "base": of.base}
 
     def _in_order(self) -> Iterator[tuple[int, str, _Valid]]:
-        """Every statement with the tool and the base in force. Of several that the file sets, one is known as far as
-        the statements behind it follow one another: which way a program takes is not read."""
+        """Return every statement with the tool and the base in force.
+
+        If the file sets several, one is known only while the statements behind it follow one another. The branches of
+        a program are not followed.
+        """
         settings = dict(self._settings())
         kinds = {"tool": set[object](), "base": set[object]()}
         for each in settings.values():
@@ -225,7 +235,10 @@ class KukaProgram:
                     yield ProgramTarget(f"line {line}", line, refused=why), _KukaPlace(at)
 
     def _of(self, name: str) -> list[_Valid]:
-        """Tool and base of a declared point: its FDAT's, else those of the motions to it, else of the command line."""
+        """Return tool and base of a declared point.
+
+        They are those of its FDAT, or of the motions to it, or of the command line, in this order.
+        """
         fdat = self._fdat.get(f"F{name[1:]}") if name[:1] == "X" else None
         used = self._used.get(name, [])
         if fdat is None:
@@ -236,7 +249,15 @@ class KukaProgram:
         ]
 
     def _declared(self, name: str) -> tuple[Array, Array]:
-        """Tool and base of a declared point, found once however often it is declared. Raises ValueError."""
+        """Return tool and base of a declared point.
+
+        They are found once, even if it is declared several times.
+
+        Raises
+        ------
+        ValueError
+            They cannot be found.
+        """
         if name not in self._met:
             try:
                 self._met[name] = self._tool_and_base(self._of(name))
@@ -261,7 +282,13 @@ class KukaProgram:
     def _understood(
         self, target: ProgramTarget, place: _KukaPlace, body: str, of: _Frames
     ) -> tuple[ProgramTarget, _KukaPlace]:
-        """Raises ValueError, saying why, for what has no joints that can be found."""
+        """Return a target with its joints or pose, and its place.
+
+        Raises
+        ------
+        ValueError
+            Its joints cannot be found; the message says why.
+        """
         numbers = place.numbers
         wanted = _AXES if "A1" in numbers or not set(_POSE) & set(numbers) else _POSE
         if missing := [key for key in wanted if key not in numbers]:
@@ -304,7 +331,13 @@ class KukaProgram:
         return found[0]
 
     def _pose(self, value: Array | str | None, which: str) -> Array:
-        """(4, 4) of a tool or base. Raises ValueError, saying which is not known."""
+        """Return the pose (4, 4) of a tool or base.
+
+        Raises
+        ------
+        ValueError
+            It is not known; the message says which.
+        """
         if isinstance(value, np.ndarray):
             return value
         option = _OPTION[which]
@@ -354,7 +387,7 @@ def _code(line: str) -> str:
 
 
 def _or(value: Array | str | None, of_point: Array | str | None) -> Array | str | None:
-    """What a motion is known to be driven with, else what its point says."""
+    """Return the tool or base of a motion if it is known, or that of its point."""
     return of_point if value is None or (isinstance(value, str) and value == _UNSURE) else value
 
 
@@ -364,7 +397,10 @@ def _name(written: str) -> str:
 
 
 def _plain(code: str) -> re.Match[str] | None:
-    """A motion of which everything is understood, its aggregates left out; None for any other statement."""
+    """Match a motion that is fully understood, its aggregates left out.
+
+    Returns None for other statements.
+    """
     motion = _MOTION.match(code)
     return None if motion is None or motion["rel"] else _PLAIN.fullmatch(_AGGREGATE.sub("{}", motion["rest"]))
 
@@ -380,7 +416,10 @@ def _repeated(body: str) -> bool:
 
 
 def _numbers(body: str, at: int) -> dict[str, Number]:
-    """Components of an aggregate that are plain numbers, by name in capitals; body begins at `at` of the text."""
+    """Return the plain numbers of an aggregate by component, in capitals.
+
+    The body begins at `at` of the text.
+    """
     out, begin = {}, 0
     for part in body.split(","):
         match = _FIELD.fullmatch(part.rstrip())

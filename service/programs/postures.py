@@ -1,4 +1,4 @@
-"""Postures of the nominal robot at the targets of a program: the joints that its controller would find for them."""
+"""Postures of the nominal robot at the targets of a program, as its controller finds them."""
 
 from __future__ import annotations
 
@@ -21,11 +21,16 @@ _NO_POSTURE = "no joint target before it says which posture the arm has: begin w
 
 
 def postures(targets: Sequence[ProgramTarget], robot: Robot, coupling: str) -> tuple[Array, list[str]]:
-    """Controller angles (n, N), rad, NaN where they cannot be found, and why not, as sentence parts ('' where found).
+    """Find the controller angles (n, N), rad, of targets.
 
-    Poses without a branch are solved nearest to the target before them; a track stands, and seven axes have their
-    elbow, where the joint target before has them. Raises DataError for poses of a robot that has no inverse kinematics
-    here.
+    Angles are NaN if they cannot be found. The reasons are sentence parts, '' for a target that was found. Poses
+    without a branch are solved nearest to the target before them. A track stays, and seven axes keep their elbow,
+    at the values of the joint target before.
+
+    Raises
+    ------
+    DataError
+        There are poses, and the robot has no inverse kinematics here.
     """
     angles = np.full((len(targets), robot.joints), np.nan)
     why = [target.refused for target in targets]
@@ -59,7 +64,10 @@ def postures(targets: Sequence[ProgramTarget], robot: Robot, coupling: str) -> t
 
 
 def _taught_before(targets: Sequence[ProgramTarget], joints: int) -> Array:
-    """(n, N) the last joint target before each target, or itself, as the controller counts; NaN where there is none."""
+    """Return the last joint target (n, N) at or before each target.
+
+    Joints are as the controller counts them; NaN before the first joint target.
+    """
     taught, here = np.full((len(targets), joints), np.nan), np.full(joints, np.nan)
     for i, target in enumerate(targets):
         if target.joints is not None and not target.refused:
@@ -117,7 +125,10 @@ def _only_one(
     branches: tuple[str, ...],
     robot: Robot,
 ) -> tuple[Array, str]:
-    """The one solution of `counted` (B, N) within the limits that fits every window, or why there is none."""
+    """Return the one solution of `counted` (B, N) within the limits that fits every window.
+
+    If there is none, the reason is returned.
+    """
     if not set(target.among) <= set(branches):
         return np.full(robot.joints, np.nan), f"this arm has no such posture, only {', '.join(branches)}"
     lower, upper = np.array(robot.lower), np.array(robot.upper)
@@ -145,8 +156,10 @@ def _other_elbow(branch: str) -> str:
 
 
 def leaves_window(target: ProgramTarget, angles: Array, joints: Collection[int] | None = None) -> str:
-    """The joint, of `joints` where given, that is outside the turns that the program asks for, as a sentence part; ''
-    where none is."""
+    """Return the joint that is outside the turns that the program requires.
+
+    It is a sentence part, '' if there is none. `joints` restricts the check.
+    """
     for joint, (begin, end) in target.windows.items():
         if (joints is None or joint in joints) and not begin <= angles[joint] <= end:
             asked = f"{np.degrees(begin):.1f} to {np.degrees(end):.1f}"

@@ -1,8 +1,8 @@
-"""The program, whatever its dialect: targets in the order of the file, and how new joints are written back.
+"""A program in any dialect: targets in the order of the file, and new joints written back.
 
-A dialect reads a file into a `RobotProgram`. Each target says what the controller makes of it: joint angles as the
-controller counts them, or a pose with the branch and the turns that the program asks for. Nothing here knows a
-dialect; no dialect knows a model.
+A dialect reads a file into a `RobotProgram`. Each target states what the controller makes of it: joint angles
+as the controller counts them, or a pose with the branch and the turns that the program requires. Nothing here
+knows a dialect; no dialect knows a model.
 """
 
 from __future__ import annotations
@@ -29,15 +29,32 @@ _NOTES = {
 
 @dataclass(frozen=True)
 class ProgramTarget:
-    """One target of a program, or why it cannot be read.
+    """One target of a program, or the reason why it cannot be read.
 
-    joints: (N,) controller angles, rad; or flange: (4, 4) in the nominal base frame, mm. tool: (4, 4) tool point on
-    the flange. branch: of a pose target, None for the one nearest to the target before. windows: joint (from 0) ->
-    range of its controller angle, rad, within which the controller keeps it; among: branches of which the one that
-    fits all windows is meant, and of two elbows the one with the larger angle of joint 3 where `larger_elbow` says
-    so, the smaller where it is False; turns_written: whether the dialect can write other turns than those read, but
-    for those of the joints `kept`. refused: why it is not corrected, as a sentence part. empty: the position holds
-    nothing yet and stays so. notes: what to know beside it.
+    Attributes
+    ----------
+    joints : array of shape (N,), optional
+        Controller angles, rad.
+    flange : array of shape (4, 4), optional
+        Pose in the nominal base frame, mm, of a target without joints.
+    tool : array of shape (4, 4)
+        Tool point on the flange.
+    branch : str, optional
+        Branch of a pose target; None for the one nearest to the target before.
+    windows : mapping of int to Window
+        Range of the controller angle of a joint (from 0), rad, within which the controller keeps it.
+    among : tuple of str
+        Branches; the one that fits all windows is meant.
+    larger_elbow : bool, optional
+        Of two elbows, whether the one with the larger angle of joint 3 is meant, or the smaller.
+    turns_written : bool
+        Whether the dialect can write other turns than those read, except for those of the joints `kept`.
+    refused : str
+        Reason why it is not corrected, as a sentence part.
+    empty : bool
+        The position holds nothing yet, and stays empty.
+    notes : tuple of str
+        Further information for the user.
     """
 
     name: str
@@ -65,7 +82,10 @@ class ProgramTarget:
 
 @dataclass(frozen=True)
 class NewTarget:
-    """The new values of a target: controller angles (N,), rad, and the flange pose (4, 4), base frame, mm."""
+    """The new values of a target.
+
+    They are controller angles (N,), rad, and the flange pose (4, 4), base frame, mm.
+    """
 
     joints: Array
     flange: Array
@@ -90,11 +110,16 @@ class RobotProgram(Protocol):
 
 
 class Rule(NamedTuple):
-    """What statements that match `pattern` do beside the targets of a program.
+    """Effect of statements that match `pattern` in addition to the targets of a program.
 
-    drives: to a target that is not read, and stays as it is; displaces: poses of the program, so that a correction
-    would be made at a place that is not driven to; shifts: joint targets as well; loads: they change the payload, for
-    which the correction counts; turns: the controller may take a posture that is not the one written.
+    The effects are:
+
+    - "drives": the statement drives to a target that is not read, and keeps its value.
+    - "displaces": it displaces poses of the program, so that a correction would be made at a place that is not
+      driven to.
+    - "shifts": it displaces joint targets as well.
+    - "loads": it changes the payload, for which the correction holds.
+    - "turns": the controller may take a posture that is not the one written.
     """
 
     pattern: re.Pattern[str]
@@ -102,7 +127,7 @@ class Rule(NamedTuple):
 
 
 def rules(**words: str) -> tuple[Rule, ...]:
-    """Rules from regular expressions, by what the statements do."""
+    """Create rules from regular expressions, by the effect of the statements."""
     return tuple(
         Rule(re.compile(words[does], re.IGNORECASE), does) for does in get_args(Does) if does in words
     )
@@ -115,9 +140,11 @@ def beside(
     lines: Lines,
     nowhere: _P,
 ) -> list[tuple[ProgramTarget, _P]]:
-    """Targets with their places, as the statements (position, code without comments) that the reader does not follow
-    leave them: one more, refused, for each that drives; every pose refused where one displaces, and every target where
-    one shifts; a note where one changes the payload or the posture."""
+    """Apply statements that the reader does not follow to the targets and their places.
+
+    A statement is (position, code without comments). Each one that drives adds a refused target. If one displaces,
+    every pose is refused; if one shifts, every target. A change of payload or posture adds a note.
+    """
     more: list[tuple[ProgramTarget, _P]] = []
     displaced, shifted, notes = "", False, dict[str, Does]()
     for at, code in statements:

@@ -1,9 +1,10 @@
-"""RAPID modules (.mod): robtargets and jointtargets, named, in arrays, or written into the motion itself.
+"""RAPID modules (.mod): robtargets and jointtargets, named, in arrays, or in the motion.
 
-robtarget = [[x, y, z], [q1..q4], [cf1, cf4, cf6, cfx], [six external axes]]: a pose of the tool in the work object,
-mm and scalar-first quaternion; cfx numbers the branch, in front of or behind axis 1, in front of or behind the lower
-arm, axis 5 positive or negative; cf1, cf4, cf6 are quarter turns of joints 1, 4, 6. jointtarget = [[six angles, deg],
-[six external axes]]. 9E9 means an axis that is not used. Source: the maker's RAPID reference, data types.
+robtarget = [[x, y, z], [q1..q4], [cf1, cf4, cf6, cfx], [six external axes]] is a pose of the tool in the work
+object, mm and scalar-first quaternion. cfx numbers the branch: in front of or behind axis 1, in front of or
+behind the lower arm, axis 5 positive or negative. cf1, cf4, cf6 are quarter turns of joints 1, 4, 6.
+jointtarget = [[six angles, deg], [six external axes]]. 9E9 means an axis that is not used. The source is the
+maker's RAPID reference, data types.
 """
 
 from __future__ import annotations
@@ -46,7 +47,13 @@ _QUARTERED = (0, 3, 5)  # joints 1, 4, 6
 
 
 class RapidProgram:
-    """A RAPID module. Raises DataError for a text that cannot be one."""
+    """A RAPID module.
+
+    Raises
+    ------
+    DataError
+        The text is no module.
+    """
 
     def __init__(self, text: str, file: str, world: Array, known: KnownFrames) -> None:
         self.text = text
@@ -198,7 +205,13 @@ class RapidProgram:
         )
 
     def _tool_and_frame(self, uses: list[TargetUse]) -> tuple[Array, Array]:
-        """The tool on the flange and the work object in the base frame. Raises ValueError when not known."""
+        """Return the tool on the flange and the work object in the base frame.
+
+        Raises
+        ------
+        ValueError
+            They are not known.
+        """
         pairs = {(use.tool.lower(), use.work_object.lower()) for use in uses} or {(UNNAMED, UNNAMED)}
         found = [(self._tool(tool), self._world @ self._frame(frame)) for tool, frame in sorted(pairs)]
         if any(not np.allclose(np.array(f), np.array(found[0]), atol=1e-9) for f in found[1:]):
@@ -246,7 +259,7 @@ class RapidProgram:
 
 @dataclass(frozen=True)
 class _RapidPlace:
-    """The place of a target in the text: its position, its value, and the frame in which its pose counts."""
+    """A target in the text: its position, its value, and the frame of its pose."""
 
     at: int
     node: Node | None = None

@@ -1,7 +1,8 @@
-"""A RAPID module: what it declares, which motion uses what with which tool and work object, and what it assigns.
+"""A RAPID module: declarations, assignments, and motions with their tools and work objects.
 
-Only declarations of data and motion instructions are looked at; routines, structured statements and everything else
-pass by unread. Instructions and their arguments: the maker's reference, as sections of the `MOTIONS` table.
+Only declarations of data and motion instructions are read. Routines, structured statements and everything else
+are skipped. Instructions and their arguments are from the maker's reference, as sections of the `MOTIONS`
+table.
 """
 
 from __future__ import annotations
@@ -73,7 +74,10 @@ MOTIONS: dict[str, MoveInstruction] = {
 
 @dataclass(frozen=True)
 class Declaration:
-    """`CONST robtarget p{2} := ...;`: name as written, type in small letters, tokens of the value."""
+    """A declaration such as `CONST robtarget p{2} := ...;`.
+
+    It has the name as written, the type in small letters, and the tokens of the value.
+    """
 
     name: str
     type: str
@@ -84,9 +88,10 @@ class Declaration:
 
 @dataclass(frozen=True)
 class TargetUse:
-    """One target of one motion: a name, or a literal in place; tool and work object as the instruction names them.
+    """One target of one motion: a name, or a literal in place.
 
-    plain: the target itself, not one moved along by Offs or RelTool. unknown: why the argument is neither.
+    Tool and work object are as the instruction names them. `plain` says that the target itself is used, not one
+    displaced by Offs or RelTool. `unknown` is the reason why the argument is neither.
     """
 
     at: int
@@ -100,7 +105,13 @@ class TargetUse:
 
 
 class Module:
-    """A RAPID module as far as it is read. Raises DataError where it cannot be one."""
+    """The parts of a RAPID module that are read.
+
+    Raises
+    ------
+    DataError
+        The text is no module.
+    """
 
     def __init__(self, text: str, file: str) -> None:
         self._text, self._file, self._lines = text, file, Lines(text, file)
@@ -125,7 +136,13 @@ class Module:
         return self._lines.at(at)
 
     def constant(self, node: Node, depth: int = 0) -> Node:
-        """The literal behind a name, or the node itself. Raises Unknown for a name that has none."""
+        """Return the literal behind a name, or the node itself.
+
+        Raises
+        ------
+        SyntaxUnknown
+            The name has no fixed value.
+        """
         if node.kind != "name":
             return node
         found = self.declarations.get(node.text.lower(), [])
@@ -138,7 +155,13 @@ class Module:
         return self.constant(literal(found[0].value), depth + 1)
 
     def numbers(self, node: Node, count: int) -> list[float]:
-        """`count` numbers of a list. Raises Unknown when it holds anything else."""
+        """Return the `count` numbers of a list.
+
+        Raises
+        ------
+        SyntaxUnknown
+            The list holds anything else.
+        """
         values = [self.constant(item) for item in self.items(node, count)]
         for value in values:
             if value.kind != "number":
@@ -146,16 +169,23 @@ class Module:
         return [value.value for value in values]
 
     def items(self, node: Node, count: int) -> tuple[Node, ...]:
-        """The `count` parts of a list. Raises Unknown when it is not one."""
+        """Return the `count` parts of a list.
+
+        Raises
+        ------
+        SyntaxUnknown
+            The node is no such list.
+        """
         found = self.constant(node)
         if found.kind != "list" or len(found.items) != count:
             raise SyntaxUnknown(node.start, f"a list of {count} values is needed here")
         return found.items
 
     def _each(self, read: Callable[[int], int]) -> None:
-        """Read statement by statement: `read` looks at a token, and gives the index of where to go on.
+        """Read statement by statement.
 
-        What a statement holds is not looked at again, so that the time grows with the length of the text alone.
+        `read` looks at a token, and returns the index at which to continue. The content of a statement is not read
+        again, so that the time grows only with the length of the text.
         """
         at = 0
         while at < len(self._tokens):
@@ -225,8 +255,10 @@ class Module:
             return TargetUse(at, joints, "", None, tool, work_object, unknown=str(unknown))
 
     def _others(self) -> tuple[list[tuple[int, str]], dict[str, tuple[int, str]]]:
-        """Instructions that are no motions read here, by position and words; and the targets that something else than
-        such a motion takes, in small letters, with line and what takes them."""
+        """Return the instructions that are no known motions, and the targets that they use.
+
+        Instructions are by position, with their words. Targets are in small letters, with the line and the user.
+        """
         targets = {
             name
             for name, found in self.declarations.items()
@@ -275,13 +307,16 @@ class Module:
         return instructions, foreign
 
     def _ends_value(self, i: int) -> bool:
-        """Whether a value may end with token `i`, so that a name behind it begins something else."""
+        """Return whether a value may end with token `i`.
+
+        A name behind it then begins something new.
+        """
         token = self._tokens[i]
         named = token.kind == "name" and token.text.lower() not in ("if", *_OPERATORS)
         return named or token.kind in ("number", "string") or token.text in (")", "]", "}")
 
     def _sets(self, i: int) -> bool:
-        """Whether the := at token `i` sets data, and hands no optional argument to an instruction."""
+        """Return whether the := at token `i` sets data, and no optional argument."""
         return i < 2 or self._tokens[i - 2].text != "\\"
 
     def _assignments(self) -> dict[str, int]:

@@ -46,7 +46,13 @@ _MAKERS = {
 
 
 def dialect_of(path: Path, robot: Robot) -> str:
-    """The dialect of a file. Raises DataError for an unknown ending, or a dialect of another maker's robots."""
+    """Return the dialect of a file.
+
+    Raises
+    ------
+    DataError
+        The ending is unknown, or the dialect is that of another maker's robots.
+    """
     dialect = SUFFIXES.get(path.suffix.lower())
     if dialect is None:
         raise DataError(
@@ -69,7 +75,13 @@ def dialect_of(path: Path, robot: Robot) -> str:
 
 
 def parse(text: str, path: Path, robot: Robot, known: KnownFrames) -> RobotProgram:
-    """A program from its text. Raises DataError where it cannot be read."""
+    """Parse a program from its text.
+
+    Raises
+    ------
+    DataError
+        The program cannot be read.
+    """
     dialect = dialect_of(path, robot)
     if dialect == TABLE:
         return TargetTable(text, str(path), robot, known)
@@ -84,11 +96,20 @@ def parse(text: str, path: Path, robot: Robot, known: KnownFrames) -> RobotProgr
 
 
 def as_written(text: str, path: Path) -> str:
-    """A program's text for the file of this name: a table, which spreadsheets open, holds no formula."""
+    """Return a program's text for the file of this name.
+
+    A table, which spreadsheets open, holds no formula.
+    """
     return without_formulas(text) if SUFFIXES.get(path.suffix.lower()) == TABLE else text
 
 
 def read_program(path: Path, robot: Robot, known: KnownFrames) -> RobotProgram:
-    """Read a program file. Raises DataError."""
+    """Read a program file.
+
+    Raises
+    ------
+    DataError
+        The file cannot be read.
+    """
     dialect_of(path, robot)
     return parse(read_text(path), path, robot, known)

@@ -1,6 +1,6 @@
-"""Words and literals that RAPID and URScript share: numbers, names, strings, bracketed lists, and where they are.
+"""Tokens and literals of RAPID and URScript: numbers, names, strings, bracketed lists.
 
-Only what a literal can hold is understood; anything else is `SyntaxUnknown`, with its line, and left alone by
+Only the content of literals is understood. Anything else is `SyntaxUnknown`, with its line, and left alone by
 the caller.
 """
 
@@ -31,7 +31,10 @@ class Token:
 
 @dataclass(frozen=True)
 class Node:
-    """A literal: kind is 'number', 'name', 'string', 'list', 'call' (name and arguments), 'element' (name{...})."""
+    """A literal.
+
+    Its kind is 'number', 'name', 'string', 'list', 'call' (name and arguments) or 'element' (name{...}).
+    """
 
     kind: str
     start: int
@@ -50,7 +53,10 @@ class SyntaxUnknown(Exception):
 
 
 def lexer(comment: str, quotes: str) -> Callable[[str, Lines, str], list[Token]]:
-    """A function (text, its lines, file) -> tokens of a language; `comment` runs to the end of its line."""
+    """Create the function (text, its lines, file) that splits a language into tokens.
+
+    `comment` begins a remark that runs to the end of its line.
+    """
     strings = "|".join(f"{q}[^{q}\r\n]*+{q}" for q in quotes)
     pattern = re.compile(
         rf"(?P<space>\s+|{comment}[^\r\n]*)|(?P<string>{strings})|(?P<name>[^\W\d]\w*)"
@@ -77,7 +83,10 @@ def lexer(comment: str, quotes: str) -> Callable[[str, Lines, str], list[Token]]
 
 
 def brackets(tokens: Sequence[Token]) -> dict[int, int]:
-    """Index of every opening bracket -> index of the one that closes it; without those left open."""
+    """Map the index of every opening bracket to that of its closing one.
+
+    Brackets that are not closed are left out.
+    """
     out: dict[int, int] = {}
     left: list[int] = []
     for i, token in enumerate(tokens):
@@ -89,7 +98,13 @@ def brackets(tokens: Sequence[Token]) -> dict[int, int]:
 
 
 def _closing(tokens: Sequence[Token], at: int) -> int:
-    """Index of the bracket that closes the one at `at`. Raises Unknown when there is none."""
+    """Return the index of the bracket that closes the one at `at`.
+
+    Raises
+    ------
+    SyntaxUnknown
+        There is none.
+    """
     depth = 0
     for i in range(at, len(tokens)):
         if tokens[i].kind == "sign" and tokens[i].text in _OPEN:
@@ -102,7 +117,10 @@ def _closing(tokens: Sequence[Token], at: int) -> int:
 
 
 def split(tokens: Sequence[Token], *separators: str) -> list[list[Token]]:
-    """The tokens between separators that are in no bracket; a separator begins its part, but for ','."""
+    """Split tokens at separators outside brackets.
+
+    A separator begins its part, except ','.
+    """
     parts: list[list[Token]] = [[]]
     depth = 0
     for token in tokens:
@@ -116,7 +134,13 @@ def split(tokens: Sequence[Token], *separators: str) -> list[list[Token]]:
 
 
 def literal(tokens: Sequence[Token], depth: int = 0) -> Node:
-    """All tokens as one literal, within so many brackets. Raises Unknown for anything else."""
+    """Parse all tokens as one literal, inside `depth` brackets.
+
+    Raises
+    ------
+    SyntaxUnknown
+        The tokens are no literal.
+    """
     if not tokens:
         raise SyntaxUnknown(0, "nothing is here")
     if depth > DEEPEST:

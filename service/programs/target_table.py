@@ -1,8 +1,11 @@
-"""Target tables (.csv): `target_id, j1_deg...`, or `target_id, x_mm, y_mm, z_mm, rot_w...rot_z, config`.
+"""Target tables (.csv) of joints or poses.
 
-A row holds joints, as the controller counts them, `j3_mm` of a slide, `e1_mm` of a track, or a pose of the tool point
-in the base frame with the branch it is meant in (`front/up/noflip`; `right` of a SCARA). Other columns are kept; what a
-spreadsheet would work out is written as text (`without_formulas`) and read as it was meant.
+The columns are `target_id, j1_deg...`, or `target_id, x_mm, y_mm, z_mm, rot_w...rot_z, config`.
+
+A row holds joints, as the controller counts them, `j3_mm` of a slide and `e1_mm` of a track. Or it holds a pose
+of the tool point in the base frame with its branch (`front/up/noflip`; `right` of a SCARA). Other columns are
+kept. Cells that a spreadsheet would compute are written as text (`without_formulas`) and read as they were
+meant.
 """
 
 from __future__ import annotations
@@ -41,7 +44,13 @@ class _Cell(NamedTuple):
 
 
 class TargetTable:
-    """A table of targets for a robot. Raises DataError naming line and column."""
+    """A table of targets for a robot.
+
+    Raises
+    ------
+    DataError
+        The table is wrong; the message names line and column.
+    """
 
     def __init__(self, text: str, file: str, robot: Robot, known: KnownFrames) -> None:
         self.text = text
@@ -114,7 +123,13 @@ class TargetTable:
                         raise self._refuse(f"column '{name}' is missing.", "Add it.", 1)
 
     def _check_joint(self, name: str) -> None:
-        """Raise DataError for a column of a joint that the robot lacks, or in a unit that is not its own."""
+        """Refuse a column of a joint that the robot lacks, or in a wrong unit.
+
+        Raises
+        ------
+        DataError
+            The column is refused.
+        """
         found = _AXIS.fullmatch(name)
         if found is None:
             return
@@ -186,7 +201,10 @@ class TargetTable:
 
 
 def without_formulas(text: str) -> str:
-    """A table's text in which a spreadsheet works out no cell, heading or target: `'` before what it would."""
+    """Return a table's text in which a spreadsheet computes no cell, heading or target.
+
+    Each such cell begins with `'`.
+    """
     return edited(
         text,
         (
@@ -200,7 +218,7 @@ def without_formulas(text: str) -> str:
 
 
 def _lines(text: str) -> Iterator[tuple[int, int, str]]:
-    """Number, place in the text and content of every line, without its end and a mark of byte order."""
+    """Return number, position and content of each line, without its end and byte order mark."""
     at = 0
     for number, line in enumerate(text.splitlines(keepends=True), start=1):
         bare = line.rstrip("\r\n").removeprefix("\ufeff")

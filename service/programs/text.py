@@ -1,6 +1,6 @@
-"""Program files as text that goes back to the very bytes it came from, and edits that touch nothing else.
+"""Program files as text with the original bytes, and edits that change nothing more.
 
-Controllers write UTF-8, Latin-1 or anything else: bytes that are not UTF-8 travel as surrogates, and line ends,
+Controllers write UTF-8, Latin-1 or other encodings. Bytes that are not UTF-8 are kept as surrogates. Line ends,
 tabs and a byte order mark stay as they are.
 """
 
@@ -31,12 +31,24 @@ class Edit:
 
 
 def read_text(path: Path) -> str:
-    """A program as text. Raises DataError when there is no such file, it is too large or holds binary data."""
+    """Read a program as text.
+
+    Raises
+    ------
+    DataError
+        There is no such file, it is too large, or it holds binary data.
+    """
     return text_of(read_bytes(path, MOST_BYTES), path)
 
 
 def text_of(data: bytes, path: Path) -> str:
-    """The text of a program's bytes. Raises DataError for binary data."""
+    """Decode the text of a program's bytes.
+
+    Raises
+    ------
+    DataError
+        The bytes are binary data.
+    """
     if b"\0" in data:
         raise DataError("is not a text file.", do="Save the program as text (ASCII).", file=path)
     return data.decode("utf-8", errors="surrogateescape")
@@ -53,7 +65,13 @@ def bytes_of(text: str) -> bytes:
 
 
 def edited(text: str, edits: Iterable[Edit]) -> str:
-    """The text with all edits made; lines keep their numbers. Raises ValueError when two of them overlap."""
+    """Return the text with all edits made; lines keep their numbers.
+
+    Raises
+    ------
+    ValueError
+        Two edits overlap.
+    """
     out, at = [], 0
     for edit in sorted(edits, key=lambda e: e.start):
         if edit.start < at:
@@ -64,7 +82,13 @@ def edited(text: str, edits: Iterable[Edit]) -> str:
 
 
 class Lines:
-    """Line numbers of positions in a text. Raises DataError for a line that no controller would have written."""
+    """Line numbers of positions in a text.
+
+    Raises
+    ------
+    DataError
+        A line is longer than any controller writes.
+    """
 
     def __init__(self, text: str, file: str) -> None:
         self._ends = [match.end() for match in _LINE_END.finditer(text)]
@@ -94,6 +118,9 @@ class Number:
 
 
 def decimal(value: float, places: int) -> str:
-    """A number with so many places, without zeros at its end, never in exponents and never '-0'."""
+    """Format a number with `places` decimals.
+
+    It has no zeros at its end, no exponent, and is never '-0'.
+    """
     short = f"{value:.{places}f}".rstrip("0").rstrip(".")
     return "0" if short in ("-0", "") else short

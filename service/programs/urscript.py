@@ -1,11 +1,13 @@
-"""URScript: waypoints of movej, movel, movep, movec, as joint angles or poses, in place or by name.
+"""URScript: waypoints of movej, movel, movep, movec, as joint angles or poses.
+
+Waypoints are in place or by name.
 
     q1 = [0.1, -1.57, 1.2, 0.0, 1.57, 0.0]        joint angles, rad; d2r(...) as well
     movel(p[0.4, -0.2, 0.3, 0.0, 3.14, 0.0])      pose of the tool in the base, m and rotation vector, rad
 
-A pose does not say which posture the arm has: the controller takes the solution nearest to where it is, and so does
-this reader, from the waypoint before. The tool is that of `set_tcp`, or of the command line. Source: the maker's script
-manual, module motion.
+A pose does not state the posture of the arm. The controller takes the solution nearest to its current posture.
+This reader takes the one nearest to the waypoint before. The tool is that of `set_tcp`, or of the command line.
+The source is the maker's script manual, module motion.
 """
 
 from __future__ import annotations
@@ -46,7 +48,13 @@ _LONGEST_VALUE = 1_000  # words of a value that can be a waypoint
 
 
 class UrScript:
-    """A URScript program. Raises DataError for a text that has a bracket or a string left open."""
+    """A URScript program.
+
+    Raises
+    ------
+    DataError
+        A bracket or a string is not closed.
+    """
 
     def __init__(self, text: str, file: str, world: Array, known: KnownFrames) -> None:
         self.text = text
@@ -131,7 +139,7 @@ class UrScript:
         return out
 
     def _tools_set(self) -> int:
-        """How many different tools the program is run with."""
+        """Count the different tools of the program."""
         words = {
             tuple(token.text for token in self._tokens[i + 2 : self._closing(i + 1)])
             for i, (token, after) in enumerate(pairwise(self._tokens))
@@ -140,7 +148,10 @@ class UrScript:
         return len(words) + (self._tool is not None)
 
     def _read_elsewhere(self, names: set[str]) -> dict[str, str]:
-        """Why named waypoints are not corrected: what else reads them may drive there with another tool."""
+        """Return the reasons why named waypoints are not corrected.
+
+        Another statement that reads them may drive there with another tool.
+        """
         out: dict[str, str] = {}
         for i, token in enumerate(self._tokens):
             after = self._tokens[i + 1].text if i + 1 < len(self._tokens) else ""
@@ -206,7 +217,10 @@ class UrScript:
             return None
 
     def _assigned(self) -> dict[str, list[Node | None]]:
-        """Every value that a name is given, None where it is computed or an element of it is changed."""
+        """Return every value that a name is given.
+
+        It is None if the value is computed or an element of it is changed.
+        """
         out: dict[str, list[Node | None]] = {}
         ends = self._statement_ends()
         for i, token in enumerate(self._tokens[:-1]):
@@ -235,7 +249,10 @@ class UrScript:
             return None
 
     def _statement_ends(self) -> list[int]:
-        """The index behind the statement of every token, a line or more where brackets run on; 0 within brackets."""
+        """Return the index behind the statement of every token; 0 within brackets.
+
+        A statement is one line, or more if brackets continue.
+        """
         count = len(self._tokens)
         begins, within, closes = [count], [False] * count, -1
         for i, token in enumerate(self._tokens):
@@ -260,7 +277,13 @@ class UrScript:
 
 
 def _number(node: Node) -> float:
-    """A number, or d2r of one. Raises Unknown for anything else."""
+    """Return a number, or d2r of one.
+
+    Raises
+    ------
+    SyntaxUnknown
+        The node is neither.
+    """
     if node.kind == "number":
         return node.value
     if node.kind == "call" and node.text == "d2r" and len(node.items) == 1 and node.items[0].kind == "number":

@@ -4,10 +4,10 @@
       <Value key="0" j1="0" j2="-12.5" j3="90" j4="0" j5="60" j6="0" />
     </Data>
 
-deg. What is not written counts as 0, and gets a number only by hand. A `pointRx` counts in a frame with a tool that the
-program (.pgx) names, and its shoulder is righty or lefty, which the robot file does not know. The file is not read as
-XML at large: elements of other kinds, and everything between, is text that stays. Source: public applications; not
-tried on a controller.
+Angles are in deg. Joints that are not written count as 0, and get a number only by hand. A `pointRx` counts in
+a frame with a tool that the program (.pgx) names, and its shoulder is righty or lefty, which the robot file
+does not know. The file is not read as general XML: elements of other kinds, and everything between, stay as
+text. Sources are public applications. It was not tried on a controller.
 """
 
 from __future__ import annotations
@@ -41,7 +41,13 @@ class _Number:
 
 
 class Val3Data:
-    """A .dtx file. Raises DataError for a text that is none, or declares entities."""
+    """A .dtx file.
+
+    Raises
+    ------
+    DataError
+        The text is no .dtx file, or declares entities.
+    """
 
     def __init__(self, text: str, file: str) -> None:
         self.text = text
@@ -75,7 +81,13 @@ class Val3Data:
         ]
 
     def _without_comments(self, file: str) -> str:
-        """The text with blanks where comments are. Raises DataError for one that is not closed."""
+        """Return the text with blanks in place of comments.
+
+        Raises
+        ------
+        DataError
+            A comment is not closed.
+        """
         parts, at = [], 0
         while (begin := self.text.find("<!--", at)) >= 0:
             end = self.text.find("-->", begin)

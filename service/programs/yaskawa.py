@@ -1,15 +1,15 @@
-"""Yaskawa jobs (.jbi): the positions of the robot, C00000 and further, where they are in pulses.
+"""Yaskawa jobs (.jbi): the positions of the robot, C00000 and following, in pulses.
 
     ///TOOL 0
     ///POSTYPE PULSE
     ///PULSE
     C00000=0,-12034,5230,0,-40110,87
 
-One pulse is one step of a motor, counted as the controller counts the joint: how many make a degree is a parameter of
-the controller, given by `--pulses`, one number an axis, negative where the joint of the model turns the other way.
-Positions in a frame (BASE, ROBOT, USER) are refused by name: what RCONF means for the postures was not learnt from a
-controller. Base and station axes (BC, EC) are kept. Source: descriptions of the format, and public jobs; not tried on
-a controller.
+One pulse is one step of a motor, counted as the controller counts the joint. The number of pulses per degree is
+a parameter of the controller. `--pulses` gives one number per axis, negative if the joint of the model turns
+the other way. Positions in a frame (BASE, ROBOT, USER) are refused by name, because the meaning of RCONF for
+the postures was not confirmed on a controller. Base and station axes (BC, EC) are kept. Sources are
+descriptions of the format and public jobs. It was not tried on a controller.
 """
 
 from __future__ import annotations
@@ -43,7 +43,13 @@ _PULSES = re.compile(r"[-+]?\d{1,9}+")
 
 
 class YaskawaJob:
-    """A .jbi job. Raises DataError for a text that is none."""
+    """A .jbi job.
+
+    Raises
+    ------
+    DataError
+        The text is no job.
+    """
 
     def __init__(self, text: str, file: str, known: KnownFrames) -> None:
         self.text = text
