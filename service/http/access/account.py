@@ -1,6 +1,6 @@
-"""The account of requests: how many came, by route and status, and a line of the log for each where a log is kept.
+"""Account of requests: counts by route and status, and a log line for each if a log is kept.
 
-Neither has query, headers or body: they may hold reasons, names and secrets.
+Neither has query, headers or body, which may hold reasons, names and secrets.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Audits, files of the record: who was given the motion lease and why it was taken over (`lease.jsonl`), for instance.
+"""Audits: files of the record such as `lease.jsonl`.
 
-One JSON object a line, each synced before what it notes takes effect; lines are only ever added. What a run does is in
-its own events.
+`lease.jsonl` lists who was given the motion lease and why it was taken over. An audit has one JSON object per
+line, synced before the noted event takes effect. Lines are only ever added. The events of a run are in its own
+record.
 """
 
 from __future__ import annotations
@@ -26,11 +27,23 @@ class Audit:
         self._path = folder / file
 
     def note(self, what: str, **more: str | float) -> None:
-        """Add a line. Raises StorageError where it cannot be written."""
+        """Add a line with the time and an event.
+
+        Raises
+        ------
+        StorageError
+            It cannot be written.
+        """
         self.add({"utc": utc_text(time.time()), "what": what, **more})
 
     def add(self, values: Mapping[str, str | float]) -> None:
-        """Add a line of these values. Raises StorageError where it cannot be written."""
+        """Add a line of these values, synced to the disk.
+
+        Raises
+        ------
+        StorageError
+            It cannot be written.
+        """
         line = json.dumps(dict(values)).encode() + b"\n"
         try:
             with open(self._path, "ab", opener=_open) as file:

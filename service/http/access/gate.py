@@ -1,8 +1,8 @@
-"""The gate that every request passes: host, origin, token and what its role may do, size.
+"""The gate that every request passes: host, origin, token, rights of its role, size.
 
-A page in the operator's browser can send requests to 127.0.0.1, and by DNS rebinding under a name of its own. So
-the Host header must name an address of ours, not a name somebody else controls, and an Origin must be our own.
-The role is left in the request's state for those who show it.
+A page in the operator's browser can send requests to 127.0.0.1, and by DNS rebinding under its own name. So the
+Host header must name an address of this service, not a name that another party controls, and an Origin must be
+our own. The role is left in the request's state for handlers that show it.
 """
 
 from __future__ import annotations
@@ -29,8 +29,19 @@ _SPLIT = "Send less at once; a data set can be split into series."
 
 @dataclass(frozen=True)
 class Rules:
-    """Who may do what in a service. is_open: whether a path needs no token; refusal: what a role may not, None where it
-    may; tokens_by: the command that tells the tokens; names: by which the service is called besides its address."""
+    """Rights in a service.
+
+    Attributes
+    ----------
+    is_open : callable
+        Returns whether a path needs no token.
+    refusal : callable
+        Returns the problem if a role may not make a request, or None.
+    tokens_by : str
+        Command that prints the tokens.
+    names : tuple of str
+        Names of the service in addition to its address.
+    """
 
     is_open: Callable[[str], bool]
     refusal: Callable[[Role, str, str], Problem | None]
@@ -63,7 +74,7 @@ class TokenRoles(Protocol):
 
 
 class GuardedService(Protocol):
-    """The part of a service that the gate needs: its address, its tokens, the largest body."""
+    """Requirements of the gate on a service: its address, its tokens, the largest body."""
 
     @property
     def host(self) -> str: ...

@@ -1,15 +1,14 @@
-"""The lanes in which requests pass: a stop overtakes whatever else has come.
+"""The lanes in which requests pass, so that a stop overtakes all other requests.
 
-Everything that a request costs before it is handed to a thread, reading and checking its body above all, is done in
-the one event loop. Two hundred requests that come at once would be two hundred such pieces of work before a stop that
-came after them.
+All work on a request before it is handed to a thread, mainly reading and checking its body, is done in the one
+event loop. Two hundred requests at once would be two hundred such pieces of work before a later stop.
 
-    at once    orders to the robot and its lease, answers to prompts, health: nothing is waited for
-    look       how runs and loops are, long polls among them: one turn of the loop each
+    at once    orders to the robot and its lease, answers to prompts, health: no waiting
+    look       states of runs and loops, also by long polls: one turn of the loop each
     ordinary   everything else: one turn of the loop each, behind each other; too many are refused
 
-A body that is not an upload is read whole before its request takes its turn: a client that sends slowly holds up
-nobody.
+A body that is not an upload is read completely before its request takes its turn. A client that sends slowly
+therefore delays no other client.
 """
 
 from __future__ import annotations
@@ -93,7 +92,7 @@ class RequestLanes:
 
 
 async def _whole(receive: Receive) -> bytes | None:
-    """The body; None where it is too large, or the client has gone."""
+    """Read the body; None if it is too large, or the client has left."""
     parts: list[bytes] = []
     size = 0
     while True:
@@ -109,7 +108,10 @@ async def _whole(receive: Receive) -> bytes | None:
 
 
 def _again(body: bytes, receive: Receive) -> Receive:
-    """The body that was read, then whatever comes after it: that the client goes."""
+    """Return a channel that gives the body that was read, then later messages.
+
+    A later message is that the client leaves.
+    """
     given = False
 
     async def again() -> Message:

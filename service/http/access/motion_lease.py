@@ -1,13 +1,14 @@
-"""The motion lease: one holder at a time, who says again and again that somebody is there.
+"""The motion lease, held by one client at a time, which renews it to show its presence.
 
-Its `lease_id` is a secret of the holder. It is given once, in the answer that grants the lease, and is kept in memory
-alone; whoever moves the robot, prolongs the lease or gives it back has to send it. A name proves nothing: it is in
-every refusal. Another person may take the lease over, with a reason, which is a deliberate act and is noted.
+Its `lease_id` is a secret of the holder. It is given once, in the answer that grants the lease, and is kept
+only in memory. A client that moves the robot, prolongs the lease or gives it back has to send it. A name proves
+nothing: it is in every refusal. Another person may take the lease over, with a reason. That is a deliberate act
+and is noted.
 
-A program that dies, or whose network does, falls silent; then the robot comes to rest and the run is paused, to be
-resumed by whoever takes the lease next. Who watches is `acquisition.run.orders.lease`, for as long as devices are in
-use. Stopping needs no lease. Expiry is counted on the steady clock, so a jump of the calendar neither ends nor prolongs
-it.
+A program that dies, or loses its network, falls silent. Then the robot comes to rest and the run is paused. The
+next holder of the lease can resume it. `acquisition.run.orders.lease` watches the lease while devices are in
+use. Stopping needs no lease. Expiry is counted on the steady clock, so a jump of the calendar neither ends nor
+prolongs it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,10 @@ LEASE = path_of("cell", "lease")
 
 @dataclass(frozen=True)
 class HeldLease:
-    """A lease as it was given. `beats`: what a run watches; `origin`: from whom it was taken over, and why."""
+    """A lease as it was given.
+
+    A run watches `beats`. `origin` says from whom the lease was taken over, and why.
+    """
 
     secret: str = field(repr=False)
     beats: acquisition.LeaseDeadline
@@ -44,14 +48,15 @@ class HeldLease:
         return self.beats.left_s > 0.0
 
     def proved_by(self, lease_id: str) -> bool:
-        """Whether this is its secret; compared in constant time."""
+        """Return whether `lease_id` is the secret of the lease, compared in constant time."""
         return hmac.compare_digest(lease_id.encode(), self.secret.encode())
 
 
 class MotionLease:
-    """Thread-safe. Of the two locks `_noting` is held while the audit is written, `_mutex` for moments only.
+    """The motion lease of a service. Thread-safe.
 
-    To prolong a lease takes nothing else, so it can be done within the loop of events.
+    Of the two locks, `_noting` is held while the audit is written, `_mutex` only for moments. Prolonging a lease
+    needs only `_mutex`, so that it can be done within the event loop.
     """
 
     def __init__(self, audit: Audit, clock: Clock | None = None) -> None:
@@ -62,17 +67,30 @@ class MotionLease:
         self._held: HeldLease | None = None
 
     def grant(self, holder: str, seconds: float) -> HeldLease:
-        """Take the lease if it is free. Raises Problem 409 if it is held, StorageError."""
+        """Take the lease if it is free.
+
+        Raises
+        ------
+        Problem
+            409: the lease is held.
+        StorageError
+            The audit cannot be written.
+        """
         with self._noting:
             if (held := self._live()) is not None:
                 raise _other(held)
             return self._new(holder, seconds, "granted")
 
     def renew(self, holder: str, seconds: float, lease_id: str) -> HeldLease:
-        """Prolong the holder's lease. Raises Problem 409 if it has expired or belongs to another.
+        """Prolong the holder's lease.
 
-        One that has ended is not granted anew: its holder has to learn that the robot has come to rest, and a request
-        that was under way when the lease was given back must not take it again.
+        A lease that has ended is not granted again. Its holder has to learn that the robot has come to rest. A
+        request that was under way when the lease was given back must not take it again.
+
+        Raises
+        ------
+        Problem
+            409: the lease has expired, or belongs to another client.
         """
         with self._mutex:
             held = self._live()
@@ -91,9 +109,15 @@ class MotionLease:
             return self._held
 
     def take_over(self, holder: str, seconds: float, reason: str) -> tuple[HeldLease, str]:
-        """Take the lease whoever holds it; with it the name of who did, empty for nobody. Raises StorageError.
+        """Take the lease from any holder.
 
-        What moves by the old lease is for the caller to pause.
+        Returns the lease and the name of the former holder, empty if there was none. The caller must pause motion by
+        the old lease.
+
+        Raises
+        ------
+        StorageError
+            The audit cannot be written.
         """
         with self._noting:
             held = self._live()
@@ -102,7 +126,13 @@ class MotionLease:
             return self._new(holder, seconds, "taken over", origin, before=before, reason=reason), before
 
     def give_back(self, lease_id: str) -> str | None:
-        """End the lease; returns its holder, None without one. Raises Problem 409 if this is not its secret."""
+        """End the lease and return its holder, None without one.
+
+        Raises
+        ------
+        Problem
+            409: this is not the secret of the lease.
+        """
         with self._mutex:
             held = self._live()
             if held is not None:
@@ -111,7 +141,13 @@ class MotionLease:
             return None if held is None else held.holder
 
     def needed(self, lease_id: str) -> HeldLease:
-        """The lease by which the robot may move. Raises Problem 409 where there is none, or it is another's."""
+        """Return the lease by which the robot may move.
+
+        Raises
+        ------
+        Problem
+            409: there is no lease, or it belongs to another client.
+        """
         with self._mutex:
             held = self._live()
             if held is None:

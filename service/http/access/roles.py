@@ -1,8 +1,9 @@
-"""The two roles: a viewer reads everything, pauses and stops; an operator does everything.
+"""The two roles: a viewer reads, pauses and stops, an operator does everything.
 
-It is decided by method and path in one place, so that a route somebody adds is the operator's until it is listed here.
+The role is decided by method and path in one place. A new route therefore belongs to the operator until it is
+listed here.
 
-The settings that the service was started with.
+This module also has the settings that the service was started with.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ class Tokens:
 
 
 def viewer_may(method: str, path: str) -> bool:
-    """Whether a request, or an operation of the description, is open to a viewer."""
+    """Return whether a request, or an operation of the description, is open to a viewer."""
     return method in _READS or (method == "POST" and _COMES_TO_REST.fullmatch(path) is not None)
 
 
@@ -55,10 +56,20 @@ UPLOAD_BYTES = 32 * 1024 * 1024  # 100,000 readings have some 20 MB
 
 @dataclass(frozen=True)
 class ServiceSettings:
-    """`record`: the folder that holds everything. `token_file`: where the tokens are kept.
+    """The settings of a service.
 
-    `simulated` None: the real devices of `cell`. `store`: address of the history, None for a file of the record;
-    `permitted_mm`: position error, RMS, by which dates of checks are reckoned.
+    Attributes
+    ----------
+    record : Path
+        Folder that holds everything.
+    token_file : Path, optional
+        File of the tokens.
+    simulated : SimulatedDevices, optional
+        Simulated devices; None for the real devices of `cell`.
+    store : str, optional
+        Address of the history; None for a file of the record.
+    permitted_mm : float, optional
+        Position error, RMS, from which dates of checks are calculated.
     """
 
     record: Path
