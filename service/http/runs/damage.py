@@ -19,7 +19,7 @@ MOST_BYTES = 256 * 1024 * 1024
 
 
 def holds_a_record(folder: Path) -> bool:
-    """Whether there is a file of a record, whatever is in it; also where nobody may look."""
+    """Return whether a folder has a record file, with any content; True if it cannot be read."""
     try:
         return (folder / FILE).exists()
     except OSError:
@@ -27,7 +27,13 @@ def holds_a_record(folder: Path) -> bool:
 
 
 def look_through(folder: Path) -> None:
-    """Every row of a record is what it was. Raises RecordError, StorageError, DamagedRecord."""
+    """Verify every row of a record.
+
+    Raises
+    ------
+    RecordError, StorageError, DamagedRecord
+        The record cannot be read, or a row has changed.
+    """
     with RecordStore.reading(folder):
         pass
 
@@ -38,7 +44,7 @@ def unreadable(folder: Path, error: Exception) -> DamagedRecord:
 
 
 class Damaged:
-    """The runs of a folder that are set aside: they keep nothing else from running."""
+    """The damaged runs of a folder, set aside so that other runs can continue."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -53,9 +59,10 @@ class Damaged:
 
     @contextmanager
     def met(self, name: str) -> Iterator[None]:
-        """A run is looked at for the first time within this block: what is damaged is set aside, no errors come out.
+        """Set a run aside if it turns out to be damaged within this block.
 
-        One that another program runs is not damaged: it can be looked at.
+        The block reads a run for the first time. No errors of acquisition come out. A run that another program has
+        open is not damaged, and is not set aside.
         """
         folder = self._folder / name
         try:
@@ -78,7 +85,10 @@ class Damaged:
 
 
 def document_of(folder: Path, error: AcquisitionError) -> dict[str, Any]:
-    """The document of a run whose record is damaged, or was written by another version: failed, and only listed."""
+    """Return the document of a damaged run, or one of another version.
+
+    The run has failed, and is only listed.
+    """
     saved, measured, name, looked = 0, 0, folder.name, True
     try:
         looked = (folder / FILE).stat().st_size <= MOST_BYTES

@@ -1,6 +1,7 @@
-"""Campaigns that were only checked: `RECORD/runs/ID/dry_run.json`, a run that is over before anything has moved.
+"""Campaigns that were only checked: `RECORD/runs/ID/dry_run.json`.
 
-Planning takes seconds to minutes: what plans here is called in a worker process.
+Such a run is over before anything has moved. Planning takes seconds to minutes; the functions that plan are
+called in a worker process.
 """
 
 from __future__ import annotations
@@ -25,13 +26,25 @@ FILE, PLAN = "dry_run.json", "plan.json"
 
 
 def planned(cell: Cell, table: Mapping[str, Any]) -> tuple[Campaign, list[Visit]]:
-    """The campaign in the body of a request, and its plan. Raises ConfigError, UnsafePlan."""
+    """Return the campaign in the body of a request, and its plan.
+
+    Raises
+    ------
+    ConfigError, UnsafePlan
+        The campaign cannot be used, or its plan is unsafe.
+    """
     campaign = campaign_of(table)
     return campaign, checked_plan(cell, campaign)
 
 
 def readings_of(cell: Cell, table: Mapping[str, Any]) -> tuple[int, int]:
-    """Numbers of visits and of readings of poses in a campaign. Raises ConfigError, UnsafePlan."""
+    """Return the numbers of visits and readings in a campaign.
+
+    Raises
+    ------
+    ConfigError, UnsafePlan
+        The campaign cannot be used, or its plan is unsafe.
+    """
     _, visits = planned(cell, table)
     return len(visits), readings_in(visits)
 
@@ -42,7 +55,13 @@ def readings_in(visits: Sequence[Visit]) -> int:
 
 
 def keep(folder: Path, cell: Cell, table: Mapping[str, Any], name: str, simulated: bool) -> None:
-    """Check a campaign and write what came of it into a new folder. Raises ConfigError, UnsafePlan."""
+    """Check a campaign and write the result into a new folder.
+
+    Raises
+    ------
+    ConfigError, UnsafePlan
+        The campaign cannot be used, or its plan is unsafe.
+    """
     campaign, visits = planned(cell, table)
     total = readings_in(visits)
     plan = plan_of_campaign(cell, campaign, visits)
@@ -84,7 +103,13 @@ class DryRuns:
         self._known.pop(name, None)
 
     def document(self, name: str) -> dict[str, Any] | None:
-        """The document of a dry run; None where the run is another one. Raises DamagedRecord."""
+        """Return the document of a dry run; None for another kind of run.
+
+        Raises
+        ------
+        DamagedRecord
+            The document cannot be read.
+        """
         if name not in self._known:
             folder = self._folder / name
             try:

@@ -12,7 +12,10 @@ def dry() -> Problem:
 
 
 def other_cell() -> Problem:
-    """A run has the addresses, limits and boxes of its own cell, not of this one."""
+    """Return the problem of a run with another cell file.
+
+    A run has the addresses, limits and boxes of its own cell, not of the current one.
+    """
     return Problem(
         409,
         "The run was begun with another cell file.",
@@ -22,7 +25,10 @@ def other_cell() -> Problem:
 
 
 def other_devices(*, simulated: bool) -> Problem:
-    """The refusal of devices that are not those of the run. simulated: whether the run was measured so."""
+    """Return the problem of a run that was measured on devices of the other kind.
+
+    `simulated` says whether they were simulated.
+    """
     return Problem(
         409,
         f"The run was measured on {'simulated' if simulated else 'real'} devices, which this service does not use.",
@@ -48,5 +54,5 @@ def busy(execution: RobotThread) -> Problem:
 
 
 def in_use() -> Problem:
-    """A run that uses the robot shall be deleted."""
+    """Return the problem of deleting a run that uses the robot."""
     return Problem(409, "The run uses the robot.", "Stop it before it is deleted.", code=8105)

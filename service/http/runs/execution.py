@@ -1,4 +1,4 @@
-"""An execution uses the robot: one thread at a time, that of a run, or that of a closed loop with its runs."""
+"""Execution: the one thread that uses the robot, for a run or for a loop with its runs."""
 
 from __future__ import annotations
 
@@ -8,9 +8,18 @@ from dataclasses import dataclass, field
 
 @dataclass
 class RobotThread:
-    """A thread that uses the robot. `run_id`: empty while a loop is between two runs; `begun`: that run can be paused.
+    """A thread that uses the robot.
 
-    stopped: it was ordered to end; examines: devices are only asked how they are.
+    Attributes
+    ----------
+    run_id : str
+        Empty while a loop is between two runs.
+    begun : threading.Event
+        Set when the run can be paused.
+    stopped : bool
+        Whether it was ordered to end.
+    examines : bool
+        Whether the devices are only asked for their state.
     """
 
     thread: threading.Thread

@@ -1,13 +1,13 @@
-"""A closed loop that goes on: what it has come to, and the orders that it obeys between and within its runs.
+"""Execution of a closed loop: its state, and the orders that it obeys.
 
-It lives in one thread, which has the robot until it ends (`RunManager.lend`): while the loop computes its robot is at
-rest, and nothing else may move it. What takes long is computed in a worker process of its own, which ends with
-the loop.
+It obeys orders between and within its runs. It lives in one thread, which has the robot until it ends
+(`RunManager.lend`). While the loop computes, its robot is at rest, and nothing else may move it. Long
+computations run in a separate worker process, which ends with the loop.
 
-While it is paused it keeps what it knows and its clock, and goes on where it was. It does not outlive the service:
-the runs do, the loop is begun anew.
+While it is paused it keeps its knowledge and its clock, and continues at the same point. It does not outlive
+the service: its runs do, but the loop has to begin again.
 
-The status of a closed loop, as `loop.json` and the interface have it.
+This module also has the status of a closed loop, as in `loop.json` and the interface.
 """
 
 from __future__ import annotations
@@ -50,7 +50,10 @@ STOPPED = "Stopped on request."
 
 
 class LoopWork:
-    """Thread-safe, but for `__call__`. `done`: what to do with the result; it returns the id of the data set."""
+    """Execution of one closed loop. Thread-safe, except `__call__`.
+
+    `done` handles the result and returns the id of the data set.
+    """
 
     def __init__(
         self,
@@ -89,7 +92,7 @@ class LoopWork:
     # -- in the thread of the loop ------------------------------------------------------------------------
 
     def __call__(self, campaign: Campaign, poses: int) -> None:
-        """Run the whole loop; its status says how it ended."""
+        """Run the whole loop; its status records the outcome."""
         state, reason, dataset_id = State.FAILED, FAULT, None
         problem: dict[str, Any] | None = None
         try:
@@ -117,7 +120,13 @@ class LoopWork:
         self._update(step=step, steps=(*self._status.steps, step))
 
     def _compute(self, function: Callable[..., Any], *args: Any) -> Any:
-        """The function's value, computed in the worker process. Raises LoopEnded when the loop ends meanwhile."""
+        """Compute a function in the worker process and return its value.
+
+        Raises
+        ------
+        LoopEnded
+            The loop ends meanwhile.
+        """
         self._checkpoint()
         try:
             return self._worker.call(function, *args)
@@ -130,7 +139,13 @@ class LoopWork:
         return self._compute(diagnosed, data)
 
     def _checkpoint(self) -> None:
-        """A point where nothing moves: wait while paused. Raises LoopEnded when the loop is to end."""
+        """Wait while the loop is paused, at a point where nothing moves.
+
+        Raises
+        ------
+        LoopEnded
+            The loop must end.
+        """
         if self._pausing and not self._ending:
             self._rest(self._pausing)
         if self._ending:
@@ -139,7 +154,10 @@ class LoopWork:
             )
 
     def _rest(self, reason: str, error: AcquisitionError | None = None) -> str | None:
-        """Wait for somebody to say go on: who it was; None when the loop is to end. error: what it rests for."""
+        """Wait for an order to continue; return who gave it, or None if the loop must end.
+
+        `error` is the reason for the rest.
+        """
         problem = None if error is None else problems.of_error(error)
         with self._changed:
             self._pausing = self._pausing or reason
@@ -195,13 +213,13 @@ class LoopWork:
             return self._status.as_dict()
 
     def wait(self, after: int, seconds: float) -> int:
-        """The version, waiting up to so many seconds for one beyond `after`."""
+        """Return the version, waiting up to `seconds` for one beyond `after`."""
         with self._changed:
             self._changed.wait_for(lambda: self._status.version > after, seconds)
             return self._status.version
 
     def pause(self, by: str, reason: str = ON_REQUEST) -> None:
-        """Rest after the reading in hand, or after the step in hand where nothing moves."""
+        """Pause after the current reading, or after the current step if nothing moves."""
         with self._changed:
             self._pausing = self._pausing or reason
             resting = self._status.state is State.PAUSED
@@ -209,9 +227,14 @@ class LoopWork:
             self._book.pause_all(by, reason)
 
     def resume(self, lease: LeaseDeadline, accepted: DeviceAcceptance | None = None) -> None:
-        """Go on, by leave of whoever has the lease; back when the loop does. Raises Problem 409 where it is not paused.
+        """Continue by leave of the lease holder; return when the loop continues.
 
-        accepted: another robot or instrument than that of the loop's first campaign.
+        `accepted` is another robot or instrument than that of the loop's first campaign.
+
+        Raises
+        ------
+        Problem
+            409: the loop is not paused.
         """
         with self._changed:
             if self._status.state is not State.PAUSED:
@@ -226,7 +249,7 @@ class LoopWork:
             self._changed.wait_for(self._goes_on, BEGIN_S)
 
     def _goes_on(self) -> bool:
-        """Whether an order to go on has been obeyed, or another one came behind it."""
+        """Return whether an order to continue has been obeyed, or another order has followed it."""
         return self._status.state is not State.PAUSED or bool(self._pausing or self._ending)
 
     def stop(self, by: str) -> list[AcquisitionError]:
@@ -238,7 +261,7 @@ class LoopWork:
         return unheard
 
     def close(self) -> None:
-        """The service ends, and the loop with it; the run in hand is paused by the book."""
+        """End the loop because the service ends; the run manager pauses the current run."""
         self._end(SERVICE_ENDS)
 
     def _end(self, why: str) -> None:
@@ -250,9 +273,10 @@ class LoopWork:
 
 @dataclass(frozen=True)
 class LoopStatus:
-    """One moment of a loop; a change makes another one, with the next `version`.
+    """The state of a loop at one moment.
 
-    steps: what it has done, the last in hand; runs: of which `run_id` is in hand; problem: what it failed or rests for.
+    A change makes another one, with the next `version`. `steps` are its steps, the last one in progress. `runs` are
+    its runs; `run_id` is the current one. `problem` is the reason why it failed or rests.
     """
 
     id: str

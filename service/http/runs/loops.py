@@ -1,7 +1,8 @@
-"""Closed loops: measure, diagnose, follow up, correct, drive, verify; `RECORD/loops/ID/loop.json` and the results.
+"""Closed loops: measure, diagnose, follow up, correct, drive, verify.
 
-Their campaigns are runs like any others (`RECORD/runs/ID-campaign1`). A loop that was cut off by the end of the
-service has failed; its runs come back paused.
+`RECORD/loops/ID/` has `loop.json` and the results. The campaigns of a loop are runs like any others
+(`RECORD/runs/ID-campaign1`). A loop that was cut off by the end of the service has failed; its runs come back
+paused.
 """
 
 from __future__ import annotations
@@ -68,7 +69,13 @@ class LoopStore:
         return readable(self.ids(), self.document)
 
     def document(self, name: str) -> dict[str, Any]:
-        """The document of a loop, with that of the run in hand. Raises Problem 404, or 500 where it is damaged."""
+        """Return the document of a loop, with that of the current run.
+
+        Raises
+        ------
+        Problem
+            404, or 500 if it is damaged.
+        """
         self._known(name)
         work = self._work.get(name)
         document = self._read(name) if work is None else work.document
@@ -84,12 +91,21 @@ class LoopStore:
         }
 
     def runs_in_hand(self) -> tuple[str, ...]:
-        """The ids of the runs of the loop that has the robot; also those that it is done with, which it still reads."""
+        """Return the ids of the runs of the loop that has the robot.
+
+        They include finished runs, which the loop still reads.
+        """
         work = self._work.get(self._book.lent_to or "")
         return () if work is None else tuple(work.document["runs"])
 
     def wait(self, name: str, after: int, seconds: float) -> int:
-        """The version, waiting up to so many seconds for one beyond `after`. Raises Problem 404."""
+        """Return the version, waiting up to `seconds` for one beyond `after`.
+
+        Raises
+        ------
+        Problem
+            404: there is no such loop.
+        """
         self._known(name)
         work = self._work.get(name)
         return self._read(name)["version"] if work is None else work.wait(after, seconds)
@@ -97,7 +113,13 @@ class LoopStore:
     # -- making -------------------------------------------------------------------------------------------
 
     def check(self, cell: Cell, table: Mapping[str, Any], name: str) -> str:
-        """A dry run: its first campaign is checked, nothing is opened. Raises ConfigError, UnsafePlan."""
+        """Make a dry run: the first campaign is checked, nothing is opened.
+
+        Raises
+        ------
+        ConfigError, UnsafePlan
+            The campaign cannot be used, or its plan is unsafe.
+        """
         check_loop(cell)
         _, total = self._workers.call(readings_of, cell, table)
         reason = f"Checked only: {counted(total, 'reading')} in the first campaign; nothing has moved."
@@ -106,7 +128,15 @@ class LoopStore:
         return status.id
 
     def start(self, cell: Cell, campaign: Campaign, name: str, poses: int, lease: LeaseDeadline) -> str:
-        """Begin a loop; the robot moves. Raises Problem 409 while it is busy, ConfigError, UnsafePlan."""
+        """Begin a loop; the robot moves.
+
+        Raises
+        ------
+        Problem
+            409: the robot is busy.
+        ConfigError, UnsafePlan
+            The loop or its campaign cannot be used.
+        """
         check_loop(cell)
         self._book.refuse_busy()
         devices = self._open_devices(cell)
@@ -135,7 +165,13 @@ class LoopStore:
     # -- orders -------------------------------------------------------------------------------------------
 
     def pause(self, name: str, by: str) -> None:
-        """Let a loop rest after the reading in hand. Raises Problem 404, 409 where the loop has ended."""
+        """Pause a loop after the current reading.
+
+        Raises
+        ------
+        Problem
+            404, or 409 if the loop has ended.
+        """
         self._going_on(name).pause(by)
 
     def pause_all(self, by: str, reason: str) -> None:
@@ -145,11 +181,25 @@ class LoopStore:
             work.pause(by, reason)
 
     def resume(self, name: str, lease: LeaseDeadline, accepted: DeviceAcceptance | None) -> None:
-        """Let a loop go on. Raises Problem 404, 409 where the loop is not paused."""
+        """Resume a loop.
+
+        Raises
+        ------
+        Problem
+            404, or 409 if the loop is not paused.
+        """
         self._going_on(name).resume(lease, accepted)
 
     def stop(self, name: str, by: str) -> list[AcquisitionError]:
-        """Needs no lease. Returns what could not be stopped. Raises Problem 404, 409 where the loop has ended."""
+        """Stop a loop; return the errors of devices that could not be stopped.
+
+        No lease is needed.
+
+        Raises
+        ------
+        Problem
+            404, or 409 if the loop has ended.
+        """
         return self._going_on(name).stop(by)
 
     def _going_on(self, name: str) -> LoopWork:

@@ -1,8 +1,9 @@
-"""Glances: how the run is that uses the robot, as JSON that is kept for a moment.
+"""Cached state of the run that uses the robot, as JSON that is kept for a moment.
 
-Reading a run means questions to SQLite in another thread, and a turn of the interpreter for each, which the thread that
-measures has to wait for. While nothing has been written to the record the answer is the same but for the time that is
-left; so two hundred clients a second cost four readings a second, and each otherwise an answer out of the event loop.
+Reading a run means questions to SQLite in another thread, and a turn of the interpreter for each. The thread
+that measures has to wait for these turns. While nothing has been written to the record, the answer changes only
+in the remaining time. Two hundred clients per second therefore cost four readings per second; the other answers
+come out of the event loop.
 """
 
 from __future__ import annotations
@@ -22,7 +23,11 @@ KEPT_S = 0.25
 
 @dataclass(frozen=True)
 class RunSnapshot:
-    """A run as it was. `still`: nothing can happen to it any more; `changes`: of `RunManager.changes`, from before."""
+    """A run at one moment.
+
+    `still` says that nothing can happen to it any more. `changes` is the value of `RunManager.changes` before it
+    was read.
+    """
 
     run_id: str
     version: int
@@ -42,7 +47,10 @@ class RunCache:
         self._kept: RunSnapshot | None = None
 
     async def __call__(self, run_id: str) -> RunSnapshot:
-        """The run as it is. Raises as `RunManager.document`."""
+        """Return the current state of the run.
+
+        The errors are those of `RunManager.document`.
+        """
         kept = self._kept
         if (
             kept is not None

@@ -15,6 +15,9 @@ FINAL = ("succeeded", "failed")
 def run_document(
     run_id: str, status: RunStatus, *, dry_run: bool = False, error: AcquisitionError | None = None
 ) -> dict[str, Any]:
-    """The members of `RunResponse`. run_id: by which the service knows it; error: why it ended, or cannot be read."""
+    """Return the members of `RunResponse`.
+
+    `run_id` is the id of the run in the service. `error` is the reason why it ended, or cannot be read.
+    """
     shown = None if error is None else error.as_dict()
     return finite(status.as_dict()) | {"id": run_id, "dry_run": dry_run, "error": shown}

@@ -56,10 +56,11 @@ MAY_MOVE = "Nothing is connected since this link was lost: press the emergency s
 
 
 class RunManager:
-    """Thread-safe. `open_devices`: the devices of a cell, not yet connected; `workers` make the plans.
+    """Manager of the runs of a record folder. Thread-safe.
 
-    Two locks: `_opening` is held while a record is opened, which may wait for another program that has it; `_mutex`
-    for moments only. A stop of the run that uses the robot takes neither.
+    `open_devices` returns the devices of a cell, not yet connected. `workers` make the plans. There are two locks.
+    `_opening` is held while a record is opened, which may wait for another program that has it. `_mutex` is held
+    only for moments. A stop of the run that uses the robot takes neither.
     """
 
     def __init__(
@@ -110,9 +111,14 @@ class RunManager:
         return out
 
     def document(self, name: str, *, at_once: bool = False) -> dict[str, Any]:
-        """The contract's document of a run. Raises Problem 404.
+        """Return the contract's document of a run.
 
-        at_once: without waiting for a run that is just beginning or ending, for the answer to a stop.
+        With `at_once`, it does not wait for a run that is just beginning or ending; this is for the answer to a stop.
+
+        Raises
+        ------
+        Problem
+            404: there is no such run.
         """
         self._known(name)
         if (known := self._damaged.document(name)) is not None:
@@ -131,7 +137,10 @@ class RunManager:
         return run_document(name, status, error=error)
 
     def _let_begin(self, name: str) -> None:
-        """A run that was let go on is shown once it does: for what it rested before is not why it rests."""
+        """Wait until a run that was resumed has begun.
+
+        Otherwise it would be shown with the reason of its former rest.
+        """
         execution = self._execution
         if execution is not None and execution.run_id == name and not execution.loop_id:
             execution.begun.wait(BEGIN_S)
@@ -145,12 +154,23 @@ class RunManager:
             execution.thread.join(FINISH_S)
 
     def changes(self, name: str) -> int | None:
-        """`Run.changes` of the run that uses the robot, without waiting for anything; None for any other."""
+        """Return `Run.changes` of the run that uses the robot, without waiting.
+
+        It is None for any other run.
+        """
         run = self._runs.get(name) if name == self.busy_with else None
         return None if run is None else run.changes
 
     def get(self, name: str) -> Run:
-        """The run itself, opened where it is not. Raises Problem 404 and 409 (dry run), RecordInUse."""
+        """Return a run, opened if necessary.
+
+        Raises
+        ------
+        Problem
+            404, or 409 for a dry run.
+        RecordInUse
+            Another program has the record.
+        """
         run = self._runs.get(name)
         return self._opened(name) if run is None else run
 
@@ -167,7 +187,13 @@ class RunManager:
             return run
 
     def path(self, name: str) -> Path:
-        """The folder of a run's record. Raises Problem 404."""
+        """Return the folder of a run's record.
+
+        Raises
+        ------
+        Problem
+            404: there is no such run.
+        """
         self._known(name)
         return self._folder / name
 
@@ -178,13 +204,25 @@ class RunManager:
     # -- making and executing ----------------------------------------------------------------------------
 
     def check(self, cell: Cell, table: Mapping[str, Any], name: str) -> str:
-        """A dry run: everything is checked, nothing is opened. Raises ConfigError, UnsafePlan."""
+        """Make a dry run: everything is checked, nothing is opened.
+
+        Raises
+        ------
+        ConfigError, UnsafePlan
+            The campaign cannot be used, or its plan is unsafe.
+        """
         own = new_id()
         self._workers.call(dry_runs.keep, self._folder / own, cell, table, name, self._simulated)
         return own
 
     def start(self, cell: Cell, plan: tuple[Campaign, list[Visit]], name: str, lease: LeaseDeadline) -> str:
-        """Make a run of what was planned and let the robot move. Raises Problem 409 while another uses the robot."""
+        """Create a run from a plan and let the robot move.
+
+        Raises
+        ------
+        Problem
+            409: another run or loop uses the robot.
+        """
         campaign, visits = plan
         devices = self._open_devices(cell)
         run_id = new_id()
@@ -204,9 +242,14 @@ class RunManager:
     def resume(
         self, name: str, cell: Cell, lease: LeaseDeadline, accepted: DeviceAcceptance | None = None
     ) -> None:
-        """Let a paused or stopped run go on. Raises Problem, NotResumed, RecordInUse.
+        """Resume a paused or stopped run.
 
-        accepted: another robot or instrument than the record's.
+        `accepted` is another robot or instrument than the record's.
+
+        Raises
+        ------
+        Problem, NotResumed, RecordInUse
+            The run cannot be resumed now.
         """
         run = self.get(name)
         if run.cell.source != cell.source:
@@ -223,7 +266,10 @@ class RunManager:
             self._begin(name, run, devices, lease)
 
     def need_robot(self) -> None:
-        """The robot is refused while it is busy; a run that was stopped, or is just ending, is waited for."""
+        """Refuse new work while the robot is busy.
+
+        It first waits for a run that was stopped, or is just ending.
+        """
         execution = self._execution
         if execution is not None and execution.stopped:
             execution.thread.join(FINISH_S)
@@ -232,7 +278,13 @@ class RunManager:
         self.refuse_busy()
 
     def refuse_busy(self) -> None:
-        """Refuse new work. Raises Problem 409 with the ids of run and loop in hand, 503 when the service ends."""
+        """Refuse new work while the robot is busy or the service ends.
+
+        Raises
+        ------
+        Problem
+            409 with the ids of the current run and loop, or 503 if the service ends.
+        """
         if self._closed:
             raise ending()
         execution = self._execution
@@ -275,7 +327,13 @@ class RunManager:
     # -- for a loop --------------------------------------------------------------------------------------
 
     def lend(self, loop_id: str, work: Callable[[], None]) -> None:
-        """Let a loop use the robot until `work`, in a thread of its own, ends. Raises Problem 409."""
+        """Let a loop use the robot until `work`, in a separate thread, ends.
+
+        Raises
+        ------
+        Problem
+            409: the robot is busy.
+        """
 
         def whole() -> None:
             try:
@@ -321,7 +379,13 @@ class RunManager:
 
     @contextmanager
     def examined(self) -> Iterator[None]:
-        """The devices are asked how they are, and nothing else may use them meanwhile. Raises Problem 409."""
+        """Reserve the devices within the block, in which they are asked for their state.
+
+        Raises
+        ------
+        Problem
+            409: the robot is busy.
+        """
         self.need_robot()
         with self._mutex:
             self.refuse_busy()
@@ -340,19 +404,31 @@ class RunManager:
     # -- orders to whatever runs -------------------------------------------------------------------------
 
     def pause(self, name: str, by: str, reason: str = ON_REQUEST) -> None:
-        """The run ends after the reading in hand. Raises Problem, RecordInUse, StorageError."""
+        """Pause a run after the current reading.
+
+        Raises
+        ------
+        Problem, RecordInUse, StorageError
+            The run cannot be paused.
+        """
         run, execution = self.get(name), self._execution
         if execution is not None and execution.run_id == name:
             execution.begun.wait(FINISH_S)  # a run that has not begun yet cannot be paused, and would go on
         run.pause(by=by, reason=reason)
 
     def pause_all(self, by: str, reason: str) -> None:
-        """The run that uses the robot ends after the reading in hand."""
+        """Pause the run that uses the robot after the current reading."""
         if (name := self.busy_with) is not None:
             self.pause(name, by, reason)
 
     def stop(self, name: str, by: str) -> list[AcquisitionError]:
-        """The robot halts now and the run ends. Returns what could not be stopped. Raises Problem, RecordInUse."""
+        """Halt the robot now and end the run; return the errors of devices that did not stop.
+
+        Raises
+        ------
+        Problem, RecordInUse
+            There is no such run, or another program has it.
+        """
         run, execution = self.get(name), self._execution
         if execution is not None and execution.run_id == name:
             execution.stopped = not execution.loop_id
@@ -365,9 +441,18 @@ class RunManager:
     def delete(
         self, name: str, trail: DeletionLog, by: str, reason: str, in_hand: Sequence[str]
     ) -> dict[str, Any]:
-        """Delete a run with its readings; its events stay. in_hand: runs of the loop that has the robot.
+        """Delete a run with its readings and return the line of the trail; its events stay.
 
-        The line of the trail. Raises Problem 404, 409 while it runs, RecordInUse (another program), StorageError.
+        `in_hand` are the runs of the loop that has the robot.
+
+        Raises
+        ------
+        Problem
+            404, or 409 while it runs.
+        RecordInUse
+            Another program has the record.
+        StorageError
+            The trail cannot be written, or the files cannot be deleted.
         """
         with self._mutex:
             if name in (self.busy_with, *in_hand):
@@ -408,7 +493,10 @@ class RunManager:
 
 
 class Forecasts:
-    """A forecast that is refused, because too much is being computed, leaves its run without one."""
+    """Forecasts of runs.
+
+    If a forecast is refused because too much is being computed, its run has none.
+    """
 
     def __init__(self, workers: Workers) -> None:
         self._workers = workers
