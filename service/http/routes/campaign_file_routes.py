@@ -33,7 +33,10 @@ def upload_campaign(
     ] = "",
     idempotency_key: IdempotencyKey = "",
 ) -> JSONResponse:
-    """Keep a campaign file, to be run by its id; refused with line or key where it cannot be used."""
+    """Keep a campaign file, to be run by its id.
+
+    It is refused with line or key if it cannot be used.
+    """
     content = toml.file.read()
 
     def work() -> JSONResponse:

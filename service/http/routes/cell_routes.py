@@ -48,10 +48,11 @@ async def get_cell(here: Here, request: Request) -> dict[str, Any]:
 
 @router.post("/cell/lease", operation_id="takeLease", response_model=LeaseShown)
 async def take_lease(here: Here, body: LeaseRequest, lease_id: LeaseId = "") -> dict[str, Any]:
-    """Take the motion lease, or keep it: repeat this before it expires, or the robot rests and its run is paused.
+    """Take the motion lease, or keep it.
 
-    Without `Lease-Id` it is taken where nobody holds it, and the answer has its secret, `lease_id`, which is never
-    given again, also not for an `Idempotency-Key`. With `Lease-Id` it is prolonged; 409 where it has ended.
+    Repeat this before it expires; otherwise the robot rests and its run is paused. Without `Lease-Id` it is taken
+    if no client holds it, and the answer has its secret, `lease_id`. The secret is never given again, also not for
+    an `Idempotency-Key`. With `Lease-Id` it is prolonged; 409 if it has ended.
     """
     if lease_id:
         return _shown(here.lease.renew(body.holder, body.seconds, lease_id))
@@ -78,7 +79,10 @@ async def take_lease_over(here: Here, body: LeaseTakeoverRequest) -> dict[str, A
 
 @router.delete("/cell/lease", operation_id="giveLeaseBack", status_code=204)
 async def give_lease_back(here: Here, lease_id: LeaseId = "") -> Response:
-    """Give the lease back; a run pauses after the reading in hand, a loop also between two runs. Needs `Lease-Id`."""
+    """Give the lease back.
+
+    A run pauses after the current reading, a loop also between two runs. Needs `Lease-Id`.
+    """
 
     def work() -> None:
         holder = here.lease.give_back(lease_id)

@@ -68,8 +68,10 @@ def upload_mapped(
     name: Annotated[str, Form(max_length=200, description="A name for people.", examples=["night 1"])] = "",
     idempotency_key: IdempotencyKey = "",
 ) -> JSONResponse:
-    """Upload files of another program with their map: they become a data set, or are refused as `truepose convert`
-    refuses them."""
+    """Upload files of another program with their map.
+
+    They become a data set, or are refused as `truepose convert` refuses them.
+    """
     given = [(each.filename or "", each.file.read()) for each in files]
     text = map_file.file.read()
 
@@ -89,7 +91,7 @@ async def list_datasets(here: Here) -> Response:
 
 @router.get("/datasets/{dataset_id}", operation_id="getDataset", response_model=DatasetShown)
 def get_dataset(here: Here, dataset_id: DatasetId) -> dict[str, Any]:
-    """A data set: what it holds. Its files are below it."""
+    """Return the content of a data set. Its files are below it."""
     return here.datasets.get(dataset_id)
 
 

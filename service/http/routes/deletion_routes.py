@@ -27,7 +27,10 @@ Reason = Annotated[
 
 @router.delete("/runs/{run_id}", operation_id="deleteRun", response_model=DeletionShown)
 def delete_run(here: Here, run_id: RunId, reason: Reason, lease_id: LeaseId = "") -> dict[str, Any]:
-    """Delete a run and its readings. 409 while it, or the loop that it belongs to, uses the robot. Its events stay."""
+    """Delete a run and its readings.
+
+    409 while it, or the loop that it belongs to, uses the robot. Its events stay.
+    """
     return here.book.delete(run_id, here.deletions, who(here, lease_id), reason, here.loops.runs_in_hand())
 
 

@@ -1,4 +1,4 @@
-"""The history of robots: a list, one robot, trends, documents, as `truepose history` has them."""
+"""History of robots, as in `truepose history`: a list, one robot, trends, documents."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ async def _due(
     shortest_days: Shortest = 7.0,
     longest_days: Longest = 1825.0,
 ) -> dict[str, Any]:
-    """The reckoning of dates of checks, as the query has it."""
+    """Return the settings for dates of checks, as the query has them."""
     return {
         "permitted_mm": permitted_mm or here.history.permitted_mm,
         "method": method,
@@ -87,9 +87,10 @@ def list_robots(
     here: Here,
     due: Due,
 ) -> JSONResponse:
-    """Every robot of the history, at most 1,000: state, last verdict and cause, errors, and when it is to be checked.
+    """List the robots of the history, at most 1,000.
 
-    What this service has measured and found up to now is in it, or in `not_kept` with the reason.
+    Each has its state, last verdict and cause, errors, and the date of its next check. Everything that this service
+    has measured and found up to now is in it, or in `not_kept` with the reason.
     """
     here.history.bring()
     found = here.history.ask(history_calls.robots, due)
@@ -106,7 +107,7 @@ def get_robot(
         int, Query(ge=1, le=2000, description="Number of documents, newest first.", examples=[200])
     ] = 200,
 ) -> JSONResponse:
-    """One robot: what the list says of it, and its documents with what they said."""
+    """Return one robot: its entry of the list, and its documents with their contents."""
     here.history.bring()
     found = here.history.ask(history_calls.robot, robot_id, due, limit)
     if found is None:
@@ -134,7 +135,10 @@ def get_trends(
         Query(ge=1, le=2000, description="Number of values of each parameter, the newest.", examples=[200]),
     ] = 200,
 ) -> JSONResponse:
-    """How parameters of a robot have changed: values with U (k = 2), control limits, and what lies outside them."""
+    """Return the changes of a robot's parameters.
+
+    They are values with U (k = 2), control limits, and the values outside these limits.
+    """
     found = here.history.ask(history_calls.trends, robot_id, parameter or None, limit)
     if found is None:
         raise not_found("robot", robot_id)
@@ -183,9 +187,9 @@ def add_document(
     ] = "",
     idempotency_key: IdempotencyKey = "",
 ) -> JSONResponse:
-    """Keep a document that was made elsewhere, as `truepose history add` does; the same content once.
+    """Keep a document from elsewhere, as `truepose history add` does; the same content once.
 
-    `state` is conflict where the history has another content for the same thing: both are kept, `contradicts` names it.
+    `state` is conflict if the history has another content for the same thing: both are kept, `contradicts` names it.
     """
     name, content = plain_name(file.filename or "document"), file.file.read(LARGEST + 1)
     header = None if toml is None else toml.file.read(LARGEST + 1)

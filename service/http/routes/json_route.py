@@ -32,7 +32,13 @@ class JsonRequest(Request):
     """A request whose JSON is read by `calib.text.json_text`."""
 
     async def json(self) -> Any:
-        """The value of the body. Raises Problem 422, for a large one also 503."""
+        """Parse the body.
+
+        Raises
+        ------
+        Problem
+            422, or for a large body also 503.
+        """
         body = await self.body()
         try:
             if len(body) <= AT_ONCE:

@@ -1,1 +1,1 @@
-"""Routes beside the interface: the operator page, its documentation, metrics."""
+"""Routes outside the interface: the operator page, its documentation, metrics."""

@@ -1,8 +1,8 @@
-"""`/docs`: the OpenAPI document to read and to try, by the Swagger UI that the package fastapi-offline carries.
+"""`/docs`: the OpenAPI document to read and to try, with the Swagger UI of fastapi-offline.
 
-It holds nothing of the cell and needs no token; what is tried is asked with the token that a person pastes under
-"Authorize". Its policy lets it run the two scripts that come with it and talk to this service alone.
-Source: Content Security Policy Level 3 (W3C).
+It holds nothing of the cell and needs no token. A trial request has the token that a person pastes under
+"Authorize". Its policy lets it run the two scripts that come with it and talk only to this service. Source:
+Content Security Policy Level 3 (W3C).
 """
 
 from __future__ import annotations
@@ -49,7 +49,13 @@ def docs_page() -> HTMLResponse:
 
 @router.get("/docs/{name}", include_in_schema=False)
 def docs_file(name: str) -> FileResponse:
-    """A file of the page. Raises Problem 404 for any other."""
+    """Return a file of the page.
+
+    Raises
+    ------
+    Problem
+        404: the page has no such file.
+    """
     if name not in FILES:
         raise Problem(404, f"There is no file {name!r} of the page.", "Open /docs.")
     folder = Path(__file__).parents[3] / "static" if name == _OURS else files("fastapi_offline") / "static"

@@ -1,6 +1,6 @@
-"""`/metrics` for Prometheus: requests, the run in hand, jobs, and whether somebody holds the lease.
+"""`/metrics` for Prometheus: requests, the current run, jobs, and whether the lease is held.
 
-The token is needed, a viewer's will do (`authorization: credentials_file` of a scrape configuration).
+A token is needed; a viewer's is sufficient (`authorization: credentials_file` of a scrape configuration).
 Source: Prometheus exposition format 0.0.4.
 """
 
@@ -34,7 +34,7 @@ async def metrics(here: Here, request: Request) -> Response:
 
 
 class Measures(Collector):
-    """The measures of a service as they are when they are asked for."""
+    """The current measures of a service, read at each request."""
 
     def __init__(self, here: Service) -> None:
         self._here = here

@@ -1,4 +1,4 @@
-"""The OpenAPI document: FastAPI's own, with the problems that every route has and the tokens that open it."""
+"""The OpenAPI document of FastAPI, with the problems of every route and the tokens."""
 
 from __future__ import annotations
 
@@ -46,7 +46,10 @@ _OPERATOR, _VIEWER = ({role.value: []} for role in _TOKENS)
 
 
 def _describe_stream(document: dict[str, Any]) -> None:
-    """The stream of events as text: of its lines, which are server-sent events, `data` is an `EventShown`."""
+    """Describe the stream of events as text.
+
+    Its lines are server-sent events, whose `data` is an `EventShown`.
+    """
     for item in document["paths"].values():
         answer = item.get("get", {}).get("responses", {}).get("200", {})
         if "text/event-stream" in answer.get("content", {}):
@@ -70,8 +73,11 @@ def describe(app: FastAPI) -> None:
 
 
 def serve_openapi(app: FastAPI) -> None:
-    """Serve `/openapi.json`, for an application that serves none. It takes seconds to make and anybody may ask for it,
-    so it is made once and in a thread: in the loop of events a stop would wait for it."""
+    """Serve `/openapi.json` for an application that serves none.
+
+    It takes seconds to make, and any client may request it. So it is made once and in a thread: in the event loop a
+    stop would wait for it.
+    """
     made: list[bytes] = []
     making = threading.Lock()
 

@@ -1,9 +1,10 @@
-"""The operator page: a frame in which a browser runs the modules of the service, and nothing else.
+"""The operator page: a frame in which a browser runs the modules of the service.
 
-It holds nothing of the cell and needs no token; what it shows it asks for with the token that a person pastes. The
-Content-Security-Policy lets it talk to this service and to nobody else. Its script is known by a number that is drawn
-for every answer: what somebody writes into the page does not know it. Modules that a known one imports are known too.
-Source: Content Security Policy Level 3 (W3C), nonces, and hashes of inline styles.
+It holds nothing of the cell and needs no token. It requests its content with the token that a person pastes.
+The Content-Security-Policy lets it talk only to this service. Its script is recognised by a number that is
+drawn for every answer; text that another party writes into the page does not have it. Modules that a recognised
+one imports are recognised too. Source: Content Security Policy Level 3 (W3C), nonces, and hashes of inline
+styles.
 """
 
 from __future__ import annotations
@@ -32,7 +33,10 @@ _HEADERS = {
 
 @cache
 def page_hash() -> str:
-    """The hash by which an open page knows, when the service is back, whether it is still its page."""
+    """Return the hash of the page.
+
+    By it an open page checks whether a service that is back still has the same page.
+    """
     texts = (path.read_bytes() for path in sorted(FOLDER.iterdir()) if path.is_file())
     return hashlib.sha256(b"".join(texts)).hexdigest()[:12]
 
@@ -46,7 +50,10 @@ def page_text(nonce: str) -> str:
 
 
 def policy_of(page: str, nonce: str) -> str:
-    """The Content-Security-Policy for a page: its own script and style, its own service, nothing else."""
+    """Return the Content-Security-Policy for a page.
+
+    It allows only the page's own script and style, and its own service.
+    """
     styles = re.findall(r"<style>(.*?)</style>", page, re.DOTALL)
     digests = (base64.b64encode(hashlib.sha256(each.encode()).digest()).decode() for each in styles)
     style = " ".join(f"'sha256-{digest}'" for digest in digests)

@@ -31,10 +31,11 @@ def _accepted(here: Service, loop_id: str, **more: Any) -> JSONResponse:
 def create_loop(
     here: Here, body: NewLoop, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
-    """Check a loop (`dry_run`, the default), or go through it: that moves the robot and needs `Lease-Id`.
+    """Check a loop (`dry_run`, the default), or go through it.
 
-    A campaign is measured and diagnosed; where something is ambiguous, poses that decide it are measured too; then
-    corrected targets of new poses are driven and measured. Its campaigns are runs, in `runs`.
+    Going through it moves the robot and needs `Lease-Id`. A campaign is measured and diagnosed. If something is
+    ambiguous, poses that decide it are measured too. Then corrected targets of new poses are driven and measured.
+    Its campaigns are runs, in `runs`.
     """
 
     def work() -> JSONResponse:
@@ -62,7 +63,10 @@ async def list_loops(here: Here) -> Response:
 
 @router.get("/loops/{loop_id}", operation_id="getLoop", response_model=LoopShown)
 async def get_loop(here: Here, loop_id: LoopId, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
-    """A loop; with `wait`, as soon as its version is beyond `after` or nothing can happen to it any more."""
+    """Return a loop.
+
+    With `wait`, the answer comes as soon as its version is beyond `after` or nothing can happen to it any more.
+    """
 
     def read() -> dict[str, Any]:
         return here.loops.document(loop_id)
@@ -78,7 +82,7 @@ async def get_loop(here: Here, loop_id: LoopId, wait: Wait = 0, after: After = 0
 
 @router.post("/loops/{loop_id}/pause", operation_id="pauseLoop", status_code=202, response_model=LoopShown)
 async def pause_loop(here: Here, loop_id: LoopId) -> JSONResponse:
-    """The loop rests after the reading in hand; between two campaigns, after the step in hand."""
+    """Pause a loop after the current reading, or between two campaigns after the current step."""
 
     def work() -> JSONResponse:
         here.loops.pause(loop_id, by=who(here))

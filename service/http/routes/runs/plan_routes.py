@@ -1,4 +1,4 @@
-"""The plan of a run, what each pose of it is worth, and the poses that a person wants again or leaves out."""
+"""The plan of a run, the benefit of each pose, and poses to measure again or leave out."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _order(
     idempotency_key: IdempotencyKey = "",
     lease_id: LeaseId = "",
 ) -> Callable[[str], JSONResponse]:
-    """Gives the order of this verb for a visit, in the name of whoever asks."""
+    """Return the function that orders a verb for a visit, in the name of the client."""
 
     def give(verb: str) -> JSONResponse:
         by = who(here, lease_id)
@@ -99,5 +99,5 @@ def retake_visit(order: Order) -> JSONResponse:
 
 @router.post(f"{VISIT}/skip", operation_id="skipVisit", status_code=202, response_model=RunResponse)
 def skip_visit(order: Order) -> JSONResponse:
-    """Leave out what is not measured yet in a pose. It can be asked for again with `retake`."""
+    """Leave out the readings of a pose that are not measured yet. `retake` requests them again."""
     return order("skip")

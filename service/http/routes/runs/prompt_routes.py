@@ -59,12 +59,12 @@ async def answer_prompt(
     idempotency_key: IdempotencyKey = "",
     lease_id: LeaseId = "",
 ) -> JSONResponse:
-    """Answer a prompt; `reason` is kept beside the answer. 409 when it is not, or no longer, being asked.
+    """Answer a prompt; `reason` is kept with the answer.
 
-    A prompt with an `entry` takes numbers with confirm, in `typed`. They are checked by whoever asked: what cannot be
-    right is asked for again, as another prompt that says why.
-
-    The run goes on by leave of whoever holds the lease; who sends its `Lease-Id` is named as the one who answered.
+    409 if it is not, or no longer, being asked. A prompt with an `entry` takes numbers with confirm, in `typed`.
+    The asker checks them; numbers that cannot be right are requested again, as another prompt that says why. The
+    run continues by leave of the holder of the lease. A client that sends its `Lease-Id` is named as the one who
+    answered.
     """
 
     def work() -> JSONResponse:
@@ -90,7 +90,10 @@ async def answer_prompt(
 
 
 def _let_note(run: Run, prompt_id: str) -> None:
-    """Wait until the record has the answer: the run is shown going on, and no client answers the same prompt again."""
+    """Wait until the record has the answer.
+
+    The run is then shown as running, and no client answers the same prompt again.
+    """
     end = time.monotonic() + NOTED_S
     while (seen := run.status()).prompt and seen.prompt["id"] == prompt_id and time.monotonic() < end:
         run.wait(seen.version, end - time.monotonic())
@@ -116,10 +119,10 @@ LastEventId = Annotated[
 async def stream_events(
     here: Here, run_id: RunId, run: Annotated[Run, Depends(_run)], last_event_id: LastEventId = ""
 ) -> AsyncIterator[ServerSentEvent]:
-    """Every event as it happens, from the first or after Last-Event-ID; ends when nothing can happen any more.
+    """Stream every event as it happens, from the first or after Last-Event-ID.
 
-    Server-sent events: `id`, `event` (the kind) and `data`, one `EventShown` as JSON. A client that has lost the
-    connection sends `Last-Event-ID` and misses nothing.
+    The stream ends when nothing can happen any more. Server-sent events: `id`, `event` (the kind) and `data`, one
+    `EventShown` as JSON. A client that has lost the connection sends `Last-Event-ID` and misses nothing.
     """
     seen = int(last_event_id) if last_event_id.isdecimal() and len(last_event_id) < 16 else 0
     while not here.closing:

@@ -34,7 +34,7 @@ LINES = "application/x-ndjson"
 
 
 def accepted(here: Service, run_id: str, *, at_once: bool = False, **more: Any) -> JSONResponse:
-    """202 with the run as it is now, and where to look."""
+    """Return 202 with the run as it is now, and the place of its state."""
     document = here.book.document(run_id, at_once=at_once) | more
     return reply(202, document, location=f"{RUNS}/{run_id}", retry_after=1)
 
@@ -43,7 +43,10 @@ def accepted(here: Service, run_id: str, *, at_once: bool = False, **more: Any) 
 def create_run(
     here: Here, body: NewRun, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
-    """Check a campaign (`dry_run`, the default), or measure it: that moves the robot and needs `Lease-Id`."""
+    """Check a campaign (`dry_run`, the default), or measure it.
+
+    Measuring moves the robot and needs `Lease-Id`.
+    """
 
     def work() -> JSONResponse:
         cell = here.cell
@@ -72,7 +75,10 @@ async def list_runs(here: Here) -> Response:
 
 @router.get("/runs/{run_id}", operation_id="getRun", response_model=RunResponse)
 async def get_run(here: Here, run_id: RunId, wait: Wait = 0, after: After = 0) -> Response:
-    """A run; with `wait`, as soon as its version is beyond `after` or nothing can happen to it any more."""
+    """Return a run.
+
+    With `wait`, the answer comes as soon as its version is beyond `after` or nothing can happen to it any more.
+    """
     glance = await here.glances(run_id)
     if wait and glance.version <= after and not glance.still:
         run = await here.waiting(lambda: here.book.get(run_id))
@@ -83,7 +89,7 @@ async def get_run(here: Here, run_id: RunId, wait: Wait = 0, after: After = 0) -
 
 @router.post("/runs/{run_id}/pause", operation_id="pauseRun", status_code=202, response_model=RunResponse)
 async def pause_run(here: Here, run_id: RunId) -> JSONResponse:
-    """The run ends after the reading in hand; it can be resumed."""
+    """End a run after the current reading; it can be resumed."""
 
     def work() -> JSONResponse:
         here.book.pause(run_id, by=who(here))
@@ -119,10 +125,11 @@ def resume_run(
 def restation_run(
     here: Here, run_id: RunId, body: WhyBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
-    """The instrument is moved: the nests are measured again before the next pose, or on resuming.
+    """State that the instrument is moved.
 
-    A run that goes on asks first to set the instrument up; what it has measured before keeps its world frame. Pause,
-    or order this before the instrument is touched.
+    The nests are measured again before the next pose, or on resuming. A run that continues first asks to set the
+    instrument up; its earlier readings keep their world frame. Pause, or order this before the instrument is
+    touched.
     """
 
     def work() -> JSONResponse:
@@ -150,7 +157,10 @@ async def stop_run(here: Here, run_id: RunId) -> JSONResponse:
 def export_run(
     here: Here, run_id: RunId, body: ExportBody, idempotency_key: IdempotencyKey = ""
 ) -> JSONResponse:
-    """The readings up to now as a data set; `with` adds runs measured later in the same cell, a follow-up say."""
+    """Export the readings up to now as a data set.
+
+    `with` adds runs measured later in the same cell, such as a follow-up.
+    """
 
     def work() -> JSONResponse:
         runs = [run_id, *body.later]
@@ -181,12 +191,15 @@ def download_events(here: Here, run_id: RunId) -> PlainTextResponse:
 
 
 def acceptance(body: Resume, by: str) -> DeviceAcceptance | None:
-    """The other device that a request accepts; None where it accepts none."""
+    """Return the other device that a request accepts; None if it accepts none."""
     return DeviceAcceptance(body.accept_other, body.reason, by) if body.accept_other.strip() else None
 
 
 def who(here: Service, lease_id: str = "") -> str:
-    """The name under which an order is recorded: the holder of the lease where its secret came too."""
+    """Return the name under which an order is recorded.
+
+    It is the holder of the lease if the secret of the lease came too.
+    """
     held = here.lease.current
     if held is None:
         return "http"

@@ -1,1 +1,1 @@
-"""Routes of what a worker computes: jobs, results, files made of them."""
+"""Routes of the work in worker processes: jobs, results, and the files of results."""

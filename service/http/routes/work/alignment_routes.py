@@ -1,4 +1,4 @@
-"""Alignments: two streams of a moving robot are uploaded, put on one clock, and become a data set."""
+"""Alignments: two uploaded streams of a moving robot are synchronised into a data set."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def create_alignment(
 ) -> JSONResponse:
     """Align two streams of a moving robot.
 
-    Its standstills become a data set: `dataset_id` of the job, once it has succeeded.
+    Its stationary intervals become a data set: `dataset_id` of the job, once it has succeeded.
     """
     if robot not in built_in_robots():  # a path would be looked for among the server's files
         raise DataError(f"is '{robot}'.", do=f"Use {', '.join(built_in_robots())}.", key="robot")

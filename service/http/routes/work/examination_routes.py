@@ -1,4 +1,7 @@
-"""The examination of the cell's devices, as `truepose doctor` makes it: read-only, nothing is armed, moved or set."""
+"""The examination of the cell's devices, as in `truepose doctor`.
+
+It is read-only: nothing is armed, moved or set.
+"""
 
 from __future__ import annotations
 

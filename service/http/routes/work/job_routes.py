@@ -363,9 +363,10 @@ KINDS = (
 
 
 async def shown(here: Service, kind: str, name: str, wait: int, after: int) -> JSONResponse:
-    """The document of a job; with `wait`, s, as soon as its version is beyond `after`.
+    """Return the document of a job.
 
-    As it was kept: a result of an older version is given back whatever this one would say of it.
+    With `wait`, s, the answer comes as soon as its version is beyond `after`. The document is as it was kept: a
+    result of an older version is returned unchanged.
     """
 
     def read() -> dict[str, Any]:

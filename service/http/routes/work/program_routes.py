@@ -1,4 +1,4 @@
-"""Programs corrected with a model, and models in other programs' formats: `truepose compensate` and `export`."""
+"""Corrected programs, and models in other formats: `truepose compensate` and `export`."""
 
 from __future__ import annotations
 
@@ -95,9 +95,10 @@ def correct_program(
     largest_deg: LargestDeg = _BOUNDS.turn_deg,
     largest_mm: LargestMm = _BOUNDS.shift_mm,
 ) -> dict[str, Any]:
-    """Correct the targets of a robot program, so that the real robot lands where it says; all other text stays.
+    """Correct the targets of a robot program.
 
-    422 where a target cannot be corrected, unless `keep_refused`: then it stays as it was.
+    The real robot then lands where the program says; all other text stays. 422 if a target cannot be corrected,
+    unless `keep_refused` is true: then it stays as it was.
     """
     order = {
         "conditions": conditions,
@@ -136,7 +137,10 @@ def export_model(
     largest_deg: LargestDeg = _BOUNDS.turn_deg,
     largest_mm: LargestMm = _BOUNDS.shift_mm,
 ) -> dict[str, Any]:
-    """The model in another program's format: `text` is the file, the rest says what this format leaves out."""
+    """Return the model in another program's format.
+
+    `text` is the file; the rest states the parts that this format leaves out.
+    """
     order = {
         "conditions": conditions,
         "robot_hash": robot_hash,

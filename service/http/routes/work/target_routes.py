@@ -1,4 +1,4 @@
-"""Targets corrected with a model that was found: what `truepose compensate` does to a target table."""
+"""Targets corrected with an identified model, as `truepose compensate` does for a table."""
 
 from __future__ import annotations
 
