@@ -1,1 +1,1 @@
-"""The work of the service: documents that are kept, and computations in processes of their own."""
+"""The work of the service: stored documents, and computations in separate processes."""

@@ -22,7 +22,13 @@ MOST_POSES = 5_000  # a plan is made before the answer; a night has some hundred
 
 
 def campaign_of(table: Mapping[str, Any]) -> Campaign:
-    """A campaign from the body of a request. Raises ConfigError."""
+    """Read a campaign from the body of a request.
+
+    Raises
+    ------
+    ConfigError
+        The campaign cannot be used.
+    """
     refuse_null(table, "campaign")
     count = 0
     for block in table.get("block", ()) if isinstance(table.get("block"), list) else ():
@@ -37,7 +43,13 @@ def campaign_of(table: Mapping[str, Any]) -> Campaign:
 
 
 def refuse_null(value: object, where: str) -> None:
-    """JSON can say null and half a letter; a file and a record cannot. Raises ConfigError."""
+    """Refuse null and incomplete characters in JSON, which files and records cannot hold.
+
+    Raises
+    ------
+    ConfigError
+        The value is refused.
+    """
     if value is None:
         raise ConfigError(f"key '{where}' is null: leave it out")
     if isinstance(value, str):
@@ -62,7 +74,13 @@ class CampaignStore:
         folder.mkdir(parents=True, exist_ok=True)
 
     def put(self, table: Mapping[str, Any], name: str) -> dict[str, Any]:
-        """Keep a campaign. Raises ConfigError."""
+        """Keep a campaign.
+
+        Raises
+        ------
+        ConfigError
+            The campaign cannot be used.
+        """
         campaign_of(table)
         own = new_id()
         document = {"id": own, "name": name, "created_utc": utc_text(time.time()), "campaign": dict(table)}
@@ -70,14 +88,28 @@ class CampaignStore:
         return document
 
     def get(self, name: str) -> dict[str, Any]:
-        """The campaign of that id. Raises Problem 404."""
+        """Return the campaign of that id.
+
+        Raises
+        ------
+        Problem
+            404: there is no such campaign.
+        """
         file = self._folder / f"{name}.json"
         if not safe_id(name) or not file.is_file():
             raise not_found("campaign", name)
         return read_kept(file, CampaignShown)
 
     def delete(self, name: str, trail: DeletionLog, by: str, reason: str) -> dict[str, Any]:
-        """Delete a campaign; the line of the trail. Raises Problem 404, StorageError."""
+        """Delete a campaign and return the line of the trail.
+
+        Raises
+        ------
+        Problem
+            404: there is no such campaign.
+        StorageError
+            The trail cannot be written, or the file cannot be deleted.
+        """
         file = self._folder / f"{name}.json"
         if not safe_id(name) or not file.is_file():
             raise not_found("campaign", name)

@@ -15,7 +15,15 @@ from service.job_folder import JOB, MODEL, RESULT
 
 
 def certificate_of(folder: Path, about: dict[str, str]) -> str:
-    """The XML for the job in a folder. about: the fields of `CertificateParties` that are known. Raises DataError."""
+    """Return the XML of the certificate of the job in a folder.
+
+    `about` has the known fields of `CertificateParties`.
+
+    Raises
+    ------
+    DataError
+        The readings were deleted, or no certificate can be about them.
+    """
     from service.report.certificate import CertificateContent, CertificateParties, certificate_xml
 
     job: dict[str, Any] = read_json(folder / JOB)

@@ -1,6 +1,6 @@
-"""Correcting the targets, or the program, of a request with a model that was found; called in a worker process.
+"""Correction of the targets, or the program, of a request with an identified model.
 
-A model in another program's format, for a request; called in a worker process.
+A model can also be written in another program's format. The functions are called in a worker process.
 """
 
 from __future__ import annotations
@@ -34,9 +34,14 @@ ID = "target_id"
 def corrected(
     model_file: Path, model_id: str, order: Mapping[str, Any]
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """The document of the answer, and the targets that cannot be corrected. `order`: as `TargetsToCorrect`.
+    """Return the document of the answer, and the targets that cannot be corrected.
 
-    Raises DataError, ConfigError.
+    `order` is a dict of `TargetsToCorrect`.
+
+    Raises
+    ------
+    DataError, ConfigError
+        The model, the targets or the conditions cannot be used.
     """
     saved, usable = for_use(model_file, order)
     refuse_null(order["targets"], "targets")
@@ -52,8 +57,14 @@ def corrected(
 def corrected_program(
     model_file: Path, model_id: str, name: str, content: bytes, order: Mapping[str, Any]
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Correct, as `corrected`, a program of this name and content. `order`: the form of the request. Raises
-    DataError.
+    """Correct a program of this name and content.
+
+    The result is that of `corrected`; `order` is the form of the request.
+
+    Raises
+    ------
+    DataError
+        The model, the program or the conditions cannot be used.
     """
     saved, usable = for_use(model_file, order)
     file = Path(name)
@@ -85,7 +96,13 @@ def _compensated(
 
 
 def for_use(model_file: Path, order: Mapping[str, Any]) -> tuple[CalibratedModel, Usable]:
-    """The model of a request for corrections, and what it leaves out of the whole model. Raises DataError."""
+    """Return the model of a request for corrections, and the parts of it that are left out.
+
+    Raises
+    ------
+    DataError
+        The model cannot be used.
+    """
     bounds = Bounds(order["largest_deg"], order["largest_mm"])
     return load_model(model_file, bounds=bounds).for_use(named_only=order["named_only"], bounds=bounds)
 
@@ -127,7 +144,7 @@ def _sayable(value: Any) -> Any:
 
 
 def _as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows as a table; what a row does not have is empty."""
+    """Write rows as a table; missing values are empty."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     if ID not in names:
         raise DataError(f"has no '{ID}'.", do="Give every target an id.", key="targets")
@@ -156,7 +173,13 @@ def _value(name: str, cell: str) -> float | str:
 
 
 def exported(model_file: Path, model_id: str, kind: str, order: Mapping[str, Any]) -> dict[str, Any]:
-    """The document of the answer. `order`: the query of the request. Raises DataError."""
+    """Return the document of the answer; `order` is the query of the request.
+
+    Raises
+    ------
+    DataError
+        The model cannot be written in this format.
+    """
     saved, usable = for_use(model_file, order)
     done = written(saved, usable, model_id, kind, order["conditions"], order["robot_hash"] or None)
     return finite(done.document | {"text": done.text, "about": list(done.about)})

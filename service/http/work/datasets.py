@@ -1,4 +1,7 @@
-"""Data sets: uploaded, or exported from a run; `RECORD/datasets/ID/data.csv`, `data.toml`, `about.json`."""
+"""Data sets that were uploaded, or exported from a run.
+
+A data set is in `RECORD/datasets/ID/`, with `data.csv`, `data.toml`, `about.json`.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,13 @@ class DatasetStore:
         folder.mkdir(parents=True, exist_ok=True)
 
     def upload(self, table: bytes, header: bytes, name: str) -> dict[str, Any]:
-        """Keep a data set. Raises DataError naming line or key."""
+        """Keep a data set.
+
+        Raises
+        ------
+        DataError
+            It cannot be used; the message names line or key.
+        """
         refuse_paths(header)
 
         def write(folder: Path) -> None:
@@ -39,8 +48,15 @@ class DatasetStore:
         return keep_dataset(self._folder, write, name or "upload")
 
     def upload_mapped(self, files: Sequence[tuple[str, bytes]], map_text: bytes, name: str) -> dict[str, Any]:
-        """Keep the data set of foreign files (name, content) and their map, with how the robot fits them and what was
-        made of the files. Raises DataError as `truepose convert` does."""
+        """Keep the data set of foreign files (name, content) and their map.
+
+        The document states how the robot fits them and how the files were converted.
+
+        Raises
+        ------
+        DataError
+            As for `truepose convert`.
+        """
         # imported in the worker that does it
         from calib.foreign import converted, data_set_of, read_map
         from service.results.files import conversion
@@ -77,10 +93,17 @@ class DatasetStore:
     def export(
         self, records: Sequence[Path], name: str, accepted: DeviceAcceptance | None = None
     ) -> dict[str, Any]:
-        """The readings of a run up to now, with those of later runs in the same cell as one data set.
+        """Export the readings of a run up to now.
 
-        accepted: another robot than that of the first run. Raises RecordError where there are none, or where they were
-        measured in different cells, OtherIndividual.
+        Readings of later runs in the same cell are added to the data set. `accepted` is another robot than that of
+        the first run.
+
+        Raises
+        ------
+        RecordError
+            There are no readings, or they were measured in different cells.
+        OtherIndividual
+            They were measured on another robot that is not accepted.
         """
         first, *later = records
 
@@ -93,17 +116,37 @@ class DatasetStore:
         return keep_dataset(self._folder, write, name or read_status(first).name, run_id=first.name)
 
     def get(self, name: str) -> dict[str, Any]:
-        """The data set of that id. Raises Problem 404."""
+        """Return the data set of that id.
+
+        Raises
+        ------
+        Problem
+            404: there is no such data set.
+        """
         return read_kept(self.path(name) / ABOUT, DatasetShown)
 
     def path(self, name: str) -> Path:
-        """The folder of a data set. Raises Problem 404."""
+        """Return the folder of a data set.
+
+        Raises
+        ------
+        Problem
+            404: there is no such data set.
+        """
         if not safe_id(name) or not (self._folder / name / ABOUT).is_file():
             raise not_found("dataset", name)
         return self._folder / name
 
     def delete(self, name: str, trail: DeletionLog, by: str, reason: str) -> dict[str, Any]:
-        """Delete a data set; the line of the trail. Raises Problem 404, StorageError."""
+        """Delete a data set and return the line of the trail.
+
+        Raises
+        ------
+        Problem
+            404: there is no such data set.
+        StorageError
+            The trail cannot be written, or the files cannot be deleted.
+        """
         folder = self.path(name)
         try:
             document = self.get(name)

@@ -1,6 +1,7 @@
-"""The trail of what was deleted: `RECORD/deleted.jsonl`, one line each, and the events of runs in `RECORD/deleted/`.
+"""The trail of deletions, `RECORD/deleted.jsonl`, and the events of deleted runs.
 
-The line is durable before anything is gone; lines are only ever added.
+The trail has one line for each deletion. The line is durable before anything is deleted; lines are only ever
+added. The events of runs are in `RECORD/deleted/`.
 """
 
 from __future__ import annotations
@@ -33,7 +34,13 @@ class DeletionLog:
         (record / FOLDER).mkdir(exist_ok=True)
 
     def note(self, kind: str, document: dict[str, Any], by: str, reason: str, **more: str) -> dict[str, Any]:
-        """Write that this is deleted now; returns the line. Raises StorageError."""
+        """Write that a document is being deleted, and return the line.
+
+        Raises
+        ------
+        StorageError
+            The line cannot be written.
+        """
         line = {
             "utc": utc_text(time.time()),
             "kind": kind,
@@ -50,7 +57,15 @@ class DeletionLog:
     def note_run(
         self, document: dict[str, Any], folder: Path, by: str, reason: str, *, events: bool
     ) -> dict[str, Any]:
-        """As `note`, for the run in a folder; its events stay, where it has some. Raises StorageError, RecordError."""
+        """Write that the run in a folder is being deleted; its events stay, if it has any.
+
+        Returns the line.
+
+        Raises
+        ------
+        StorageError, RecordError
+            The line or the events cannot be written.
+        """
         kept = f"{FOLDER}/{folder.name}.events.jsonl"
         if events:
             export_events(folder, self._record / kept)
@@ -71,7 +86,15 @@ class DeletionLog:
 
 
 def take_away(place: Path) -> None:
-    """Delete a folder or a file, out of sight at once. Raises StorageError, Problem 409 where it is in use."""
+    """Delete a folder or a file, out of sight at once.
+
+    Raises
+    ------
+    StorageError
+        It cannot be deleted.
+    Problem
+        409: it is in use.
+    """
     aside = place.with_name(_COMING + place.name)
     try:
         os.replace(place, aside)
@@ -88,7 +111,10 @@ def take_away(place: Path) -> None:
 
 
 def hash_of(file: Path) -> str:
-    """SHA-256 of a file in hexadecimal; empty where it cannot be read. For a record: `sha256_of`."""
+    """Return the SHA-256 of a file in hexadecimal; empty if it cannot be read.
+
+    For a record, use `sha256_of`.
+    """
     try:
         with file.open("rb") as content:
             return hashlib.file_digest(content, "sha256").hexdigest()

@@ -1,9 +1,10 @@
-"""The history of robots of a service: its store, and the journal of what it has added.
+"""History of the robots of a service: its store, and the journal of added results.
 
-    RECORD/history.sqlite3       the store, where no other was named; history-simulated.sqlite3 with simulators
-    RECORD/history-kept.jsonl    a line for every result that was looked at
+    RECORD/history.sqlite3       the store, if no other was named; history-simulated.sqlite3 with simulators
+    RECORD/history-kept.jsonl    a line for every result that was read
 
-The store is asked in processes of its own: a database that does not answer holds up nobody who plans or stops.
+The store is asked in separate processes, so that a database that does not answer delays no client that plans or
+stops.
 """
 
 from __future__ import annotations
@@ -40,10 +41,18 @@ _Ts = TypeVarTuple("_Ts")
 
 
 class RobotHistory:
-    """The history of one service. Thread-safe; nothing is opened before something is asked or kept.
+    """The history of one service. Thread-safe.
 
-    store: its address, None for a file of the record; name: of the cell; permitted_mm: position error, RMS, by which
-    dates are reckoned, None where nobody has said.
+    Nothing is opened before a question or a result.
+
+    Parameters
+    ----------
+    store : str, optional
+        Address of the store; None for a file of the record.
+    name : str
+        Name of the cell.
+    permitted_mm : float, optional
+        Position error, RMS, from which dates are calculated; None if it was not stated.
     """
 
     def __init__(
@@ -63,17 +72,28 @@ class RobotHistory:
         self._thread.start()
 
     def ask(self, function: Callable[[str, *_Ts], _T], *args: *_Ts) -> _T:
-        """The answer of a function of `service.history_calls`. Raises Problem 503, DataError."""
+        """Call a function of `service.history_calls` on the store.
+
+        Raises
+        ------
+        Problem
+            503: the store does not answer in time.
+        DataError
+            The question cannot be answered.
+        """
         return self._workers.call(function, self.address, *args)
 
     def look(self) -> None:
-        """Something has come to its end: bring it into the store in a while, or when somebody asks."""
+        """Note that a result has ended; it enters the store in a while, or at the next question."""
         with self._changed:
             self._wanted = True
             self._changed.notify_all()
 
     def bring(self) -> None:
-        """Add everything that has ended to the store; if the store does not answer, `refused` says why."""
+        """Add all results that have ended to the store.
+
+        If the store does not answer, `refused` has the reason.
+        """
         with self._bringing:
             with self._changed:
                 if not self._wanted:

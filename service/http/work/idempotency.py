@@ -1,8 +1,8 @@
 """`Idempotency-Key`: the same request sent twice does its work once.
 
-Every key is written to a journal before the work and again, with the answer, after it; both are synced. A key
-whose work was begun by a program that ended is refused, because nobody knows how far the work had come: a
-robot is never moved a second time on a guess.
+Every key is written to a journal before the work and again, with the answer, after it; both are synced. If the
+program ended during the work of a key, the key is refused, because the progress of the work is unknown. A robot
+is never moved a second time on a guess.
 """
 
 from __future__ import annotations
@@ -44,12 +44,15 @@ def reply(status: int, content: dict[str, Any], *, location: str = "", retry_aft
 
 
 def begun(collection: str, job: dict[str, Any]) -> JSONResponse:
-    """202 with a job of a collection, and where to look."""
+    """Return 202 with a job of a collection, and the place of its state."""
     return reply(202, job, location=f"{collection}/{job['id']}", retry_after=1)
 
 
 def fingerprint(request: Sequence[object]) -> str:
-    """The hash of a request: where it goes and what it says. A large one takes as long as reading it."""
+    """Return the hash of a request, from its destination and content.
+
+    A large request takes as long as reading it.
+    """
     text = json.dumps(request, sort_keys=True, default=_plain)
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
@@ -87,9 +90,15 @@ class IdempotencyKeys:
                 entry.done.set()
 
     def once(self, key: str, request: Sequence[object], work: Callable[[], JSONResponse]) -> JSONResponse:
-        """The answer of `work`, done at most once for a key; without a key, done. Raises Problem.
+        """Return the answer of `work`, which is done at most once per key.
 
-        request: where it goes and what it says; with the same key another one is refused.
+        Without a key, it is always done. `request` is the destination and content; another request with the same key
+        is refused.
+
+        Raises
+        ------
+        Problem
+            422: the key was used for another request. 409: the outcome of its work is unknown.
         """
         if not key:
             return work()

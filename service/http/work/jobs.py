@@ -1,11 +1,13 @@
-"""Identifications, diagnoses, alignments, regressions, searches of placements, watches: one at a time, in a worker
-process.
+"""Jobs, one at a time, in a worker process.
+
+They are identifications, diagnoses, alignments, regressions, validations, selections, searches of placements
+and watches.
 
     RECORD/identifications/ID/, diagnoses/, alignments/, regressions/, validations/, selections/, placements/,
     watch-plans/, watches/, upkeeps/: job.json, then result.json + report.html (a picture of an alignment and of
     placements, poses of a selection, the updated model of a watch) or problem.json
 
-The folder is the state: a job without an outcome that nobody works on was cut off.
+The folder is the state. A job without an outcome that is not being worked on was cut off.
 """
 
 from __future__ import annotations
@@ -65,7 +67,7 @@ class Jobs:
     """The jobs of one record directory. Thread-safe."""
 
     def __init__(self, record: Path, done: Callable[[], None] = lambda: None) -> None:
-        """done: called when a job has come to its end."""
+        """Start the queue; `done` is called when a job has ended."""
         self._record, self._done = record, done
         self._queue: queue.SimpleQueue[Path | None] = queue.SimpleQueue()
         self._changed = threading.Condition()
@@ -123,7 +125,13 @@ class Jobs:
         return readable(names[:most], lambda name: self.document(kind, name))
 
     def document(self, kind: str, name: str) -> dict[str, Any]:
-        """The state of a job. Raises Problem 404."""
+        """Return the state of a job.
+
+        Raises
+        ------
+        Problem
+            404: there is no such job or file.
+        """
         folder = self._record / _FOLDERS[kind] / name
         if not safe_id(name) or not (folder / JOB).is_file():
             raise not_found(kind, name)
@@ -161,7 +169,7 @@ class Jobs:
         }
 
     def kind_of(self, name: str) -> str | None:
-        """The kind of the job with this id; None where there is none."""
+        """Return the kind of the job with this id; None if there is none."""
         known = (kind for kind, folder in _FOLDERS.items() if (self._record / folder / name / JOB).is_file())
         return next(known, None) if safe_id(name) else None
 
@@ -178,7 +186,10 @@ class Jobs:
         return problems.document(500, "The work was cut off before its end.", "Ask for it again.")
 
     def of_dataset(self, dataset_id: str) -> list[dict[str, Any]]:
-        """The jobs that were asked to work on a data set, newest first, without those whose files are damaged."""
+        """Return the jobs on a data set, newest first.
+
+        Those with damaged files are left out.
+        """
         found = []
         for kind, collection in _FOLDERS.items():
             folder = self._record / collection
@@ -189,7 +200,7 @@ class Jobs:
         return sorted(found, key=lambda job: job["id"], reverse=True)
 
     def wait(self, kind: str, name: str, after: int, seconds: float) -> int:
-        """The version, waiting up to so many seconds for one beyond `after`."""
+        """Return the version, waiting up to `seconds` for one beyond `after`."""
         with self._changed:
             self._changed.wait_for(lambda: self.document(kind, name)["version"] > after, seconds)
         return self.document(kind, name)["version"]
@@ -208,7 +219,15 @@ class Jobs:
                 raise Problem(409, f"Job {folder.name} works on it.", "Wait until it is done.", code=8130)
 
     def delete(self, name: str, trail: DeletionLog, by: str, reason: str) -> dict[str, Any]:
-        """Delete a job; the line of the trail. Raises Problem 404, 409 while it waits or works, StorageError."""
+        """Delete a job and return the line of the trail.
+
+        Raises
+        ------
+        Problem
+            404, or 409 while it waits or works.
+        StorageError
+            The trail cannot be written, or the files cannot be deleted.
+        """
         places = {kind: self._record / each / name / JOB for kind, each in _FOLDERS.items() if safe_id(name)}
         found = [kind for kind, file in places.items() if file.is_file()]
         if not found:
@@ -222,27 +241,63 @@ class Jobs:
         return line
 
     def report(self, name: str) -> str:
-        """The HTML of a job's report. Raises Problem 404."""
+        """Return the HTML of a job's report.
+
+        Raises
+        ------
+        Problem
+            404: there is no such job or file.
+        """
         return self._file(name, REPORT, "report")
 
     def picture(self, name: str) -> str:
-        """The SVG of an alignment or a search of placements. Raises Problem 404."""
+        """Return the SVG of an alignment or a search of placements.
+
+        Raises
+        ------
+        Problem
+            404: there is no such job or file.
+        """
         return self._file(name, PICTURE, "picture")
 
     def arrows(self, name: str) -> dict[str, Any]:
-        """The errors of the readings in space. Raises Problem 404."""
+        """Return the errors of the readings in space.
+
+        Raises
+        ------
+        Problem
+            404: there is no such job or file.
+        """
         return read_kept(self._path(name, ARROWS, "picture of errors"), ResponseBody)
 
     def model(self, name: str) -> dict[str, Any]:
-        """The model that a job or a loop has found. Raises Problem 404."""
+        """Return the model that a job or a loop has found.
+
+        Raises
+        ------
+        Problem
+            404: there is no such job or file.
+        """
         return read_kept(self.model_file(name), ResponseBody)
 
     def model_file(self, name: str) -> Path:
-        """The path of the model that a job found. Raises Problem 404."""
+        """Return the path of the model that a job has found.
+
+        Raises
+        ------
+        Problem
+            404: there is no such job or file.
+        """
         return self._path(name, MODEL, "model")
 
     def certified(self, name: str) -> Path:
-        """The folder of an identification or a diagnosis that has a result. Raises Problem 404."""
+        """Return the folder of an identification or a diagnosis that has a result.
+
+        Raises
+        ------
+        Problem
+            404: there is no such job or file.
+        """
         folder = self._path(name, REPORT, "result").parent
         if folder.parent.name not in ("identifications", "diagnoses"):
             raise Problem(
@@ -275,7 +330,7 @@ class Jobs:
             self._done()
 
     def end(self) -> None:
-        """End the work in hand and begin none; it can be asked for again."""
+        """End the current work and begin none; it can be requested again."""
         self._worker.close()
 
     def close(self) -> None:

@@ -1,7 +1,8 @@
-"""Readings of documents, shared: however many clients ask for the same, it is read once for all who wait.
+"""Shared reading of documents: simultaneous requests for the same document read it once.
 
-Documents come from SQLite and JSON files and cost milliseconds of the interpreter, which all threads share with the
-one that stops the robot; so a few threads read, and two hundred clients who look at one run cost little more than one.
+Documents come from SQLite and JSON files and cost milliseconds of the interpreter, which all threads share with
+the one that stops the robot. So a few threads read, and two hundred clients that watch one run cost little more
+than one.
 """
 
 from __future__ import annotations
@@ -17,7 +18,10 @@ _T = TypeVar("_T")
 
 
 class DocumentCache:
-    """Made and used within the event loop. `threads`: how many read at the same time."""
+    """Shared readings of documents, made and used within the event loop.
+
+    `threads` is the number of simultaneous readings.
+    """
 
     def __init__(self, threads: int) -> None:
         self._threads = anyio.CapacityLimiter(threads)

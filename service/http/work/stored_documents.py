@@ -1,4 +1,4 @@
-"""Documents that the service keeps as files of the record, read back: whole, or reported as damaged."""
+"""Documents that the service keeps as files: read completely, or reported as damaged."""
 
 from __future__ import annotations
 
@@ -16,7 +16,13 @@ DAMAGED = 8501
 
 
 def read_kept(path: Path, kind: type[BaseModel]) -> dict[str, Any]:
-    """The document in a file of the record. Raises Problem 500, saying which, where it is not of this kind."""
+    """Read the document in a file of the record.
+
+    Raises
+    ------
+    Problem
+        500: the document is not of this kind; the message names the file.
+    """
     try:
         document = read_json(path)
         kind.model_validate(document)
@@ -29,7 +35,10 @@ def read_kept(path: Path, kind: type[BaseModel]) -> dict[str, Any]:
 
 
 def readable(names: Iterable[str], read: Callable[[str], dict[str, Any]]) -> list[dict[str, Any]]:
-    """The results of `read` for the names, without those whose file is damaged: one does not take the list down."""
+    """Return the results of `read` for the names, without those whose file is damaged.
+
+    One damaged file therefore does not make the list fail.
+    """
     out = []
     for name in names:
         try:

@@ -1,7 +1,7 @@
-"""Worker processes: what computes for long is done in them, so that nothing holds up the thread that stops a robot.
+"""Worker processes for long computations, which must not delay the stop of a robot.
 
-Planning, dry runs, checks of uploads, exports, corrections and fits are pure computations of seconds to minutes. In
-threads of this process they would share one interpreter lock with the orders to the robot.
+Planning, dry runs, checks of uploads, exports, corrections and fits are pure computations of seconds to
+minutes. In threads of this process they would share one interpreter lock with the orders to the robot.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ _Ts = TypeVarTuple("_Ts")
 
 
 class WorkerDied(RuntimeError):
-    """A worker ended in mid-call: a fault of this program, or somebody ended the process."""
+    """A worker ended during a call, by a fault of this program or by a person."""
 
 
 class Workers:
-    """A pool of at most `most` processes, started when they are needed and kept. Thread-safe.
+    """A pool of at most `most` processes, started on demand and kept. Thread-safe.
 
-    waiting: how many calls may wait for a free one, more are refused; most_s: how long one may take.
+    At most `waiting` calls may wait for a free process; more are refused. A call may take at most `most_s`.
     """
 
     def __init__(self, most: int, *, waiting: int, most_s: float = MOST_S) -> None:
@@ -124,7 +124,10 @@ class _Worker:
         began_s, end, done = self._computed_s(), time.monotonic() + MOST_S, threading.Event()
 
         def watch() -> None:
-            """By what the process has computed: on a busy computer a file is not to blame for waiting its turn."""
+            """Limit the call by the processor time of the process.
+
+            On a busy computer, the call is not to blame for waiting its turn.
+            """
             left = most_s
             while left > 0.0 and (until_end_s := end - time.monotonic()) > 0.0:
                 if done.wait(max(min(left, until_end_s), 0.1)):
@@ -149,7 +152,7 @@ class _Worker:
         return result
 
     def _computed_s(self) -> float | None:
-        """Processor time of the process so far, s; None where the system does not tell it so."""
+        """Return the processor time of the process so far, s; None if the system does not report it."""
         try:
             fields = Path(f"/proc/{self._process.pid}/stat").read_text("utf-8").rpartition(")")[2].split()
             return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
@@ -171,5 +174,5 @@ class _Worker:
 
 
 def ending() -> Problem:
-    """The refusal of what comes while the service ends."""
+    """Return the problem of requests that arrive while the service ends."""
     return Problem(503, "The service is being ended.", "Ask again when it runs again.", code=8122)
