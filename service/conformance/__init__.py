@@ -1,7 +1,8 @@
-"""The conformance suite: what every driver promises, tried on its simulator, with and without faults on the wire.
+"""Conformance suite: the promises of every driver, tested on its simulator.
 
-A package of drivers names its benches under the entry point group `truepose.benches`: a module with `BENCHES`, a tuple
-of `RobotBench` and `InstrumentBench`. `truepose conformance NAME` tries the driver NAME and says what holds.
+They are tested with and without faults on the wire. A package of drivers names its benches under the entry
+point group `truepose.benches`: a module with `BENCHES`, a tuple of `RobotBench` and `InstrumentBench`.
+`truepose conformance NAME` tries the driver NAME and states which promises hold.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The bench of a driver, which its package declares: its simulator, and how the suite has to read the two."""
+"""The bench of a driver: its simulator, and the settings of the suite for both.
+
+The package of the driver declares it.
+"""
 
 from __future__ import annotations
 
@@ -22,19 +25,22 @@ class SimulatedRobot(Protocol):
         ...
 
     def moving(self) -> bool:
-        """Whether the arm is under way."""
+        """Return whether the arm is under way."""
         ...
 
     def pace(self, deg_s: float) -> None:
-        """Set the speed of every later motion, whatever the driver asks for."""
+        """Set the speed of every later motion, for any speed that the driver requests."""
         ...
 
     def fall_short(self, share: float) -> None:
-        """Let every later motion end at this share of its path while the controller reports it done; 1 is right."""
+        """Let every later motion end at this share of its path.
+
+        The controller still reports it done. A share of 1 is right.
+        """
         ...
 
     def restart(self) -> None:
-        """Switch off and on: nothing moves, and what a person has to confirm is confirmed."""
+        """Switch off and on: nothing moves, and all confirmations by a person are given."""
         ...
 
 
@@ -44,7 +50,10 @@ class SimulatedInstrument(Protocol):
     port: int
 
     def truth_mm(self, target: str, base_target: str | None) -> Sequence[float]:
-        """A perfect reading: x, y, z of the target in the instrument's frame, or one length to `base_target`."""
+        """Return a perfect reading.
+
+        It is x, y, z of the target in the instrument's frame, or one length to `base_target`.
+        """
         ...
 
     def restart(self) -> None:
@@ -57,7 +66,7 @@ class StepsClock(Protocol):
     """A simulated instrument whose readings carry its clock."""
 
     def step_clock(self, by_s: float) -> None:
-        """The clock jumps by so many seconds, forth or back."""
+        """Step the clock by `by_s` seconds, forth or back."""
         ...
 
 
@@ -65,12 +74,25 @@ class StepsClock(Protocol):
 class _Bench:
     """The common part of the benches of robots and of instruments.
 
-    driver: its name as declared (entry point group `truepose.drivers`). url: the address for the driver; `{port}` is
-    that of the proxy, `{device}` the simulator (`{device.other_port}`). end: the bytes that end an answer on the wire;
-    empty where answers have no end mark, then what arrives at once is one. options: given to the driver besides.
-    unseen: faults that this wire cannot show (no checksum), tried and told, not held against the driver.
-    patient, hasty: values for the driver's attribute `deadlines`, the second so short that a lost answer costs little
-    time; None where it has none. longest_s: how long one question may take with the hasty ones, s.
+    Attributes
+    ----------
+    driver : str
+        Name of the driver as declared (entry point group `truepose.drivers`).
+    url : str
+        Address for the driver. `{port}` is the port of the proxy, `{device}` the simulator (`{device.other_port}`).
+    end : bytes
+        Bytes that end an answer on the wire. It is empty if answers have no end mark; all bytes that arrive at once
+        are then one answer.
+    options : mapping
+        Further options of the driver.
+    unseen : tuple of str
+        Faults that this wire cannot show (no checksum). They are tried and reported, but do not count against the
+        driver.
+    patient, hasty
+        Values for the driver's attribute `deadlines`, the second so short that a lost answer costs little time;
+        None if the driver has none.
+    longest_s : float
+        Longest time of one question with the hasty deadlines, s.
     """
 
     driver: str
@@ -87,9 +109,17 @@ class _Bench:
 class RobotBench(_Bench):
     """A driver of robots and its simulator.
 
-    simulate: gives a running simulator, and ends it. joints: how many. tolerance_deg: by how much a joint read back may
-    differ from the truth. moves_at_once: the controller moves on one request that nobody confirms and no sum guards; a
-    damaged one may then send it elsewhere, which is told and not held against the driver.
+    Attributes
+    ----------
+    simulate : callable
+        Gives a running simulator, and ends it.
+    joints : int
+        Number of joints.
+    tolerance_deg : float
+        Largest difference of a joint read back from the truth.
+    moves_at_once : bool
+        The controller moves on one request that has no confirmation and no checksum. A damaged request may then
+        send it elsewhere, which is reported and does not count against the driver.
     """
 
     simulate: Callable[[], AbstractContextManager[SimulatedRobot]]
@@ -102,9 +132,18 @@ class RobotBench(_Bench):
 class InstrumentBench(_Bench):
     """A driver of instruments and its simulator.
 
-    simulate: gives a running simulator, and ends it. targets: at least three names that it can measure, further apart
-    than `tolerance_mm`, by which a reading may differ from the truth. base_targets: of a ballbar, as many, in the same
-    order. absent: a name that cannot be measured.
+    Attributes
+    ----------
+    simulate : callable
+        Gives a running simulator, and ends it.
+    targets : tuple of str
+        At least three names that it can measure, further apart than `tolerance_mm`.
+    base_targets : tuple of str
+        For a ballbar, as many base targets, in the same order.
+    tolerance_mm : float
+        Largest difference of a reading from the truth.
+    absent : str
+        A name that cannot be measured.
     """
 
     simulate: Callable[[], AbstractContextManager[SimulatedInstrument]]

@@ -1,10 +1,9 @@
-"""The promises of every driver, whatever it moves or measures.
+"""The promises of every driver, of a robot or an instrument.
 
-The end of a promise that does not hold.
+A function raises `RequirementFailed` if its promise does not hold.
 
-A rig of the conformance suite: one driver, its simulator, a fault proxy between them, and the truth.
-
-A rig asks questions whose right answers all differ, so that an answer to another question shows.
+A rig of the conformance suite has one driver, its simulator, a fault proxy between them, and the truth. It asks
+questions whose right answers all differ, so that an answer to another question shows.
 """
 
 from __future__ import annotations
@@ -36,13 +35,16 @@ class WireByteCount:
 
 
 def refuses_wrong_addresses(make: Callable[[str], object]) -> None:
-    """The promise that a wrong address is refused before anything is opened. Raises Broken."""
+    """Check that a wrong address is refused before anything is opened."""
     for url in WRONG_ADDRESSES:
         refused(ConfigError, f"the address {url}", lambda url=url: make(url))
 
 
 def nobody_there(make: Callable[[str], Device], url: Callable[[int], str]) -> None:
-    """An address where nobody listens, and a device that is not connected, end in LinkError. Raises Broken."""
+    """Check that calls without a device or a connection end in LinkError.
+
+    One device has an address at which no one listens; the other is not connected.
+    """
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # bound and not listening: nobody else answers there either
         device = make(url(taken.getsockname()[1]))
@@ -54,7 +56,10 @@ def nobody_there(make: Callable[[str], Device], url: Callable[[int], str]) -> No
 
 
 def says_who_it_is(device: Device) -> None:
-    """Identity in words, and none once it is disconnected; disconnecting twice does nothing. Raises Broken."""
+    """Check that the identity has its texts, and that there is none after disconnecting.
+
+    Disconnecting twice does nothing.
+    """
     found = device.identify()
     hold(isinstance(found, Identity), f"identify gave {type(found).__name__}, not an Identity")
     for name in ("maker", "model", "serial", "protocol"):
@@ -66,7 +71,7 @@ def says_who_it_is(device: Device) -> None:
 
 
 def puts_bytes_on_record(heard: WireByteCount) -> None:
-    """Both directions of the wire. Raises Broken."""
+    """Check that bytes of both directions of the wire were recorded."""
     for direction, words in ((">", "to the device"), ("<", "from it")):
         hold(heard.counts.get(direction, 0) > 0, f"no byte {words} was given to `wire`")
 
@@ -80,11 +85,11 @@ def only_ours(what: str, act: Callable[[], object]) -> None:
 
 
 class RequirementFailed(AssertionError):
-    """A promise that does not hold, and what was seen instead, in a sentence."""
+    """A promise that does not hold, with the observation as a sentence."""
 
 
 def hold(condition: bool, otherwise: str) -> None:
-    """Raise Broken with the sentence `otherwise` unless the condition is true."""
+    """Raise RequirementFailed with the sentence `otherwise` unless the condition is true."""
     if not condition:
         raise RequirementFailed(otherwise)
 
@@ -92,7 +97,13 @@ def hold(condition: bool, otherwise: str) -> None:
 def refused(
     kinds: type[AcquisitionError] | tuple[type[AcquisitionError], ...], what: str, act: Callable[[], object]
 ) -> AcquisitionError:
-    """The error in which `act` ends. Raises Broken where it ends without one, or in one that is none of `kinds`."""
+    """Return the error in which `act` ends.
+
+    Raises
+    ------
+    RequirementFailed
+        It ends without an error, or in one that is none of `kinds`.
+    """
     wanted = kinds if isinstance(kinds, tuple) else (kinds,)
     right = " or ".join(kind.__name__ for kind in wanted)
     try:
@@ -108,12 +119,21 @@ def refused(
 
 @dataclass
 class DriverRig:
-    """A driver behind a proxy. `ask(i)` puts question i and returns by how much it missed the truth.
+    """A driver behind a proxy.
 
-    `do`: an order to the simulator by its name (`restart`, `clock_step` with `by_s`). `patient` and `hasty`: values of
-    the driver's `deadlines`, the second so short that a lost answer costs little time; None where it has none.
-    `hasty_requests`: the same where requests are lost; None: as `hasty`.
-    `elsewhere`: where the arm was sent though nobody asked for it (deg, model angles).
+    Attributes
+    ----------
+    do : callable
+        Gives an order to the simulator by its name (`restart`, `clock_step` with `by_s`).
+    ask : callable
+        Puts question i and returns the error of the answer.
+    patient, hasty
+        Values of the driver's `deadlines`, the second so short that a lost answer costs little time; None if the
+        driver has none.
+    hasty_requests
+        As `hasty`, if requests are lost; None for the same as `hasty`.
+    elsewhere : callable
+        Returns the poses (deg, model angles) to which the arm was sent without an order.
     """
 
     driver: Any
@@ -128,14 +148,20 @@ class DriverRig:
     hasty_requests: object = None
 
     def start_again(self) -> None:
-        """No more faults; somebody has looked at the robot, and its program runs again."""
+        """End all faults and start again.
+
+        A person would check the robot and restart its program.
+        """
         self.proxy.heal()
         self.be_patient()
         self.do("restart")
         self.restart()
 
     def restart(self) -> None:
-        """Connect and arm; a robot whose watchdog has not stopped it yet is waited for, as a person would."""
+        """Connect and arm.
+
+        A robot whose watchdog has not stopped it yet is waited for, as a person would.
+        """
         self.driver.connect()
         end = time.monotonic() + SLACK_S
         while True:

@@ -1,6 +1,7 @@
-"""A rig under faults: never a wrong answer, always an end in time with the right error, and working again after.
+"""A rig under faults: no wrong answer, the right error in time, and recovery afterwards.
 
-Faults of answers are those of `mocks.faultproxy.FAULTS`, faults of requests those of `REQUEST_FAULTS`.
+Faults of answers are those of `mocks.faultproxy.FAULTS`, faults of requests those of `REQUEST_FAULTS`. A
+function raises `RequirementFailed` if its promise does not hold.
 """
 
 from __future__ import annotations
@@ -46,13 +47,21 @@ MANY = 120
 
 
 def right(rig: DriverRig, question: int) -> None:
-    """Put one question. Raises Broken for a wrong answer, AcquisitionError where there is none."""
+    """Put one question and check the answer.
+
+    Raises
+    ------
+    RequirementFailed
+        The answer is wrong.
+    AcquisitionError
+        There is no answer.
+    """
     miss = rig.ask(question)
     hold(miss <= rig.tolerance, f"question {question} was answered wrongly, by {miss:.4g}")
 
 
 def well(rig: DriverRig, question: int) -> None:
-    """The rig without a fault: connect, arm, and one question. Raises Broken."""
+    """Check the rig without a fault: connect, arm, and put one question."""
     rig.proxy.heal()
     rig.be_patient()
     rig.restart()
@@ -60,9 +69,10 @@ def well(rig: DriverRig, question: int) -> None:
 
 
 def one_fault(rig: DriverRig, fault: str, after: int, *, quiet: bool = False) -> None:
-    """One message is spoiled, the one behind `after` others. Raises Broken.
+    """Check one spoiled message, the one behind `after` others.
 
-    quiet: this fault need not be noticed on this wire. Errors name device and command, and say what to do.
+    With `quiet`, this fault need not be noticed on this wire. Errors must name device and command, and recommend an
+    action.
     """
     well(rig, after)
     if LinkTimeout in CLASSES[fault]:  # these cost a deadline; the others must do without one
@@ -92,7 +102,7 @@ def one_fault(rig: DriverRig, fault: str, after: int, *, quiet: bool = False) ->
 
 
 def explained(error: AcquisitionError, rig: DriverRig) -> None:
-    """An error says whose it is, during what, and what a person does. Raises Broken."""
+    """Check that an error names its device, its command and a remedy."""
     name = type(error).__name__
     hold(error.device.startswith(rig.driver.name), f"{name} names the device '{error.device}'")
     hold(bool(error.command), f"{name} does not say during what")
@@ -102,7 +112,10 @@ def explained(error: AcquisitionError, rig: DriverRig) -> None:
 def many_questions(
     rig: DriverRig, faults: Sequence[str], *, questions: int = MANY, rate: float = 0.03
 ) -> tuple[int, int]:
-    """Put questions, messages spoiled by any of the faults. How many were answered, and failed. Raises Broken."""
+    """Put questions while messages are spoiled by any of the faults.
+
+    Returns the numbers of answers and of failures.
+    """
     rig.proxy.heal()
     rig.be_patient()
     rig.restart()
@@ -126,7 +139,7 @@ def many_questions(
 
 
 def booting(rig: DriverRig) -> None:
-    """A device that accepts and closes is lost, and works at once when it is up. Raises Broken."""
+    """Check that a device that accepts and closes is lost, and works at once when it is up."""
     rig.be_patient()
     rig.proxy.refuse()
     refused(LinkLost, "connecting to a device that boots", rig.driver.connect)
@@ -137,7 +150,7 @@ def booting(rig: DriverRig) -> None:
 
 
 def clock_steps(rig: DriverRig) -> None:
-    """A clock that jumps costs one reading, and not every one behind it. Raises Broken."""
+    """Check that a step of the clock costs one reading, and not every one behind it."""
     well(rig, 0)
     for i, by_s in enumerate((-3600.0, 3600.0, 7200.0, -7200.0, -1e6), start=1):
         rig.do("clock_step", by_s=by_s)
@@ -149,8 +162,10 @@ def clock_steps(rig: DriverRig) -> None:
 
 
 def damaged_requests(rig: DriverRig, fault: str, *, rate: float, questions: int = 20) -> int:
-    """Put questions, requests spoiled on their way: nothing wrong is read, and without a fault the next is answered.
-    How many failed. Raises Broken."""
+    """Put questions while requests are spoiled on their way, and count the failures.
+
+    Nothing wrong may be read, and the next question without a fault must be answered.
+    """
     spoiled, failures = rig.proxy.spoiled, 0
     spoiling = False
     for i in range(questions):

@@ -1,4 +1,7 @@
-"""The promises of an instrument's driver beyond the faults of its wire: when it measures, and which target."""
+"""Promises of an instrument driver beyond wire faults: when it measures, and which target.
+
+A function raises `RequirementFailed` if its promise does not hold.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,13 @@ class InstrumentTrial:
 
     @property
     def declared(self) -> InstrumentDriver:
-        """The declaration of the driver. Raises ConfigError for one that nobody declares."""
+        """Return the declaration of the driver.
+
+        Raises
+        ------
+        ConfigError
+            No package declares the driver.
+        """
         return instrument_driver(self.bench.driver)
 
     def url(self, port: int) -> str:
@@ -47,7 +56,13 @@ class InstrumentTrial:
         return self.bench.url.format(port=port, device=self.instrument)
 
     def meter(self, url: str | None = None, **options: Any) -> Any:
-        """The driver, not yet connected. Raises ConfigError."""
+        """Create the driver, not yet connected.
+
+        Raises
+        ------
+        ConfigError
+            The address or an option cannot be used.
+        """
         meter = open_instrument(
             self.bench.driver, url or self.url(self.instrument.port), **{**self.bench.options, **options}
         )
@@ -62,7 +77,10 @@ class InstrumentTrial:
         return meter
 
     def miss(self, meter: Any, i: int) -> float:
-        """Measure target i in turn: by how much the reading is off, mm; infinite for one of another target."""
+        """Measure target i in turn and return the error of the reading, mm.
+
+        It is infinite for a reading of another target.
+        """
         at = i % len(self.bench.targets)
         target, base = (
             self.bench.targets[at],
@@ -118,7 +136,7 @@ def rig(bench: InstrumentBench) -> Iterator[DriverRig]:
 
 
 def has_every_verb(on: InstrumentTrial) -> None:
-    """The driver has the verbs of its kind. Raises Broken."""
+    """Check that the driver has the verbs of its kind."""
     wanted = LengthMeter if on.declared.measures_lengths else PointMeter
     meter = on.meter()
     hold(isinstance(meter, wanted), f"it lacks a verb of drivers.interfaces.{wanted.__name__}")
@@ -126,24 +144,24 @@ def has_every_verb(on: InstrumentTrial) -> None:
 
 
 def refuses_what_it_cannot_use(on: InstrumentTrial) -> None:
-    """The driver refuses addresses that it cannot use. Raises Broken."""
+    """Check that the driver refuses addresses that it cannot use."""
     common.refuses_wrong_addresses(on.meter)
 
 
 def nobody_there(on: InstrumentTrial) -> None:
-    """The driver reports that no device answers at its address. Raises Broken."""
+    """Check that the driver reports that no device answers at its address."""
     common.nobody_there(on.meter, on.url)
 
 
 def says_who_it_is(on: InstrumentTrial) -> None:
-    """The driver names its device once connected. Raises Broken."""
+    """Check that the driver names its device once connected."""
     meter = on.meter()
     meter.connect()
     common.says_who_it_is(meter)
 
 
 def measures_only_armed(on: InstrumentTrial) -> None:
-    """The driver measures only while it is armed. Raises Broken."""
+    """Check that the driver measures only while it is armed."""
     meter = on.meter()
     meter.connect()
     refused(NotArmed, "a reading before arm", partial(on.miss, meter, 0))
@@ -155,7 +173,7 @@ def measures_only_armed(on: InstrumentTrial) -> None:
 
 
 def reads_the_truth(on: InstrumentTrial) -> None:
-    """Every target, twice. Raises Broken."""
+    """Check the readings of every target, twice."""
     meter = on.ready()
     for i in range(2 * len(on.bench.targets)):
         miss = on.miss(meter, i)
@@ -163,7 +181,7 @@ def reads_the_truth(on: InstrumentTrial) -> None:
 
 
 def refuses_what_is_not_there(on: InstrumentTrial) -> None:
-    """A target that cannot be measured, and the next one is measured all the same. Raises Broken."""
+    """Check that a target that cannot be measured is refused, and that the next one is measured."""
     meter = on.ready()
     base = on.bench.base_targets[0] if on.bench.base_targets else None
     if on.declared.finds_by_name:
@@ -188,7 +206,7 @@ def stops_at_any_time(on: InstrumentTrial) -> None:
 
 
 def puts_bytes_on_record(on: InstrumentTrial) -> None:
-    """The driver hands every byte of the wire to its record. Raises Broken."""
+    """Check that the driver hands every byte of the wire to its record."""
     heard = common.WireByteCount()
     on.miss(on.ready(wire=heard), 0)
     common.puts_bytes_on_record(heard)

@@ -1,4 +1,7 @@
-"""The promises of a robot's driver beyond the faults of its wire: when it moves, where it stops, what it believes."""
+"""Promises of a robot driver beyond wire faults: its moves, its stops, and false answers.
+
+A function raises `RequirementFailed` if its promise does not hold.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +53,13 @@ class RobotTrial:
         return self.bench.url.format(port=port, device=self.robot)
 
     def arm(self, url: str | None = None, **options: Any) -> Any:
-        """The driver, not yet connected. Raises ConfigError."""
+        """Create the driver, not yet connected.
+
+        Raises
+        ------
+        ConfigError
+            The address or an option cannot be used.
+        """
         arm = open_robot(
             self.bench.driver, url or self.url(self.robot.port), **{**self.bench.options, **options}
         )
@@ -65,7 +74,7 @@ class RobotTrial:
         return arm
 
     def goal(self, i: int) -> tuple[float, ...]:
-        """A pose of its own for question i, every joint within 30 deg of zero."""
+        """Return the pose of question i, every joint within 30 deg of zero."""
         return tuple((7 * i + 13 * k) % 59 - 29 + 0.25 for k in range(self.bench.joints))
 
     def far(self) -> tuple[float, ...]:
@@ -84,7 +93,10 @@ def trial(bench: RobotBench) -> Iterator[RobotTrial]:
 
 @contextmanager
 def rig(bench: RobotBench) -> Iterator[DriverRig]:
-    """The driver behind a proxy. Question i: go to a pose of its own, and read it back."""
+    """Yield the driver behind a proxy.
+
+    Question i is to go to its own pose, and to read it back.
+    """
     with trial(bench) as on:
         orders: dict[str, Callable[..., object]] = {"restart": on.robot.restart, "reboot": on.robot.restart}
 
@@ -124,33 +136,33 @@ def rig(bench: RobotBench) -> Iterator[DriverRig]:
 
 
 def has_every_verb(on: RobotTrial) -> None:
-    """The driver has the verbs of a robot. Raises Broken."""
+    """Check that the driver has the verbs of a robot."""
     arm = on.arm()
     hold(isinstance(arm, RobotArm), "it lacks a verb of drivers.interfaces.RobotArm")
     hold(isinstance(arm.unverified_on_hardware, bool), "unverified_on_hardware is neither True nor False")
 
 
 def refuses_what_it_cannot_use(on: RobotTrial) -> None:
-    """Addresses, speeds and limits, before anything is opened. Raises Broken."""
+    """Check that wrong addresses, speeds and limits are refused before anything is opened."""
     common.refuses_wrong_addresses(on.arm)
     refused(ConfigError, "speed_deg_s = 0", partial(on.arm, speed_deg_s=0.0))
     refused(ConfigError, "limits for too many joints", partial(on.arm, limits_deg=[(0.0, 1.0)] * 20))
 
 
 def nobody_there(on: RobotTrial) -> None:
-    """The driver reports that no device answers at its address. Raises Broken."""
+    """Check that the driver reports that no device answers at its address."""
     common.nobody_there(on.arm, on.url)
 
 
 def says_who_it_is(on: RobotTrial) -> None:
-    """The driver names its robot once connected. Raises Broken."""
+    """Check that the driver names its robot once connected."""
     arm = on.arm()
     arm.connect()
     common.says_who_it_is(arm)
 
 
 def nothing_moves_by_itself(on: RobotTrial) -> None:
-    """Connecting, asking, arming and disconnecting send nothing anywhere. Raises Broken."""
+    """Check that connecting, asking, arming and disconnecting move nothing."""
     before = tuple(on.robot.joints_deg())
     arm = on.arm()
     arm.connect()
@@ -166,7 +178,7 @@ def nothing_moves_by_itself(on: RobotTrial) -> None:
 
 
 def moves_only_armed(on: RobotTrial) -> None:
-    """The driver moves only while it is armed. Raises Broken."""
+    """Check that the driver moves only while it is armed."""
     arm = on.arm()
     move = partial(arm.move_to, on.goal(1))
     arm.connect()
@@ -183,7 +195,10 @@ def moves_only_armed(on: RobotTrial) -> None:
 
 
 def keeps_the_limits(on: RobotTrial) -> None:
-    """NaN, infinities, beyond a limit, too few joints: nothing is sent. Raises Broken."""
+    """Check that a wrong target is not sent.
+
+    It is NaN, infinite, beyond a limit, or has too few joints.
+    """
     arm = on.ready(limits_deg=[(-90.0, 90.0)] * on.bench.joints)
     rest = (0.0,) * (on.bench.joints - 1)
     for wrong in (math.nan, math.inf, -math.inf, 90.1, -91.0):
@@ -194,7 +209,7 @@ def keeps_the_limits(on: RobotTrial) -> None:
 
 
 def arrives(on: RobotTrial) -> None:
-    """What is read back on arrival and afterwards is where the arm truly is. Raises Broken."""
+    """Check that the pose read back on arrival and afterwards is the true pose of the arm."""
     arm = on.ready()
     for i in range(POSES):
         goal = on.goal(i)
@@ -205,7 +220,10 @@ def arrives(on: RobotTrial) -> None:
 
 
 def believes_no_false_end(on: RobotTrial) -> None:
-    """The controller reports a move done at nine tenths of its path. Raises Broken."""
+    """Check that the driver detects a false end of a move.
+
+    The controller reports the move done at nine tenths of its path.
+    """
     arm = on.ready()
     on.robot.fall_short(0.9)
     if on.bench.hasty is not None:
@@ -215,7 +233,7 @@ def believes_no_false_end(on: RobotTrial) -> None:
 
 
 def stops(on: RobotTrial) -> None:
-    """Stop from another thread during a move: the robot halts there and is disarmed. Raises Broken."""
+    """Check that a stop from another thread halts the robot in mid-move and disarms it."""
     arm = on.ready()
     on.robot.pace(SLOW)
     move = _under_way(on, arm)
@@ -234,7 +252,7 @@ def stops(on: RobotTrial) -> None:
 
 
 def stops_at_any_time(on: RobotTrial) -> None:
-    """Before a move, twice, and without a connection: nothing but errors of the drivers. Raises Broken."""
+    """Check that a stop before a move, twice, or unconnected gives only errors of the drivers."""
     arm = on.arm()
     common.only_ours("stop without a connection", arm.stop)
     arm.connect()
@@ -245,7 +263,7 @@ def stops_at_any_time(on: RobotTrial) -> None:
 
 
 def disconnect_ends_a_move(on: RobotTrial) -> None:
-    """A move ends when the driver disconnects. Raises Broken."""
+    """Check that a move ends when the driver disconnects."""
     arm = on.ready()
     on.robot.pace(SLOW)
     move = _under_way(on, arm)
@@ -254,7 +272,7 @@ def disconnect_ends_a_move(on: RobotTrial) -> None:
 
 
 def puts_bytes_on_record(on: RobotTrial) -> None:
-    """The driver hands every byte of the wire to its record. Raises Broken."""
+    """Check that the driver hands every byte of the wire to its record."""
     heard = common.WireByteCount()
     on.ready(wire=heard).position()
     common.puts_bytes_on_record(heard)
@@ -289,7 +307,7 @@ def _list(targets: Sequence[Sequence[float]]) -> str:
 
 
 def _under_way(on: RobotTrial, arm: RobotArm) -> Future[object]:
-    """A move to the far pose in a thread of its own, begun."""
+    """Begin a move to the far pose in a separate thread."""
     move: Future[object] = Future()
 
     def run() -> None:
@@ -310,7 +328,13 @@ def _under_way(on: RobotTrial, arm: RobotArm) -> Future[object]:
 
 
 def _wait(true: Callable[[], bool], otherwise: str) -> None:
-    """Until it is true. Raises Broken with the sentence `otherwise` after a minute."""
+    """Wait until a condition is true.
+
+    Raises
+    ------
+    RequirementFailed
+        It is still false after a minute; the message is `otherwise`.
+    """
     end = time.monotonic() + PATIENCE_S
     while not true():
         hold(time.monotonic() < end, otherwise)

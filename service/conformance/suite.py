@@ -1,6 +1,6 @@
-"""All promises of one driver, tried one after another, each on a simulator that was just started.
+"""All promises of one driver, tried one after another, each on a new simulator.
 
-They are tried in a process of their own: a driver that waits for ever, or takes its process with it, is a finding.
+They are tried in a separate process: a driver that waits for ever, or takes its process with it, is a finding.
 """
 
 from __future__ import annotations
@@ -31,7 +31,10 @@ Bench = RobotBench | InstrumentBench
 
 @dataclass(frozen=True)
 class Requirement:
-    """A sentence about a driver, and what raises where it does not hold. `binding`: it is held against the driver."""
+    """A sentence about a driver, and the function that raises if it does not hold.
+
+    If it is not `binding`, it does not count against the driver.
+    """
 
     text: str
     act: Callable[[], object]
@@ -40,7 +43,11 @@ class Requirement:
 
 @dataclass(frozen=True)
 class PromiseResult:
-    """The finding on one promise. holds: None where it does not, and the wire cannot do better. seconds: it took."""
+    """The finding on one promise.
+
+    `holds` is None if the promise does not hold, and the wire cannot do better. `seconds` is the duration of the
+    test.
+    """
 
     promise: str
     holds: bool | None
@@ -49,12 +56,24 @@ class PromiseResult:
 
 
 def benches() -> dict[str, Bench]:
-    """The benches of the installed packages by the names of their drivers. Raises ConfigError for a broken package."""
+    """Return the benches of the installed packages by the names of their drivers.
+
+    Raises
+    ------
+    ConfigError
+        A package is broken.
+    """
     return {bench.driver: bench for bench in installed(GROUP, "BENCHES")}
 
 
 def bench_of(driver: str) -> Bench:
-    """The bench of one driver. Raises ConfigError where no package names it."""
+    """Return the bench of one driver.
+
+    Raises
+    ------
+    ConfigError
+        No package names it.
+    """
     found = benches()
     if driver not in found:
         there = f"there are {', '.join(sorted(found))}" if found else "no installed package names any"
@@ -93,7 +112,13 @@ def promises_of(bench: Bench) -> list[Requirement]:
 
 
 def tried(driver: str) -> Iterator[PromiseResult]:
-    """Try every promise of the driver of that name. Raises ConfigError where it has no bench."""
+    """Try every promise of the driver of that name.
+
+    Raises
+    ------
+    ConfigError
+        It has no bench.
+    """
     bench = bench_of(driver)
     count, limit_s = len(promises_of(bench)), LIMIT_S + 10.0 * bench.longest_s
     spawn = multiprocessing.get_context("spawn")
@@ -131,7 +156,7 @@ def _received(ours: Connection, promises: Iterable[Requirement], limit_s: float)
 
 
 def _try_all(driver: str, first: int, out: Connection) -> None:
-    """In the child: try the promises from `first` on and send what came of them."""
+    """Try the promises from `first` on in the child process, and send the results."""
     logging.disable(logging.WARNING)  # every driver warns that it is unverified on hardware
     for promise in promises_of(bench_of(driver))[first:]:
         out.send(tried_once(promise))
@@ -173,7 +198,7 @@ def _one(fault: str, rig: DriverRig) -> None:
 
 
 def _damaged(bench: Bench, fault: str, rig: DriverRig) -> None:
-    """Damaged requests: nothing wrong is read, and the arm goes nowhere else."""
+    """Check that damaged requests cause no wrong reading, and send the arm nowhere else."""
     faults.damaged_requests(rig, fault, rate=0.1 if isinstance(bench, RobotBench) else 0.3)
     if isinstance(bench, RobotBench) and not bench.moves_at_once:
         sent = rig.elsewhere()
@@ -188,7 +213,7 @@ def _clock(bench: InstrumentBench, rig: DriverRig) -> None:
 
 
 def _words(fault: str) -> str:
-    """A fault in words."""
+    """Return a fault as text."""
     side, name = ("request", fault.removeprefix("request_")) if fault in REQUEST_FAULTS else ("answer", fault)
     return f"{side}: {WORDS[name]}"
 
