@@ -1,8 +1,9 @@
-"""The application: cells put documents in, viewers read. What arrives twice is kept once; what contradicts is kept
-beside what was there and told.
+"""The application of a plant's server: cells put documents in, viewers read.
 
-Gate, problems and tokens are those of a cell's service. The token of a cell puts documents in and reads nothing, for it
-lies on a cell PC; the viewer's reads everything and writes nothing.
+A document that arrives twice is kept once. A document that contradicts another is kept as well, and this is reported.
+
+Gate, problems and tokens are those of a cell's service. The token of a cell puts documents in and reads
+nothing, because it is on a cell PC. The viewer's token reads everything and writes nothing.
 """
 
 from __future__ import annotations
@@ -38,8 +39,11 @@ _OPEN = (path_of("health"), "/openapi.json")
 
 @dataclass(frozen=True)
 class FleetServerSettings:
-    """The settings that the server was started with. names: by which cells call it, besides its address; upload_bytes:
-    of the largest document; now: the time by which documents may be dated."""
+    """The settings of the server.
+
+    `names` are its names for cells, in addition to its address. `upload_bytes` is the size of the largest document.
+    `now` is the clock by which dates of documents are checked.
+    """
 
     tokens: Senders
     host: str = "127.0.0.1"

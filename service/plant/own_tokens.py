@@ -1,8 +1,8 @@
-"""Tokens of the cells of a plant, one each, with a role, to be taken away one by one.
+"""Tokens of the cells of a plant, one each, with a role, which can be revoked one by one.
 
-The file holds the SHA-256 of each token, not the token: who reads it can send nothing. It is read anew whenever it has
-changed, so that a token taken away is worth nothing from the next request on. A file that cannot be used lets nobody
-in.
+The file holds the SHA-256 of each token, not the token: a person who reads it can send nothing. It is read
+again whenever it has changed, so that a revoked token is invalid from the next request on. With a file that
+cannot be used, no client is let in.
 """
 
 from __future__ import annotations
@@ -30,9 +30,21 @@ _ROLES = {"cell": Role.OPERATOR, "viewer": Role.VIEWER}
 
 @dataclass(frozen=True)
 class OwnToken:
-    """One token. name: of the cell, or of who reads; role: "cell" puts documents in under its name, "viewer" reads;
-    sha256: of the token, 64 hexadecimal digits; made: day, "2026-03-02"; robots: of which it may send documents, of all
-    where it names none."""
+    """One token.
+
+    Attributes
+    ----------
+    name : str
+        Name of the cell or the viewer.
+    role : May
+        "cell" puts documents in under its name; "viewer" reads.
+    sha256 : str
+        SHA-256 of the token, 64 hexadecimal digits.
+    made : str
+        Day, "2026-03-02".
+    robots : tuple of RobotKey
+        Robots whose documents it may send; empty for all.
+    """
 
     name: str
     role: May
@@ -41,7 +53,13 @@ class OwnToken:
     robots: tuple[RobotKey, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raises DataError for what is no entry."""
+        """Refuse a wrong entry.
+
+        Raises
+        ------
+        DataError
+            A value cannot be used; the message names its key.
+        """
         if self.role not in get_args(May):
             raise DataError(f"is {self.role!r}.", do="Give cell or viewer.", key="role")
         name = self.name
@@ -54,7 +72,13 @@ class OwnToken:
 
 
 def robots_of(names: Sequence[str]) -> tuple[RobotKey, ...]:
-    """The robots that are meant by "TYPE:SERIAL". Raises DataError."""
+    """Return the robots that "TYPE:SERIAL" names.
+
+    Raises
+    ------
+    DataError
+        A name has another form.
+    """
     parts = [name.partition(":") for name in names]
     for name, (model, _, serial) in zip(names, parts, strict=True):
         if not model or not serial:
@@ -65,7 +89,13 @@ def robots_of(names: Sequence[str]) -> tuple[RobotKey, ...]:
 
 
 def read_tokens(file: Path) -> list[OwnToken]:
-    """The tokens of a file; none where there is no file. Raises DataError where others may read it, or it is none."""
+    """Read the tokens of a file; none if there is no file.
+
+    Raises
+    ------
+    DataError
+        Other users may read the file, or it is no file of tokens.
+    """
     if not file.exists():
         return []
     table = parse_json(read_secret(file, "see who may send").encode(), file)
@@ -89,13 +119,22 @@ def read_tokens(file: Path) -> list[OwnToken]:
 
 
 def write_tokens(file: Path, tokens: Sequence[OwnToken]) -> None:
-    """Replace the file at once, whole, readable by its owner alone where `service.private.owner_only` is in force."""
+    """Replace the file of tokens atomically.
+
+    Only its owner can read it where `service.private.owner_only` is in force.
+    """
     table = {"format": FORMAT, "tokens": [asdict(each) for each in tokens]}
     replace_file(file, json.dumps(table, indent=1) + "\n")
 
 
 def issue(file: Path, name: str, role: May, made: str, robots: tuple[RobotKey, ...] = ()) -> str:
-    """A new token for a name; it is returned once and cannot be read later. Raises DataError where the name has one."""
+    """Create a token for a name; it is returned once and cannot be read later.
+
+    Raises
+    ------
+    DataError
+        The name has a token.
+    """
     known = read_tokens(file)
     if any(each.name == name for each in known):
         raise DataError(
@@ -107,18 +146,36 @@ def issue(file: Path, name: str, role: May, made: str, robots: tuple[RobotKey, .
 
 
 def allow(file: Path, name: str, robots: tuple[RobotKey, ...]) -> None:
-    """Let the token of a name name these robots too. Raises DataError where it has none."""
+    """Let the token of a name name these robots too.
+
+    Raises
+    ------
+    DataError
+        The name has no token.
+    """
     found, others = _named(file, name)
     write_tokens(file, [*others, replace(found, robots=tuple(dict.fromkeys((*found.robots, *robots))))])
 
 
 def revoke(file: Path, name: str) -> None:
-    """Take the token of a name away. Raises DataError where it has none."""
+    """Take the token of a name away.
+
+    Raises
+    ------
+    DataError
+        The name has no token.
+    """
     write_tokens(file, _named(file, name)[1])
 
 
 def _named(file: Path, name: str) -> tuple[OwnToken, list[OwnToken]]:
-    """The token of a name, and the others. Raises DataError where it has none."""
+    """Return the token of a name, and the others.
+
+    Raises
+    ------
+    DataError
+        The name has no token.
+    """
     known = read_tokens(file)
     for i, each in enumerate(known):
         if each.name == name:
@@ -128,14 +185,19 @@ def _named(file: Path, name: str) -> tuple[OwnToken, list[OwnToken]]:
 
 
 class Senders:
-    """The senders known to a plant's server: the tokens of its start, and those of a file where there is one.
+    """The senders known to a plant's server: tokens of its start, and those of a file.
 
-    With a file the token that all cells share puts nothing in any more: whoever had it could send under any name.
+    With a file, the token that all cells share puts nothing in any more, because any client that has it could send
+    under any name.
     """
 
     def __init__(self, shared: Tokens, file: Path | None = None) -> None:
-        """The tokens that may send: `shared`, those of the start, and those of the cells' own in `file`. Raises
-        DataError for a file that cannot be used.
+        """Read the cells' own tokens in `file`; `shared` are the tokens of the start.
+
+        Raises
+        ------
+        DataError
+            The file cannot be used.
         """
         self._shared, self._file = shared, file
         self._lock = threading.Lock()
@@ -157,7 +219,7 @@ class Senders:
             return [each.name for each in self._known.values() if each.role == "cell" and not each.robots]
 
     def own(self, token: str) -> OwnToken | None:
-        """The entry of a token of somebody's own; None for one that all share."""
+        """Return the entry of an individual token; None for one that all share."""
         with self._lock:
             stamp = self._stamped()
             if stamp != self._stamp:

@@ -122,7 +122,7 @@ class FleetTrendResponse(BaseModel):
 
 
 class HealthShown(BaseModel):
-    """The server is there."""
+    """Health of the server."""
 
     status: str
     version: str
@@ -177,8 +177,8 @@ async def put_document(
 ) -> Response:
     """Keep a document; the body is its content. Sent again, it is kept once.
 
-    409 where the store has another content for the same identity: both are kept, and every upload of either is
-    answered so, for an answer may be lost.
+    409 if the store has another content for the same identity. Both are then kept, and every upload of either is
+    answered so, because an answer may be lost.
     """
     senders: Senders = request.app.state.senders
     own = senders.own(bearer(request.headers.get("authorization", "")))
@@ -279,7 +279,13 @@ def get_trend(
 
 
 def _added(store: FleetStore, document: Document, hash: str) -> AddResult:
-    """Keep a document. Raises Problem 400 where its content is not what was meant."""
+    """Keep a document.
+
+    Raises
+    ------
+    Problem
+        400: its content does not have the stated hash.
+    """
     if document.hash != hash:
         raise Problem(
             400,
@@ -291,9 +297,14 @@ def _added(store: FleetStore, document: Document, hash: str) -> AddResult:
 
 
 def _refuse_ahead(measured_at: datetime, now: datetime) -> None:
-    """Raise Problem 422 for a time that has not come: such a document would be a robot's newest until then.
+    """Refuse a time in the future, because such a document would be a robot's newest until then.
 
-    A document may be as old as it likes: outboxes wait for weeks, and what was measured years ago is sent once.
+    A document may be of any age: outboxes wait for weeks, and old measurements are sent once.
+
+    Raises
+    ------
+    Problem
+        422: the time is in the future.
     """
     if measured_at.tzinfo is not None and measured_at - now > AHEAD:
         raise Problem(
@@ -304,7 +315,13 @@ def _refuse_ahead(measured_at: datetime, now: datetime) -> None:
 
 
 def _robot(store: FleetStore, serial: str, model: str) -> RobotKey:
-    """The robot that is meant. Raises Problem 404, and 422 where two have the serial number."""
+    """Return the robot of a serial number.
+
+    Raises
+    ------
+    Problem
+        404, or 422 if several robots have the serial number.
+    """
     found = [each for each in store.named() if each.serial == serial and model in ("", each.model)]
     if not found:
         raise Problem(404, f"There is no robot {serial!r}.", "List the robots to see which there are.")
@@ -315,8 +332,12 @@ def _robot(store: FleetStore, serial: str, model: str) -> RobotKey:
 
 
 async def _whole(request: Request) -> bytes | None:
-    """The body; None where the client has gone. Raises Problem 408 where it falls silent or takes too long; the gate
-    counts the bytes.
+    """Read the body; None if the client has left. The gate counts the bytes.
+
+    Raises
+    ------
+    Problem
+        408: the client falls silent or takes too long.
     """
     parts: list[bytes] = []
     pieces = aiter(request.stream())
