@@ -1,4 +1,4 @@
-"""Exports of a model for other programs: each says what it carries and what its own predicted error is."""
+"""Exports of a model for other programs, each with its contents and its predicted error."""
 
 from service.exports.formats import FORMATS, ExportRequest
 from service.exports.written import refuse_unknown, written

@@ -1,4 +1,4 @@
-"""The formats of `truepose export`: what each can hold, and how it is written.
+"""The formats of `truepose export`: their contents and writers.
 
     ur-yaml    `kinematics:` of the UR ROS driver: six joint origins (m, rad) and the robot's own hash
     urdf       joint origins of a URDF (m, rad), with the base before and the flange behind
@@ -6,9 +6,9 @@
     dh-md      the same for people
     mastering  joint offsets alone
 
-Angles roll, pitch, yaw turn about the fixed x, y, z axes: R = Rz(yaw) Ry(pitch) Rx(roll). Sources: the URDF
-specification (joint, origin); the UR driver's kinematics files. Every file is read back from its text, so that the
-error that is stated is that of the numbers in it, as they are rounded there.
+Angles roll, pitch, yaw turn about the fixed x, y, z axes: R = Rz(yaw) Ry(pitch) Rx(roll). Sources are the URDF
+specification (joint, origin) and the UR driver's kinematics files. Every file is read back from its text, so
+that the stated error is that of its rounded numbers.
 """
 
 from __future__ import annotations
@@ -42,9 +42,10 @@ _METRE = 1000.0
 
 @dataclass(frozen=True)
 class ExportRequest:
-    """An export: the robot, how its controller counts, what is carried, lines about it, and the robot's hash.
+    """An export: the robot, its joint counting, the content, lines about it, the hash.
 
-    simulated: the model was identified from simulators; a table of numbers has no place for lines and gets a column.
+    `simulated` says that the model was identified from simulators. A table of numbers has no place for lines and
+    gets a column.
     """
 
     robot: Robot
@@ -57,8 +58,19 @@ class ExportRequest:
 
 @dataclass(frozen=True)
 class Format:
-    """holds: slots that it can carry; writes: the file's text; reads: the poses (n, 4, 4) of the flange that a text
-    gives at `carried.joints`, mm; says: what it carries, for people."""
+    """One format.
+
+    Attributes
+    ----------
+    holds : callable
+        Returns the slots that the format can carry.
+    writes : callable
+        Returns the file's text.
+    reads : callable
+        Returns the poses (n, 4, 4) of the flange that a text gives at `carried.joints`, mm.
+    says : str
+        Content of the format, for people.
+    """
 
     holds: Callable[[Robot], tuple[str, ...]]
     writes: Callable[[ExportRequest], str]
@@ -225,7 +237,7 @@ def _dh_markdown_read(text: str, export: ExportRequest) -> Array:
 
 
 def _dh_poses(links: Sequence[Sequence[str]], base: Sequence[str], export: ExportRequest) -> Array:
-    """(n, 4, 4) of the flange with the numbers of `_dh_rows`."""
+    """Return the poses (n, 4, 4) of the flange with the numbers of `_dh_rows`."""
     robot = export.robot
     changes = {
         f"base.{axis}": float(v) * (DEG if axis[0] == "r" else 1.0)

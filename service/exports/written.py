@@ -1,4 +1,4 @@
-"""A model written in another program's format, with what that format leaves out and the error that this leaves."""
+"""Model written in another program's format, with the lost content and its error."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ _NAMED = 6  # parameters named in one line; the document names all
 
 @dataclass(frozen=True)
 class ExportedFile:
-    """The file's text, the document for programs, and lines for people: `about` the file, and `notes` of caution."""
+    """The text of a file, the document for programs, and lines for people.
+
+    The lines are `about` the file, and `notes` of caution.
+    """
 
     text: str
     document: dict[str, Any]
@@ -51,11 +54,28 @@ def written(
     robot_hash: str | None,
     data: Dataset | None = None,
 ) -> ExportedFile:
-    """Write the model that people know by `name`. Raises DataError.
+    """Write a model in another program's format.
 
-    saved, usable: the model for corrections and what it leaves out (`CalibratedModel.for_use`); kind: one of FORMATS;
-    conditions: as `stated_conditions` takes them; robot_hash: that of a UR's own calibration; data: readings in whose
-    postures the file shall be close, None for random ones within the limits.
+    Parameters
+    ----------
+    saved, usable : CalibratedModel, Usable
+        The model for corrections and the parts left out of it (`CalibratedModel.for_use`).
+    name : str
+        Name of the model for people.
+    kind : str
+        One of FORMATS.
+    conditions : str, optional
+        As for `stated_conditions`.
+    robot_hash : str, optional
+        Hash of a UR's own calibration.
+    data : Dataset, optional
+        Readings in whose postures the file must be close. Default: random postures within the measured ranges, or
+        within the joint limits if the model does not state its ranges.
+
+    Raises
+    ------
+    DataError
+        The model cannot be written in this format.
     """
     refuse_unknown(kind)
     stated = stated_conditions(conditions, saved)
@@ -120,7 +140,10 @@ def written(
 
 
 def _measured(saved: CalibratedModel) -> Array | None:
-    """(n, N) joints drawn within the ranges in which the model was identified; None where it does not say them."""
+    """Draw joints (n, N) within the ranges in which the model was identified.
+
+    It is None if the model does not state them.
+    """
     ranges, robot = saved.holds_for.get("joints"), saved.model.robot
     if ranges is None:
         return None
@@ -130,7 +153,13 @@ def _measured(saved: CalibratedModel) -> Array | None:
 
 
 def _postures(data: Dataset, saved: CalibratedModel) -> Array:
-    """(n, N) joints of the readings that may enter a fit. Raises DataError for another robot, or too few."""
+    """Return the joints (n, N) of the readings that may enter a fit.
+
+    Raises
+    ------
+    DataError
+        They are of another robot, or too few.
+    """
     if data.header.robot.name != saved.model.robot.name:
         raise DataError(
             f"is of the robot {data.header.robot.name}, the model of {saved.model.robot.name}.",
@@ -156,7 +185,10 @@ def _about(
     held_out: float | None,
     predicted: float | None,
 ) -> tuple[str, ...]:
-    """The cautions that people must know beside the file. off: the file and the nominal robot, in poses `where`."""
+    """Return the cautions that people must know about the file.
+
+    `off` has the errors of the file and of the nominal robot, in the poses `where`.
+    """
     loss, nominal = off
     lines = [f"Carries {says}. Holds for: {holds_for}."]
     if found.left_out:
