@@ -1,4 +1,4 @@
-"""TruePose from Python: `read`, `identify`, `diagnose`, `validate`, `select`, `compensate`, `simulate`.
+"""TruePose from Python: read, identify, diagnose, validate, select, compensate, simulate.
 
     import truepose
 
@@ -8,8 +8,9 @@
     found.effects  # a pandas DataFrame
     found.model.save("irb120.json")
 
-Arguments and columns have their units in their names: mm, deg, s. Invalid input raises `DataError`, which names the
-place and the remedy. The names in `__all__` are stable; one that has to be removed gives a warning for a year before.
+Arguments and columns have their units in their names: mm, deg, s. Invalid input raises `DataError`, which names
+the place and the remedy. The names in `__all__` are stable. A name that has to be removed gives a warning for a
+year before.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""`truepose`, and `python -m truepose`: the command line, once it is sure that its packages are its own.
+"""`truepose`, and `python -m truepose`: the command line, after a check of its packages.
 
-The rooms of the program: packages with plain names, which a package of somebody else may hide.
+The packages of the program have plain names, which a package of another project may hide.
 """
 
 from __future__ import annotations
@@ -14,7 +14,10 @@ ROOMS = ("acquisition", "calib", "drivers", "fleet", "mocks", "service")
 
 
 def where(name: str) -> Path | None:
-    """The folder in which Python finds a package; None where it finds none, or one that lies in no folder."""
+    """Return the folder in which Python finds a package.
+
+    It is None if Python finds none, or one that is in no folder.
+    """
     loaded = sys.modules.get(name)
     spec = find_spec(name) if loaded is None else loaded.__spec__
     if spec is None or not spec.submodule_search_locations:
@@ -23,7 +26,13 @@ def where(name: str) -> Path | None:
 
 
 def refuse_foreign(rooms: Iterable[str] = ROOMS) -> None:
-    """Raise ImportError where Python finds another package under the name of a room than the one beside this."""
+    """Refuse to start if Python finds another package under the name of one of the program.
+
+    Raises
+    ------
+    ImportError
+        A package is missing, or another one is found.
+    """
     home = Path(__file__).resolve().parents[1]
     for name in rooms:
         found = where(name)

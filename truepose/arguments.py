@@ -1,4 +1,4 @@
-"""Arguments checked: arrays of joint angles in degrees, single numbers, and what is no model."""
+"""Checks of arguments: arrays of joint angles in degrees, single numbers, and models."""
 
 from __future__ import annotations
 
@@ -17,9 +17,14 @@ _MANY = 5  # targets, within so small angles that they look like radians
 
 
 def joints_of(joints_deg: Any, saved: CalibratedModel) -> Array:
-    """(n, N) model joints, rad or mm, of joints as the controller counts them, deg or mm, an array or a DataFrame.
+    """Return model joints (n, N), rad or mm, of joints as the controller counts them.
 
-    Raises DataError for another shape or numbers that are not finite. Warns of degrees that look like radians.
+    The argument is an array or a DataFrame, deg or mm. Degrees that look like radians cause a warning.
+
+    Raises
+    ------
+    DataError
+        The shape is wrong, or a number is not finite.
     """
     robot = saved.model.robot
     if hasattr(joints_deg, "columns"):
@@ -51,8 +56,13 @@ def joints_of(joints_deg: Any, saved: CalibratedModel) -> Array:
 
 
 def number_of(value: float | None, usual: float, low: float, high: float, key: str) -> float:
-    """The value given, or the usual one where it is None. Raises DataError for what is no number, and unless
-    it lies between low and high."""
+    """Return a number, or the usual one if it is None.
+
+    Raises
+    ------
+    DataError
+        It is no number, or not between `low` and `high`.
+    """
     if value is None:
         return usual
     if not isinstance(value, Real):
@@ -67,7 +77,13 @@ def number_of(value: float | None, usual: float, low: float, high: float, key: s
 
 
 def refuse_no_model(model: object, wanted: type) -> None:
-    """Raise DataError for anything but a model: the name of its file, for one."""
+    """Refuse anything but a model, such as the name of its file.
+
+    Raises
+    ------
+    DataError
+        It is no model.
+    """
     if not isinstance(model, wanted):
         raise DataError(
             f"is {type(model).__name__}, not a model.",
@@ -77,6 +93,6 @@ def refuse_no_model(model: object, wanted: type) -> None:
 
 
 def angles_of(joints: Array, saved: CalibratedModel) -> Array:
-    """(n, N) joints as the controller counts them, deg or mm, of model joints, rad or mm."""
+    """Return joints (n, N) as the controller counts them, deg or mm, of model joints, rad or mm."""
     robot = saved.model.robot
     return robot.controller_angles(joints, saved.coupling) / robot.joint_units

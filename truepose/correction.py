@@ -38,9 +38,9 @@ class Corrected:
     Attributes
     ----------
     joints_deg :
-        Joints to drive, (n, N), as the controller counts; NaN where refused: never drive those.
+        Joints to drive, (n, N), as the controller counts. They are NaN for refused targets. Never drive those.
     radius_95_mm :
-        Radius that contains 95 % of the positions that the model allows, (n,) mm; NaN where nothing was found.
+        Radius that contains 95 % of the positions that the model allows, (n,) mm. It is NaN if no joints were found.
 
     >>> model = truepose.identify("irb120.csv")
     >>> wanted = [[10, 20, -30, 40, 50, 60], [400, 20, -30, 40, 50, 60]]
@@ -60,14 +60,15 @@ class Corrected:
 
     @property
     def good(self) -> NDArray[np.bool_]:
-        """(n,) targets that may be driven."""
+        """Mask of the targets that may be driven, shape (n,)."""
         return self.found.good
 
     @property
     def targets(self) -> pandas.DataFrame:
-        """One row per target: j1_deg and so on to drive, radius_95_mm, status, why it was refused, and notes.
+        """Table of the targets, one row each.
 
-        A note names, for example, joints outside the measured range.
+        It has j1_deg and so on to drive, radius_95_mm, status, the reason of a refusal, and notes. A note names, for
+        example, joints outside the measured range.
         """
         columns: dict[str, Any] = dict(zip(self._columns, self.joints_deg.T, strict=True))
         status = [str(status) for status in self.found.status]
@@ -102,14 +103,38 @@ def compensate(
 ) -> Corrected:
     """Correct joint targets; `truepose compensate` does the same to a program.
 
-    joints_deg: (n, N), or a DataFrame with j1_deg and so on, as the controller counts. target: the tool target that
-    shall land, or the flange, which carries all. side: from where every joint arrives, +1 from below, -1 from above;
-    approach_deg: how far before the target its last move begins. temperature_c, time_s: of the air, and since the
-    start of the campaign, for effects that need them. series: of a model that holds several.
-    limits_deg: (N, 2), default the robot's. inverse: from targets that were taught on the real robot to the nominal
-    one. most_uncertainty: mm; targets that the model knows less well (95 %) are refused. named_only: without carried
-    terms. Terms that follow what only the campaign knew are always left out;
-    `Corrected.usable` says which, and what that costs. Raises DataError.
+    Terms that depend on conditions known only in the campaign are always left out. `Corrected.usable` lists them
+    with their cost.
+
+    Parameters
+    ----------
+    joints_deg: (n, N) array, or DataFrame with j1_deg and so on
+        Joint targets as the controller counts.
+    target :
+        Tool target that must land. Default: the flange, which carries all targets.
+    side :
+        Side from which every joint arrives, +1 from below, -1 from above.
+    approach_deg :
+        Length of the last move of every joint, deg.
+    temperature_c :
+        Temperature of the air, for effects that need it.
+    time_s :
+        Time since the start of the campaign, for effects that need it.
+    series :
+        Series of a model that holds several.
+    limits_deg: (N, 2) array
+        Joint limits. Default: those of the robot.
+    inverse :
+        Correct targets that were taught on the real robot to those of the nominal one.
+    named_only :
+        Leave out carried terms.
+    most_uncertainty :
+        Largest radius that contains 95 % of the allowed positions, mm. Targets above it are refused.
+
+    Raises
+    ------
+    DataError
+        An argument cannot be used, or a condition that the model needs is missing.
 
     >>> model = truepose.identify("irb120.csv")
     >>> corrected = truepose.compensate(model, joints_deg=[[10, 20, -30, 40, 50, 60]], target="T1")

@@ -1,4 +1,4 @@
-"""A data set in Python: read from its two files, or made of a pandas DataFrame and a header."""
+"""Data sets in Python, from their two files or from a pandas DataFrame and a header."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ _IN_MEMORY = Path("DataFrame")
 
 @dataclass(frozen=True)
 class Data:
-    """Readings of one robot and what holds for all of them; frozen. `dataset`: the same for the rooms below.
+    """Readings of one robot, and the data that holds for all of them; frozen.
+
+    `dataset` is the same data for the packages below.
 
     >>> data = truepose.read("irb120.csv")
     >>> len(data), data.simulated
@@ -47,12 +49,15 @@ class Data:
 
     @property
     def simulated(self) -> bool:
-        """Whether a simulator measured it."""
+        """Whether a simulator measured the data."""
         return self.dataset.header.simulated
 
     @property
     def readings(self) -> pandas.DataFrame:
-        """One row a reading, by reading_id, in the columns of its file: joints as the controller counts, mm, s, °C."""
+        """Table of the readings, one row per reading, by reading_id.
+
+        Columns are those of the file: joints as the controller counts, mm, s, °C.
+        """
         of, conditions = self.dataset, self.dataset.conditions
         robot = of.header.robot
         joints = robot.controller_angles(conditions.joints, of.header.coupling) / robot.joint_units
@@ -78,11 +83,22 @@ def read(
 ) -> Data:
     """Read a data set.
 
-    source: `NAME.csv`, with `NAME.toml` beside it; or a DataFrame with the columns of such a file, units in their names
-    (`j1_deg`, `x_mm`), whose index, where it has a name, is the reading_id; with a map a file of another program, or
-    two, one with joints and one with points. header: for a DataFrame, the table that the .toml would hold, or the file
-    itself. map: what the columns of foreign files are (`truepose-map/1`), as `truepose convert FILE --propose` writes
-    it; what converting would refuse is refused. Raises DataError (file, line or key, what to do).
+    Parameters
+    ----------
+    source :
+        `NAME.csv`, with `NAME.toml` in the same folder. Or a DataFrame with the columns of such a file, units in
+        their names (`j1_deg`, `x_mm`). If its index has a name, it is the reading_id. With a map, a file of another
+        program, or two, one with joints and one with points.
+    header :
+        For a DataFrame, the table that the .toml would hold, or the file itself.
+    map :
+        Map of the columns of foreign files (`truepose-map/1`), as `truepose convert FILE --propose` writes it.
+        Files that `truepose convert` refuses are refused.
+
+    Raises
+    ------
+    DataError
+        The data cannot be used. The message names file, line or key, and the remedy.
 
     >>> truepose.read("irb120.csv")
     <irb120.csv: 120 readings of abb-irb120, 80 to fit, 40 to validate>
@@ -124,7 +140,10 @@ def _several(source: object) -> bool:
 
 
 def _by_map(source: Any, map_path: Path, header: object) -> Dataset:
-    """The data set of foreign files, in memory; a robot file is named from the folder of the map."""
+    """Return the data set of foreign files, in memory.
+
+    A robot file is named relative to the folder of the map.
+    """
     if header is not None:
         raise DataError("holds the header.", do="Leave header= out.", file=map_path, key="header")
     given = [source] if isinstance(source, str | Path) else source
@@ -136,5 +155,11 @@ def _by_map(source: Any, map_path: Path, header: object) -> Dataset:
 
 
 def data_of(source: Data | str | Path) -> Data:
-    """The data set that is meant: itself, or the file of that name. Raises DataError."""
+    """Return a data set, or read the file of that name.
+
+    Raises
+    ------
+    DataError
+        The file cannot be used.
+    """
     return source if isinstance(source, Data) else read(source)

@@ -1,4 +1,4 @@
-"""A diagnosis in Python: what the base model lacks, with its evidence, its rivals and its power."""
+"""Diagnoses in Python: effects that the base model lacks, with evidence, rivals and power."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The findings of a diagnosis. `outcome`: the same for the packages below.
+    """The findings of a diagnosis.
+
+    `outcome` is the same for the packages below.
 
     >>> found = truepose.diagnose("irb120.csv")
     >>> found.verdict
@@ -49,7 +51,7 @@ class Diagnosis:
 
     @property
     def carry_over(self) -> str:
-        """Whether the effects hold on the other data set, in words; empty where none was named."""
+        """Whether the effects hold on the other data set, as text; empty without one."""
         return "" if self.outcome.carried is None else self.outcome.carried.finding
 
     def __repr__(self) -> str:
@@ -66,7 +68,7 @@ class Diagnosis:
 
     @property
     def sentence(self) -> str:
-        """The verdict in words, with what it gains."""
+        """The verdict as text, with its gain."""
         return wording.verdict_in_words(self.findings)
 
     @property
@@ -83,11 +85,12 @@ class Diagnosis:
 
     @property
     def effects(self) -> pandas.DataFrame:
-        """One row per parameter of an effect found: label, parameter, value, std, unit, usual_size, p_value, explained
-        variance, whether its size is confirmed (exceeds U), whether it may only imitate an unknown law, and the rivals
-        that these readings cannot distinguish it from, with their weights.
+        """Table of the effects found, one row per parameter.
 
-        usual_size is that of the whole effect, in the unit of its amplitude.
+        Columns are label, parameter, value, std, unit, usual_size, p_value and explained variance. Others are whether
+        its size is confirmed (exceeds U), and whether it may only imitate an unknown law. The last are the rivals
+        that these readings cannot distinguish it from, with their weights. usual_size is that of the whole effect, in
+        the unit of its amplitude.
         """
         rows = [
             {
@@ -116,13 +119,15 @@ class Diagnosis:
 
     @property
     def next_measurements(self) -> tuple[str, ...]:
-        """Sentences on what to measure next; empty where the causes are known."""
+        """Sentences on the next measurements; empty if the causes are known."""
         return self.findings.next_measurements
 
     @property
     def errors(self) -> pandas.DataFrame:
-        """The ladder on validation rows, mm: nominal, base model, named effects (if terms are carried), with effects
-        (carried terms included); n, rms, mean, p95, max."""
+        """Ladder of errors on validation rows, mm: n, rms, mean, p95, max.
+
+        Rows are nominal, base model, named effects (if terms are carried), and with effects (carried terms included).
+        """
         found = self.findings
         steps: dict[str, ErrorStatistics | None] = {
             "nominal": found.error_nominal,
@@ -140,7 +145,10 @@ class Diagnosis:
 
     @property
     def power(self) -> pandas.DataFrame:
-        """The smallest size of every effect looked for that these readings would have shown, 95 times in 100."""
+        """Smallest detectable size of every effect that was looked for.
+
+        These readings would have shown it 95 times in 100.
+        """
         rows = [{"effect": v.label, "smallest": v.size, "unit": v.unit} for v in self.findings.power]
         return frame_of_rows(rows, ("smallest", "unit"), "effect")
 
@@ -150,7 +158,13 @@ class Diagnosis:
         return self.outcome.document()
 
     def report(self, path: str | Path) -> Path:
-        """Write the report, one HTML file. Raises OSError."""
+        """Write the report, one HTML file.
+
+        Raises
+        ------
+        OSError
+            The file cannot be written.
+        """
         from service.report import diagnosis_report  # drawing takes long to import
 
         outcome = self.outcome
@@ -175,12 +189,27 @@ def diagnose(
     cell: str | Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
-    """Find what the base model of a data set lacks.
+    """Find effects that the base model of a data set lacks.
 
-    most: number of effects that may be added. prior: file of what robots of this type share (`truepose fleet learn`).
-    carry_to: another data set of the robot, on which the effects are judged as well. patch: whether what is left is
-    mapped. cell: cell file within which poses to measure next are proposed. progress: is told each step.
-    Raises DataError.
+    Parameters
+    ----------
+    most :
+        Largest number of effects that may be added.
+    prior :
+        File of the statistics of this robot type (`truepose fleet learn`).
+    carry_to :
+        Another data set of the robot, on which the effects are judged as well.
+    patch :
+        Whether the remaining residuals are mapped.
+    cell :
+        Cell file within which the next poses are proposed.
+    progress :
+        Called with the text of each step.
+
+    Raises
+    ------
+    DataError
+        The data, the prior or the cell cannot be used.
 
     >>> print(truepose.diagnose("irb120.csv").sentence)
     Found 1 effect that the base model lacks: play of joint 4. ...

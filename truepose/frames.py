@@ -11,7 +11,13 @@ if TYPE_CHECKING:
 
 
 def pandas_module() -> ModuleType:
-    """The module pandas. Raises ImportError, which says how to install it."""
+    """Return the module pandas.
+
+    Raises
+    ------
+    ImportError
+        It is not installed; the message states the command for it.
+    """
     try:
         import pandas
     except ImportError as error:
@@ -20,13 +26,19 @@ def pandas_module() -> ModuleType:
 
 
 def frame(columns: Mapping[str, Any], index: Sequence[Any] | None = None, name: str = "") -> pandas.DataFrame:
-    """A table of columns of equal length; index: one label a row, under `name`."""
+    """Create a table from columns of equal length.
+
+    `index` has one label per row, under `name`.
+    """
     pd = pandas_module()
     labels = None if index is None else pd.Index(list(index), name=name or None)
     return pd.DataFrame(dict(columns), index=labels)
 
 
 def frame_of_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], index: str) -> pandas.DataFrame:
-    """A table of rows, one mapping each, in the order of `columns`; `index` names the column of labels."""
+    """Create a table from rows, one mapping each, in the order of `columns`.
+
+    `index` names the column of labels.
+    """
     own = {column: [row.get(column) for row in rows] for column in columns}
     return frame(own, [row[index] for row in rows], index)

@@ -36,7 +36,9 @@ LONG_S = 1e9  # thirty years
 
 @dataclass(frozen=True)
 class Model:
-    """An identified robot. `saved`: what its file holds; `fitted`: the fit, None for a model that was loaded.
+    """An identified robot.
+
+    `saved` is the content of its file. `fitted` is the fit, None for a model that was loaded.
 
     >>> model = truepose.identify("irb120.csv")
     >>> model.parameters.round(2).loc["base.x", ["value", "std", "unit"]].to_dict()
@@ -70,11 +72,12 @@ class Model:
 
     @property
     def parameters(self) -> pandas.DataFrame:
-        """One row per parameter, by name: value and standard error std counted from where the fit began (of a link: the
-        change from nominal), unit, effect, owner; then the absolute value, the nominal value that robot file or header
-        state, and the change from it (NaN without one; the header is known only to a model fitted here).
+        """Table of the parameters, one row each, by name.
 
-        A parameter that the readings do not determine has the standard error 0 and the value 0.
+        value and its standard error std are relative to the start of the fit (for a link, the change from nominal).
+        Further columns are unit, effect and owner. Then come the absolute value, the nominal value from robot file or
+        header, and the change from it (NaN without one; only a model that was fitted here knows the header). A
+        parameter that the readings do not determine has the standard error 0 and the value 0.
         """
         saved = self.saved
         errors = np.sqrt(np.diag(saved.covariance))
@@ -104,9 +107,14 @@ class Model:
 
     @property
     def residuals(self) -> pandas.DataFrame:
-        """One row a measured reading, by reading_id: set, error_mm, and measured less predicted dx, dy, dz_mm.
+        """Table of the residuals, one row per measured reading, by reading_id.
 
-        Raises DataError for a model that was loaded: it knows no readings; `validate` judges it on some.
+        Columns are set, error_mm, and measured less predicted dx, dy, dz_mm.
+
+        Raises
+        ------
+        DataError
+            The model was loaded, and has no readings. `validate` judges it on some.
         """
         data = self._data()
         of = data.dataset
@@ -128,7 +136,10 @@ class Model:
 
     @property
     def error_mm(self) -> dict[str, float]:
-        """n, rms, mean, p95 and max of the error on the validation rows, mm; empty where there are none."""
+        """n, rms, mean, p95 and max of the error on the validation rows, mm.
+
+        It is empty without validation rows.
+        """
         data = self._data()
         errors = errors_on(data.dataset, data.dataset.validation_rows, self.saved.model, self.saved.estimate)
         found = statistics_of(errors)
@@ -143,9 +154,14 @@ class Model:
         time_s: float | None = None,
         series: str | None = None,
     ) -> Array:
-        """(n, 3) points of a tool target, mm, in the frame of the readings.
+        """Predict points (n, 3) of a tool target, mm, in the frame of the readings.
 
-        joints_deg: (n, N) as the controller counts. Raises DataError for the wrong shape, an unknown target or series.
+        joints_deg are (n, N) as the controller counts.
+
+        Raises
+        ------
+        DataError
+            The shape is wrong, or the target or series is unknown.
         """
         joints = joints_of(joints_deg, self.saved)
         stated = self.stated(temperature_c=temperature_c, time_s=time_s, series=series)
@@ -169,7 +185,15 @@ class Model:
         series: str | None = None,
         approach_rad: float | None = None,
     ) -> StatedConditions:
-        """Conditions for a prediction or a correction; what is None is that of the readings. Raises DataError."""
+        """Return conditions for a prediction or a correction.
+
+        A condition that is None is that of the readings.
+
+        Raises
+        ------
+        DataError
+            A condition cannot be used.
+        """
         names = tuple(self.saved.model.targets)
         if series not in names and (series is not None or len(names) > 1):
             raise DataError(
@@ -192,8 +216,13 @@ class Model:
     def save(self, path: str | Path, *, save_anyway: bool = False) -> Path:
         """Write the model file, which the command line and the service read.
 
-        Raises OSError, and DataError for a model that is worse on held-out readings than the nominal robot, unless
-        `save_anyway`.
+        Raises
+        ------
+        OSError
+            The file cannot be written.
+        DataError
+            The model was loaded, or is worse on held-out readings than the nominal robot. `save_anyway` allows the
+            latter.
         """
         if self.fitted is None:
             raise DataError("the model was loaded from a file.", do="Copy that file.", key="save")
@@ -201,7 +230,7 @@ class Model:
         return Path(path)
 
     def plot_residuals(self) -> Figure:
-        """A picture of the errors: a dot a reading in the order of measurement, and their distribution by set."""
+        """Draw the errors: one dot per reading in the order of measurement, and a histogram by set."""
         from truepose.pictures import residuals
 
         return residuals(self.residuals)
@@ -224,9 +253,20 @@ def identify(
 ) -> Model:
     """Identify the parameters of the base model, without any search for missing effects.
 
-    level: 1 joints, 2 geometry, 3 and gravity, instead of what the header frees (Roth, Mooring and Ravani 1987).
-    prior: file of what robots of this type share (`truepose fleet learn`). progress: is told each step.
-    Raises DataError.
+    Parameters
+    ----------
+    level :
+        1 joints, 2 geometry, 3 and gravity, instead of the groups that the header frees (Roth, Mooring and Ravani
+        1987).
+    prior :
+        File of the statistics of this robot type (`truepose fleet learn`).
+    progress :
+        Called with the text of each step.
+
+    Raises
+    ------
+    DataError
+        The data or an argument cannot be used.
 
     >>> truepose.identify("irb120.csv")
     <model of abb-irb120: 32 parameters>
@@ -241,7 +281,14 @@ def identify(
 
 
 def load(path: str | Path, *, robot: str | Path | None = None) -> Model:
-    """A model from its file. robot: the robot's own file, which it must agree with. Raises DataError.
+    """Read a model from its file.
+
+    `robot` is the robot's own file, which must agree with the model.
+
+    Raises
+    ------
+    DataError
+        The file cannot be used.
 
     >>> path = truepose.identify("irb120.csv").save("irb120.json")
     >>> truepose.load(path)

@@ -14,7 +14,7 @@ _BINS = 30
 
 
 class NotebookFigure(Figure):
-    """A figure that a notebook shows by itself, whether or not it has chosen a backend of matplotlib."""
+    """A figure that a notebook shows by itself, with or without a chosen backend of matplotlib."""
 
     def _repr_png_(self) -> bytes:
         drawn = io.BytesIO()

@@ -53,7 +53,7 @@ class Selection:
 
     @property
     def poses(self) -> pandas.DataFrame:
-        """One row a pose: j1_deg and so on."""
+        """Table of the poses, one row each: j1_deg and so on."""
         return frame({f"j{k + 1}_deg": self.joints_deg[:, k] for k in range(self.joints_deg.shape[1])})
 
     @property

@@ -1,4 +1,4 @@
-"""A campaign on the simulated cell: every device speaks its wire protocol, in a process of its own."""
+"""Campaigns on the simulated cell: devices speak their wire protocols in a separate process."""
 
 from __future__ import annotations
 
@@ -21,12 +21,27 @@ def simulate(
     *,
     progress: Callable[[str], None] | None = None,
 ) -> Data:
-    """Measure a campaign on the simulators of its cell and read the data set that comes of it.
+    """Measure a campaign on the simulators of its cell and read its data set.
 
-    cell, campaign: their files. record: a new folder, for the durable record and `data.csv`, `data.toml`. progress: is
-    told each step. Prompts are
-    answered where the cell file says `[simulation] operator = "confirms"`. Raises ConfigError, UnsafePlan,
-    RecordError, or the fault for which the campaign paused.
+    Prompts are answered if the cell file says `[simulation] operator = "confirms"`.
+
+    Parameters
+    ----------
+    cell, campaign :
+        Files of the cell and the campaign.
+    record :
+        New folder, for the durable record and `data.csv`, `data.toml`.
+    progress :
+        Called with the text of each step.
+
+    Raises
+    ------
+    ConfigError, UnsafePlan
+        A file cannot be used, or the plan is unsafe.
+    RecordError
+        The record cannot be created, or the campaign did not finish.
+    AcquisitionError
+        Fault for which the campaign paused.
 
     >>> truepose.simulate("cell.toml", "campaign.toml", "record")
     <data.csv: 4 readings of abb-irb120, 4 to fit, 0 to validate>

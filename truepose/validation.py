@@ -49,8 +49,11 @@ class Validation:
 
     @property
     def judgements(self) -> list[JudgementShown]:
-        """The nominal robot, placed, the model, a model it is compared with, and the model without carried terms if it
-        holds any."""
+        """Judgements of all models on the readings.
+
+        They are the nominal robot, placed, the model, a model it is compared with, and the model without carried
+        terms if it holds any.
+        """
         return self.result.judgements
 
     def __repr__(self) -> str:
@@ -62,7 +65,10 @@ class Validation:
 
     @property
     def errors(self) -> pandas.DataFrame:
-        """One row per model and quantity: position mm, length mm, orientation deg; n, mean, std, rms, p95, max."""
+        """Table of errors, one row per model and quantity: n, mean, std, rms, p95, max.
+
+        Quantities are position mm, length mm and orientation deg.
+        """
         rows: list[dict[str, Any]] = []
         for each in self.judgements:
             for member, (quantity, unit, size) in _QUANTITIES.items():
