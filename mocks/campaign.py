@@ -187,7 +187,7 @@ def departure_for(label: str, departure: str | None) -> str | None:
 def plan(
     world: World, sets: Sequence[str], both_sides: bool, approach: str, rng: np.random.Generator
 ) -> list[Reading]:
-    """The state and target of every row, in order of time."""
+    """Plan the state and target of every row, in order of time."""
     names = list(world.targets)
     reference = random_pose(world.robot, world.targets, rng)
     readings: list[Reading] = []
@@ -245,7 +245,7 @@ def spoil(
 
 
 def hidden_truth(world: World, readings: Sequence[Reading], size: float) -> dict[str, Any]:
-    """The truth that the identifier may not see, as plain data.
+    """Return the truth that the identifier may not see, as plain data.
 
     Hidden effects, the true robot (rad, mm, rad/(N.mm)), the noise per axis, and mean and largest error of
     the nominal robot over all rows.
@@ -290,7 +290,7 @@ def write_campaign(campaign: Campaign, folder: Path) -> dict[str, str]:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line of `python -m mocks.campaign`."""
+    """Create the argument parser of `python -m mocks.campaign`."""
     p = argparse.ArgumentParser(prog="python -m mocks.campaign", description="Simulate a campaign.")
     p.add_argument("--seed", type=int, required=True)
     p.add_argument("--robot", default="abb-irb120", choices=sorted(ROBOTS))
@@ -310,7 +310,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command line; exit code 0, or 2 for what cannot be simulated."""
+    """Run the command line; the exit code is 0, or 2 if it cannot be simulated."""
     options = parser().parse_args(arguments)
     labels = options.effect
     if labels == ["none"]:

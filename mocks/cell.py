@@ -51,7 +51,7 @@ def robot_in(cell: CellFile) -> Robot:
 
 
 def make_world(cell: CellFile) -> World:
-    """The world of a cell file; without effects named, one label is drawn from the seed."""
+    """Return the world of a cell file; without effects named, one label is drawn from the seed."""
     robot = robot_in(cell)
     labels: Sequence[str] = cell.effects
     if not labels:
@@ -150,12 +150,12 @@ class Cell:
         await self._restart(order)
 
     async def _restart(self, order: dict[str, Any]) -> None:
-        """A person puts the robot in order, and starts the programs of its controller again."""
+        """Put the robot in order and start its programs again, as a person does."""
         self.abb_simple.restart()
         await self.abb.restart()
 
     def _touch(self, order: dict[str, Any]) -> None:
-        """A person jogs the arm until a ball of the tool sits in a cup of the base."""
+        """Jog the arm until a ball of the tool sits in a cup of the base, as a person does."""
         ball = self.qc20w.device.balls[order["base"]]
         jog_into(self.world, self.arm, self.clock, order["target"], ball, order["near_deg"])
 
@@ -174,14 +174,16 @@ class Cell:
             bridge.stream(fields if order["rate"] else None, careless=True)
 
     def _sums(self, order: dict[str, Any]) -> None:
-        """Every bridge sends its lines with a checksum, or without."""
+        """Let every bridge send its lines with a checksum, or without."""
         for bridge in self.bridges:
             bridge.sums = bool(order["on"])
 
     # -- serving ------------------------------------------------------------------------------------------
 
     async def start(self, port: int = 0) -> list[Endpoint]:
-        """Listen on `port` with the first device (0 for a free one), and on free ports with the others.
+        """Listen on `port` with the first device, and on free ports with the others.
+
+        Port 0 is a free one.
 
         Raises
         ------
@@ -288,7 +290,7 @@ class CellThread:
         return f"tcp://127.0.0.1:{self.port(device)}"
 
     def do(self, what: str, **order: Any) -> dict[str, Any]:
-        """An order of the back door, carried out in the cell's own loop."""
+        """Carry out an order of the back door in the cell's own loop."""
         assert self._loop is not None
         assert self.cell is not None
         doing = asyncio.run_coroutine_threadsafe(self.cell.backdoor.do({"do": what} | order), self._loop)

@@ -65,15 +65,15 @@ class Spoiler:
         await self.send(data[len(data) // 2 :])
 
     async def glue(self, data: bytes) -> None:
-        """The answer before comes again, in one piece with this one."""
+        """Repeat the answer before in one piece with this one."""
         await self.send(self.previous + data)
 
     async def stale(self, data: bytes) -> None:
-        """The answer before comes again instead of this one."""
+        """Repeat the answer before instead of this one."""
         await self.send(self.previous)
 
     async def reorder(self, data: bytes) -> None:
-        """This answer comes behind the next one."""
+        """Send this answer behind the next one."""
         self.held += data
 
     async def duplicate(self, data: bytes) -> None:
@@ -91,12 +91,12 @@ class Spoiler:
         await self.send(self.rng.randbytes(self.rng.randint(1, 12)) + data)
 
     async def flip(self, data: bytes) -> None:
-        """One bit of one byte is wrong."""
+        """Flip one bit of one byte."""
         at = self.rng.randrange(len(data))
         await self.send(data[:at] + bytes([data[at] ^ (1 << self.rng.randrange(7))]) + data[at + 1 :])
 
     async def digit(self, data: bytes) -> None:
-        """One decimal digit is another one; one bit is wrong where there are no digits."""
+        """Change one decimal digit, or one bit if there are no digits."""
         places = [at for at, byte in enumerate(data) if 0x30 <= byte <= 0x39]
         if not places:
             await self.flip(data)
@@ -214,7 +214,7 @@ class FaultProxy:
             self._plan = (faults, times, rate, after)
 
     def heal(self) -> None:
-        """No more faults; a device that is away comes back at once."""
+        """End all faults; a device that is away comes back at once."""
         self.spoil(times=0)
         self._refusing = False
         self._back_at = 0.0

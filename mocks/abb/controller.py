@@ -30,7 +30,7 @@ BAD, RANGE, STOPPED, MODE, INTERRUPTED, OTHER_TARGET, LIMITS_UNTOLD, UNKNOWN = 1
 
 
 def fletcher(text: str) -> int:
-    """Two running sums of the characters, modulo 251, as one number."""
+    """Return two running sums of the characters, modulo 251, as one number."""
     sums = [0, 0]
     for character in text:
         sums[0] = (sums[0] + ord(character)) % 251
@@ -116,7 +116,7 @@ class AbbController:
             await drop(self._main_writer, reset=True)
 
     async def _dead(self) -> NoReturn:
-        """A stopped task reads and answers nothing until the program is started again."""
+        """Read and answer nothing until the stopped program is started again."""
         await self._restarted.wait()
         raise ConnectionResetError("program pointer to main")
 

@@ -42,7 +42,7 @@ def f32(*values: float) -> bytes:
 
 
 def message(kind: int, communication: int, reply: int, body: bytes = b"") -> bytes:
-    """A whole message: length of what follows, header, body."""
+    """Return a whole message: length of the rest, header, body."""
     return i32(12 + len(body), kind, communication, reply) + body
 
 
@@ -57,7 +57,7 @@ class Point:
 
 
 def point(data: bytes) -> Point | None:
-    """A message behind its length as a point; None for any other."""
+    """Parse a message behind its length as a point; None for any other."""
     if len(data) != 64:
         return None
     kind, communication, _, sequence = (int(v) for v in np.frombuffer(data[:16], dtype="<i4"))
@@ -150,7 +150,7 @@ class SimpleMessageServers:
             await self._carry_out(self._points)
 
     async def _carry_out(self, points: Sequence[Point]) -> None:
-        """A new trajectory, also an empty one, takes the place of the one under way."""
+        """Replace the current trajectory by a new one, also by an empty one."""
         if self._task is not None:
             self._task.cancel()
             with contextlib.suppress(asyncio.CancelledError):

@@ -103,7 +103,7 @@ class CTrackDevice:
         self._rng = np.random.default_rng([world.seed, CAMERA_STREAM])
 
     def totals(self) -> dict[str, int]:
-        """Reflectors of every body."""
+        """Return the number of reflectors of every body."""
         tool = {name: 9 if sheet is None else len(sheet[0]) for name, sheet in self.plates.items()}
         return {"base": len(self.base_plate[0])} | tool | dict.fromkeys(self.nests, 9)
 
@@ -114,7 +114,7 @@ class CTrackDevice:
         return target_frame(self.world, state_at_rest(self.world, self.arm, self.clock), name)
 
     def to_reference(self, frame: Matrix) -> Matrix:
-        """A frame of the world in the frame of the reference body."""
+        """Transform a frame of the world to the frame of the reference body."""
         return np.linalg.inv(self.base_frame) @ frame
 
     def visible(self, name: str) -> int:
@@ -178,7 +178,7 @@ class CTrackBridge:
         )
 
     def orders(self) -> dict[str, Any]:
-        """Orders of the back door."""
+        """Return the orders of the back door."""
         return {
             "ctrack": lambda order: setattr(self.device, "state", order["state"]),
             "cover": self._cover,
@@ -203,7 +203,7 @@ class CTrackBridge:
         return f"state={state} " + pairs(T=round(self.device.world.air_c(now), 2))
 
     def _sample(self, fields: Fields) -> str:
-        """One line of a stream: a body in the frame of the reference."""
+        """Return one line of a stream: a body in the frame of the reference."""
         name = fields.get("model", "T1")
         if name not in self.device.totals() or self.reference is None:
             raise BadRequest(322, "no such body, or no reference")

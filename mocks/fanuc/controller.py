@@ -46,7 +46,7 @@ class FanucController:
     # -- angles -------------------------------------------------------------------------------------------
 
     def to_model(self, q: Sequence[float]) -> tuple[float, ...]:
-        """Angles of the model, deg, where the controller counts q."""
+        """Return the angles of the model, deg, for angles of the controller."""
         return self.robot.counting.to_model(q)
 
     def joints_deg(self) -> tuple[float, ...]:
@@ -96,7 +96,7 @@ class FanucController:
         self.arm.supervise()
 
     def stop(self) -> None:
-        """A client's stop."""
+        """Halt the arm on a client's stop."""
         self._stop_asked = True
         self.arm.halt()
 

@@ -31,7 +31,7 @@ _ENDS = {End.ARRIVED: 0, End.STOPPED: 1, End.SILENT: 3, End.UNFIT: 4}
 
 
 def total(text: str) -> int:
-    """The sum of the character codes modulo 1000."""
+    """Return the sum of the character codes modulo 1000."""
     so_far = 0
     for character in text:
         so_far = (so_far + ord(character)) % 1000
@@ -39,7 +39,7 @@ def total(text: str) -> int:
 
 
 def sealed(text: str) -> str:
-    """An answer of our own commands: its text, its sum, an end mark."""
+    """Return an answer of our own commands: its text, its sum, an end mark."""
     return f"{text},k={total(text):03d};"
 
 

@@ -35,12 +35,12 @@ def f64(*values: float) -> bytes:
 
 
 def packet(kind: int, body: bytes) -> bytes:
-    """A whole packet with its header."""
+    """Return a whole packet with its header."""
     return i32(8 + len(body), kind) + body
 
 
 def numbers(data: bytes) -> list[int]:
-    """All of `data` as i32."""
+    """Return all of `data` as i32."""
     return [int(v) for v in np.frombuffer(data, dtype="<i4")]
 
 

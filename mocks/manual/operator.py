@@ -92,7 +92,7 @@ class SimulatedPerson:
         return round(q / self._cell.resolution_deg) * self._cell.resolution_deg
 
     def _shown(self) -> str:
-        """The joints that the pendant shows."""
+        """Return the joints that the pendant shows."""
         decimals = max(0, math.ceil(-math.log10(self._cell.resolution_deg)))
         shown = self._counting.counted(self._arm.joints_deg())
         return " ".join(f"{self._rounded(q) + 0.0:.{decimals}f}" for q in shown)

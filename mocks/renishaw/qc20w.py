@@ -69,7 +69,7 @@ class BallbarDevice:
         return round(self.world.air_c(self.clock.now()), 2)
 
     def zero_mm(self) -> float:
-        """The value that the sensor should show in its calibrator now."""
+        """Return the value that the sensor should show in its calibrator now."""
         return self._zero_mm * (1.0 - math.exp(-self.clock.now() / ZERO_DRIFT_S))
 
     def read_zero(self) -> float:
@@ -94,7 +94,7 @@ class BallbarDevice:
         return float(np.linalg.norm(one - other))
 
     def deviation(self, base: str, target: str) -> float:
-        """The value that the sensor would show without its stops, mm."""
+        """Return the value that the sensor would show without its stops, mm."""
         base, target = self.mounted or (base, target)
         if base == target or not {base, target} <= {*self.balls, *self.world.targets}:
             raise BadRequest(103, f"no balls {base}, {target}")
@@ -189,7 +189,7 @@ class BallbarBridge:
     # -- back door ----------------------------------------------------------------------------------------
 
     def orders(self) -> dict[str, Any]:
-        """Orders of the back door."""
+        """Return the orders of the back door."""
         return {
             "mount": self._mount,
             "extend": self._extend,
@@ -215,7 +215,7 @@ class BallbarBridge:
             bridge.event("LINK_UP" if self.device.radio else "LINK_DOWN")
 
     def _pair(self, order: dict[str, Any]) -> None:
-        """The radio loses the bar for a moment and finds another one, with another length."""
+        """Lose the bar for a moment and pair another one, with another length."""
         self.device.serial = str(order["serial"])
         self.device.length_mm += float(order["longer_mm"])
         for bridge in (self.bridge, self.serial):

@@ -53,7 +53,7 @@ class Move:
         )
 
     def cut(self, at_s: float) -> Move:
-        """The move that ends where the arm is at a time."""
+        """Return the move that ends at the position of the arm at a time."""
         return (
             self
             if at_s >= self.end_s
@@ -110,7 +110,7 @@ class ArmDevice:
         return tuple(q - behind for q, behind in zip(self.joints_deg(), self.trail_deg(), strict=True))
 
     def trail_deg(self) -> tuple[float, ...]:
-        """The angles by which the servos are behind."""
+        """Return the angles by which the servos trail."""
         return (0.0,) * len(self.limits_deg) if self.servos_behind_deg is None else self.servos_behind_deg()
 
     @property

@@ -44,7 +44,7 @@ def target_frame(world: World, state: ArmState, name: str) -> Matrix:
 
 
 def limbs(world: World, arm: ArmDevice) -> list[Vector]:
-    """Ends of the limbs of the nominal arm now, world frame, each (3,) mm."""
+    """Return the ends of the limbs of the nominal arm now, world frame, each (3,) mm."""
     robot = world.robot
     chain = frames(robot.convention, nominal_geometry(robot), robot.internal(arm.joints_deg()))
     return [np.zeros(3), *(frame[:3, 3] for frame in chain[:_LIMBS])]

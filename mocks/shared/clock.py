@@ -160,5 +160,5 @@ class DeviceClock(CellClock):
         return await self.cell.wait(seconds, until)
 
     def restart(self) -> None:
-        """The device was switched on just now."""
+        """Restart the clock, as when the device is switched on."""
         self.offset_s = -(1.0 + self.rate) * self.cell.now()

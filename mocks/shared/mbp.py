@@ -19,7 +19,7 @@ def crc(data: bytes) -> int:
 
 
 def line(text: str) -> bytes:
-    """A line with its sum."""
+    """Return a line with its checksum."""
     body = text.encode("ascii")
     return body + f"*{crc(body):04X}\n".encode()
 

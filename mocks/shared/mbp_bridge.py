@@ -62,7 +62,7 @@ class MbpBridge:
         return mbp.line(text) if self.sums else f"{text}\n".encode()
 
     def t(self) -> float:
-        """The clock that readings, events and samples carry."""
+        """Return the clock that readings, events and samples carry."""
         return self.clock.now()
 
     def reboot(self) -> None:
@@ -78,7 +78,7 @@ class MbpBridge:
     # -- serving ------------------------------------------------------------------------------------------
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """One TCP client, until it goes or falls silent."""
+        """Serve one TCP client until it leaves or falls silent."""
         if self._writer is not None:
             number = (await reader.readline()).split(b" ")[0].decode("ascii", "replace")
             writer.write(self._line(f'{number} ERR code=120 text="in use" retry=1'))

@@ -1,8 +1,8 @@
 """Simulated laser tracker without a protocol: its SMRs, its beam and its visibility.
 
 The tracker's own frame is an unknown rigid transform of the world frame. It is within 20 mm of the station of
-the cell file, turned by any angle about the vertical and levelled to 0.05 deg, drawn from the seed: p_tracker =
-R^T (p_world - station). World frame and tracker meet only through the nests on the table.
+the cell file, turned by any angle about the vertical and levelled to 0.05 deg. It is drawn from the seed:
+p_tracker = R^T (p_world - station). World frame and tracker meet only through the nests on the table.
 
 If `seated` is None, every nest has an SMR, measured by name or by pointing. If `seated` is a name, there is one
 SMR, and the beam measures its true position for any requested name (the operator's mislabelled reading).
@@ -128,7 +128,7 @@ class TrackerDevice:
         Raises
         ------
         BadRequest
-            310: no SMR is near enough. 311: the place is inside the tracker.
+            310 if no SMR is near enough, 311 if the place is inside the tracker.
         """
         self.check_ready()
         self.held = None
@@ -162,7 +162,7 @@ class TrackerDevice:
         Raises
         ------
         BadRequest
-            103: the name is unknown. 302: the target is lost.
+            103 if the name is unknown, 302 if the target is lost.
         """
         if name is not None and name not in self.names():
             raise BadRequest(103, f"no target {name}")
@@ -173,7 +173,7 @@ class TrackerDevice:
         return really
 
     def average(self, name: str, samples: int) -> tuple[Vector, Vector]:
-        """One reading in the tracker's frame (mm) and the scatter of its samples per axis (mm)."""
+        """Return one reading in the tracker's frame and the scatter of its samples per axis, mm."""
         point = self.to_tracker(self._indicated_world(name))
         self.readings += 1
         mean = self._rng.normal(scale=SAMPLE_SIGMA_MM / math.sqrt(samples), size=3)

@@ -139,7 +139,7 @@ class UrController:
     # -- programs -----------------------------------------------------------------------------------------
 
     def submit(self, lines: list[str]) -> None:
-        """A program or a single call from a client; it replaces what runs."""
+        """Run a program or a single call from a client; it replaces the running one."""
         if not self.can_run:
             self.refused.append("not in remote control, not running, or in a safety stop")
             return

@@ -39,11 +39,11 @@ class Registers:
         return self._doubles.value
 
     def write_integer(self, register: int, value: int) -> None:
-        """A program's `write_output_integer_register`."""
+        """Write an integer output, as a program's `write_output_integer_register`."""
         self._integers.change(self.integers | {register: value})
 
     def write_double(self, register: int, value: float) -> None:
-        """A program's `write_output_float_register`."""
+        """Write a float output, as a program's `write_output_float_register`."""
         self._doubles.change(self.doubles | {register: value})
 
     def variables(self) -> dict[str, Variable]:
@@ -59,21 +59,21 @@ class Registers:
         }
 
     def kind_of_input(self, name: str, client: object) -> str:
-        """The type of an input, or why `client` may not have it: `NOT_FOUND`, `IN_USE`."""
+        """Return the type of an input, or the refusal to `client` (`NOT_FOUND`, `IN_USE`)."""
         if not self.served or name not in _INPUTS:
             return "NOT_FOUND"
         return "INT32" if self._owners.get(name, client) is client else "IN_USE"
 
     def claim(self, names: Iterable[str], client: object) -> None:
-        """The inputs are the client's until it releases them."""
+        """Give the inputs to the client until it releases them."""
         self._owners |= dict.fromkeys(names, client)
 
     def release(self, client: object) -> None:
-        """The client is gone."""
+        """Free the inputs of a client that has left."""
         self._owners = {name: owner for name, owner in self._owners.items() if owner is not client}
 
     def receive(self, names: Sequence[str], values: Sequence[int]) -> None:
-        """A client has sent values of its inputs."""
+        """Take the values of inputs that a client has sent."""
         for name, value in zip(names, values, strict=True):
             self.received[name] = time.monotonic()
             self.inputs[_INPUTS[name]] = value

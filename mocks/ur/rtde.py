@@ -37,7 +37,7 @@ ZEROS = {  # other clients set these up before they do anything; nothing of them
 
 
 def unsimulated() -> dict[str, Variable]:
-    """Variables that are zero for ever."""
+    """Return variables that are always zero."""
     table: dict[str, Variable] = {}
     for kind, names in ZEROS.items():
         nothing = struct.unpack(">" + LAYOUTS[kind], bytes(struct.calcsize(">" + LAYOUTS[kind])))

@@ -139,7 +139,7 @@ class ScriptReader:
         self._lines: list[str] = []
 
     def feed(self, data: bytes) -> Iterator[list[str]]:
-        """The programs that `data` completes, as lists of lines."""
+        """Return the programs that `data` completes, as lists of lines."""
         *lines, self._rest = (self._rest + data.decode("latin-1")).split("\n")
         for line in lines:
             if not line.strip():

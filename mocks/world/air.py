@@ -43,7 +43,7 @@ class Air:
 
 
 def draw_air(rng: np.random.Generator, duration_s: float) -> Air:
-    """Draws an air temperature with about two slow and six faster swings in `duration_s`."""
+    """Draw an air temperature with about two slow and six faster swings in `duration_s`."""
     periods = (duration_s * rng.uniform(0.4, 0.7), duration_s * rng.uniform(0.12, 0.25))
     phases = (rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.0, 2.0 * math.pi))
     return Air((float(periods[0]), float(periods[1])), (float(phases[0]), float(phases[1])))

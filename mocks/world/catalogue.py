@@ -164,7 +164,7 @@ def demo_labels(robot: Robot) -> dict[str, list[str]]:
 
 
 def random_label(robot: Robot, rng: np.random.Generator, departure: str | None = None) -> str:
-    """One label for the demo: first the name, then the joint, each with equal chance.
+    """Draw one label for the demo: first the name, then the joint, each with equal chance.
 
     With a `departure`, one of the labels that it replaces.
     """

@@ -19,7 +19,7 @@ from mocks.world.world import World
 
 
 def row_of(world: World, order: int, kind: str, reading: Reading) -> dict[str, Any]:
-    """One row of the data set; measures the point."""
+    """Measure a point and return its row of the data set."""
     state, target = reading
     row: dict[str, Any] = {"reading_id": order, "set": kind, "t_s": state.t_s}
     for i, q in enumerate(state.joints_deg, start=1):
@@ -35,7 +35,7 @@ def row_of(world: World, order: int, kind: str, reading: Reading) -> dict[str, A
 
 
 def header_of(world: World, declared: float, fit: list[str]) -> dict[str, Any]:
-    """The TOML header as a dict; `declared` is declared over true noise."""
+    """Return the TOML header as a dict; `declared` is the ratio of declared to true noise."""
     header: dict[str, Any] = {
         "format": "truepose-dataset/1",
         "robot": world.robot.name,
@@ -64,7 +64,7 @@ def header_of(world: World, declared: float, fit: list[str]) -> dict[str, Any]:
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The rows as the contract's CSV: comma, header row, decimal point."""
+    """Return the rows as the contract's CSV: comma, header row, decimal point."""
     buffer = io.StringIO(newline="")
     writer = csv.DictWriter(buffer, fieldnames=list(rows[0]), lineterminator="\n")
     writer.writeheader()
@@ -73,7 +73,7 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Writes UTF-8 `text` so that `path` is either the old file or the whole new one."""
+    """Write UTF-8 `text` so that `path` is either the old file or the whole new one."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:

@@ -48,7 +48,7 @@ def true_compliance(robot: Robot, rng: np.random.Generator) -> list[float]:
 
 
 def random_joints(robot: Robot, rng: np.random.Generator) -> tuple[float, ...]:
-    """Joints in deg or mm, uniform in the robot's sensible ranges, rounded to 0.001."""
+    """Draw joints in deg or mm, uniform in the robot's sensible ranges, rounded to 0.001."""
     return tuple(round(float(rng.uniform(low, high)), 3) for low, high in robot.range_deg)
 
 
@@ -100,7 +100,7 @@ class Material:
         return float(self.rng.choice((-1.0, 1.0)))
 
     def direction(self, n: int) -> list[float]:
-        """A random unit vector of `n` components."""
+        """Draw a random unit vector of `n` components."""
         v = self.rng.normal(size=n)
         return (v / np.linalg.norm(v)).tolist()
 

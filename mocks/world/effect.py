@@ -38,11 +38,11 @@ class Effect:
         return {**self.amplitudes, **self.constants}
 
     def times(self, factor: float) -> Effect:
-        """The same effect with all amplitudes multiplied by `factor`."""
+        """Return the same effect with all amplitudes multiplied by `factor`."""
         return replace(self, amplitudes={name: factor * v for name, v in self.amplitudes.items()})
 
     def with_values(self, **values: float) -> Effect:
-        """The same effect with some amplitudes or constants set, in the units of `units`."""
+        """Return the same effect with some amplitudes or constants set, in the units of `units`."""
         unknown = set(values) - set(self.values)
         if unknown:
             raise ValueError(f"{self.label} has no parameter {sorted(unknown)}, only {sorted(self.values)}")
@@ -53,7 +53,7 @@ class Effect:
         )
 
     def truth(self) -> dict[str, Any]:
-        """The effect as plain data: label, parameters with units, shape."""
+        """Return the effect as plain data: label, parameters with units, shape."""
         parameters = {n: {"value": v, "unit": self.units[n]} for n, v in self.values.items()}
         return {"label": self.label, "parameters": parameters, "shape": self.shape}
 

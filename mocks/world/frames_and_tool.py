@@ -34,7 +34,7 @@ def payload_mass(m: Material) -> Effect:
 
 
 def payload_cog(m: Material) -> Effect:
-    """The centre of the last load lies elsewhere by dx, dy, dz mm in its frame."""
+    """Shift the centre of the last load by dx, dy, dz mm in its frame."""
 
     def act(arm: Arm, p: Values) -> None:
         last = arm.loads[-1]
@@ -46,12 +46,12 @@ def payload_cog(m: Material) -> Effect:
 
 
 def move_tool(arm: Arm, motion: Matrix) -> None:
-    """Applies `motion` (4, 4, flange frame) to all targets, after what moved them already."""
+    """Apply `motion` (4, 4, flange frame) to all targets, after their earlier motions."""
     arm.tool = motion if arm.tool is None else motion @ arm.tool
 
 
 def tool_offset(m: Material) -> Effect:
-    """All targets shifted across axis 6 by dx, dy mm."""
+    """Shift all targets across axis 6 by dx, dy mm."""
 
     def act(arm: Arm, p: Values) -> None:
         move_tool(arm, shift(p["dx"], p["dy"], 0.0))
@@ -61,7 +61,7 @@ def tool_offset(m: Material) -> Effect:
 
 
 def tool_tilt(m: Material) -> Effect:
-    """All targets turned about a line across axis 6 through the flange, by rx, ry deg."""
+    """Turn all targets about a line across axis 6 through the flange, by rx, ry deg."""
 
     def act(arm: Arm, p: Values) -> None:
         move_tool(arm, turn((math.radians(p["rx"]), math.radians(p["ry"]), 0.0)))
@@ -71,7 +71,7 @@ def tool_tilt(m: Material) -> Effect:
 
 
 def target_offset(m: Material) -> Effect:
-    """One target shifted in the flange frame, label target_offset:TX; dx, dy, dz in mm."""
+    """Shift one target in the flange frame by dx, dy, dz mm, label target_offset:TX."""
     target = m.arguments[0]
 
     def act(arm: Arm, p: Values) -> None:
@@ -82,7 +82,7 @@ def target_offset(m: Material) -> Effect:
 
 
 def move_base(arm: Arm, motion: Matrix) -> None:
-    """Applies `motion` (4, 4, world frame) to the robot, after what moved it already."""
+    """Apply `motion` (4, 4, world frame) to the robot, after its earlier motions."""
     arm.shove = motion if arm.shove is None else motion @ arm.shove
 
 
@@ -120,7 +120,7 @@ def step(m: Material, departure: str) -> Effect:
 
 
 def textbook_step(m: Material) -> Effect:
-    """A step of the tool or the base that stays."""
+    """Step the tool or the base by a translation that stays."""
     return step(m, "textbook")
 
 

@@ -30,7 +30,7 @@ def elapsed_hours(m: Material, departure: str) -> Callable[[float], float]:
 
 
 def drift_translation(m: Material, departure: str = "textbook") -> Effect:
-    """The instrument's frame moves by v t; vx, vy, vz in mm/h."""
+    """Move the instrument's frame by v t; vx, vy, vz in mm/h."""
     hours = elapsed_hours(m, departure)
     names = ("vx", "vy", "vz")
 
@@ -42,7 +42,7 @@ def drift_translation(m: Material, departure: str = "textbook") -> Effect:
 
 
 def drift_rotation(m: Material, departure: str = "textbook") -> Effect:
-    """The instrument's frame turns about the station by w t; wx, wy, wz in deg/h."""
+    """Turn the instrument's frame about the station by w t; wx, wy, wz in deg/h."""
     hours = elapsed_hours(m, departure)
     names = ("wx", "wy", "wz")
 

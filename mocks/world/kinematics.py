@@ -38,7 +38,7 @@ class Geometry:
     base_rad: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
 
     def copy(self) -> Geometry:
-        """A copy whose lists may be changed."""
+        """Return a copy whose lists may be changed."""
         return Geometry(
             list(self.alpha),
             list(self.a),
@@ -52,7 +52,7 @@ class Geometry:
 
 
 def nominal_geometry(robot: Robot) -> Geometry:
-    """The DH numbers of the maker's drawing in rad and mm, base at the world's origin."""
+    """Return the DH numbers of the maker's drawing in rad and mm, base at the world's origin."""
     return Geometry(
         alpha=[math.radians(link.alpha_deg) for link in robot.links],
         a=[link.a_mm for link in robot.links],
@@ -64,7 +64,7 @@ def nominal_geometry(robot: Robot) -> Geometry:
 
 
 def link_transform(convention: str, alpha: float, beta: float, a: float, theta: float, d: float) -> Matrix:
-    """One link, (4, 4), as the product of its elementary motions (rad, mm).
+    """Return one link, (4, 4), as the product of its elementary motions (rad, mm).
 
     Without beta it is written out: every element is one product then, and a campaign has tens of thousands of links.
     """

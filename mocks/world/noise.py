@@ -33,7 +33,7 @@ class TrackerNoise:
         return along**2 + 2.0 * across**2
 
     def draw(self, point: Vector, station: Vector, rng: np.random.Generator) -> Vector:
-        """One random error (3,) mm of a reading of `point` from `station`."""
+        """Draw one random error (3,) mm of a reading of `point` from `station`."""
         beam = point - station
         distance = float(np.linalg.norm(beam))
         beam = beam / distance

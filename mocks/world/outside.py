@@ -35,7 +35,7 @@ class Field:
 
 
 def joint_field(m: Material) -> Effect:
-    """A displacement that depends smoothly on joints 2, 3 and 5 (correlation length 50 deg)."""
+    """Displace points smoothly with joints 2, 3 and 5 (correlation length 50 deg)."""
     field = Field(m.rng, len(FIELD_JOINTS))
 
     def act(sight: Sight, p: Values) -> None:
@@ -57,7 +57,7 @@ def workspace_field(m: Material) -> Effect:
 
 
 def time_wander(m: Material) -> Effect:
-    """The instrument's frame wanders smoothly in time (correlation length 8 % of the campaign)."""
+    """Let the instrument's frame wander in time (correlation length 8 % of the campaign)."""
     field = Field(m.rng, 1)
     length_s = TIME_LENGTH_SHARE * m.session.duration_s
 

@@ -66,7 +66,7 @@ def random_state(
     t_air_c: float,
     reading: int,
 ) -> ArmState:
-    """A random pose approached from random sides."""
+    """Draw a random pose approached from random sides."""
     joints = random_pose(robot, targets, rng)
     sides = random_sides(len(joints), rng)
     return ArmState(joints, approach_point(joints, sides), sides, t_s, t_air_c, reading)

@@ -24,7 +24,13 @@ _LIGHT = 1000.0  # N.mm: what loads a joint less does not bend it
 
 
 def table_of(name: str) -> dict[str, Any]:
-    """The robot file of this name in the library. ValueError: there is none."""
+    """Return the robot file of this name in the library.
+
+    Raises
+    ------
+    ValueError
+        There is none.
+    """
     calib = find_spec("calib")  # found, not imported
     folder = Path(calib.origin).parent / "arm" / "robots" if calib and calib.origin else Path()
     names = sorted(path.stem for path in folder.glob("*.toml"))
@@ -76,7 +82,7 @@ def robot_of(
 
 
 def _drawn(robot: Robot, limits: Sequence[Sequence[float]]) -> Robot:
-    """The robot with the ranges of its poses, and the compliances that follow from them."""
+    """Return the robot with the ranges of its poses, and the compliances that follow from them."""
     counted = [
         (low, high) if link.slides else (max(low, -_WIDEST_DEG), min(high, _WIDEST_DEG))
         for (low, high), link in zip(limits, robot.links, strict=True)

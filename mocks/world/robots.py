@@ -53,14 +53,14 @@ class Counting:
     offset: tuple[float, ...] = ()
 
     def to_model(self, counted: Sequence[float]) -> tuple[float, ...]:
-        """Joints of the model where the controller counts these."""
+        """Return the joints of the model for those of the controller."""
         if not self.matrix:
             return tuple(counted)
         found = np.array(self.matrix) @ np.array(counted) + np.array(self.offset or 0.0)
         return tuple(float(q) for q in found)
 
     def counted(self, model: Sequence[float]) -> tuple[float, ...]:
-        """The controller's joints for those of the model."""
+        """Return the joints of the controller for those of the model."""
         if not self.matrix:
             return tuple(model)
         found = np.linalg.solve(np.array(self.matrix), np.array(model) - np.array(self.offset or 0.0))
@@ -106,11 +106,11 @@ class Robot:
     shown: str = ""
 
     def internal(self, joints: Sequence[float]) -> list[float]:
-        """Joints (N,) deg or mm -> rad or mm."""
+        """Convert joints (N,) from deg or mm to rad or mm."""
         return [q if link.slides else math.radians(q) for q, link in zip(joints, self.links, strict=True)]
 
     def outside(self, joints: Sequence[float]) -> list[float]:
-        """Joints (N,) rad or mm -> deg or mm."""
+        """Convert joints (N,) from rad or mm to deg or mm."""
         return [q if link.slides else math.degrees(q) for q, link in zip(joints, self.links, strict=True)]
 
     @property
@@ -271,7 +271,13 @@ ROBOTS = {robot.name: robot for robot in (IRB120, LRMATE200IC, UR5, UR10)}
 
 
 def robot_named(name: str) -> Robot:
-    """The robot called `name`; ValueError lists the known names."""
+    """Return the robot called `name`.
+
+    Raises
+    ------
+    ValueError
+        There is no such robot; the message lists the known names.
+    """
     if name not in ROBOTS:
         raise ValueError(f"robot {name!r} is not one of {sorted(ROBOTS)}")
     return ROBOTS[name]

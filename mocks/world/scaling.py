@@ -21,7 +21,7 @@ REHEARSAL_READINGS = 100
 
 
 class Cell(Protocol):
-    """The part of a world on which the size of an effect depends."""
+    """Inputs from a world on which the size of an effect depends."""
 
     robot: Robot
     seed: int

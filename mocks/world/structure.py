@@ -41,7 +41,7 @@ def link_torsion(m: Material) -> Effect:
 
 
 def bearing_tilt(m: Material) -> Effect:
-    """The bearing of joint K tilts by c times the moment across its axis, label bearing_tilt:jK.
+    """Tilt the bearing of joint K by c times the moment across its axis, label bearing_tilt:jK.
 
     The rotation vector c (M - (M . z) z) is taken about the origin of the frame that carries the axis.
     """

@@ -10,7 +10,7 @@ from mocks.world.effect import Effect, Values, joint_number
 
 
 def stretch(arm: Arm, strain: float) -> None:
-    """All a and d of the arm times 1 + `strain`."""
+    """Multiply all a and d of the arm by 1 + `strain`."""
     arm.geometry.a = [value * (1.0 + strain) for value in arm.geometry.a]
     arm.geometry.d = [value * (1.0 + strain) for value in arm.geometry.d]
 
@@ -26,7 +26,7 @@ def thermal_joint(m: Material) -> Effect:
 
 
 def thermal_growth(m: Material) -> Effect:
-    """All a, d times 1 + alpha (T - T-); alpha in 1/K."""
+    """Multiply all a, d by 1 + alpha (T - T-); alpha in 1/K."""
 
     def act(arm: Arm, p: Values) -> None:
         stretch(arm, p["alpha"] * (arm.state.t_air_c - arm.t_mean_c))
@@ -47,7 +47,7 @@ def lagged_growth(m: Material) -> Effect:
 
 
 def warm_up(m: Material) -> Effect:
-    """All a, d times 1 + alpha (1 - exp(-t/T_c)); alpha without unit, T_c in s."""
+    """Multiply all a, d by 1 + alpha (1 - exp(-t/T_c)); alpha without unit, T_c in s."""
 
     def act(arm: Arm, p: Values) -> None:
         stretch(arm, p["alpha"] * (1.0 - math.exp(-arm.state.t_s / p["T_c"])))

@@ -17,7 +17,7 @@ DEG = math.pi / 180.0
 
 
 def periodic(m: Material) -> Effect:
-    """A cos(H theta) + B sin(H theta), label periodic:jK:nH; A, B in deg."""
+    """Add A cos(H theta) + B sin(H theta), label periodic:jK:nH; A, B in deg."""
     i = joint_number(m.arguments[0]) - 1
     if not m.arguments[1].startswith("n"):
         raise ValueError(f"{m.label!r} lacks its order, as in periodic:j2:n3")
@@ -43,7 +43,7 @@ def encoder_scale(m: Material) -> Effect:
 
 
 def joint_offset(m: Material) -> Effect:
-    """A constant angle, label joint_offset:jK; deg."""
+    """Add a constant angle, label joint_offset:jK; deg."""
     i = joint_number(m.arguments[0]) - 1
 
     def act(arm: Arm, p: Values) -> None:
@@ -53,7 +53,7 @@ def joint_offset(m: Material) -> Effect:
 
 
 def joint_step(m: Material) -> Effect:
-    """The zero of a joint jumps at one reading, label joint_step:jK; step in deg."""
+    """Step the zero of a joint at one reading, label joint_step:jK; step in deg."""
     i = joint_number(m.arguments[0]) - 1
 
     def act(arm: Arm, p: Values) -> None:

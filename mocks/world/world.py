@@ -1,9 +1,11 @@
 """The simulated physical truth of one cell: a real arm, its hidden effects, and its tracker.
 
-World -> base -> links 1..N -> flange -> target. Joint = commanded joint + c tau + the angles that the hidden
-effects add (+ repeatability in a measured reading). tau is taken on the nominal geometry at the commanded
-joints (Nubiola's thesis, Annex I), with the true loads. Lengths are in mm, angles in deg in states and rad
-inside.
+World -> base -> links 1..N -> flange -> target.
+
+    joint = commanded joint + c tau + hidden effects (+ repeatability in a measured reading)
+
+tau is taken on the nominal geometry at the commanded joints (Nubiola's thesis, Annex I), with the true loads.
+Lengths are in mm, angles in deg in states and rad inside.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ ROBOT_STREAM, AIR_STREAM, EFFECT_STREAM, NOISE_STREAM, POSE_STREAM, LABEL_STREAM
 
 
 def stream(seed: int, number: int) -> np.random.Generator:
-    """The random stream `number` of `seed`."""
+    """Return the random stream `number` of `seed`."""
     return np.random.default_rng([seed, number])
 
 
@@ -112,7 +114,7 @@ class World:
             self.effects = [e for e in effects or () if isinstance(e, Effect)]
 
     def draw_effect(self, label: str, departure: str | None = None) -> Effect:
-        """The effect `label` of unit size, signs and shape drawn from the seed; it is not added."""
+        """Draw the effect `label` of unit size, with signs and shape; it is not added."""
         name, *arguments = label.split(":")
         arguments = [number_of(self.robot, part) for part in arguments]
         if name == "target_offset" and arguments and arguments[0] not in self.targets:
@@ -136,7 +138,7 @@ class World:
         return chain, joint_moments, tau, overturning_moment(chain, self.loads)
 
     def _arm(self, state: ArmState, effects: Sequence[Effect]) -> Arm:
-        """The arm of one reading with `effects` at work, ready to be evaluated."""
+        """Return the arm of one reading with `effects` at work, ready to be evaluated."""
         chain, joint_moments, tau, overturning = self._nominal(tuple(state.joints_deg))
         arm = Arm(
             state=state,
@@ -206,7 +208,7 @@ class World:
         return sight.point
 
     def flange(self, state: ArmState) -> Matrix:
-        """The true flange in the world frame, (4, 4), lengths mm."""
+        """Return the true flange in the world frame, (4, 4), lengths mm."""
         return self._chain(self._arm(state, self.effects))[-1]
 
     def nominal_point(self, state: ArmState, target: str) -> Point:
@@ -233,7 +235,9 @@ class World:
         return as_point(self._point(state, target, chosen, ("point", "instrument")))
 
     def arrival_error(self, reading: int) -> Vector:
-        """The robot's repeatability in this reading, (N,) rad or mm: where the joints came to rest.
+        """Return the robot's repeatability in this reading, (N,) rad or mm.
+
+        It is the error of the rest position of the joints.
 
         A function of seed and reading, so that a point measured twice without moving shows it once.
         """
@@ -274,5 +278,5 @@ class World:
 
 
 def as_point(vector: Vector) -> Point:
-    """A (3,) vector as plain floats."""
+    """Return a (3,) vector as plain floats."""
     return float(vector[0]), float(vector[1]), float(vector[2])
