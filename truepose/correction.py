@@ -190,7 +190,7 @@ def compensate(
 
 
 def _sides(side: tuple[int, ...] | int, model: Model) -> tuple[float, ...]:
-    """One side for each joint of the model, of sides as the controller counts."""
+    """Return one side for each joint of the model, from sides as the controller counts."""
     saved = model.saved
     count = saved.model.robot.joints
     given = np.asarray(side, dtype=np.float64)

@@ -173,7 +173,7 @@ class Diagnosis:
         return Path(path)
 
     def plot_residuals(self) -> Figure:
-        """A picture of the errors before and after on all measured readings."""
+        """Draw the errors before and after on all measured readings."""
         from truepose.pictures import before_and_after
 
         return before_and_after(self.base.residuals, self.model.residuals)

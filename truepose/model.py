@@ -76,7 +76,8 @@ class Model:
 
         value and its standard error std are relative to the start of the fit (for a link, the change from nominal).
         Further columns are unit, effect and owner. Then come the absolute value, the nominal value from robot file or
-        header, and the change from it (NaN without one; only a model that was fitted here knows the header). A
+        header, and the change from it. It is NaN without a nominal value; only a model that was fitted here knows the
+        header. A
         parameter that the readings do not determine has the standard error 0 and the value 0.
         """
         saved = self.saved

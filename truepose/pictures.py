@@ -23,7 +23,7 @@ class NotebookFigure(Figure):
 
 
 def residuals(found: pandas.DataFrame) -> Figure:
-    """The errors of `Model.residuals`: a dot a reading, and their histogram, by set."""
+    """Draw the errors of `Model.residuals`, one dot per reading, and their histogram by set."""
     drawn = NotebookFigure(figsize=(9.0, 3.2), layout="constrained")
     by_reading, histogram = drawn.subplots(1, 2, width_ratios=(2, 1))
     place = {name: number for number, name in enumerate(found.index)}
@@ -37,7 +37,7 @@ def residuals(found: pandas.DataFrame) -> Figure:
 
 
 def before_and_after(before: pandas.DataFrame, after: pandas.DataFrame) -> Figure:
-    """The errors of two models on the same readings, a dot a reading, the later ones in front."""
+    """Draw the errors of two models on the same readings, one dot each, the later in front."""
     drawn = NotebookFigure(figsize=(9.0, 3.2), layout="constrained")
     axes = drawn.subplots()
     for found, label in ((before, "base model"), (after, "with effects")):

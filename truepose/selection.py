@@ -87,7 +87,7 @@ def select(
     groups :
         Groups of parameters that the model will free.
     targets :
-        Targets measured at every pose; default: all of the cell.
+        Targets measured at every pose. Default: all of the cell.
     offset_deg :
         How far before its pose every joint begins the last move, deg.
     share :
@@ -95,7 +95,7 @@ def select(
     wanted_u :
         Predicted U (k = 2) that is required, mm: `reached_with` states the number of poses for it.
     prior :
-        File of the statistics of this type of robot: `of_type` states how many poses are enough with it.
+        File of the statistics of this robot type: `of_type` states how many poses are enough with it.
 
     Raises
     ------

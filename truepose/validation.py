@@ -107,7 +107,7 @@ def validate(
     accept_rms, accept_max :
         Limits of the RMS error and of the largest error, mm; the verdict is `result.acceptance`.
     accept_zones :
-        File of zones of the workspace with limits of their own.
+        File of workspace zones, each with its own limits.
 
     Raises
     ------
