@@ -44,7 +44,7 @@ _SHOWN = 40  # targets on a terminal; the JSON holds all
 
 @dataclass(frozen=True)
 class TargetOutcome:
-    """The outcome of one target.
+    """Result of the correction of one target.
 
     Values are NaN if the target was not corrected. Positions are those of the target's tool point.
 
@@ -60,7 +60,7 @@ class TargetOutcome:
         Largest change of a sliding joint, mm; NaN without one.
     left : str
         Sentence part on errors that this arm cannot correct, and on joints outside the measured range.
-    beyond : tuple
+    beyond : tuple of str
         The joints outside the measured range.
     radius_95 : float
         Radius of the sphere that contains 95 % of the positions that the model allows, mm.
@@ -89,7 +89,7 @@ class Compensation:
     outcomes: tuple[TargetOutcome, ...]
 
     def of(self, status: str) -> list[TargetOutcome]:
-        """Targets with this status."""
+        """Return the targets with this status."""
         return [outcome for outcome in self.outcomes if outcome.status == status]
 
 
@@ -251,7 +251,7 @@ def _apart(one: Array, other: Array, tool: Array) -> tuple[float, float]:
 
 
 def document(done: Compensation) -> dict[str, Any]:
-    """Counts, largest figures, and every target."""
+    """Return counts, largest values, and every target."""
     corrected = done.of(CORRECTED)
     return {
         "corrected": len(corrected),
@@ -282,7 +282,7 @@ def document(done: Compensation) -> dict[str, Any]:
 
 
 def of_carried(usable: Usable) -> dict[str, Any]:
-    """The carried terms that a correction leaves out, and what that costs."""
+    """Return the carried terms that a correction leaves out, with their cost."""
     return {
         "carried_left_out": [effect.label for effect in usable.left_out],
         "carried_loss_mm": None if usable.loss is None else asdict(usable.loss),
@@ -329,12 +329,12 @@ def shown(done: Compensation) -> Iterator[RenderableType]:
 
 
 def refusal(outcome: TargetOutcome) -> str:
-    """A refused target as a sentence without its full stop."""
+    """Return a refused target as a sentence without its full stop."""
     return f"line {outcome.target.line}, target '{outcome.target.name}': {outcome.why}"
 
 
 def in_words(done: Compensation) -> str:
-    """One line for people."""
+    """Return one line for people."""
     corrected, empty = done.of(CORRECTED), done.of(EMPTY)
     parts = [f"{wording.counted(len(corrected), 'target')} corrected"]
     if corrected:

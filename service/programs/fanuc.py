@@ -76,7 +76,7 @@ _LETTERS = ({"T": "front", "B": "back"}, {"U": "up", "D": "down"}, {"N": "noflip
 
 @dataclass(frozen=True)
 class _Field:
-    """One number: the span of its blanks and digits, and its value; None if it was never taught."""
+    """One number, with the span of its blanks and digits; its value is None if never taught."""
 
     start: int
     end: int
@@ -128,7 +128,7 @@ class FanucProgram:
         self._places = tuple(place for _, place in found)
 
     def edits(self, index: int, driven: NewTarget) -> list[Edit]:
-        """Edits of the numbers that differ; each keeps the width of its field."""
+        """Return edits of the numbers that differ; each keeps the width of its field."""
         target, place = self.targets[index], self._places[index]
         if target.joints is not None:
             values = dict(zip(_JOINTS, np.degrees(driven.joints), strict=True))
@@ -194,7 +194,7 @@ class FanucProgram:
         Raises
         ------
         ValueError
-            Its joints cannot be found; the message says why.
+            Its joints cannot be found; the message has the reason.
         """
         used = others or any(name[0] == "E" and slot.value is not None for name, slot in place.fields.items())
         beside = self._known.note_external(used=used)
@@ -219,7 +219,7 @@ class FanucProgram:
         raise ValueError(f"its {what} {number} is not in the program: give {option} {number}=x,y,z,w,p,r")
 
     def _first_group(self, match: re.Match[str]) -> tuple[int, int]:
-        """The span of the values of group 1; a body without groups is group 1."""
+        """Return the span of the values of group 1; a body without groups is group 1."""
         begin, end = match.span("body")
         groups = list(_GROUP.finditer(self.text, begin, end))
         if not groups:

@@ -125,7 +125,7 @@ class KukaProgram:
         self._places = tuple(place for _, place in found)
 
     def edits(self, index: int, driven: NewTarget) -> list[Edit]:
-        """Edits of the numbers that differ, and of T where an axis changes its sign."""
+        """Return edits of the numbers that differ, and of T if an axis changes its sign."""
         target, place = self.targets[index], self._places[index]
         if target.joints is not None:
             return _changed(place, dict(zip(_AXES, np.degrees(driven.joints), strict=True)))
@@ -186,7 +186,10 @@ class KukaProgram:
             yield at, code, valid
 
     def _read_uses(self) -> dict[str, list[_Valid]]:
-        """Name of a point -> tool and base at each motion to it. What else is done with it goes into `_odd`."""
+        """Map the name of a point to the tool and base at each motion to it.
+
+        Other uses of a point go into `_odd`.
+        """
         out: dict[str, list[_Valid]] = {}
         for at, code, valid in self._in_order():
             declared, plain = _DECLARED.match(code), _plain(code)
@@ -287,7 +290,7 @@ class KukaProgram:
         Raises
         ------
         ValueError
-            Its joints cannot be found; the message says why.
+            Its joints cannot be found; the message has the reason.
         """
         numbers = place.numbers
         wanted = _AXES if "A1" in numbers or not set(_POSE) & set(numbers) else _POSE
@@ -336,7 +339,7 @@ class KukaProgram:
         Raises
         ------
         ValueError
-            It is not known; the message says which.
+            It is not known; the message names it.
         """
         if isinstance(value, np.ndarray):
             return value
@@ -362,7 +365,7 @@ class KukaProgram:
         )
 
     def _named(self, value: str, at: int) -> Array | str:
-        """The value that $TOOL or $BASE is set to."""
+        """Return the value that $TOOL or $BASE is set to."""
         if value.isdecimal() or re.fullmatch(r"[A-Za-z_]\w*+", value):
             return value
         if value.upper() == "$NULLFRAME":
@@ -381,7 +384,7 @@ class KukaProgram:
 
 
 def _code(line: str) -> str:
-    """A line without its comment."""
+    """Return a line without its comment."""
     match = _CODE.match(line)
     return "" if match is None else match.group()
 
@@ -392,7 +395,7 @@ def _or(value: Array | str | None, of_point: Array | str | None) -> Array | str 
 
 
 def _name(written: str) -> str:
-    """A name as it is compared: in capitals, without blanks."""
+    """Return a name in the form for comparison: in capitals, without blanks."""
     return re.sub(r"\s", "", written).upper()
 
 

@@ -84,7 +84,7 @@ def _chosen(
     before: Array | None,
     robot: Robot,
 ) -> tuple[Array, str]:
-    """The solution that the controller takes among those `counted` (B, N), or why there is none."""
+    """Return the solution of `counted` (B, N) that the controller takes, or why there is none."""
     nowhere = np.full(robot.joints, np.nan)
     lower, upper = np.array(robot.lower), np.array(robot.upper)
     if target.among:

@@ -105,7 +105,7 @@ class RobotProgram(Protocol):
         ...
 
     def edits(self, index: int, driven: NewTarget) -> list[Edit]:
-        """Edits that make target `index` what is to be driven."""
+        """Return edits that write the joints to be driven into target `index`."""
         ...
 
 
@@ -176,5 +176,5 @@ def beside(
 
 
 def rewritten(program: RobotProgram, driven: Mapping[int, NewTarget]) -> str:
-    """The program's text with new values for some targets, everything else untouched."""
+    """Return the program's text with new values for some targets, everything else untouched."""
     return edited(program.text, (e for i, d in driven.items() for e in program.edits(i, d)))

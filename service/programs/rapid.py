@@ -1,10 +1,12 @@
 """RAPID modules (.mod): robtargets and jointtargets, named, in arrays, or in the motion.
 
-robtarget = [[x, y, z], [q1..q4], [cf1, cf4, cf6, cfx], [six external axes]] is a pose of the tool in the work
-object, mm and scalar-first quaternion. cfx numbers the branch: in front of or behind axis 1, in front of or
-behind the lower arm, axis 5 positive or negative. cf1, cf4, cf6 are quarter turns of joints 1, 4, 6.
-jointtarget = [[six angles, deg], [six external axes]]. 9E9 means an axis that is not used. The source is the
-maker's RAPID reference, data types.
+    robtarget = [[x, y, z], [q1..q4], [cf1, cf4, cf6, cfx], [six external axes]]
+    jointtarget = [[six angles, deg], [six external axes]]
+
+A robtarget is a pose of the tool in the work object, mm and scalar-first quaternion. cfx numbers the branch: in
+front of or behind axis 1, in front of or behind the lower arm, axis 5 positive or negative. cf1, cf4, cf6 are
+quarter turns of joints 1, 4, 6. 9E9 means an axis that is not used. The source is the maker's RAPID reference,
+data types.
 """
 
 from __future__ import annotations
@@ -72,7 +74,7 @@ class RapidProgram:
         self._places = tuple(place for _, place in found)
 
     def edits(self, index: int, driven: NewTarget) -> list[Edit]:
-        """Edits of the numbers that differ."""
+        """Return edits of the numbers that differ."""
         place, target = self._places[index], self.targets[index]
         if place.node is None:
             return []
@@ -152,7 +154,7 @@ class RapidProgram:
         return out
 
     def _in_place(self) -> list[tuple[ProgramTarget, _RapidPlace]]:
-        """Targets written into motions, and those that are not in this module."""
+        """Return targets written into motions, and those that are not in this module."""
         out, missing = [], set[str]()
         for use in self._module.uses:
             line = self._module.line(use.at)
@@ -271,13 +273,16 @@ def _window(quarter: float, edge: float = QUARTER_EDGE) -> Window:
 
 
 def _quarter(angle: float, old: float) -> float:
-    """The quarter turn in which an angle, rad, lies; the old one on its very edge."""
+    """Return the quarter turn in which an angle, rad, is; the old one on its very edge."""
     begin, end = _window(old, ROUNDING)
     return old if begin <= angle <= end else float(floor(angle / (90.0 * DEG)))
 
 
 def _elements(module: Module, node: Node, dimensions: tuple[int, ...]) -> list[tuple[tuple[int, ...], Node]]:
-    """The elements of an array with their indices, from 1; without dimensions the value itself."""
+    """Return the elements of an array with their indices, from 1.
+
+    Without dimensions, it is the value itself.
+    """
     if not dimensions:
         return [((), node)]
     nodes: list[Node] = [node]

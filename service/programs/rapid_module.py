@@ -320,7 +320,7 @@ class Module:
         return i < 2 or self._tokens[i - 2].text != "\\"
 
     def _assignments(self) -> dict[str, int]:
-        """Names of data that get a value outside their declaration -> line."""
+        """Map names of data that get a value outside their declaration to the line."""
         out: dict[str, int] = {}
         tokens = self._tokens
         for i, token in enumerate(tokens[:-1]):
@@ -352,5 +352,5 @@ class Module:
 
 
 def _name_of(part: Sequence[Token]) -> str:
-    """A plain name, '?' for anything else."""
+    """Return a plain name, '?' for anything else."""
     return part[0].text if len(part) == 1 and part[0].kind == "name" else "?"

@@ -75,7 +75,7 @@ class TargetTable:
             seen.add(target.name)
 
     def edits(self, index: int, driven: NewTarget) -> list[Edit]:
-        """Edits of the cells that differ."""
+        """Return edits of the cells that differ."""
         target, cells = self.targets[index], self._cells[index]
         if target.joints is not None:
             values = dict(zip(self._joints, driven.joints / self._robot.joint_units, strict=True))
@@ -227,7 +227,7 @@ def _lines(text: str) -> Iterator[tuple[int, int, str]]:
 
 
 def _cells(line: str, begin: int) -> list[_Cell]:
-    """The cells of a line that begins at `begin` of the text."""
+    """Return the cells of a line that begins at `begin` of the text."""
     cells, place = [], 0
     while place <= len(line):
         quoted = _QUOTED.match(line, place)

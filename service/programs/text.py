@@ -60,7 +60,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def bytes_of(text: str) -> bytes:
-    """The bytes of a program's text."""
+    """Return the bytes of a program's text."""
     return text.encode("utf-8", errors="surrogateescape")
 
 

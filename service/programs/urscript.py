@@ -110,7 +110,7 @@ class UrScript:
         self._nodes = tuple(node for _, node in found)
 
     def edits(self, index: int, driven: NewTarget) -> list[Edit]:
-        """Edits of the numbers that differ."""
+        """Return edits of the numbers that differ."""
         target, node = self.targets[index], self._nodes[index]
         if node is None:
             return []
@@ -201,7 +201,7 @@ class UrScript:
         return replace(target, flange=self._world @ pose @ inverse_poses(self._tool), tool=self._tool)
 
     def _set_tcp(self, i: int) -> Array | None:
-        """The tool that is set; None when it is not a plain pose."""
+        """Return the tool that is set; None when it is not a plain pose."""
         try:
             node = literal(split(self._tokens[i + 2 : self._closing(i + 1)], ",")[0])
             if node.kind == "name":
@@ -240,7 +240,7 @@ class UrScript:
         return out
 
     def _value(self, at: int, end: int) -> Node | None:
-        """The literal that fills the rest of its line; none is longer than some numbers."""
+        """Return the literal that fills the rest of its line; none is longer than some numbers."""
         if end - at > _LONGEST_VALUE:
             return None
         try:

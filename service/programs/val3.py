@@ -1,4 +1,6 @@
-"""Staubli VAL3 data (.dtx): joint positions, `type="jointRx"`; points are refused by name.
+"""Staubli VAL3 data (.dtx): joint positions of `type="jointRx"`.
+
+Points are refused by name.
 
     <Data name="jHome" access="private" xsi:type="array" type="jointRx" size="1">
       <Value key="0" j1="0" j2="-12.5" j3="90" j4="0" j5="60" j6="0" />
@@ -72,7 +74,7 @@ class Val3Data:
         self._numbers = tuple(numbers for _, numbers in found)
 
     def edits(self, index: int, driven: NewTarget) -> list[Edit]:
-        """Edits of the angles that differ."""
+        """Return edits of the angles that differ."""
         values: dict[str, float] = dict(zip(_AXES, np.degrees(driven.joints), strict=True))
         return [
             Edit(slot.start, slot.end, decimal(float(values[name]), PLACES))

@@ -77,7 +77,7 @@ class YaskawaJob:
         self._pulses = tuple(pulses for _, pulses in found)
 
     def edits(self, index: int, driven: NewTarget) -> list[Edit]:
-        """Edits of the pulses that differ."""
+        """Return edits of the pulses that differ."""
         wanted = np.round(np.degrees(driven.joints) * self._per_deg)
         return [
             Edit(slot.start, slot.end, str(int(count)))
