@@ -207,7 +207,7 @@ def identification_report(
 
 
 def validation_report(validated: ValidationOutcome) -> str:
-    """The report of a saved model judged on the validation rows of a data set, as HTML."""
+    """Build the report of a saved model on the validation rows of a data set, as HTML."""
     dataset, rows = validated.dataset, validated.dataset.validation_rows
     measured, section = judged_in(validated)
     return _render(
@@ -259,7 +259,7 @@ def _colour_of(diagnosis: DiagnosisFit) -> str:
 
 
 def _with(preliminary: CalibratedModel | None, models: ballbar.Models) -> ballbar.Models:
-    """The models in the order of a campaign: nominal, preliminary, final."""
+    """Return the models in the order of a campaign: nominal, preliminary, final."""
     if preliminary is None:
         return models
     first, *others = models.items()
@@ -408,7 +408,7 @@ def _patch(patched: PatchResult) -> dict[str, Any]:
 
 
 def _begun(text: str) -> str:
-    """A text with a capital letter in front; names inside it stay as they are."""
+    """Return a text with a capital letter in front; names inside it stay as they are."""
     return text[:1].upper() + text[1:]
 
 
@@ -432,7 +432,7 @@ def _parameter(row: ParameterResponse) -> dict[str, Any]:
 
 
 def _embedded(document: Mapping[str, Any]) -> Markup:
-    """The JSON for a script element: nothing in it may end the element or start a comment."""
+    """Return JSON for a script element; nothing in it may end the element or open a comment."""
     text = json.dumps(document, allow_nan=False, ensure_ascii=False)
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")

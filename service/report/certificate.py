@@ -188,7 +188,7 @@ def _statements(parent: ElementTree.Element, certified: CertificateContent) -> N
 
 
 def _judged(criterion: Mapping[str, Any]) -> str:
-    """One figure with its limit and verdict, as text."""
+    """Return one figure with its limit and verdict, as text."""
     zone = criterion.get("zone")  # results of older versions do not say
     where = "" if zone is None else f" in zone {zone}"
     figure, u = (

@@ -37,7 +37,7 @@ _ASIDE = [
 
 
 def arm_svg(robot: Robot, joints: Array, title: str) -> str:
-    """The arm at model joints (N,), rad or mm, as an SVG document."""
+    """Draw the arm at model joints (N,), rad or mm, as an SVG document."""
     frames = propagate(Chain.of(robot), nominal_values(robot, joints[None, :]), BasePoses())
     at = [tuple(np.broadcast_to(v, (3, 1))[:, 0] for v in frame) for frame in frames.link_frames]
     lines, radii = [], []
@@ -109,7 +109,7 @@ class _Words:
         self._taken: list[tuple[float, float, float, float]] = []
 
     def put(self, x: float, y: float, words: str, size: float, look: str) -> str:
-        """A text whose middle is at x, y, or as little aside as is free."""
+        """Place a text with its middle at x, y, or as little aside as is free."""
         wide, high = size * _LETTER * len(words) + 4.0, size * _LINE
         places = [(x + dx - wide / 2, y + dy - high / 2) for dx, dy in _ASIDE]
         left, top = next(((a, b) for a, b in places if self._free(a, b, wide, high)), places[0])

@@ -99,7 +99,7 @@ def figure(
 
 
 def legend(drawn: Figure, axes: Axes, columns: int) -> None:
-    """The legend of some axes above them, where it hides nothing."""
+    """Draw the legend of some axes above them, where it hides nothing."""
     with matplotlib.rc_context(_STYLE):
         made = drawn.legend(
             *axes.get_legend_handles_labels(),
@@ -120,7 +120,7 @@ def legend(drawn: Figure, axes: Axes, columns: int) -> None:
 
 
 def colour_bar(drawn: Figure, of: ScalarMappable, last: Axes, label: str) -> Colorbar:
-    """The colour bar of a row of axes, at its end."""
+    """Draw the colour bar of a row of axes, at its end."""
     width = drawn.get_size_inches()[0]
     box = last.get_position()
     place = drawn.add_axes((box.x1 + _BAR / width, box.y0, _BAR / width, box.height))
@@ -144,7 +144,7 @@ class _Dots(Line2D):
         self._look = f"fill: none; {stroke}"
 
     def svg(self) -> str:
-        """The points within the axes, once the figure has been laid out."""
+        """Return the points within the axes, once the figure has been laid out."""
         axes, drawn = self.axes, self.get_figure(root=True)
         assert isinstance(axes, Axes)
         assert drawn is not None
@@ -161,7 +161,7 @@ class _Dots(Line2D):
 def dots(
     axes: Axes, x: Array, y: Array, *, size: float, alpha: float, colour: str = DOT, label: str | None = None
 ) -> None:
-    """A small dot without an edge at each of x, y (n,)."""
+    """Draw a small dot without an edge at each of x, y (n,)."""
     points = np.column_stack([x, y]).astype(float)
     axes.add_line(_Dots(points, size, alpha, colour, label))
     axes.update_datalim(points)
@@ -169,12 +169,12 @@ def dots(
 
 
 def whole_numbers() -> MaxNLocator:
-    """The places of the numbers on an axis that counts."""
+    """Return a locator of whole numbers for an axis that counts."""
     return MaxNLocator("auto", integer=True, steps=[1, 2, 5, 10])
 
 
 def plain_ratio_axis(axes: Axes) -> None:
-    """A logarithmic abscissa with plain numbers."""
+    """Make the abscissa logarithmic, with plain numbers."""
     axes.set_xscale("log")
     plain(axes.xaxis)
 
@@ -224,7 +224,10 @@ def as_svg(drawn: Figure, name: str, description: str) -> str:
 
 
 def _texts(drawn: Figure) -> Iterator[Text]:
-    """The texts that were made before it is drawn. To ask matplotlib for all would make every tick, many in vain."""
+    """Return the texts that exist before the figure is drawn.
+
+    Asking matplotlib for all texts would create every tick, many in vain.
+    """
     for axes in drawn.axes:
         yield from (child for child in axes.get_children() if isinstance(child, Text))
         for axis in (axes.xaxis, axes.yaxis):

@@ -26,7 +26,7 @@ class ErrorSample:
 
 
 def common_bins(sets: Sequence[ErrorSample]) -> tuple[Array, bool]:
-    """Edges of bins that hold every set, mm, and whether they are spaced by ratio."""
+    """Return edges of bins that hold every set, mm, and whether they are spaced by ratio."""
     together = np.concatenate([s.distances for s in sets])
     count = int(np.clip(np.sqrt(2.0 * len(sets[0].distances)) * 1.5, _FEWEST_BINS, _MOST_BINS))
     medians = [max(float(np.median(s.distances)), 1e-9) for s in sets]

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 def motion_picture(result: StreamAlignment) -> str:
-    """The picture as a text of SVG."""
+    """Draw the picture as SVG text."""
     drawn, (before, after, *errors) = drawing.figure(9.0, 10.5, 4, 1)
     found = result.aligned
     time = result.tracked.time

@@ -81,7 +81,7 @@ class PlotPanel:
 
 
 def of_effect(sample: PlotSample, effect: Effect) -> PlotPanel:
-    """The panel of one effect."""
+    """Return the panel of one effect."""
     drivers = {term.regressor for term in effect.terms}
     slots = {term.slot for term in effect.terms}
     joints = sample.fitted.model.robot.joint_slots
@@ -227,7 +227,7 @@ def _panel(
     y_label: str,
     side: Array | None = None,
 ) -> PlotPanel:
-    """Points and law over x; one line a side where sides are distinguished."""
+    """Build points and law over x; one line per side if sides are distinguished."""
     law, lines = seen.law / scale, []
     for s in (0.0,) if side is None else (1.0, -1.0):
         mine = np.ones(len(x), dtype=bool) if side is None else side == s
@@ -279,7 +279,7 @@ def of_joint(sample: PlotSample, joint: int, effects: tuple[Effect, ...]) -> Plo
 
 
 def _gap(sample: PlotSample, effects: tuple[Effect, ...]) -> float:
-    """The share of the laws that the side of approach makes, rad."""
+    """Return the share of the laws that the side of approach makes, rad."""
     model, estimate = sample.fitted.model, sample.fitted.estimate
     return sum(
         abs(float(term.weight * estimate[model.index[term.parameter]]))

@@ -56,13 +56,13 @@ def quantity_of(where: str, conditions: Conditions, header: Header) -> Quantity 
 
 
 def _links(where: str, robot: Robot) -> list[int]:
-    """Indices of the joints that the words of a place name: "joint 3 and joint e1 angles"."""
+    """Return the indices of the joints that a place names: "joint 3 and joint e1 angles"."""
     index = {axis.removeprefix("j"): k for k, axis in enumerate(robot.axes)}
     return [index[word] for word in where.split() if word in index]
 
 
 def _over(joints: list[int], conditions: Conditions) -> Quantity:
-    """The places of some joints, deg or mm."""
+    """Return the places of some joints, deg or mm."""
     axes = [Axis.angle(k + 1, conditions) for k in joints]
     return Quantity(np.column_stack([axis.values for axis in axes]), tuple(axis.label for axis in axes))
 
@@ -132,7 +132,7 @@ def _in_space(conditions: Conditions, _: Header) -> Quantity:
 
 
 def _widest(vectors: Array, labels: list[str]) -> Quantity:
-    """The two components of vectors (n, 3) that vary most."""
+    """Return the two components of vectors (n, 3) that vary most."""
     two = np.sort(np.argsort(-np.std(vectors, axis=0), kind="stable")[:2])
     return Quantity(vectors[:, two], tuple(labels[k] for k in two.tolist()))
 

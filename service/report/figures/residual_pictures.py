@@ -91,7 +91,7 @@ def left_out(quantity: Quantity, error: Array, out: NDArray[np.bool_], name: str
 
 
 def _dots(axes: Axes, x: Array, y: Array, held: NDArray[np.bool_]) -> None:
-    """One dot a reading; darker ones took no part in the fit."""
+    """Draw one dot per reading; darker ones took no part in the fit."""
     shown = thinned(np.arange(len(x)), MOST_DOTS)
     for validation in (False, True):
         dots = shown[held[shown] == validation]
@@ -134,7 +134,7 @@ def _limits(left: Array) -> tuple[float, float]:
 
 
 def in_space(points: Array, left: Array, name: str) -> str:
-    """Means of the residual vectors near a place, from above and from the side."""
+    """Draw means of the residual vectors near a place, from above and from the side."""
     drawn, places = drawing.figure(10.2, 4.0, 1, 2)
     side = float(np.max(np.ptp(points, axis=0))) / _CELLS or 1.0
     views = [(places[0], 0, 1, "from above"), (places[1], 0, 2, "from the side")]
@@ -164,7 +164,7 @@ def in_space(points: Array, left: Array, name: str) -> str:
 
 
 def _cells(points: Array, left: Array, side: float) -> tuple[Array, Array]:
-    """Centres (c, 2) and mean vectors (c, 2) of the square cells that hold enough readings."""
+    """Return centres and mean vectors, (c, 2) each, of square cells with enough readings."""
     place = np.floor((points - points.min(axis=0)) / side).astype(int)
     _, cell = np.unique(place, axis=0, return_inverse=True)
     count = np.bincount(cell)

@@ -57,7 +57,7 @@ class JointAxis:
 
     @classmethod
     def of(cls, robot: Robot, joint: int) -> JointAxis:
-        """The joint of a link, from 1."""
+        """Return the joint of a link, from 1."""
         axis, slot = robot.axes[joint - 1], robot.joint_slots[joint - 1]
         name = axis.removeprefix("j")
         if robot.kinds[joint - 1] == "slides":
@@ -91,7 +91,7 @@ class PlotSample:
         return tuple(BoundModel(self.fitted.model, part.conditions) for part in self.parts)
 
     def shown(self, joint: int) -> JointAxis:
-        """The way a joint is shown."""
+        """Return the way a joint is shown."""
         return JointAxis.of(self.fitted.model.robot, joint)
 
     def angle(self, joint: int) -> Array:
@@ -107,17 +107,17 @@ class PlotSample:
         return np.concatenate([getattr(p.conditions, name) for p in self.parts])
 
     def axis(self, regressor: PlotAxis) -> Axis:
-        """The axis over which a regressor is drawn, for the readings of all parts."""
+        """Return the axis over which a regressor is drawn, for the readings of all parts."""
         axes = [regressor.drawn_over(part.conditions) for part in self.parts]
         return replace(axes[0], values=np.concatenate([axis.values for axis in axes]))
 
     def of_joint(self, joint: int, effects: Sequence[Effect]) -> PlotValues:
-        """The error of a joint, rad or mm, with some effects on that joint taken out of the model."""
+        """Return the error of a joint, rad or mm, without some effects on that joint."""
         slot = self.shown(joint).slot
         return self._seen(effects, lambda _: {slot: 1.0}, lambda _, design: self._law(design, effects))
 
     def of_driver(self, effect: Effect) -> PlotValues:
-        """The regressor that all terms of an effect share, as each reading sees it."""
+        """Return the regressor that all terms of an effect share, as each reading sees it."""
         amounts: dict[str, float] = {}
         for term in effect.terms:
             amounts[term.slot] = amounts.get(term.slot, 0.0) + term.weight * self._estimate(term.parameter)

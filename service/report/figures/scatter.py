@@ -19,7 +19,7 @@ _SIDE_NAMES = {1.0: "arrived from below", -1.0: "from above"}
 
 
 def effect_figure(panel: PlotPanel, name: str) -> str:
-    """One effect, large, as SVG."""
+    """Draw one effect, large, as SVG."""
     drawn, (axes,) = drawing.figure(5.0, 2.9)
     _draw(axes, panel, large=True)
     axes.set_xlabel(panel.x_label)
@@ -122,7 +122,7 @@ def _means(axes: Axes, panel: PlotPanel, mine: np.ndarray, side: float, *, large
 
 
 def _heights(panel: PlotPanel) -> tuple[float, float]:
-    """Limits that hold zero, the law and all but the wildest dots."""
+    """Return limits that hold zero, the law and all but the wildest dots."""
     law = np.concatenate([y for _, y, _ in panel.lines])
     low, high = np.quantile(panel.y[panel.clear], (0.008, 0.992)) if panel.clear.any() else (0.0, 0.0)
     low, high = min(float(low), float(np.nanmin(law)), 0.0), max(float(high), float(np.nanmax(law)), 0.0)

@@ -147,7 +147,10 @@ def _taken(quantity: Quantity, rows: NDArray[np.bool_]) -> Quantity:
 
 
 def _quantity(where: str, design: BoundModel, dataset: Dataset, sample: PlotSample) -> Quantity | None:
-    """The quantity over which structure is drawn. The side from which the tool is seen depends on the fitted base."""
+    """Return the quantity over which structure is drawn.
+
+    The side from which the tool is seen depends on the fitted base.
+    """
     conditions = design.conditions
     if SEEN not in where:
         return quantity_of(where, conditions, dataset.header)
@@ -210,7 +213,7 @@ def _of_left_out(where: str, name: str, dataset: Dataset, sample: PlotSample) ->
 
 
 def over_two(quantity: Quantity, left: Array, name: str, where: str) -> str:
-    """Means of the three components of the residuals (n, 3), mm, in squares of two quantities."""
+    """Draw means of the residual components (n, 3), mm, in squares of two quantities."""
     drawn, places = drawing.figure(10.2, 2.9, 1, 3, bars=True)
     x, y = quantity.values.T
     edges = _edges(x, _SQUARES), _edges(y, _SQUARES)

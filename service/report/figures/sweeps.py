@@ -12,7 +12,7 @@ from service.report.figures import drawing
 
 
 def sweeps_picture(sweeps: Sequence[JointSweep]) -> str:
-    """The picture as a text of SVG."""
+    """Draw the picture as SVG text."""
     rows = (len(sweeps) + 1) // 2
     drawn, panels = drawing.figure(9.0, 0.5 + 2.3 * rows, rows, min(len(sweeps), 2))
     for axes, sweep in zip(panels, sweeps, strict=False):

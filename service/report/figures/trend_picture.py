@@ -18,7 +18,7 @@ _DPI = 150
 
 
 def trend_picture(trend: Trend) -> Figure:
-    """Values over time; a value that the chart takes for a signal has another colour."""
+    """Draw values over time; a value that the chart takes for a signal has another colour."""
     drawn, (axes,) = drawing.figure(7.5, 3.6)
     times = np.array(date2num([point.measured_at for point in trend.points]))
     values = np.array([point.value for point in trend.points])
@@ -54,7 +54,7 @@ def trend_picture(trend: Trend) -> Figure:
 
 
 def picture_bytes(trend: Trend, ending: str) -> bytes:
-    """The picture as a file of SVG or PNG."""
+    """Return the picture as a file of SVG or PNG."""
     file = io.BytesIO()
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": trend.parameter, "font.size": 9.0}):
         metadata = {"Date": None} if ending == ".svg" else None

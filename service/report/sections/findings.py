@@ -60,7 +60,7 @@ def _smallest(size: float) -> str:
 
 
 def effects_of(diagnosis: DiagnosisFit, sample: PlotSample) -> list[dict[str, Any]]:
-    """The confirmed effects, in their order."""
+    """Return the confirmed effects, in their order."""
     effects, known = diagnosis.confirmed, diagnosis.causes_known
     without = errors_without(diagnosis.dataset, sample.fitted, [found.effect for found in effects])
     return [

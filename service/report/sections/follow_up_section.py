@@ -55,7 +55,7 @@ def row_of(diagnosis: DiagnosisFit) -> tuple[str, list[Weights]]:
 
 
 def middle_step_in_words(step: FollowUpResult, after: DiagnosisFit) -> str:
-    """The middle step in a sentence or two."""
+    """Return the middle step in a sentence or two."""
     unsettled = [found for found in step.before.effects if not found.evidence.certain]
     what = "; ".join(" or ".join(label for label, _ in _class_of(found)) for found in unsettled)
     names = ", ".join(found.effect.label for found in after.effects) or "no effect"

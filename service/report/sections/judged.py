@@ -66,7 +66,7 @@ def _known_time(dataset: Dataset, rows: NDArray[np.int64]) -> bool:
 
 
 def _arrows_of(dataset: Dataset, models: Models) -> Markup | None:
-    """The arrows of the first model and of the last; None without held-out points."""
+    """Return the arrows of the first model and of the last; None without held-out points."""
     taken = np.zeros(len(dataset), dtype=bool)
     taken[thinned(np.flatnonzero(dataset.validation_rows & dataset.pointed), _ARROWS)] = True
     if not taken.any():
@@ -111,7 +111,7 @@ def arrows(points: Array, models: Sequence[Vectors]) -> str:
 
 
 def enlargement(wanted: float) -> float:
-    """The largest of 1, 2, 5, 10, 20, 50 and so on that is not above `wanted`; at least 1."""
+    """Return the largest of 1, 2, 5, 10, 20, 50 and so on up to `wanted`; at least 1."""
     power = 10.0 ** np.floor(np.log10(max(wanted, 1.0)))
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= max(wanted, 1.0)))
 

@@ -25,7 +25,7 @@ def rows_of(diagnosis: DiagnosisFit, verification: Verification) -> dict[str, Er
 
 
 def floor_in_words(verification: Verification) -> str:
-    """The verified error compared with what noise and repeatability allow."""
+    """Return the verified error compared with what noise and repeatability allow."""
     return (
         f"A perfect correction would show {verification.floor_mm:.3f} mm RMS here, from the instrument's noise and "
         f"the robot's repeatability; the robot shows {verification.ratio:.2f} times that."
