@@ -21,7 +21,7 @@ class SimulatedRobot(Protocol):
         ...
 
     def targets_deg(self) -> Sequence[Sequence[float]]:
-        """The target of every motion that it began, in order."""
+        """Return the target of every motion of the robot, in order."""
         ...
 
     def moving(self) -> bool:
@@ -72,7 +72,7 @@ class StepsClock(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class _Bench:
-    """The common part of the benches of robots and of instruments.
+    """The common part of robot and instrument benches.
 
     Attributes
     ----------

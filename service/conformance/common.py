@@ -77,7 +77,10 @@ def puts_bytes_on_record(heard: WireByteCount) -> None:
 
 
 def only_ours(what: str, act: Callable[[], object]) -> None:
-    """It may be refused, in the words of `drivers.errors`; any other exception is passed on."""
+    """Check that an action succeeds or is refused with an error of `drivers.errors`.
+
+    The error must recommend an action. Any other exception is passed on.
+    """
     try:
         act()
     except AcquisitionError as error:

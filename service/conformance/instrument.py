@@ -52,7 +52,7 @@ class InstrumentTrial:
         return instrument_driver(self.bench.driver)
 
     def url(self, port: int) -> str:
-        """The address of the simulator with this port."""
+        """Return the address of the simulator with this port."""
         return self.bench.url.format(port=port, device=self.instrument)
 
     def meter(self, url: str | None = None, **options: Any) -> Any:
@@ -70,7 +70,7 @@ class InstrumentTrial:
         return meter
 
     def ready(self, **options: Any) -> Any:
-        """The driver, connected and armed."""
+        """Create the driver, connected and armed."""
         meter = self.meter(**options)
         meter.connect()
         meter.arm()
@@ -94,7 +94,7 @@ class InstrumentTrial:
         return math.dist(reading.xyz_mm, truth) if reading.target == target else math.inf
 
     def measure(self, meter: Any, target: str, base: str | None) -> Any:
-        """One reading."""
+        """Take one reading."""
         if base is not None:
             return meter.measure(target, base_target=base, samples=SAMPLES)
         if self.declared.finds_by_name:
@@ -104,14 +104,17 @@ class InstrumentTrial:
 
 @contextmanager
 def trial(bench: InstrumentBench) -> Iterator[InstrumentTrial]:
-    """The simulator runs."""
+    """Run the simulator."""
     with ExitStack() as stack:
         yield InstrumentTrial(bench, stack.enter_context(bench.simulate()), stack)
 
 
 @contextmanager
 def rig(bench: InstrumentBench) -> Iterator[DriverRig]:
-    """The driver behind a proxy. Question i: measure one of its targets."""
+    """Yield the driver behind a proxy.
+
+    Question i is to measure one of its targets.
+    """
     with trial(bench) as on:
 
         def do(order: str, **values: float) -> object:

@@ -49,7 +49,7 @@ class RobotTrial:
     stack: ExitStack
 
     def url(self, port: int) -> str:
-        """The address of the simulator with this port."""
+        """Return the address of the simulator with this port."""
         return self.bench.url.format(port=port, device=self.robot)
 
     def arm(self, url: str | None = None, **options: Any) -> Any:
@@ -67,7 +67,7 @@ class RobotTrial:
         return arm
 
     def ready(self, **options: Any) -> Any:
-        """The driver, connected and armed."""
+        """Create the driver, connected and armed."""
         arm = self.arm(**options)
         arm.connect()
         arm.arm()
@@ -78,13 +78,13 @@ class RobotTrial:
         return tuple((7 * i + 13 * k) % 59 - 29 + 0.25 for k in range(self.bench.joints))
 
     def far(self) -> tuple[float, ...]:
-        """A pose that takes half a minute to reach at the slow pace."""
+        """Return a pose that takes half a minute to reach at the slow pace."""
         return (FAR_DEG,) + (0.0,) * (self.bench.joints - 1)
 
 
 @contextmanager
 def trial(bench: RobotBench) -> Iterator[RobotTrial]:
-    """The simulator runs, and moves at once."""
+    """Run the simulator, which moves at once."""
     with ExitStack() as stack:
         robot = stack.enter_context(bench.simulate())
         robot.pace(FAST)
@@ -296,7 +296,7 @@ PROMISES: dict[str, Callable[[RobotTrial], None]] = {
 
 
 def _apart(one: Sequence[float], other: Sequence[float]) -> float:
-    """The largest difference of a joint, deg; infinite where there are more joints on one side."""
+    """Return the largest difference of a joint, deg; infinite for unequal numbers of joints."""
     if len(one) != len(other):
         return math.inf
     return max(abs(a - b) for a, b in zip(one, other, strict=True))

@@ -85,7 +85,7 @@ def bench_of(driver: str) -> Bench:
 
 
 def promises_of(bench: Bench) -> list[Requirement]:
-    """The promises that the suite tries of it, in order."""
+    """List the promises that the suite tries of a bench, in order."""
     if isinstance(bench, RobotBench):
         named = [Requirement(text, partial(_on_robot, bench, act)) for text, act in robot.PROMISES.items()]
         rig = partial(robot.rig, bench)
@@ -142,7 +142,7 @@ def tried(driver: str) -> Iterator[PromiseResult]:
 
 
 def _received(ours: Connection, promises: Iterable[Requirement], limit_s: float) -> Iterator[PromiseResult]:
-    """The findings of the child, up to where it hangs or ends."""
+    """Yield the findings of the child, up to where it hangs or ends."""
     for promise in promises:
         begin = time.monotonic()
         if not ours.poll(limit_s):
@@ -192,13 +192,13 @@ def _on_rig(
 
 
 def _one(fault: str, rig: DriverRig) -> None:
-    """The fault at the first, the second and the third answer."""
+    """Check a fault at the first, the second and the third answer."""
     for after in range(POSITIONS):
         faults.one_fault(rig, fault, after)
 
 
 def _damaged(bench: Bench, fault: str, rig: DriverRig) -> None:
-    """Check that damaged requests cause no wrong reading, and send the arm nowhere else."""
+    """Check that damaged requests cause no wrong reading and no motion to another place."""
     faults.damaged_requests(rig, fault, rate=0.1 if isinstance(bench, RobotBench) else 0.3)
     if isinstance(bench, RobotBench) and not bench.moves_at_once:
         sent = rig.elsewhere()
