@@ -53,7 +53,7 @@ class FleetServerSettings:
 
 
 def create_plant(store: FleetStore, settings: FleetServerSettings) -> FastAPI:
-    """The server of a store. The caller closes the store."""
+    """Create the server of a store. The caller closes the store."""
     app = FastAPI(
         title="TruePose fleet",
         version=version("truepose"),
@@ -93,7 +93,10 @@ def _refusal(role: Role, method: str, path: str) -> Problem | None:
 
 
 async def _of_store(request: Request, error: Exception) -> Response:
-    """A store that is away, full or refuses: nothing was kept, and it is not the document. The cell asks again."""
+    """Answer for a store that is away, full or refuses.
+
+    Nothing was kept, and the document is not the cause. The cell asks again.
+    """
     assert isinstance(error, StoreError)
     status, seconds = (507, ROOM_S) if isinstance(error, StoreFull) else (503, AGAIN_S)
     # The address of the store is for those who keep it: the log of the database has it.

@@ -206,7 +206,7 @@ class Senders:
             self._known = {each.sha256: each for each in read_tokens(file)}
 
     def role_of(self, token: str) -> Role | None:
-        """The role of a token; None if it is unknown."""
+        """Return the role of a token; None if it is unknown."""
         role = self._shared.role_of(token)
         if self._file is None or role is Role.VIEWER:
             return role
@@ -214,7 +214,7 @@ class Senders:
         return None if own is None else _ROLES[own.role]
 
     def of_any_robot(self) -> list[str]:
-        """The cells whose own tokens name no robots."""
+        """Return the cells whose own tokens name no robots."""
         with self._lock:
             return [each.name for each in self._known.values() if each.role == "cell" and not each.robots]
 
@@ -235,7 +235,7 @@ class Senders:
             return {}
 
     def _stamped(self) -> tuple[int, ...]:
-        """A stamp that changes with the file."""
+        """Return a stamp that changes with the file."""
         if self._file is None:
             return ()
         try:

@@ -49,7 +49,7 @@ class DocumentShown(BaseModel):
 
     @classmethod
     def of(cls, entry: DocumentSummary) -> DocumentShown:
-        """The document of an entry."""
+        """Return the document of an entry."""
         return cls(
             hash=entry.hash,
             kind=entry.kind,
@@ -82,7 +82,7 @@ class FleetRobotResponse(BaseModel):
 
     @classmethod
     def of(cls, known: RobotSummary) -> FleetRobotResponse:
-        """The document of a robot."""
+        """Return the document of a robot."""
         return cls(
             serial=known.robot.serial,
             model=known.robot.model,
@@ -154,7 +154,7 @@ Hash = Annotated[
 
 @router.get("/health", response_model=HealthShown)
 async def health() -> HealthShown:
-    """The server is there; says nothing of its store."""
+    """Confirm that the server answers; says nothing of its store."""
     return HealthShown(status="ok", version=version("truepose"))
 
 
@@ -237,7 +237,7 @@ def list_documents(
     since: Annotated[datetime | None, Query(description="Measured then or later, with a time zone.")] = None,
     limit: Annotated[int, Query(ge=1, le=MOST, description="At most so many, the newest.")] = 1000,
 ) -> DocumentsShown:
-    """The newest documents, newest first."""
+    """List the newest documents, newest first."""
     if since is not None and since.tzinfo is None:
         raise Problem(422, "since: has no time zone.", "Give a time such as 2026-03-02T09:15:00Z.")
     robot = _robot(store, serial, model) if serial else None
@@ -247,7 +247,7 @@ def list_documents(
 
 @router.get("/documents/{hash}", response_class=Response)
 def get_document(store: Here, hash: Hash) -> Response:
-    """The content of a document, byte for byte."""
+    """Return the content of a document, byte for byte."""
     if not store.known([hash]):
         raise Problem(404, f"There is no document {hash}.", "List the documents to see which there are.")
     return Response(
@@ -259,7 +259,7 @@ def get_document(store: Here, hash: Hash) -> Response:
 
 @router.get("/robots", response_model=RobotsShown)
 def list_robots(store: Here) -> RobotsShown:
-    """All robots that documents were sent of."""
+    """List all robots of which documents were sent."""
     return RobotsShown(robots=[FleetRobotResponse.of(known) for known in store.robots()])
 
 
@@ -272,7 +272,7 @@ def get_trend(
         str | None, Query(description="This one; left out: all.", examples=["theta2"])
     ] = None,
 ) -> FleetTrendResponse:
-    """The values of a robot's parameters over time, with U."""
+    """Return the values of a robot's parameters over time, with U."""
     robot = _robot(store, serial, model)
     points = [PointShown.model_validate(point) for point in store.trend(robot, parameter)]
     return FleetTrendResponse(serial=robot.serial, model=robot.model, points=points)
