@@ -176,13 +176,13 @@ def _origin(pose: Array) -> str:
 
 
 def _xyz_rpy(pose: Array) -> list[float]:
-    """The attributes of an `origin`, in m and rad."""
+    """Return the attributes of an `origin`, in m and rad."""
     angles = [math.radians(angle) for angle in wpr(pose, [0.0, 0.0, 0.0])]
     return [value + 0.0 for value in (*(pose[:3, 3] / _METRE), *angles)]
 
 
 def _model_limits(robot: Robot, coupling: str) -> tuple[Array, Array]:
-    """Ranges of the model's joints that hold all that the controller's may take."""
+    """Return ranges of the model's joints that hold all that the controller's may take."""
     lower, upper = np.array(robot.lower), np.array(robot.upper)
     if coupling == "none":
         return lower, upper
