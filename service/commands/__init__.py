@@ -72,7 +72,7 @@ class _Commands(Group):
 
 
 def load(name: str) -> Any:
-    """A command or group by its name, imported."""
+    """Import a command or group by its name."""
     module, _, attribute = COMMANDS[name][0].rpartition(".")
     found = getattr(import_module(f"service.commands.{module}"), attribute)
     if not isinstance(found, typer.Typer):

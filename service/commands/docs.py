@@ -60,7 +60,10 @@ def pages_folder() -> Path:
 
 
 def names(folder: Path) -> list[str]:
-    """The pages in alphabetical order, as `truepose docs PAGE` takes them; decisions left out."""
+    """Return the pages in alphabetical order, as `truepose docs PAGE` takes them.
+
+    Decisions are left out.
+    """
     found = (path.relative_to(folder) for path in folder.rglob("*.md"))
     return sorted(
         path.with_suffix("").as_posix()

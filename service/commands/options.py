@@ -271,12 +271,12 @@ def finish(acceptance: AcceptanceResult | None, terminal: Terminal) -> None:
 
 
 def files_of(data: Path | None) -> tuple[Path, ...]:
-    """A data set's files: the CSV and its header."""
+    """Return a data set's files: the CSV and its header."""
     return () if data is None or not data.name else (data, data.with_suffix(".toml"))
 
 
 def _place(path: Path, shown: str) -> Path:
-    """The file itself, where a symlink leads to."""
+    """Return the file itself, at the end of its symlinks."""
     try:
         return path.resolve()
     except (OSError, RuntimeError) as error:  # links that lead back to themselves

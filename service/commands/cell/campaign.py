@@ -271,7 +271,7 @@ def export_command(
 
 
 def _export_streams(record: Path, out: Path, json: str | None) -> None:
-    """The two files of each path, and how they are aligned."""
+    """Export the two files of each path, and print the command that aligns them."""
     options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         cell, paths = export_streams(
@@ -408,7 +408,7 @@ def _complaint(error: AcquisitionError, prompt: str | None) -> str:
 
 
 def in_words(status: RunStatus) -> str:
-    """One line for people."""
+    """Return one line for people."""
     parts = [
         f"{status.name}: {status.state.replace('_', ' ')}",
         f"{status.done} of {wording.counted(status.total, 'reading')}",

@@ -100,7 +100,7 @@ def plan_ballbar(
 
 
 def _tenths(terminal: Terminal) -> Callable[[int, int], None]:
-    """Says every tenth of the work, so that a log does not fill."""
+    """Return a callback that reports every tenth of the work, so that a log does not fill."""
     said = 0
 
     def progress(done: int, total: int) -> None:

@@ -103,7 +103,7 @@ def select(
 
 
 def _listed(text: str) -> tuple[str, ...]:
-    """Names with commas between."""
+    """Parse names with commas between."""
     return tuple(name.strip() for name in text.split(",") if name.strip())
 
 

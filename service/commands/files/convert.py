@@ -97,7 +97,7 @@ def convert(
 def _known(
     files: list[Path], out: Path | None, source: str, holdout: Mapping[str, Any], json: str | None
 ) -> None:
-    """A file that an importer knows."""
+    """Return a file that an importer knows."""
     if source not in IMPORTERS:
         raise DataError(
             f"'{source}' is not a known kind of file.",

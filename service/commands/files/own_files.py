@@ -99,7 +99,7 @@ class OwnFiles:
             options.check_outputs({"--propose": self.propose_to, "--json": json}, inputs=inputs)
 
     def _given(self) -> dict[str, str]:
-        """The answers of the command line."""
+        """Return the answers of the command line."""
         given = {"robot": self.robot or "", "instrument": self.instrument or ""}
         given["sigma_mm"] = "" if self.sigma is None else repr(self.sigma)
         for text in self.answers:
@@ -213,7 +213,7 @@ def _asked(question: ColumnQuestion) -> str:
 
 
 def _from(made: Map, home: Path, to: Path) -> Map:
-    """The map with its robot's file, named from `home`, named from the folder `to`."""
+    """Return the map with its robot's file, named from `home`, named from the folder `to`."""
     robot = str(made.header.get("robot", ""))
     if robot in built_in_robots() or robot == "?" or not (home / robot).is_file():
         return made

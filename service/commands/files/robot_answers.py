@@ -20,9 +20,9 @@ _ROW = "alpha deg, a mm, theta deg, d mm, lowest, highest"
 
 @dataclass(frozen=True)
 class RobotFileAnswers:
-    """The answers that options gave.
+    """The answers from options.
 
-    A question is asked for each None, and for missing links.
+    Each None, and missing links, lead to a question.
     """
 
     name: str | None
@@ -68,7 +68,7 @@ def ask_draft(asked: RobotFileAnswers) -> Draft:
 
 
 def ask_mass() -> float:
-    """The mass of the whole arm, kg; 0 if the user does not know it, or the answers have ended."""
+    """Ask for the mass of the whole arm, kg; 0 if the user does not know it or has no answers."""
     try:
         return _ask("Mass of the whole arm, kg, as in its data sheet (0: unknown)", _mass)
     except DataError:

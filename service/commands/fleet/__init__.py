@@ -1,4 +1,4 @@
-"""`truepose fleet`: collect and keep what the cells of a plant learn about their robots."""
+"""`truepose fleet`: collect and keep the results of a plant's cells about their robots."""
 
 from __future__ import annotations
 

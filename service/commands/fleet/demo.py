@@ -2,9 +2,9 @@
 
 It has a server with its store, simulated cells, and workers that diagnose. Each cell is an ABB IRB 120 with its
 own serial number and errors. Its own sender runs next to it, as on the cell PC. The cells measure one after the
-other: first a campaign and a model, then a watch each, again and again until Ctrl-C. Each step is a command
-that a person could type. It is printed, runs below a guard and ends with this command. The output of the
-commands is in DIR/demo.log.
+other. They begin with a campaign and a model. Then each makes a watch, again and again until Ctrl-C. Each step
+is a command that a person could type. It is printed, runs below a guard and ends with this command. The output
+of the commands is in DIR/demo.log.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def _serial(number: int) -> str:
 
 
 def _make_cell(out: Path, number: int) -> Path:
-    """The folder of a cell, with cell.toml and campaign.toml."""
+    """Create the folder of a cell, with cell.toml and campaign.toml."""
     folder = out / f"cell-{number}"
     effect = _EFFECTS[(number - 1) % len(_EFFECTS)]
     rehearsal.write_files(folder, number, effect, TIME_SCALE, calibration=POSES, validation=JUDGED)
@@ -160,7 +160,7 @@ class Commands:
     """Commands of this program, each below a guard.
 
     A guard ends when its standard input closes, and therefore also when this program is killed. `log` takes the
-    output of the commands; `ending` says whether to stop.
+    output of the commands; `ending` tells when to stop.
     """
 
     def __init__(self, log: IO[str], ending: ShutdownSignal) -> None:
@@ -203,7 +203,13 @@ class Commands:
 
     @contextmanager
     def server(self, store: str, tokens: Path) -> Iterator[str]:
-        """The fleet's server; its address. Raises typer.Exit where it does not start."""
+        """Run the fleet's server and return its address.
+
+        Raises
+        ------
+        typer.Exit
+            It does not start.
+        """
         arguments = ("fleet", "serve", "--store", store, "--token-file", str(tokens), "--json")
         with self.beside(*arguments, told=True) as process:
             assert process.stdout is not None
