@@ -160,7 +160,7 @@ class AccessGate:
         return Problem(413, _TOO_LARGE.format(f"{self._most / 1024 / 1024:g}"), _SPLIT)
 
     def _counted(self, receive: Receive) -> Receive:
-        """A body without a declared length is counted as it comes."""
+        """Count a body without a declared length as it comes."""
         seen = 0
 
         async def counted() -> Message:
@@ -175,6 +175,6 @@ class AccessGate:
 
 
 def bearer(header: str) -> str:
-    """The token of an Authorization header; "" where it has none."""
+    """Return the token of an Authorization header, or "" if it has none."""
     kind, _, token = header.partition(" ")
     return token.strip() if kind.lower() == "bearer" else ""

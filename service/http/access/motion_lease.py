@@ -29,7 +29,7 @@ LEASE = path_of("cell", "lease")
 
 @dataclass(frozen=True)
 class HeldLease:
-    """A lease as it was given.
+    """A granted lease.
 
     A run watches `beats`. `origin` says from whom the lease was taken over, and why.
     """

@@ -37,7 +37,10 @@ class Tokens:
     viewer: str = field(repr=False)
 
     def role_of(self, token: str) -> Role | None:
-        """The role of a token; None if it is unknown. Compared in constant time."""
+        """Return the role of a token; None if it is unknown.
+
+        Tokens are compared in constant time.
+        """
         given = token.encode()
         operator = hmac.compare_digest(given, self.operator.encode())
         viewer = hmac.compare_digest(given, self.viewer.encode())
