@@ -39,7 +39,7 @@ def look_through(folder: Path) -> None:
 
 
 def unreadable(folder: Path, error: Exception) -> DamagedRecord:
-    """The error of a folder, or of a dry run in it, that cannot be read."""
+    """Return the error of a folder, or of a dry run in it, that cannot be read."""
     return DamagedRecord(f"{folder}: cannot be read ({error})")
 
 
@@ -51,7 +51,7 @@ class Damaged:
         self._documents: dict[str, dict[str, Any]] = {}
 
     def set_aside(self, name: str, error: AcquisitionError) -> dict[str, Any]:
-        """The document of a run, kept for the next time where its record is damaged for good."""
+        """Return the document of a run, and keep it if its record is damaged for good."""
         document = document_of(self._folder / name, error)
         if not isinstance(error, StorageError) or isinstance(error, DamagedRecord):
             self._documents[name] = document  # else it may be another thing the next time
@@ -76,7 +76,7 @@ class Damaged:
             self.set_aside(name, unreadable(folder, error))
 
     def document(self, name: str) -> dict[str, Any] | None:
-        """The document of a run that was set aside; None of any other."""
+        """Return the document of a run that was set aside; None of any other."""
         return self._documents.get(name)
 
     def forget(self, name: str) -> None:

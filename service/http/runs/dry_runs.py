@@ -50,7 +50,7 @@ def readings_of(cell: Cell, table: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def readings_in(visits: Sequence[Visit]) -> int:
-    """Number of readings of poses in a plan."""
+    """Return the number of readings of poses in a plan."""
     return sum(len(visit.targets) for visit in visits if visit.counted)
 
 

@@ -7,14 +7,14 @@ from service.http.wire.problems import Problem
 
 
 def dry() -> Problem:
-    """A dry run is asked to do something."""
+    """Return the problem of an order to a dry run."""
     return Problem(409, "This was a dry run: nothing moves.", "Start it with dry_run = false.", code=8103)
 
 
 def other_cell() -> Problem:
     """Return the problem of a run with another cell file.
 
-    A run has the addresses, limits and boxes of its own cell, not of the current one.
+    Each run has the addresses, limits and boxes of its own cell, not of the current one.
     """
     return Problem(
         409,
@@ -38,7 +38,7 @@ def other_devices(*, simulated: bool) -> Problem:
 
 
 def busy(execution: RobotThread) -> Problem:
-    """The robot is used; with the ids of the run and the loop that do."""
+    """Return the problem of a busy robot, with the ids of its run and loop."""
     ids = {"run_id": execution.run_id, "loop_id": execution.loop_id}
     can_pause = not execution.loop_id and not execution.examines
     return Problem(

@@ -273,7 +273,7 @@ class LoopWork:
 
 @dataclass(frozen=True)
 class LoopStatus:
-    """The state of a loop at one moment.
+    """Snapshot of a loop.
 
     A change makes another one, with the next `version`. `steps` are its steps, the last one in progress. `runs` are
     its runs; `run_id` is the current one. `problem` is the reason why it failed or rests.
@@ -295,6 +295,6 @@ class LoopStatus:
     problem: dict[str, Any] | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """The status as plain values, for JSON."""
+        """Return the status as plain values, for JSON."""
         shown = asdict(self) | {"steps": list(self.steps), "runs": list(self.runs)}
         return shown | {"state": self.state.value, "state_code": self.state.code}

@@ -60,12 +60,12 @@ class LoopStore:
                 self._write(document | _state(State.FAILED) | {"reason": CUT_OFF, "run_id": None})
 
     def ids(self) -> list[str]:
-        """The ids of all loops, newest first."""
+        """Return the ids of all loops, newest first."""
         names = (p.name for p in self._folder.iterdir() if safe_id(p.name) and (p / ABOUT).is_file())
         return sorted(names, reverse=True)
 
     def documents(self) -> list[dict[str, Any]]:
-        """Every loop, newest first, without those whose files are damaged."""
+        """Return every loop, newest first, without those whose files are damaged."""
         return readable(self.ids(), self.document)
 
     def document(self, name: str) -> dict[str, Any]:
@@ -175,7 +175,7 @@ class LoopStore:
         self._going_on(name).pause(by)
 
     def pause_all(self, by: str, reason: str) -> None:
-        """The loop that has the robot, also where it is between two runs."""
+        """Pause the loop that has the robot, also between two of its runs."""
         work = self._work.get(self._book.lent_to or "")
         if work is not None:
             work.pause(by, reason)
@@ -210,7 +210,7 @@ class LoopStore:
         return work
 
     def close(self) -> None:
-        """The service ends: nothing new begins."""
+        """End all loops, because the service ends; nothing new begins."""
         for work in self._work.values():
             work.close()
 

@@ -63,7 +63,10 @@ class RunCache:
         return await self.anew(run_id)
 
     async def anew(self, run_id: str) -> RunSnapshot:
-        """The run as it is, read after this call. Raises as `RunManager.document`."""
+        """Return the state of the run, read after this call.
+
+        The errors are those of `RunManager.document`.
+        """
         glance = await self._reading(f"a glance at run {run_id}", lambda: self._read(run_id))
         self._kept = glance
         return glance

@@ -95,7 +95,10 @@ class RunManager:
         return read_status(self._folder / name)
 
     def ids(self) -> list[str]:
-        """The ids of all runs, newest first; those in memory also where their folder is gone."""
+        """Return the ids of all runs, newest first.
+
+        Runs in memory are listed even if their folder is gone.
+        """
         try:
             found = {p.name for p in self._folder.iterdir() if safe_id(p.name)}
         except FileNotFoundError:
@@ -103,7 +106,7 @@ class RunManager:
         return sorted(found | set(self._runs), reverse=True)
 
     def documents(self) -> list[dict[str, Any]]:
-        """Every run, newest first; folders that hold none are left out."""
+        """Return every run, newest first; folders that hold none are left out."""
         out = []
         for name in self.ids():
             with suppress(RecordError):
@@ -146,7 +149,7 @@ class RunManager:
             execution.begun.wait(BEGIN_S)
 
     def _let_finish(self, name: str) -> None:
-        """A run that has just ended its execution is shown once robot and record are free again."""
+        """Wait until a run that has just ended has freed robot and record."""
         execution = self._execution
         if execution is None or execution.run_id != name or not execution.begun.is_set():
             return
@@ -353,7 +356,7 @@ class RunManager:
     def run_of_loop(
         self, name: str, title: str, cell: Cell, plan: tuple[Campaign, list[Visit]]
     ) -> Iterator[Run]:
-        """A run of the loop that has the robot, listed and ordered about like any other."""
+        """Create a run of the loop that has the robot; it is listed and takes orders like any other."""
         execution = self._execution
         assert execution is not None
         folder, (campaign, visits) = self._folder / name, plan
@@ -368,12 +371,12 @@ class RunManager:
             execution.run_id = ""
 
     def begun(self) -> None:
-        """The run of the loop executes: orders reach it."""
+        """Note that the run of the loop executes, so that orders reach it."""
         if (execution := self._execution) is not None:
             execution.begun.set()
 
     def not_begun(self) -> None:
-        """The run of the loop rests: a pause waits until it executes again."""
+        """Note that the run of the loop rests; a pause waits until it executes again."""
         if (execution := self._execution) is not None:
             execution.begun.clear()
 
