@@ -35,11 +35,11 @@ def create_campaign(here: Here, body: NewCampaign, idempotency_key: IdempotencyK
 
 @router.get("/campaigns", operation_id="listCampaigns", response_model=Campaigns)
 async def list_campaigns(here: Here) -> Response:
-    """Every campaign, newest first."""
+    """List every campaign, newest first."""
     return await here.listed("campaigns", here.shelf.all)
 
 
 @router.get("/campaigns/{campaign_id}", operation_id="getCampaign", response_model=CampaignShown)
 def get_campaign(here: Here, campaign_id: CampaignId) -> dict[str, Any]:
-    """A campaign that was kept."""
+    """Return a campaign that was kept."""
     return here.shelf.get(campaign_id)

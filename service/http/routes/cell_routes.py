@@ -20,14 +20,17 @@ router = APIRouter(route_class=JsonRoute, tags=["cell"])
 
 @router.get("/health", operation_id="getHealth", response_model=Health)
 async def get_health(here: Here) -> dict[str, Any]:
-    """The service answers. Needs no token."""
+    """Confirm that the service answers. Needs no token."""
     simulated = here.settings.simulated is not None
     return {"status": "ok", "version": version("truepose"), "page": page_hash(), "simulated": simulated}
 
 
 @router.get("/cell", operation_id="getCell", response_model=CellShown)
 async def get_cell(here: Here, request: Request) -> dict[str, Any]:
-    """The cell, who may move its robot, which run does, and the role of the token that asks."""
+    """Return the cell.
+
+    Also returned are who may move its robot, which run does, and the role of the token that asks.
+    """
     cell, held = here.cell, here.lease.current
     return {
         "name": cell.name,

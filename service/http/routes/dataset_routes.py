@@ -85,7 +85,7 @@ def upload_mapped(
 
 @router.get("/datasets", operation_id="listDatasets", response_model=DatasetList)
 async def list_datasets(here: Here) -> Response:
-    """Every data set, newest first."""
+    """List every data set, newest first."""
     return await here.listed("datasets", here.datasets.all)
 
 
@@ -97,7 +97,7 @@ def get_dataset(here: Here, dataset_id: DatasetId) -> dict[str, Any]:
 
 @router.get("/datasets/{dataset_id}/data.csv", operation_id="downloadDatasetCsv", response_class=FileResponse)
 def download_csv(here: Here, dataset_id: DatasetId) -> FileResponse:
-    """The readings."""
+    """Return the readings."""
     return FileResponse(here.datasets.path(dataset_id) / CSV, media_type="text/csv; charset=utf-8")
 
 
@@ -105,5 +105,5 @@ def download_csv(here: Here, dataset_id: DatasetId) -> FileResponse:
     "/datasets/{dataset_id}/data.toml", operation_id="downloadDatasetToml", response_class=FileResponse
 )
 def download_toml(here: Here, dataset_id: DatasetId) -> FileResponse:
-    """The header of the readings."""
+    """Return the header of the readings."""
     return FileResponse(here.datasets.path(dataset_id) / TOML, media_type="application/toml")

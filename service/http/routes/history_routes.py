@@ -157,7 +157,7 @@ def get_document(
         ),
     ],
 ) -> Response:
-    """A document of the history as it was sent: JSON."""
+    """Return a document of the history as it was sent: JSON."""
     found = here.history.ask(history_calls.content, document)
     if found is None:
         raise not_found("document", document)

@@ -53,7 +53,7 @@ class JsonRoute(APIRoute):
     """A route whose requests are `JsonRequest`s."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """The handler of the framework, given our request."""
+        """Return the handler of the framework with our request class."""
         handle = super().get_route_handler()
 
         async def strictly(request: Request) -> Response:

@@ -43,7 +43,7 @@ PAGE = """<!DOCTYPE html>
 
 @router.get("/docs", include_in_schema=False)
 def docs_page() -> HTMLResponse:
-    """The page."""
+    """Serve the page."""
     return HTMLResponse(PAGE, headers=HEADERS)
 
 

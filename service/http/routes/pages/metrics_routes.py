@@ -22,7 +22,7 @@ router = APIRouter()
 
 @router.get("/metrics", include_in_schema=False)
 async def metrics(here: Here, request: Request) -> Response:
-    """The measures as text."""
+    """Return the measures as text."""
 
     def read() -> bytes:
         registry = CollectorRegistry()
@@ -40,7 +40,7 @@ class Measures(Collector):
         self._here = here
 
     def collect(self) -> Iterator[Metric]:
-        """Gauges; those of a run only while one uses the robot."""
+        """Return gauges; those of a run only while one uses the robot."""
         here = self._here
         about = GaugeMetricFamily("truepose_info", "The program; always 1.", labels=("version", "simulated"))
         about.add_metric((version("truepose"), str(here.settings.simulated is not None).lower()), 1)

@@ -42,7 +42,7 @@ def page_hash() -> str:
 
 
 def page_text(nonce: str) -> str:
-    """The page with its style in it, and its script marked with this number."""
+    """Return the page with its style in it, and its script marked with this number."""
     text, style = ((FOLDER / name).read_text(encoding="utf-8") for name in ("page.html", "page.css"))
     text = text.replace("<style></style>", f"<style>{style}</style>")
     text = text.replace('<html lang="en">', f'<html lang="en" data-page="{page_hash()}">')
@@ -65,7 +65,7 @@ def policy_of(page: str, nonce: str) -> str:
 
 @router.get("/", include_in_schema=False)
 def operator_page() -> HTMLResponse:
-    """The page."""
+    """Serve the page."""
     nonce = secrets.token_urlsafe(18)
     page = page_text(nonce)
     return HTMLResponse(page, headers=_HEADERS | {"Content-Security-Policy": policy_of(page, nonce)})
@@ -73,7 +73,7 @@ def operator_page() -> HTMLResponse:
 
 @router.get("/page/{name}", include_in_schema=False)
 def module(name: str) -> Response:
-    """A module of the page."""
+    """Serve a module of the page."""
     if name not in MODULES:
         raise not_found("module", name)
     text = (FOLDER / name).read_text(encoding="utf-8")

@@ -57,7 +57,7 @@ def create_loop(
 
 @router.get("/loops", operation_id="listLoops", response_model=LoopList)
 async def list_loops(here: Here) -> Response:
-    """Every loop, newest first."""
+    """List every loop, newest first."""
     return await here.listed("loops", here.loops.documents)
 
 
@@ -117,9 +117,10 @@ def resume_loop(
 
 @router.post("/loops/{loop_id}/stop", operation_id="stopLoop", status_code=202, response_model=LoopShown)
 async def stop_loop(here: Here, loop_id: LoopId) -> JSONResponse:
-    """The robot halts now and the loop ends. Needs no lease. `problems`: what could not be stopped.
+    """Halt the robot now and end the loop. Needs no lease.
 
-    The answer comes when the robot has the order, which may be a moment before the loop has ended.
+    `problems` lists the devices that could not be stopped. The answer comes when the robot has the order, which may
+    be a moment before the loop has ended.
     """
 
     def work() -> JSONResponse:

@@ -40,7 +40,7 @@ class Verb(Enum):
 
 @router.get("/runs/{run_id}/prompts", operation_id="listPrompts", response_model=Prompts)
 async def list_prompts(here: Here, run_id: RunId) -> dict[str, Any]:
-    """The prompt that is open now."""
+    """List the prompt that is open now, if there is one."""
     prompt = (await here.reading(f"run {run_id}", lambda: here.book.document(run_id)))["prompt"]
     return {"prompts": [] if prompt is None else [prompt]}
 

@@ -69,7 +69,7 @@ def create_run(
 
 @router.get("/runs", operation_id="listRuns", response_model=Runs)
 async def list_runs(here: Here) -> Response:
-    """Every run, newest first."""
+    """List every run, newest first."""
     return await here.listed("runs", here.book.documents)
 
 
@@ -141,9 +141,10 @@ def restation_run(
 
 @router.post("/runs/{run_id}/stop", operation_id="stopRun", status_code=202, response_model=RunResponse)
 async def stop_run(here: Here, run_id: RunId) -> JSONResponse:
-    """The robot halts now and the run ends. Needs no lease. `problems`: what could not be stopped.
+    """Halt the robot now and end the run. Needs no lease.
 
-    The answer comes when the robot has the order, which may be a moment before the run has ended.
+    `problems` lists the devices that could not be stopped. The answer comes when the robot has the order, which may
+    be a moment before the run has ended.
     """
 
     def work() -> JSONResponse:
@@ -182,7 +183,7 @@ def export_run(
     responses={200: {"content": {LINES: {"schema": {"type": "string"}}}}},
 )
 def download_events(here: Here, run_id: RunId) -> PlainTextResponse:
-    """The events up to now, oldest first, one JSON object a line."""
+    """Return the events up to now, oldest first, one JSON object per line."""
     here.book.get(run_id)
     with TemporaryDirectory() as folder:
         file = Path(folder) / "events.jsonl"
