@@ -122,5 +122,5 @@ class CampaignStore:
         return line
 
     def all(self) -> list[dict[str, Any]]:
-        """All campaigns, newest first."""
+        """Return all campaigns, newest first."""
         return readable((file.stem for file in sorted(self._folder.glob("*.json"), reverse=True)), self.get)

@@ -135,7 +135,7 @@ def _refused(done: Compensation) -> list[dict[str, Any]]:
 
 
 def _sayable(value: Any) -> Any:
-    """The value with `?` for bytes of a program that are not UTF-8: JSON cannot say them."""
+    """Replace bytes of a program that are not UTF-8 by `?`, because JSON cannot hold them."""
     if isinstance(value, str):
         return value.encode("utf-8", errors="replace").decode("utf-8")
     if isinstance(value, Mapping):
@@ -156,7 +156,7 @@ def _as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _rows(text: str) -> list[dict[str, Any]]:
-    """The rows of a table, numbers as numbers; ids and configurations stay text."""
+    """Return the rows of a table, numbers as numbers; ids and configurations stay text."""
     return [
         {name: _value(name, cell) for name, cell in row.items() if name is not None}
         for row in csv.DictReader(io.StringIO(text))

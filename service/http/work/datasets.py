@@ -82,7 +82,7 @@ class DatasetStore:
         return keep_dataset(self._folder, write, name or Path(plain_name(files[0][0])).stem) | told
 
     def keep(self, data: Path, name: str) -> dict[str, Any]:
-        """A copy of a data set that this program has made."""
+        """Keep a copy of a data set that this program has made."""
 
         def write(folder: Path) -> None:
             shutil.copyfile(data, folder / CSV)
@@ -157,6 +157,6 @@ class DatasetStore:
         return line
 
     def all(self) -> list[dict[str, Any]]:
-        """All data sets, newest first."""
+        """Return all data sets, newest first."""
         names = sorted((p.name for p in self._folder.iterdir() if safe_id(p.name)), reverse=True)
         return readable(names, self.get)

@@ -73,7 +73,7 @@ class DeletionLog:
         return self.note("run", document, by, reason, sha256=sha256_of(folder), **more)
 
     def all(self) -> list[dict[str, Any]]:
-        """Every line, oldest first; one that was cut off by the end of the program is left out."""
+        """Return every line, oldest first, except one that the end of the program cut off."""
         file = self._record / FILE
         lines = file.read_text("utf-8").splitlines() if file.is_file() else []
         found = []

@@ -110,7 +110,7 @@ class RobotHistory:
                 self._trouble, self._wanted = trouble, self._wanted or bool(trouble)
 
     def here(self) -> dict[str, dict[str, str]]:
-        """The results of this service, as kind and id, by the documents of the store that they are."""
+        """Map documents of the store to the results of this service (kind and id)."""
         found: dict[str, dict[str, str]] = {}
         with self._changed:
             lines = list(self._done.items())
@@ -121,7 +121,7 @@ class RobotHistory:
         return found
 
     def refused(self) -> list[dict[str, str]]:
-        """The results that were not kept, and why, newest first; at most 50."""
+        """Return the results that were not kept, with reasons, newest first; at most 50."""
         with self._changed:
             lines = [(path, line) for path, line in self._done.items() if line["state"] == "refused"]
             away = [{"path": "", "because": self._trouble}] if self._trouble else []
@@ -138,7 +138,7 @@ class RobotHistory:
         self._thread.join()
 
     def _keep(self) -> None:
-        """The thread: a while after something has ended, and again while the store is away."""
+        """Bring results into the store, a while after their end and while the store is away."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._wanted or self._closed)
@@ -157,12 +157,15 @@ class RobotHistory:
 
 
 def _mark(address: str) -> str:
-    """The mark of a store in the journal: its address may hold a password."""
+    """Return the mark of a store in the journal, because its address may hold a password."""
     return hashlib.sha256(address.encode()).hexdigest()[:16]
 
 
 def _journal(path: Path, store: str) -> dict[str, dict[str, Any]]:
-    """The journal's lines about a store, by path. The file of a line that was cut off is added again."""
+    """Read the journal's lines about a store, by path.
+
+    The file of a line that was cut off is added again.
+    """
     found: dict[str, dict[str, Any]] = {}
     if not path.is_file():
         return found

@@ -36,7 +36,7 @@ class _Entry:
 
 
 def reply(status: int, content: dict[str, Any], *, location: str = "", retry_after: int = 0) -> JSONResponse:
-    """A response with the headers that resources of this service have."""
+    """Return a response with the headers that resources of this service have."""
     headers = {"Location": location} if location else {}
     if retry_after:
         headers["Retry-After"] = str(retry_after)
@@ -98,7 +98,7 @@ class IdempotencyKeys:
         Raises
         ------
         Problem
-            422: the key was used for another request. 409: the outcome of its work is unknown.
+            422 if the key was used for another request, 409 if the outcome of its work is unknown.
         """
         if not key:
             return work()

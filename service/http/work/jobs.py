@@ -174,7 +174,7 @@ class Jobs:
         return next(known, None) if safe_id(name) else None
 
     def _step(self, folder: Path) -> str:
-        """The step of the running job; empty before it has said so."""
+        """Return the step of the running job; empty before it has reported one."""
         with suppress(Problem):
             return str(read_kept(folder / STEP, ResponseBody).get("step", ""))
         return ""
@@ -206,7 +206,7 @@ class Jobs:
         return self.document(kind, name)["version"]
 
     def counts(self) -> dict[str, int]:
-        """Numbers of jobs that wait, and that are worked on."""
+        """Return the numbers of jobs that wait, and that are worked on."""
         with self._changed:
             return {"waiting": len(self._waiting), "working": int(self._current is not None)}
 

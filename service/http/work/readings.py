@@ -29,7 +29,10 @@ class DocumentCache:
         self._waiting: dict[str, asyncio.Task[Any]] = {}
 
     async def __call__(self, what: str, read: Callable[[], _T]) -> _T:
-        """The value of `read`, begun after this call. All who ask for `what` before it is begun share it."""
+        """Return the value of `read`, begun after this call.
+
+        All clients that ask for `what` before it is begun share it.
+        """
 
         async def begin() -> _T:
             async with self._turn:

@@ -21,7 +21,7 @@ def read_kept(path: Path, kind: type[BaseModel]) -> dict[str, Any]:
     Raises
     ------
     Problem
-        500: the document is not of this kind; the message names the file.
+        500 if the document is not of this kind. The message names the file.
     """
     try:
         document = read_json(path)

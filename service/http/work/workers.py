@@ -43,10 +43,16 @@ class Workers:
         self._closed = False
 
     def call(self, function: Callable[[*_Ts], _T], *args: *_Ts) -> _T:
-        """The result of the function, one of a module, in a worker. Blocks.
+        """Call a function of a module in a worker and return its result. Blocks.
 
-        Raises what the function raises of DataError and AcquisitionError, Problem 503 when too many calls wait, the
-        time is over or the service ends, WorkerDied.
+        Raises
+        ------
+        DataError, AcquisitionError
+            The function raised it.
+        Problem
+            503: too many calls wait, the time is over or the service ends.
+        WorkerDied
+            The worker ended during the call.
         """
         with self._hired() as worker:
             return worker.do(function, args, self._most_s)
@@ -160,7 +166,7 @@ class _Worker:
             return None
 
     def kill(self, why: Problem) -> None:
-        """The process ends, from any thread; a call under way is refused with `why`."""
+        """End the process, from any thread; a call under way is refused with `why`."""
         self._killed = why
         self._process.kill()
 
