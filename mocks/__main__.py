@@ -51,7 +51,7 @@ _MBP: Mapping[str, Callable[[Cell], None]] = {"mbp1": _ours, "mbp1-plain": _with
 DIALECTS: Mapping[str, Mapping[str, Callable[[Cell], None]]] = {
     "abb": {"calsrv": _ours, "open_abb": _stock},
     "abb-simple": {"simple_message": _ours},
-    "fanuc": {"mappdk-cal": _ours, "mappdk": _stock},  # Modbus is served beside either
+    "fanuc": {"mappdk-cal": _ours, "mappdk": _stock},  # Modbus is served in addition to either
     "ur": {
         "polyscope-3.15": _polyscope((3, 15, 8, 106339)),
         "polyscope-3.8": _polyscope((3, 8, 0, 61336)),  # without registers

@@ -33,7 +33,7 @@ class CellFile:
     u_mm: dict[str, float] = field(default_factory=dict)  # stated of nests and targets, 1 sigma per axis
     misplaced_mm: dict[str, tuple[float, ...]] = field(
         default_factory=dict
-    )  # how far off they are, else drawn
+    )  # errors of these places; others are drawn
     seed: int = 1
     time_scale: float = 1.0
     effects: tuple[str, ...] = ()

@@ -49,7 +49,7 @@ __all__ = [
     "validate",
 ]
 
-# Where each name is: imported when it is first asked for, which keeps `import truepose` short
+# Place of each name: imported on first use, which keeps `import truepose` short
 _HOMES = {
     "Corrected": "correction",
     "Data": "data",

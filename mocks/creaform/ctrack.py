@@ -95,7 +95,7 @@ class CTrackDevice:
             sheet, looks = plate(12, world.station - place)
             groups.append((sheet + place, looks))
         self.base_plate = tuple(np.concatenate(each) for each in zip(*groups, strict=True))
-        # A tool whose normals the cell does not declare carries reflectors all around: it is seen anyhow.
+        # A tool without declared normals carries reflectors all around: it is seen in any orientation.
         self.plates = {
             name: plate(20, np.asarray(normals[name], dtype=float)) if name in normals else None
             for name in world.targets

@@ -48,7 +48,7 @@ class BallbarDevice:
         self._rng = np.random.default_rng([world.seed, BAR_STREAM])
         self.state = "READY"
         self.mounted: tuple[str, str] | None = None  # base ball, tool ball
-        self.built_by_hand = False  # else it is as long as it is said to be, as in a rehearsal
+        self.built_by_hand = False  # otherwise it has its stated length, as in a rehearsal
         self.in_calibrator = True  # whenever ZERO is asked
         self.knocked_mm = 0.0
         self.serial = "2Q0001"

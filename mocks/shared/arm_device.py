@@ -70,7 +70,7 @@ class ArmDevice:
 
     now: Callable[[], float]
     limits_deg: Sequence[tuple[float, float]]
-    sliding: Sequence[bool] = ()  # none where empty
+    sliding: Sequence[bool] = ()  # none if empty
     mode: str = "auto"  # or "manual", "manual_full"
     motors_on: bool = True
     emergency_stop: bool = False

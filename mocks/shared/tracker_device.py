@@ -99,7 +99,7 @@ class TrackerDevice:
     def to_tracker(self, point: Vector) -> Vector:
         return self.rotation.T @ (point - self.origin)
 
-    # -- what it is told to do ----------------------------------------------------------------------------
+    # -- orders --------------------------------------------------------------------------------------------
 
     def check_ready(self) -> None:
         """Check that a reading can be taken.

@@ -14,7 +14,7 @@ from typer.main import get_command
 
 from service import written
 
-# name -> where it is, and the first sentence of its help (held against it by a test)
+# name -> its place, and the first sentence of its help (a test compares them)
 COMMANDS = {
     "demo": ("demo.demo", "See the loop on a simulated robot with an undeclared effect."),
     "robot": ("files.robot.app", "Write, import and check the file of a robot of your own."),

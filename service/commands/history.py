@@ -41,7 +41,7 @@ Model = Annotated[
 _RECORD = "record.sqlite3"
 _DAYS, _HOURS = (180.0, 7.0, 1825.0), (2000.0, 100.0, 20_000.0)  # first, shortest, longest interval
 VARIABLE = "TRUEPOSE_STORE"
-DEFAULT = Path("truepose-record") / "history.sqlite3"  # beside what `truepose serve` keeps
+DEFAULT = Path("truepose-record") / "history.sqlite3"  # next to the files of `truepose serve`
 _FILE = "sqlite:///"
 _ADDRESS = "sqlite:///FILE or postgresql://USER@HOST/NAME"
 

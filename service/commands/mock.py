@@ -36,7 +36,7 @@ def mock(
     _refuse(name, cell)
     arguments = [name, *([] if cell is None else [str(cell)]), "--port", str(port)]
     arguments += [] if dialect is None else ["--dialect", dialect]
-    # In a session of its own, so that Ctrl-C reaches it once, through us.
+    # In a separate session, so that Ctrl-C reaches it once, through us.
     code = child.run(command_of(*arguments), subprocess.Popen[bytes].send_signal, own_session=True)
     raise typer.Exit(code)
 

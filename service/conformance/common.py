@@ -46,7 +46,7 @@ def nobody_there(make: Callable[[str], Device], url: Callable[[int], str]) -> No
     One device has an address at which no one listens; the other is not connected.
     """
     with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))  # bound and not listening: nobody else answers there either
+        taken.bind(("127.0.0.1", 0))  # bound and not listening: no other program answers there either
         device = make(url(taken.getsockname()[1]))
         refused(LinkError, "identify without a connection", device.identify)
         begin = time.monotonic()

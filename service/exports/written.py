@@ -90,7 +90,7 @@ def written(
         joints=_measured(saved) if data is None else _postures(data, saved),
     )
     held_out = saved.held_out_rms_mm
-    # Read back, a file states the error of its own numbers; the lines about it are in no reader's way
+    # Reading the file back gives the error of its own numbers; no reader minds the lines about it
     export = ExportRequest(robot, saved.coupling, found, (), robot_hash, saved.simulated)
     loss, nominal = (
         found.off(form.reads(form.writes(export), export)),

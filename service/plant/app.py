@@ -32,7 +32,7 @@ from service.http.wire.problems import Problem
 from service.plant import routes
 from service.plant.own_tokens import Senders
 
-AGAIN_S, ROOM_S = 15, 120  # when to ask again: a store that is away, one without room
+AGAIN_S, ROOM_S = 15, 120  # when to ask again: a store that is away, a full store
 _PUT = re.compile(rf"{PREFIX}/documents/[^/]+")
 _OPEN = (path_of("health"), "/openapi.json")
 

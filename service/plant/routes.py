@@ -130,7 +130,7 @@ class HealthShown(BaseModel):
 
 router = APIRouter()
 UPLOADS = 16  # in hand; each may be a body in memory
-SHARE = 2  # of these for one sender: a cell sends one after another, and may begin anew before the last has ended here
+SHARE = 2  # of these for one sender: a cell sends one after another, and may begin again before the last has ended here
 PIECE_S = 60.0  # a client that sends nothing for so long has gone
 UPLOAD_S = 600.0  # for a whole document: 32 MB at half a megabit a second
 AHEAD = timedelta(days=1)  # by which a cell's clock may go before the server's
@@ -193,7 +193,7 @@ async def put_document(
                 code=_OTHER_ROBOT,
             )
     _refuse_ahead(measured_at, request.app.state.now())
-    # Whoever has the token that all share may give any name: it is then told from others by its address too.
+    # A client with the shared token may give any name; its address then distinguishes it too.
     sender = cell if own else f"{cell} at {request.client.host if request.client else ''}"
     uploads: Counter[str] = request.app.state.uploads
     if uploads.total() >= UPLOADS or uploads[sender] >= SHARE:
@@ -207,7 +207,7 @@ async def put_document(
     try:
         content = await _whole(request)
         if content is None:
-            return Response(status_code=400)  # nobody hears it
+            return Response(status_code=400)  # no client hears it
         document = Document(kind, robot, cell, identity, measured_at, content)
         added = await anyio.to_thread.run_sync(_added, store, document, hash)
     finally:

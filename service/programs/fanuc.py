@@ -49,7 +49,7 @@ _STATEMENT = re.compile(r"(?:\s*+\d++\s*+:)?+(?P<code>[^;]*+);?+")
 _ANY = r"(?:(?<![A-Z])P\[[^][]*+\]|(?<![A-Z])P\[\s*+A?R\[[^][]*+\][^][]*+\])"
 _MOTION = re.compile(rf"\s*+[JLACS]\s++(?={_ANY}|PR\[)", re.IGNORECASE)
 _DISTANCE = re.compile(r"\bINC\b", re.IGNORECASE)
-# What a motion may have beside its positions without changing where they are, and what it may do on its way.
+# Parts of a motion that do not change its positions, and actions on its way.
 _PLAIN = re.compile(
     rf"{_ANY}|:\s|(?<![A-Z])A?R\[[^][]*+\]|\b(?:FINE|PTH|WJNT|W/JNT|MROT|MPTH|BREAK|HOT_START|max_speed|WELD_SPEED)\b"
     r"|\b(?:CNT|CD|CR|ACC|EV|Ind\.EV|RT_LD|AP_LD|PSPD|SLOWDOWN)\s*+\d*+%?+|\bSkip\s*+,\s*+LBL\[[^][]*+\]"
@@ -112,7 +112,7 @@ class FanucProgram:
             )
         end = re.search(r"^/END\b", text[begin.end() :], re.MULTILINE)
         stop = len(text) if end is None else begin.end() + end.start()
-        # What stands before the first instruction says what the program is, statement by statement as well.
+        # The lines before the first instruction describe the program, also statement by statement.
         first = re.search(r"^/MN\b[^\r\n]*+", text[: begin.start()], re.MULTILINE)
         head = 0 if first is None else first.end()
         statements = [*_statements(text, 0, head), *_statements(text, head, begin.start())]

@@ -62,7 +62,7 @@ _FIELD = re.compile(
 )
 _POSE, _AXES = ("X", "Y", "Z", "A", "B", "C"), ("A1", "A2", "A3", "A4", "A5", "A6")
 _POINT = r"(?:[A-Z_]\w*+(?:\[\s*+\d++\s*+\])?+|\{\})"
-# What a motion may have beside its points without changing where they are.
+# Parts of a motion that do not change its points.
 _PLAIN = re.compile(
     rf"(?P<points>{_POINT}(?:\s*+,\s*+{_POINT})?+)(?:\s*+,\s*+CA\s++[-+.\w]++)?+(?:\s++C_[A-Z]++)*+"
     r"(?:\s++WITH\b(?:(?!\$(?:TOOL|BASE|IPO_MODE)\s*+=\s*+(?!S\w++\s*+\(\s*+F)).)*+)?+\s*+",
@@ -102,7 +102,7 @@ class _Valid:
 
     tool: Array | str | None = None
     base: Array | str | None = None
-    outside: bool = False  # the tool stands in the room
+    outside: bool = False  # the tool is fixed in the cell
 
 
 class KukaProgram:

@@ -46,7 +46,7 @@ _HEADERS = (
 _OPERATORS = ("and", "or", "xor", "not", "div", "mod")
 _MOVED = ("offs", "reltool")  # functions that move a target along
 _DEEPEST = 8  # constants named by constants
-# Words of a constant that a target, tool or work object is made of; a wobjdata has some 50
+# Words of a constant of a target, tool or work object; a wobjdata has about 50
 _LONGEST_VALUE = 200
 
 

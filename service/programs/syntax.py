@@ -169,7 +169,7 @@ def _literal(tokens: Sequence[Token], at: int, depth: int) -> tuple[Node, int]:
         if follows is not None and follows.kind == "sign" and follows.text in _OPEN:
             end = _closing(tokens, at + 1)
             kind = {"(": "call", "{": "element", "[": "list"}[follows.text]
-            # The arguments of a call may be anything: only the first, where it is a plain value, is looked at.
+            # The arguments of a call may be anything: only the first is read, if it is a plain value.
             read = _plain if kind == "call" else _items
             items = read(tokens[at + 2 : end], depth + 1)
             return Node(kind, token.start, tokens[end].end, token.text, items=items), end + 1

@@ -71,7 +71,7 @@ class UrScript:
         found: list[tuple[ProgramTarget, Node | None]] = []
         own = {after.text for token, after in pairwise(self._tokens) if token.text in ("def", "thread")}
         several = self._tools_set() > 1
-        done = 0  # what is in the brackets of a motion is not looked at again
+        done = 0  # the content of a motion's brackets is not read again
         for i, token in enumerate(self._tokens[:-1]):
             calls = self._tokens[i + 1].text == "("
             if i < done or token.kind != "name":

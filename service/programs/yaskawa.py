@@ -31,7 +31,7 @@ from service.programs.text import Edit, Lines, Number
 _LINE = re.compile(r"[^\r\n]++")
 _POSITION = re.compile(r"(?P<name>C\d{3,6}+)\s*+=(?P<values>.*+)")
 _TYPE = re.compile(r"///POSTYPE\s++(\w++)")
-# A parallel shift moves taught positions as well, whatever they are stored in.
+# A parallel shift moves taught positions as well, in any kind of storage.
 _RULES = rules(
     drives=r"^\s*+\+?(?:SY?|I)?+MOV[A-Z]?+\s++L?+(?:P|BP|EX|D)\w*+",
     shifts=r"^\s*+(?:SFTON|SYSTART|COMARCON)\b",

@@ -93,7 +93,7 @@ def diagnosis_report(
         "nominal robot": (diagnosis.nominal, diagnosis.nominal_estimate, drawing.NOMINAL),
         "base model": (diagnosis.base.model, diagnosis.base.estimate, drawing.BEFORE),
     }
-    if found or diagnosis.carried:  # else the last model is the base model again
+    if found or diagnosis.carried:  # otherwise the last model is the base model again
         models["with the effects found"] = (final.model, final.estimate, drawing.AFTER)
     measured = _held_out(dataset, models)
     tables = []
@@ -124,7 +124,7 @@ def diagnosis_report(
             {
                 ladder.NOMINAL: diagnosis.error_nominal,
                 ladder.BASE: diagnosis.error_before,
-                ladder.EFFECTS: diagnosis.error_named if found else None,  # else it is the base model again
+                ladder.EFFECTS: diagnosis.error_named if found else None,  # otherwise the base model again
                 ladder.CARRIED: diagnosis.error_after if diagnosis.carried else None,
             },
             None if verified is None else verified.verified,
@@ -275,7 +275,7 @@ def regression_report(
     It has the panel of its comparison, and the model that it is based on, with the hash.
     """
     asked = comparison.asked.predictor
-    assert asked.found is not None  # of what is asked for only the nominal robot has none
+    assert asked.found is not None  # of the requested predictors only the nominal robot has none
     dataset, found = comparison.dataset, asked.found
     joints = _joints(PlotSample.of(dataset, found), found.model, ())
     return _render(

@@ -143,7 +143,7 @@ def _settle(cells: Sequence[Path], ending: ShutdownSignal) -> None:
     from fleet.outbox import FILE, Outbox
 
     seen_twice = 0
-    while seen_twice < 2:  # the sender has looked once more since the last file was written
+    while seen_twice < 2:  # the sender has looked again since the last file was written
         if ending.wait(2.0 * SEND_S):
             raise _Stopped
         counts = []

@@ -13,7 +13,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LOG = logging.getLogger("service.http.requests")
 NO_ROUTE = (
-    "none"  # refused at the gate, or there is no such path: what a stranger asks for makes no new label
+    "none"  # refused at the gate, or there is no such path: requests of unknown clients make no new label
 )
 
 

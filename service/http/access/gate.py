@@ -153,7 +153,7 @@ class AccessGate:
         try:
             address = ipaddress.ip_address(name)
         except ValueError:
-            return False  # a name that somebody else may let point at us
+            return False  # a name that another party may let point at us
         return address.is_loopback or self._host in ("0.0.0.0", "::")
 
     def _too_large(self) -> Problem:

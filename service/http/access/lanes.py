@@ -87,7 +87,7 @@ class RequestLanes:
             return
         if turns is not None:
             async with turns:
-                await asyncio.sleep(0)  # whoever is more urgent and has come meanwhile is before us now
+                await asyncio.sleep(0)  # more urgent requests that have come meanwhile go first
         await self._app(scope, _again(body, receive), send)
 
 

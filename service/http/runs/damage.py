@@ -54,7 +54,7 @@ class Damaged:
         """Return the document of a run, and keep it if its record is damaged for good."""
         document = document_of(self._folder / name, error)
         if not isinstance(error, StorageError) or isinstance(error, DamagedRecord):
-            self._documents[name] = document  # else it may be another thing the next time
+            self._documents[name] = document  # otherwise the cause may differ the next time
         return document
 
     @contextmanager
@@ -99,7 +99,7 @@ def document_of(folder: Path, error: AcquisitionError) -> dict[str, Any]:
     except RecordError:
         looked = False  # another version of the program reads it
     except (StorageError, OSError):
-        pass  # `error` says why
+        pass  # `error` has the reason
     can = f"{saved} of {counted(measured, 'reading')} can be saved. " if looked else ""
     reason = f"{error.message}. {can}{error.what_to_do}"
     status = RunStatus(

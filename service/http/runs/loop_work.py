@@ -72,7 +72,7 @@ class LoopWork:
         self._run: Run | None = None
         self._pausing = ""  # why
         self._ending = ""
-        self._accepted: DeviceAcceptance | None = None  # by whoever resumed it last
+        self._accepted: DeviceAcceptance | None = None  # by the client that resumed it last
         self._simulated = status.simulated
         self._equipment = Equipment(
             cell,

@@ -45,7 +45,7 @@ from service.http.work.deletions import DeletionLog, take_away
 from service.http.work.workers import Workers, ending
 from service.ids import new_id, safe_id
 
-# Seconds for the reading in hand when the service ends; then nothing but the move in hand is waited for
+# Seconds for the current reading when the service ends; after them only the current move is waited for
 PAUSE_S = 2.0
 REST_S = 3.0  # for that; then the robot is halted
 STOP_S = 60.0  # longer than any deadline of a device
@@ -404,7 +404,7 @@ class RunManager:
             execution.thread.join(seconds)
         return self._execution is None
 
-    # -- orders to whatever runs -------------------------------------------------------------------------
+    # -- orders to runs ----------------------------------------------------------------------------------
 
     def pause(self, name: str, by: str, reason: str = ON_REQUEST) -> None:
         """Pause a run after the current reading.
@@ -462,7 +462,7 @@ class RunManager:
                 raise errors.in_use()
             document = self.document(name, at_once=True)
             told_only = document.get("damaged") or document["dry_run"]
-            run = None if told_only else self.get(name)  # with it nobody else has the record
+            run = None if told_only else self.get(name)  # with it no other program has the record
             line = trail.note_run(document, self._folder / name, by, reason, events=run is not None)
             if run is not None:
                 run.close()

@@ -22,7 +22,7 @@ from service.http.wire.problems import Problem
 from service.json_values import utc_text
 
 FILE, FOLDER = "deleted.jsonl", "deleted"
-_COMING = ".deleted-"  # ids do not begin with a dot: nobody lists what is on its way out
+_COMING = ".deleted-"  # ids do not begin with a dot: no list shows files that are being deleted
 
 
 class DeletionLog:

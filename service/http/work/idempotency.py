@@ -75,7 +75,7 @@ class IdempotencyKeys:
                 self._read(line)
         self._journal = path.open("ab")
         if self._journal.tell():
-            self._journal.write(b"\n")  # ends a line that was cut off; empty lines are passed over
+            self._journal.write(b"\n")  # ends a line that was cut off; empty lines are skipped
 
     def _read(self, line: bytes) -> None:
         try:
@@ -141,7 +141,7 @@ class IdempotencyKeys:
                 "content": json.loads(bytes(answer.body)),
             }
             entry.reply = reply
-            with suppress(OSError):  # the work is done: whoever asks again is answered from memory
+            with suppress(OSError):  # the work is done: a repeated request is answered from memory
                 self._write(what="done", key=key, fingerprint=entry.fingerprint, reply=reply)
         except (Problem, OSError, *REFUSALS):
             # Refused, or the disk was full: nothing was made, so the key may be used again.
@@ -149,7 +149,7 @@ class IdempotencyKeys:
                 self._write(what="freed", key=key)
             except OSError:
                 pass
-            finally:  # on a full disk, too: whoever makes room asks with this key again
+            finally:  # on a full disk, too: after freeing space, a client asks with this key again
                 with self._mutex:
                     self._entries.pop(key)
             raise

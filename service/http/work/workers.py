@@ -115,7 +115,7 @@ class _Worker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=os.environ | threads,
-            process_group=0,  # Ctrl-C at the terminal is for the service; a session of its own would have its own share
+            process_group=0,  # Ctrl-C at the terminal is for the service; a separate session would have its own share
         )
         self._killed: Problem | None = None  # why
 

@@ -54,11 +54,11 @@ _STYLE: dict[Any, Any] = {
     "text.parse_math": False,  # names may hold a dollar sign
 }
 _POINTS = 72.0  # an inch
-# Inches beside the axes of a figure: for numbers of six digits and a label, for half a number, for a title, for numbers
+# Inches around the axes of a figure: for numbers of six digits and a label, for half a number, for a title, for numbers
 # and a label; between two columns as on the left.
 _LEFT, _RIGHT, _ABOVE, _BELOW, _BETWEEN = 0.8, 0.15, 0.28, 0.5, 0.8
 _BENEATH_LEGEND = 0.08
-_BAR, _BAR_RIGHT = 0.14, 1.05  # the width of a colour bar, and what it takes with its numbers
+_BAR, _BAR_RIGHT = 0.14, 1.05  # width of a colour bar, without and with its numbers
 _EDGE = 1e-9  # of the axes: a point upon their edge is seen
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 _NOISE = re.compile(

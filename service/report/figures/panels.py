@@ -27,9 +27,9 @@ from calib.model import Axis, Effect, PlotAxis, Regressor
 from calib.units import DEG
 from service.report.figures.residuals import MDEG, PlotSample, PlotValues
 
-_FOLDED_FROM = 9.0  # cycles a turn above which the angle is folded into one cycle
+_FOLDED_FROM = 9.0  # cycles per turn above which the angle is folded into one cycle
 _FAST = 30  # changes of sign
-_BLIND = 3.0  # readings that see the quantity so many times worse than usual are not drawn
+_BLIND = 3.0  # readings that see the quantity this much worse than usual are not drawn
 _CURVE_POINTS = 1500
 _PER = {
     "mm/h": ("mm", 1.0),

@@ -17,7 +17,7 @@ from service.report.figures.scatter import MOST_DOTS, thinned
 _AXES = "xyz"
 _BINS = 24
 _CELLS = 9  # of the longer side of the workspace
-_FEWEST = 3  # readings a cell
+_FEWEST = 3  # readings per cell
 _GROUPS = (drawing.FITTED, drawing.AFTER, drawing.BEFORE, drawing.NOMINAL)
 
 

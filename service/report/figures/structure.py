@@ -34,7 +34,7 @@ _MOST_POSES = 40
 _IN_CELL, _MOST_CELLS = 5, 4  # readings in a cell of three angles; cells along each
 _AXES = "xyz"
 _SQUARES = 12  # of either of two quantities
-_IN_SQUARE = 4  # readings, where there are few
+_IN_SQUARE = 4  # readings, if there are few
 _THIRDS = "lowest", "middle", "highest"
 
 

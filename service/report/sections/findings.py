@@ -19,7 +19,7 @@ from service.report.figures import panels, scatter, structure
 from service.report.figures.residuals import PlotSample
 
 _LISTED = 12  # parameters of an effect
-DRAWN = 12  # effects that get a picture of their own, strongest first; all are listed
+DRAWN = 12  # effects with a separate picture, strongest first; all are listed
 _PLACES_DRAWN = 6  # places where structure is left, most certain first; all are listed
 
 

@@ -10,7 +10,7 @@ from calib.diagnose import DiagnosisFit
 from calib.fit import ErrorStatistics
 from service import wording
 
-NEARLY = 1.3  # times the floor: what a correction is held to
+NEARLY = 1.3  # times the floor: limit of a correction
 
 
 def rows_of(diagnosis: DiagnosisFit, verification: Verification) -> dict[str, ErrorStatistics | None]:

@@ -59,7 +59,7 @@ def create_run(
 
         def begin(
             lease: LeaseDeadline,
-        ) -> str:  # asked for again: planning may take longer than the lease was held
+        ) -> str:  # requested again: planning may take longer than the lease was held
             return here.book.start(cell, plan, body.name, lease)
 
         return accepted(here, here.let_move(lease_id, begin))
