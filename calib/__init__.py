@@ -1,4 +1,4 @@
-"""Calibration of a robot from a data set: identification, diagnosis, compensation and validation.
+"""Robot calibration from a data set: identify, diagnose, compensate and validate.
 
 The usual sequence is `read_dataset`, `identify`, `save_model`, `correct`. The functions compute with arrays and talk to
 no device. Each subpackage exports its public names in its `__init__`. The diagnosis is `calib.diagnose.diagnose`; a

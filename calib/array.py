@@ -1,4 +1,4 @@
-"""The type of all arrays of numbers: float64; the docstring of each function gives the shape."""
+"""Type of all numerical arrays: float64. The docstring of each function gives the shape."""
 
 from __future__ import annotations
 

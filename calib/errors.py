@@ -1,6 +1,6 @@
 """The error of the numerical part: one error class for input that a person must correct.
 
-A `DataError` names the file, and where it can the line or the key, says what is wrong and what to do.
+A `DataError` states the cause and the remedy, and the file, line or key if they are known.
 The command line turns it into exit code 2, the HTTP service into a problem document.
 """
 
@@ -13,8 +13,17 @@ from pathlib import Path
 class DataError(ValueError):
     """Input that cannot be used as it is. `str(error)` is the whole sentence for the operator.
 
-    what: is wrong; do: what to do about it; file, line, key: where, each None where it says nothing.
+    Parameters
+    ----------
+    what : str
+        Cause, without the place.
+    do : str
+        Remedy.
+    file, line, key : optional
+        Place of the mistake; None if a part of it is not known.
 
+    Examples
+    --------
     >>> error = DataError("is 4.", do="Use 1, 2 or 3.", key="level")
     >>> print(error)
     key 'level': is 4. Use 1, 2 or 3.
@@ -40,6 +49,6 @@ class DataError(ValueError):
         self.what, self.do, self.file, self.line, self.key = what, do, file, line, key
 
     def __reduce__(self) -> tuple[object, ...]:
-        """The error comes through a pipe whole: pickle by itself forgets what was given by name."""
+        """Keep the keyword arguments when the error is pickled, which `pickle` alone would lose."""
         again = partial(type(self), do=self.do, file=self.file, line=self.line, key=self.key)
         return again, (self.what,)

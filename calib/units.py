@@ -1,4 +1,6 @@
-"""Units at the border: inside the program rad, mm, N.mm, s, degC; in files and on screens the units below.
+"""Conversion between internal and displayed units.
+
+Internal units are rad, mm, N.mm, s and degC. Files and screens use the units below.
 
 `FACTORS[unit]` converts one displayed unit to internal units: internal = displayed x factor.
 """
@@ -28,17 +30,29 @@ FACTORS: dict[str, float] = {
 
 
 def to_display(value: float, unit: str) -> float:
-    """Internal value -> value in `unit`. Raises KeyError for a unit that the table does not hold."""
+    """Convert an internal value to `unit`.
+
+    Raises
+    ------
+    KeyError
+        `FACTORS` does not have the unit.
+    """
     return value / FACTORS[unit]
 
 
 def to_internal(value: float, unit: str) -> float:
-    """Value in `unit` -> internal value. Raises KeyError for a unit that the table does not hold."""
+    """Convert a value in `unit` to internal units.
+
+    Raises
+    ------
+    KeyError
+        `FACTORS` does not have the unit.
+    """
     return value * FACTORS[unit]
 
 
 def percent(share: float, digits: int = 0) -> str:
-    """A share as people read it: percent behind a blank at which no line ends, for sentences and tables alone.
+    """Format a share in percent, with a no-break space, for sentences and tables only.
 
     >>> percent(0.953, 1)
     '95.3\\xa0%'
