@@ -13,7 +13,7 @@ from service.results.files.alignment import AlignmentResult, SpeedBand
 
 
 def aligned(result: AlignmentResult) -> Iterable[RenderableType]:
-    """Clocks, streams, standstills, the moving error by speed, and what limits them."""
+    """Show clocks, streams, stationary intervals, the error in motion by speed, and warnings."""
     clocks = result.clocks
     shown = grid("Clocks: robot's less tracker's", "", "value", "k = 2", "unit")
     shown.columns[3].justify = "left"

@@ -1,4 +1,4 @@
-"""Foreign files as tables for people: what every column was read as, what is open, how the robot fits."""
+"""Tables of foreign files: meaning of each column, open questions, fit of the robot."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from service.printed.tables import grid
 
 
 def proposal(of: MapProposal) -> Iterable[RenderableType]:
-    """Columns, remarks and questions of a proposal."""
+    """Show columns, remarks and questions of a proposal."""
     for part in of.parts:
         sheet = part.layout.sheet
         title = f"Columns of {sheet.path.name}" + (f", sheet {sheet.name}" if sheet.name else "")
@@ -35,8 +35,10 @@ def proposal(of: MapProposal) -> Iterable[RenderableType]:
 
 
 def converted(of: Converted, told: Collection[str] = ()) -> Iterable[RenderableType]:
-    """The data set made of the files, and how well the nominal robot fits it. told: what a proposal has said of the
-    files already."""
+    """Show the remarks on a data set created from the files, and the fit of the nominal robot.
+
+    Remarks in `told`, which a proposal has already shown, are not repeated.
+    """
     for said in of.said:
         if said not in told:
             yield Text(f"- {said}")
@@ -51,7 +53,7 @@ def converted(of: Converted, told: Collection[str] = ()) -> Iterable[RenderableT
 
 
 def remarks(of: MapProposal) -> list[str]:
-    """The first lines of a map's file: what was left aside, and what must be decided where it says '?'."""
+    """List the first lines of a map file: columns left aside, and decisions to take at '?'."""
     out = ['Map of foreign files (docs/howto/own-data.md): quantity = "column[unit]".']
     for part in of.parts:
         for found in part.findings:

@@ -1,4 +1,4 @@
-"""Many data sets diagnosed, as tables on a terminal, and how far they are."""
+"""Terminal tables of the diagnosis of many data sets, and its progress."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHOWN = 20  # rows of a list; the JSON has all
 
 
 class FleetProgress:
-    """Progress of a call, with its processor time."""
+    """Progress of a call, with its processor time, for the terminal."""
 
     def __init__(self, terminal: Terminal) -> None:
         self._terminal = terminal
@@ -31,7 +31,7 @@ class FleetProgress:
 
 
 def line(tally: ProgressCounts) -> str:
-    """The progress in one line: data sets, price of one, time left."""
+    """Format the progress in one line: data sets, processor time of one, workers, time left."""
     parts = [f"{tally.total - tally.left:,} of {tally.total:,} data sets"]
     if tally.seconds_each is not None:
         parts.append(f"{tally.seconds_each:.2f} s of processor time each")
@@ -42,7 +42,7 @@ def line(tally: ProgressCounts) -> str:
 
 
 def shown(found: FleetDiagnosed) -> Iterable[RenderableType]:
-    """Verdicts, refusals, what failed, what has changed, the price."""
+    """Show verdicts, refusals, failures, changes since another version, and the processor time."""
     table = grid(
         f"{wording.counted(len(found.tables), 'data set')}, TruePose {found.program}",
         "verdict",
@@ -64,7 +64,7 @@ def shown(found: FleetDiagnosed) -> Iterable[RenderableType]:
 
 
 def changed(found: VersionComparison) -> Iterable[RenderableType]:
-    """The statements of another version."""
+    """Show the differences from the results of another version."""
     same = found.compared - len(found.changed)
     versions = ", ".join(found.since) or "no other version"
     ratio = "" if found.ratio is None else f"; held-out errors now over before: median {found.ratio:.3f}"

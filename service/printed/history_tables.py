@@ -1,4 +1,4 @@
-"""The history of robots as tables for people on a terminal."""
+"""Terminal tables of the history of robots."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _STATES = {"new": "kept", "known": "known already", "conflict": "kept; contradic
 
 
 def added(place: str, read: Sequence[tuple[Path, Document]], found: Sequence[AddResult]) -> Table:
-    """The outcome of adding documents."""
+    """Show the result of adding documents."""
     shown = grid(f"In {place}", "file", "kind", "robot", "measured", "document", "", left=6)
     for (file, document), its in zip(read, found, strict=True):
         others = "".join(f" {other[:SHORT]}" for other in its.other_hashes)
@@ -28,7 +28,7 @@ def added(place: str, read: Sequence[tuple[Path, Document]], found: Sequence[Add
 
 
 def robots(found: Sequence[RobotSummary]) -> Table:
-    """The robots, with the number of documents of each."""
+    """Show the robots with the number of documents of each."""
     title = wording.counted(len(found), "robot")
     shown = grid(title, "serial number", "type", "cells", "last measured", "documents", left=5)
     for each in found:
@@ -39,7 +39,7 @@ def robots(found: Sequence[RobotSummary]) -> Table:
 
 
 def lines(robot: RobotKey, found: Sequence[HistoryLine]) -> Table:
-    """Everything of one robot, oldest first."""
+    """Show all documents of one robot, oldest first."""
     shown = grid(f"Robot {_name(robot)}", "measured", "kind", "what it says", "program", "document", left=5)
     for line in found:
         mark = " (contradicts another)" if line.entry.conflict else ""
@@ -49,7 +49,7 @@ def lines(robot: RobotKey, found: Sequence[HistoryLine]) -> Table:
 
 
 def overview(trends: Sequence[Trend]) -> Table:
-    """Every parameter of one robot in a line."""
+    """Show each parameter of one robot in a line."""
     title = f"Robot {_name(trends[0].robot)}"
     shown = grid(title, "parameter", "values", "first", "last", "U", "unit", "signals")
     for trend in trends:
@@ -64,7 +64,7 @@ def overview(trends: Sequence[Trend]) -> Table:
 
 
 def values(trend: Trend) -> Table:
-    """The values of one parameter, with the limits of their chart."""
+    """Show the values of one parameter with the limits of their chart."""
     title = f"{trend.parameter} of robot {_name(trend.robot)}, {trend.unit}"
     shown = grid(title, "measured", "value", "U", "limits", "", "document")
     for point in trend.shown().values:
@@ -77,7 +77,7 @@ def values(trend: Trend) -> Table:
 
 
 def due(found: Sequence[NextCheck], permitted: float) -> Table:
-    """The date at which each robot is to be checked next."""
+    """Show the date of the next check of each robot."""
     title = f"{wording.counted(len(found), 'robot')}, {permitted:g} mm permitted"
     shown = grid(
         title, "serial number", "type", "last verdict", "error, mm", "U", "next check", "because", left=3

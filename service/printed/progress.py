@@ -1,4 +1,4 @@
-"""A campaign as it is seen at a terminal: how far, how long still, and what a person is asked."""
+"""Terminal display of a campaign: progress, remaining time and prompts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from drivers.operator import TerminalOperator
 from service.printed.terminal import Terminal, duration
 from service.wording import counted
 
-LINES = 20  # of progress in a log, where nobody wants one a reading
+LINES = 20  # of progress in a log, where a line per reading would be too many
 _SENTENCES = {
     "warm_up": "warming up",
     "warming_up": "warming up: measuring the reference pose again",
@@ -31,7 +31,7 @@ _SENTENCES = {
 
 
 class RunProgress:
-    """Hears the events of a run. `prompt`: what was asked last."""
+    """Listener that shows the events of a run. `prompt` is the text of the last prompt, or None."""
 
     def __init__(self, run: Run, terminal: Terminal) -> None:
         self._run, self._terminal = run, terminal
@@ -100,7 +100,7 @@ class RunProgress:
 
 
 def _taught(data: Mapping[str, Any]) -> str:
-    """The changes that the touches of the cups brought, in one line."""
+    """Describe the changes after the cups were touched, in one line."""
     left_out = f", {data['refused']} are not reached from there" if data["refused"] else ""
     return (
         f"the cups were touched up to {data['off_mm']:.2f} mm from where the cell file has them; "
@@ -114,10 +114,10 @@ def _left(seconds: float | None) -> str:
 
 @contextmanager
 def terminal_operator() -> Iterator[TerminalOperator]:
-    """A person at this terminal; without one, asking raises NoOperator.
+    """Yield the person at this terminal as operator; without one, asking raises `NoOperator`.
 
-    It reads through a file object of its own. A thread that still waits for a line when the program ends would
-    otherwise hold the lock of `sys.stdin`, which makes the interpreter abort while it shuts down.
+    It reads through a separate file object. A thread that still waits for a line when the program ends would otherwise
+    hold the lock of `sys.stdin`, which makes the interpreter abort while it shuts down.
     """
     if sys.stdin is None or sys.stdin.closed or not sys.stdin.isatty():
         yield TerminalOperator()

@@ -1,4 +1,4 @@
-"""The output of `regress` on a terminal: the table of errors, and what it finds."""
+"""Terminal output of `regress`: table of errors, and findings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COLUMNS = ("MAE x", "y", "z", "mean", "RMSE x", "y", "z", "mean")
 
 
 def rows(result: RegressionResult) -> Iterator[tuple[str, str, list[str]]]:
-    """Name, "in sample" or "by waypoint", and eight figures in um of every predictor."""
+    """Yield name, "in sample" or "by waypoint", and eight errors in um for each predictor."""
     for row in result.table_um:
         for kind, errors in (("in sample", row.in_sample), ("by waypoint", row.by_waypoint)):
             yield row.name, kind, [_um(value) for _, value in (*errors.mae, *errors.rmse)]
@@ -27,7 +27,7 @@ def _um(value: float) -> str:
 
 
 def shown(result: RegressionResult) -> Iterator[RenderableType]:
-    """The table and the sentences below it."""
+    """Show the table and the sentences below it."""
     table = Table(
         title=f"Error of {result.samples} samples at {result.waypoints} waypoints, um",
         title_justify="left",

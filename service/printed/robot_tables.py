@@ -1,4 +1,4 @@
-"""Tables of a robot file for people, and the same as a document: links, postures and what the arm is like."""
+"""Tables and documents of a robot file: links, postures and properties of the arm."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from calib.units import DEG
 
 
 def link_table(robot: Robot) -> Table:
-    """One row a link: its DH numbers, deg and mm, and the limits of its joint."""
+    """Show one row per link: DH numbers in deg and mm, and the limits of the joint."""
     table = Table(box=None, pad_edge=False)
     for head in ("link", "joint", "alpha deg", "a mm", "theta deg", "d mm", "lowest", "highest", ""):
         table.add_column(head, justify="left" if head in ("joint", "") else "right")
@@ -27,7 +27,7 @@ def link_table(robot: Robot) -> Table:
 
 
 def posture_table(robot: Robot, found: Described) -> Table:
-    """One row a named posture: the joints, and where the flange then is."""
+    """Show one row per named posture: joints and pose of the flange."""
     table = Table(box=None, pad_edge=False)
     for head in ("posture", "joints", "flange in the base frame"):
         table.add_column(head, overflow="fold")
@@ -39,7 +39,7 @@ def posture_table(robot: Robot, found: Described) -> Table:
 
 
 def described_lines(found: Described) -> Iterator[str]:
-    """Reach, wrist, inverse kinematics and what is odd, a line each."""
+    """Yield reach, wrist, inverse kinematics and remarks, one line each."""
     yield f"Reach of the flange from axis 1: {found.reach_mm:.0f} mm. All links in a line: {found.span_mm:.0f} mm."
     yield f"Wrist: {found.wrist}."
     yield f"Inverse kinematics: {found.inverse}."
@@ -47,7 +47,7 @@ def described_lines(found: Described) -> Iterator[str]:
 
 
 def verdict_lines(verdict: RobotFileVerdict) -> Iterator[str]:
-    """The verdict of a handful of readings on a robot file, line by line."""
+    """Yield the lines of the verdict of some check readings on a robot file."""
     tool = " (the tool comes out of them)" if verdict.tool_unknown else ""
     yield (
         f"{verdict.readings} readings{tool}: the nominal robot misses a quarter of them by more than "
@@ -67,7 +67,7 @@ def verdict_lines(verdict: RobotFileVerdict) -> Iterator[str]:
 
 
 def verdict_document(verdict: RobotFileVerdict) -> dict[str, Any]:
-    """The same as a document, lengths mm."""
+    """Return the verdict on a robot file as a document, lengths in mm."""
     return {
         "count": verdict.readings,
         "miss_mm": verdict.miss_mm,
@@ -79,7 +79,7 @@ def verdict_document(verdict: RobotFileVerdict) -> dict[str, Any]:
 
 
 def document_of(robot: Robot, found: Described | None = None) -> dict[str, Any]:
-    """A robot as a document, lengths mm, angles deg, joints in the unit of their kind."""
+    """Return a robot as a document: lengths in mm, angles in deg, joints in deg or mm by kind."""
     out: dict[str, Any] = {
         "name": robot.name,
         "maker": robot.maker,

@@ -1,4 +1,4 @@
-"""The sweeps of single joints as tables for people on a terminal."""
+"""Terminal tables of the sweeps of single joints."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from calib.units import DEG
 from service import wording
 from service.printed.tables import grid, warnings
 
-LEVER_MM = 1000.0  # at which an error of a joint is shown as a length too
+LEVER_MM = 1000.0  # lever arm at which the error of a joint is also shown as a length
 
 
 def tables(sweeps: Sequence[JointSweep], remarks: Sequence[str]) -> Iterable[RenderableType]:
-    """Error range and reversal of every joint, and its axis beside the identified one."""
+    """Show error range and reversal of each joint, and compare its axis with the identified one."""
     shown = grid(
         "Joints one at a time",
         "joint",

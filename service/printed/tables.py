@@ -1,4 +1,4 @@
-"""Results as tables for people on a terminal."""
+"""Terminal tables of results."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from service.results.shape import ResponseBody, cells_of, columns_of
 
 _SHOWN = 24  # effects listed on a terminal; the report and the JSON hold all
 _LEFT_OUT = 20  # readings left out that are listed on a terminal
-_CHECKS = 6  # effects for which the terminal says what to check
+_CHECKS = 6  # effects for which the terminal lists a check
 
 
 def grid(title: str, *columns: str, left: int = 1) -> Table:
-    """A table whose first `left` columns hold text and whose others hold numbers."""
+    """Create a table whose first `left` columns hold text and whose others hold numbers."""
     table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
     for i, name in enumerate(columns):
         table.add_column(name, justify="left" if i < left else "right", overflow="fold")
@@ -39,7 +39,7 @@ def grid(title: str, *columns: str, left: int = 1) -> Table:
 def table_of(
     kind: type[ResponseBody], title: str, heads: tuple[str, ...], rows: Iterable[tuple[Any, ...]]
 ) -> Table:
-    """A table of results. rows: labels as `heads` name them, then the result."""
+    """Create a table of results. Each row has the labels that `heads` names, then the result."""
     table = grid(title, *heads, *(column.head for column in columns_of(kind).values()), left=len(heads))
     for *labels, result in rows:
         table.add_row(*labels, *cells_of(result))
@@ -49,7 +49,7 @@ def table_of(
 def diagnosis(
     result: DiagnosisFit, carried: CarryOver | None, patched: PatchResult | None
 ) -> Iterable[RenderableType]:
-    """Everything of a diagnosis: verdict, effects, errors, what is left, what cannot be seen, what to do."""
+    """Show a diagnosis: verdict, effects, checks, next measurements, errors and warnings."""
     yield Text.assemble(
         (f"{wording.VERDICT_NAMES[result.verdict]}. ", "bold"), wording.verdict_in_words(result)
     )
@@ -93,9 +93,10 @@ def diagnosis(
 
 
 def effects(result: DiagnosisFit) -> RenderableType:
-    """Every confirmed effect with amplitude, uncertainty and share, strongest first, by group where there are many.
+    """Show the confirmed effects with amplitude, uncertainty and share, strongest first.
 
-    Where the causes are not known the effects have no rivals to be listed: the law itself is a rival of them all.
+    Many effects are ordered by group. If the causes are not known, no rivals are listed, because the unknown law itself
+    is a rival of all effects.
     """
     found, known = result.confirmed, result.causes_known
     if not result.effects:
@@ -134,7 +135,7 @@ def effects(result: DiagnosisFit) -> RenderableType:
 
 
 def checks(result: DiagnosisFit) -> RenderableType:
-    """The checks of a technician for the strongest effects; nothing where there is no reason for one."""
+    """Show the checks of a technician for the strongest effects; nothing if there are none."""
     known = result.causes_known
     rows = [(f.effect.label, wording.advice_on(f, causes_known=known)) for f in result.effects]
     rows = [row for row in rows if row[1]][:_CHECKS]
@@ -147,7 +148,10 @@ def checks(result: DiagnosisFit) -> RenderableType:
 
 
 def follow_up(planned: FollowUp) -> RenderableType:
-    """The next measurements: for each pair of rivals how far apart the poses bring it, and what no pose can do."""
+    """Show how well the follow-up poses separate each pair of rivals.
+
+    Procedures for questions that no pose can settle follow.
+    """
     title = f"What {wording.counted(len(planned.joints), 'follow-up pose')} would distinguish"
     table = grid(title, "effect", "from its rival", "expected squared distance", left=2)
     for (label, rival), square in planned.separations.items():
@@ -157,7 +161,7 @@ def follow_up(planned: FollowUp) -> RenderableType:
 
 
 def left_out(rows: Sequence[ExcludedReading]) -> RenderableType:
-    """The readings that the fit left out, worst first, with their poses; nothing at all where there are none."""
+    """Show the readings that the fit left out, worst first, with their poses; nothing if none."""
     if not rows:
         return Text("")
     table = grid(
@@ -180,7 +184,7 @@ def left_out(rows: Sequence[ExcludedReading]) -> RenderableType:
 
 
 def patch(patched: PatchResult) -> RenderableType:
-    """The gain of a smooth map of the residual, apart from everything that has a cause."""
+    """Show the gain of a smooth map of the residual, separate from all named causes."""
     table = errors({"without the patch": patched.without, "with the patch": patched.with_it}, "as above")
     return Group(Text("Patch", "bold"), Text(wording.patch_in_words(patched.patch)), table)
 
@@ -188,7 +192,7 @@ def patch(patched: PatchResult) -> RenderableType:
 def errors(
     rows: Mapping[str, ErrorStatistics | None], holdout: str, kind: str = wording.POSITION_ERROR
 ) -> RenderableType:
-    """Errors on validation rows, with the kind of hold-out named."""
+    """Show errors on validation rows, and name the kind of hold-out."""
     known = {name: e for name, e in rows.items() if e is not None}
     if not known:
         return Text(
@@ -201,7 +205,7 @@ def errors(
 
 
 def acceptance(found: AcceptanceResult | None) -> RenderableType:
-    """The verdict on limits with its rule; nothing where none were given."""
+    """Show the verdict on the limits with its rule; nothing if no limits were given."""
     if found is None:
         return Text("")
     table = grid(
@@ -214,7 +218,7 @@ def acceptance(found: AcceptanceResult | None) -> RenderableType:
 
 
 def parameters(found: IdentificationFit) -> RenderableType:
-    """Every parameter with its change from nominal and standard error; dropped ones with their reason."""
+    """Show each parameter with its change and standard error; dropped ones with the reason."""
     table = grid("Parameters", "parameter", "nominal", "identified", "change", "std. error", "unit")
     table.columns[5].justify = "left"
     for row in rows_of(found):
@@ -235,7 +239,7 @@ def _cells(row: ParameterResponse) -> tuple[str, ...]:
 
 
 def offsets(found: IdentificationFit) -> RenderableType:
-    """Targets known to an uncertainty, beside where the file puts them; nothing where there are none."""
+    """Compare targets with uncertain positions with their values in the file; nothing if none."""
     rows = positions.rows_of(found)
     if not rows:
         return Text("")
@@ -246,7 +250,7 @@ def offsets(found: IdentificationFit) -> RenderableType:
 
 
 def numbered(title: str, texts: Sequence[str]) -> RenderableType:
-    """Numbered sentences; nothing at all where there are none."""
+    """Show numbered sentences; nothing if there are none."""
     if not texts:
         return Text("")
     table = grid(title, "", "", left=2)
@@ -257,12 +261,12 @@ def numbered(title: str, texts: Sequence[str]) -> RenderableType:
 
 
 def warnings(texts: Sequence[str]) -> RenderableType:
-    """Numbered warnings and notes."""
+    """Show numbered warnings and notes."""
     return numbered("Warnings and notes", texts)
 
 
 def revealed(hidden: Sequence[Mapping[str, Any]], result: DiagnosisFit) -> RenderableType:
-    """The effects that the simulation had hidden beside those found."""
+    """Compare the effects that the simulation had hidden with those found."""
     labels = {str(effect["label"]) for effect in hidden}
     classes = {name for found in result.effects for name in found.evidence.candidates}
     lines: list[RenderableType] = [Text("Now revealed: what the simulation had hidden", "bold")]

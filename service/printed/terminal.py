@@ -1,6 +1,6 @@
-"""The terminal: progress on standard error, result tables on standard output.
+"""Terminal output: progress on standard error, result tables on standard output.
 
-On a terminal the progress is one spinner line with the step in hand; anywhere else it is one plain line a step.
+On a terminal the progress is one spinner line with the current step; otherwise it is one plain line per step.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.status import Status
 from rich.text import Text
 
-PIPED_WIDTH = 120  # columns where nobody's terminal says how wide it is
+PIPED_WIDTH = 120  # columns if the output is not a terminal
 
 
 def _console(*, stderr: bool) -> Console:
@@ -29,7 +29,7 @@ def _console(*, stderr: bool) -> Console:
 
 
 def duration(seconds: float) -> str:
-    """The duration in words: "42 s", "17 min", "3.4 h"."""
+    """Format a duration: "42 s", "17 min", "3.4 h"."""
     for unit, length, most in (("s", 1.0, 100.0), ("min", 60.0, 100.0)):
         if seconds < most * length:
             return f"{seconds / length:.0f} {unit}"
@@ -37,7 +37,7 @@ def duration(seconds: float) -> str:
 
 
 class _Step:
-    """A step and for how long the command has run, looked up whenever the line is drawn."""
+    """Spinner text: the step, and the run time of the command whenever the line is drawn."""
 
     def __init__(self, step: str, begin: float) -> None:
         self._step, self._begin = step, begin
@@ -47,9 +47,10 @@ class _Step:
 
 
 class Terminal:
-    """One command's two streams. Use as a context manager; `say` is a progress callback.
+    """Standard output and standard error of one command.
 
-    `quiet` keeps the tables back, for when standard output belongs to a JSON document.
+    Use it as a context manager; `say` is a progress callback. With `quiet` no tables are printed, because standard
+    output belongs to a JSON document.
     """
 
     def __init__(self, *, quiet: bool = False) -> None:
@@ -73,28 +74,28 @@ class Terminal:
 
     @property
     def live(self) -> bool:
-        """Progress is one line that changes, not one line a step."""
+        """Whether progress is one line that changes, not one line per step."""
         return self._status is not None
 
     def begin(self, step: str) -> None:
-        """Show the spinner, on a terminal; again after `rest`."""
+        """Show the spinner if standard error is a terminal; also again after `rest`."""
         if self._err.is_terminal and self._status is None:
             self._status = self._err.status(_Step(step, self._begin))
             self._status.start()
 
     def say(self, step: str) -> None:
-        """Say which step has begun."""
+        """Show the step that has begun."""
         if self._status is not None:
             self._status.update(_Step(step, self._begin))
         else:
             self._err.print(f"truepose: {step}", soft_wrap=True)
 
     def rest(self) -> None:
-        """Take the spinner away: results come."""
+        """Remove the spinner before results or a question."""
         if self._status is not None:
             self._status.stop()
             self._status = None
 
     def note(self, text: str) -> None:
-        """One line for people on standard error."""
+        """Print one line for people on standard error."""
         self._err.print(text, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""Tables of the robots of one type: the spread that was learnt, and what decided every parameter of a fit."""
+"""Tables of the robots of one type: type statistics, and share of the prior in a fit."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from calib.units import percent
 from service import wording
 from service.printed import tables
 
-_HARDLY = 0.05  # chance of the whole, below which a member is one of the odd ones
+_HARDLY = 0.05  # p-value of the whole robot, at or below which it is hardly within its type
 
 
 def weights(found: IdentificationFit) -> Sequence[RenderableType]:
-    """The share of the readings and of the prior in each parameter; nothing where the fit knew no type."""
+    """Show the share of the prior in each parameter; nothing if the fit used no type."""
     beside = found.beside
     if beside is None:
         return ()
@@ -56,7 +56,7 @@ def weights(found: IdentificationFit) -> Sequence[RenderableType]:
 
 
 def lesson(found: TypeStatistics) -> Sequence[RenderableType]:
-    """The lesson, for people."""
+    """Show the type statistics for people."""
     robots = len(found.members)
     table = tables.grid(
         f"{robots} robots of the type {found.members[0].saved.model.robot.name}",

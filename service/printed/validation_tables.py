@@ -1,4 +1,4 @@
-"""The output of `validate` on a terminal: one table per question, models side by side."""
+"""Terminal output of `validate`: one table per question, models side by side."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _WHAT_IT_SAYS = {
 
 
 def validation(result: ValidationResult) -> Iterator[RenderableType]:
-    """Everything of a validation but acceptance and warnings."""
+    """Show a validation, without acceptance and warnings."""
     if result.hold_outs:
         yield from _held_out(result.hold_outs)
         return
@@ -49,7 +49,10 @@ def validation(result: ValidationResult) -> Iterator[RenderableType]:
 
 
 def _judged(judgements: Sequence[JudgementShown], holdout: str | None) -> Iterator[RenderableType]:
-    """Positions, lengths, turns, pairs and groups of every model. holdout: its kind; None: judged on all rows."""
+    """Show position, length, sphere, orientation, pair and group errors of each model.
+
+    `holdout` is the kind of hold-out; None if all measured rows were judged.
+    """
 
     def errors(title: str, found: Iterator[tuple[str, SummaryShown | None]]) -> Iterator[Table]:
         rows = [(name, summary) for name, summary in found if summary is not None]
@@ -98,7 +101,7 @@ def _groups(judgements: Sequence[JudgementShown]) -> Table:
 
 
 def _repeated(iso: Iso9283, model: str) -> Iterator[RenderableType]:
-    """Figures of poses that were visited repeatedly, commands by the model of this name."""
+    """Show ISO 9283 results of repeated poses; `model` names the model that gives the targets."""
     table = grid("ISO 9283, poses visited repeatedly, mm and mrad", *("pose of reading", "visits"), left=1)
     angled = any(pose.AP_xyz_mrad is not None for pose in iso.poses)
     for name in ("AP", "RP", "vAP", *(("AP x y z, mrad", "RP x y z, mrad") if angled else ())):
@@ -128,7 +131,7 @@ def _repeated(iso: Iso9283, model: str) -> Iterator[RenderableType]:
 
 
 def _held_out(found: Sequence[HoldOutShown]) -> Iterator[RenderableType]:
-    """Hold-outs side by side."""
+    """Show the hold-outs side by side."""
     table = table_of(SummaryShown, "Error of the base model by kind of hold-out, mm", ("held out",), ())
     table.add_column("")
     for each in found:
@@ -145,7 +148,7 @@ def _held_out(found: Sequence[HoldOutShown]) -> Iterator[RenderableType]:
 
 
 def _compared(found: ComparisonShown) -> Iterator[RenderableType]:
-    """Parameters of two calibrations side by side, and how far their predictions are apart."""
+    """Compare the parameters of two calibrations, and show the distance of their predictions."""
     first, second = found.models[:2]
     table = grid(
         "Parameters of the robot, changes from nominal",

@@ -1,4 +1,4 @@
-"""The plan and the verdict of a watch as tables of a terminal."""
+"""Terminal tables of the plan and the verdict of a watch."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PROPOSALS = 4
 
 
 def plan_tables(found: PlannedWatch) -> list[RenderableType]:
-    """The sizes of the causes that the check poses detect, and what it would take to detect more."""
+    """Show the sizes of causes that the check poses detect, and proposals to detect more."""
     causes = found.plan.shown.causes
     poses = wording.counted(found.asked.poses, "pose")
     rounds = "" if found.plan.rounds == 1 else f", each visited {found.plan.rounds} times"
