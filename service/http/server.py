@@ -1,11 +1,13 @@
-"""The server: its line on standard output, the pause at its end, and a door that nobody can block for a stop.
+"""Web server of the service, which no client can keep from receiving a stop.
 
-A connection costs a file descriptor, whoever holds it and whether or not a request ever comes. So there is a cap on all
-of them; who comes when it is reached is let in, and another goes: the oldest that has sent no complete authorised
-request, else the oldest stream of events, else the oldest. Whoever sends no complete header within seconds goes anyway.
+It prints a line on standard output when it is ready, and pauses the run when it ends.
 
-What strangers send is read in the one event loop, too, so they queue: one of them has a turn at a time, a short one.
-Whoever comes with a token that is known is read at once.
+Each connection costs a file descriptor, even if no request ever comes, so their number is limited. At the limit a new
+connection is accepted and another one is closed: the oldest without a complete authorised request, otherwise the oldest
+event stream, otherwise the oldest. A connection without a complete header after `HEADER_S` is closed in any case.
+
+Data of unknown clients are read in the same event loop. They queue, and one of them at a time has a short turn. Data of
+a client with a known token are read at once.
 """
 
 from __future__ import annotations
@@ -39,31 +41,31 @@ from service import exit_codes
 from service.http.access.gate import TokenRoles
 from service.http.runs.run_manager import SERVICE_ENDS
 
-GRACE_S = 3  # for answers under way when the service ends
-HEADER_S = 5.0  # for a complete header, from the connection or from the answer before
-IDLE_S = 75  # that whoever is known may ask nothing; uvicorn closes the connection then
-ANSWER_S = 60.0  # for the answer to somebody unknown, who may read it slowly
-# Connections in all, so many that every descriptor stays below the 1,024 that `select` takes, as pyserial uses it; and
-# those of them that may be streams of events
+GRACE_S = 3  # for unfinished answers when the service ends
+HEADER_S = 5.0  # for a complete header, from the connection or from the previous answer
+IDLE_S = 75  # idle time of a known client, after which uvicorn closes the connection
+ANSWER_S = 60.0  # for the answer to an unknown client, which may read it slowly
+# Limit of all connections, which keeps every descriptor below 1,024, the limit of `select`, which pyserial uses; and
+# the number of them that may be event streams
 MOST, STREAMS = 700, 32
 _FILES, _RESERVE = (
     8192,
     256,
-)  # file descriptors that are asked for; those of them for record, devices, workers
-_AT_ONCE = 32  # connections that are accepted before one can be closed to make room
-_QUEUE = 1024  # connections that the system holds until they are accepted
+)  # file descriptors to request; the part of them for record, devices and workers
+_AT_ONCE = 32  # connections that are accepted before one can be closed for them
+_QUEUE = 1024  # connections that the system queues until they are accepted
 _LOG_S = 10.0  # between two lines about connections that were closed, or two equal warnings of the server
-_SHORT = 4096  # bytes of a request with a token that are read at once; what comes after them waits for a turn
-_TURN_S, _PIECE = 0.001, 512  # a turn, and the bytes of it after which the clock is looked at
+_SHORT = 4096  # bytes of a request with a token that are read at once; further bytes wait for a turn
+_TURN_S, _PIECE = 0.001, 512  # length of a turn, and the bytes between two looks at the clock
 _BEARER = re.compile(rb"\r\nauthorization:[ \t]*bearer[ \t]+([!-~]+)", re.IGNORECASE)
 
 _log = logging.getLogger("service.http.server")
 
 
 def most_connections() -> int:
-    """The cap on connections, after the limit of open files was raised as far as the system lets it be."""
+    """Raise the limit of open files if possible, and return the limit of connections."""
     try:
-        import resource  # not on Windows, where sockets are not counted so
+        import resource  # not on Windows, where sockets are not counted as files
     except ImportError:
         return MOST
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -77,18 +79,28 @@ def most_connections() -> int:
 
 
 class Door:
-    """Who is connected, whose turn it is, and who goes when there are too many. tokens: those that are known."""
+    """Admission of connections: their number, their turns, and which one is closed at the limit.
+
+    Parameters
+    ----------
+    most : int
+        Limit of connections.
+    clock : callable
+        Monotonic time, s.
+    tokens : TokenRoles
+        Known tokens.
+    """
 
     def __init__(self, most: int, clock: Callable[[], float], tokens: TokenRoles) -> None:
         self._most, self._clock, self._tokens = most, clock, tokens
-        self._crowd = OrderedDict[Connection, None]()  # those with data that wait for a turn
-        # Oldest first; who is met there as known by now is moved on when room is made
+        self._crowd = OrderedDict[Connection, None]()  # connections whose data wait for a turn
+        # Oldest first. A connection among the strangers that has become known is moved when one has to be closed.
         self._strangers, self._known = dict[Connection, None](), dict[Connection, None]()
         self._turning = False
         self._told_s, self._closed = -math.inf, 0
 
     def enter(self, connection: Connection) -> None:
-        """Let a connection in; where there are too many now, another goes."""
+        """Accept a connection, and close others while there are too many."""
         connection.since_s = self._clock()
         self._strangers[connection] = None
         while len(self._strangers) + len(self._known) > self._most:
@@ -102,18 +114,18 @@ class Door:
                 self._close(oldest)
 
     def leave(self, connection: Connection) -> None:
-        """A connection that has ended."""
+        """Forget a connection that has ended."""
         self._strangers.pop(connection, None)
         self._known.pop(connection, None)
         self._crowd.pop(connection, None)
 
     def knows(self, data: bytes) -> bool:
-        """Whether a token in the header of a request that came with `data` is known."""
+        """Return whether `data` holds the header of a request with a known token."""
         found = _BEARER.search(data)
         return found is not None and self._tokens.role_of(found[1].decode("ascii")) is not None
 
     def queue(self, connection: Connection) -> None:
-        """A connection has data that can wait: it has a turn after those that came before."""
+        """Queue a connection whose data can wait for a turn."""
         self._crowd[connection] = None
         if not self._turning:
             self._turning = True
@@ -125,17 +137,19 @@ class Door:
             if first.take_turn():
                 self._crowd[first] = None
         self._turning = bool(self._crowd)
-        if self._turning:  # a pause as long as a turn, in which the threads of a stop have the interpreter
+        if (
+            self._turning
+        ):  # after a pause as long as a turn, in which the threads of a stop get the interpreter
             asyncio.get_running_loop().call_later(_TURN_S, self._turn)
 
     def count_streams(self) -> None:
-        """A stream of events has begun: where there are too many, the oldest goes, whose client asks again."""
+        """Close the oldest event stream if there are too many. Its client connects again."""
         streams = [each for each in (*self._known, *self._strangers) if each.streams]
         if len(streams) > STREAMS:
             self._close(streams[0])
 
     def sweep(self) -> None:
-        """Close whoever has sent no complete header for seconds, and whoever is unknown and does not read."""
+        """Close connections that sent no complete header, and unknown ones that read no answer."""
         now = self._clock()
         for each in (*self._known, *self._strangers):
             if each.asked:
@@ -160,20 +174,30 @@ class Door:
 
 
 class Connection(H11Protocol):
-    """A connection that the door knows of. asked: whether a complete header has come that is not answered yet."""
+    """Connection that is registered at the door.
+
+    Attributes
+    ----------
+    asked : bool
+        Whether a complete header has been received and is not answered yet.
+    streams : bool
+        Whether the current answer is an event stream.
+    since_s : float
+        Time of the connection, the last header or the last complete answer, s on the clock of the door.
+    """
 
     def __init__(self, door: Door, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         self._door, self._application = door, self.app
         self.app = self._answer
         self.asked, self.streams, self._was_known, self.since_s = False, False, False, 0.0
-        self._left = bytearray()  # that came and waits for a turn
+        self._left = bytearray()  # data that wait for a turn
         self._queued = self._answered = self._goes_on = False
-        self._looking: asyncio.Task[Any] | None = None  # the answer under way to a GET
+        self._looking: asyncio.Task[Any] | None = None  # the current answer to a GET or HEAD request
 
     @property
     def known(self) -> bool:
-        """Whether a request came with a token that is known, the one under way or the last that was answered."""
+        """Whether the current request, or the last one that was answered, had a known token."""
         return self._was_known or self._has_role
 
     @property
@@ -189,7 +213,7 @@ class Connection(H11Protocol):
         super().connection_lost(exc)
         if (
             self._looking is not None
-        ):  # nobody hears it; whoever asks, goes and asks again would fill the memory
+        ):  # no one receives it; a client that asks, leaves and asks again would fill the memory
             self._looking.cancel()
 
     def data_received(self, data: bytes) -> None:
@@ -201,10 +225,10 @@ class Connection(H11Protocol):
             self._queue()
 
     def _at_once(self, data: bytes) -> bool:
-        """Whether data need no turn: of somebody known, and no more than a moment's work."""
+        """Return whether data are read without a turn: from a known client, and short."""
         if (
             self.known and self.conn.their_state is h11.SEND_BODY
-        ):  # of a known length it is one piece, else many
+        ):  # a body of known length is one piece, otherwise there are many
             return all(name != b"transfer-encoding" for name, _ in self.headers)
         return len(data) <= _SHORT and (self.known or self._door.knows(data))
 
@@ -214,7 +238,7 @@ class Connection(H11Protocol):
             self._door.queue(self)
 
     def take_turn(self) -> bool:
-        """Read for a moment what has come; whether some is left."""
+        """Read received data for one turn; return whether some are left."""
         end = time.monotonic() + _TURN_S
         if self._goes_on and not self.transport.is_closing():
             super().handle_events()
@@ -231,7 +255,7 @@ class Connection(H11Protocol):
         return self._queued
 
     def handle_events(self) -> None:
-        if self._answered and self.conn.trailing_data[0]:  # what came behind the request waits for a turn
+        if self._answered and self.conn.trailing_data[0]:  # data after the request wait for a turn
             self._goes_on = True
             self._queue()
         else:
@@ -259,14 +283,14 @@ class Connection(H11Protocol):
         try:
             await self._application(scope, receive, sent)
         except (Exception, asyncio.CancelledError):
-            if not self.transport.is_closing():  # what fails because nobody is there any more is no news
+            if not self.transport.is_closing():  # an error after the client has left is not reported
                 raise
         finally:
             self._looking = None
 
 
 class Server(uvicorn.Server):
-    """Uvicorn, with a line at the start, a pause at the end and a door."""
+    """Uvicorn server that prints a line at the start, pauses the run at the end, and has a door."""
 
     def __init__(self, config: uvicorn.Config, app: FastAPI, door: Door, hello: str) -> None:
         super().__init__(config)
@@ -287,19 +311,22 @@ class Server(uvicorn.Server):
         return await super().on_tick(counter)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Long polls are let go and the run is paused at once, not after the last connection has closed."""
+        """Release long polls and pause the run at once, before the last connection has closed."""
         service = getattr(self._app.state, "service", None)
         if service is not None:
             order = ("service ends", SERVICE_ENDS)
             threading.Thread(target=service.book.pause_all, args=order, daemon=True).start()
             threading.Thread(target=service.end, daemon=True).start()
-        # Not by the method above us, which raises the signal again in the end: the simulators must be ended first.
+        # Without the inherited method, which raises the signal again in the end: the simulators must be ended first.
         self.force_exit = self.should_exit and sig == signal.SIGINT
         self.should_exit = True
 
 
 class _Once(logging.Filter):
-    """Lets a warning pass unless an equal one was told a moment ago: whoever sends nonsense fills no log."""
+    """Log filter that drops a warning if an equal one was logged within `_LOG_S`.
+
+    A client that sends invalid data can therefore not fill the log.
+    """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         super().__init__()
@@ -314,7 +341,7 @@ class _Once(logging.Filter):
 
 
 def _quietly(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """One line, not a traceback, for a connection that could not be accepted."""
+    """Log one line, not a traceback, for a connection that could not be accepted."""
     error = context.get("exception")
     if isinstance(error, OSError) and "accept()" in context.get("message", ""):
         _log.error("A connection could not be accepted: %s.", error.strerror)
@@ -323,13 +350,26 @@ def _quietly(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
 
 
 def run_server(app: FastAPI, address: str, port: int, tokens: TokenRoles, hello: Callable[[str], str]) -> int:
-    """Serve on a port of an address until SIGINT, SIGTERM or SIGHUP; an exit code. hello: what to print once it is
-    ready, from its URL; tokens: with which a request is read before those of strangers.
+    """Serve on a port of an address until SIGINT, SIGTERM or SIGHUP, and return an exit code.
 
-    Raises DataError when the port is taken, OSError for an address that is not of this computer.
+    Parameters
+    ----------
+    port : int
+        TCP port; 0 for a free one.
+    tokens : TokenRoles
+        Known tokens; requests with one of them are read before those of unknown clients.
+    hello : callable
+        Turns the URL of the service into the line that is printed once it is ready.
+
+    Raises
+    ------
+    DataError
+        The port is in use, or this program may not open it.
+    OSError
+        The address does not belong to this computer.
     """
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
-    # Named as TCP, or asyncio does not switch Nagle's algorithm off and every answer takes 40 ms longer.
+    # Without the explicit TCP, asyncio does not switch Nagle's algorithm off, and every answer takes 40 ms longer.
     with socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP) as listener:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -357,14 +397,14 @@ def run_server(app: FastAPI, address: str, port: int, tokens: TokenRoles, hello:
             http=cast("type[asyncio.Protocol]", partial(Connection, door)),
         )
         logging.getLogger("uvicorn.error").addFilter(_Once(time.monotonic))
-        # What is loaded by now stays: looking through it for garbage holds the interpreter for a tenth of a second or
-        # more, and a stop with it. Nor is it looked through once, for a thousand small objects of a million.
+        # Objects that are loaded by now remain. Searching them for garbage holds the interpreter, and thus a stop, for
+        # a tenth of a second or more. They are not even searched once, for a thousand small objects in a million.
         gc.freeze()
         gc.enable()  # `truepose serve` has had it off while it imported
-        # Threads that compute give the interpreter up five times as often as usual: a stop takes some ten turns.
+        # Computing threads release the interpreter five times as often as usual, because a stop needs about ten turns.
         sys.setswitchinterval(0.001)
         server = Server(config, app, door, hello(url))
-        # A terminal that is closed ends the service as SIGTERM does; `nohup` has it ignored.
+        # Closing the terminal ends the service as SIGTERM does; under `nohup` the signal is ignored.
         hang_up = getattr(signal, "SIGHUP", None)
         if hang_up is not None and signal.getsignal(hang_up) is signal.SIG_DFL:
             signal.signal(hang_up, server.handle_exit)

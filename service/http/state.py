@@ -1,4 +1,7 @@
-"""The state of one running service, made when it starts and given up when it ends; lives in `app.state`."""
+"""State of one running service, kept in `app.state`.
+
+It is created when the service starts and closed when the service ends.
+"""
 
 from __future__ import annotations
 
@@ -32,19 +35,19 @@ from service.http.work.readings import DocumentCache
 from service.http.work.workers import Workers
 
 _T = TypeVar("_T")
-SLICE_S = 1.0  # of a long poll: how long a client that has gone, or the end of the service, may hold a thread
+SLICE_S = 1.0  # of a long poll: longest time for which it holds a thread after its client has left or the service ends
 WAITERS = 100
 STOPPERS = 16
 ORDERS = 16
 RESTING = 4
 READERS = 2
 ORDINARY = 24  # more than all calls of WORKERS and FILE_READERS together: those threads only wait
-WORKERS, CALLS = 2, 12  # processes, and calls that may wait for one
+WORKERS, CALLS = 2, 12  # number of processes, and of calls that may wait for one
 FILE_READERS, FILES, FILE_S = 2, 6, 30.0  # the same for files that users send, and the time for one of them
 
 
 class Service:
-    """The parts of the service. Made within the event loop."""
+    """Parts of the service. Create it within the event loop."""
 
     def __init__(self, settings: ServiceSettings) -> None:
         record = settings.record
@@ -53,7 +56,7 @@ class Service:
         self.keys = IdempotencyKeys(record)
         self.deletions = DeletionLog(record)
         self.workers = Workers(WORKERS, waiting=CALLS)
-        # Files of users have processes of their own: none of them keeps a run from being planned
+        # Files of users have separate processes, so that they never delay the planning of a run.
         self.file_readers = Workers(FILE_READERS, waiting=FILES, most_s=FILE_S)
         self.book = RunManager(
             record / "runs", self.devices, self.workers, simulated=settings.simulated is not None
@@ -79,50 +82,64 @@ class Service:
             simulated=settings.simulated is not None,
         )
         self.closing = False
-        # Threads of their own: however many ask, wait or read, a stop must be heard.
+        # Separate threads: a stop must be received, however many clients ask, wait or read.
         self._stoppers = anyio.CapacityLimiter(STOPPERS)
-        self._orders = anyio.CapacityLimiter(ORDERS)  # which are written down first: a disk may hold them
+        self._orders = anyio.CapacityLimiter(ORDERS)  # they are recorded first, so a slow disk may delay them
         self._resting = anyio.CapacityLimiter(RESTING)
         self._waiters = anyio.CapacityLimiter(WAITERS)
-        self.reading = DocumentCache(READERS)  # how a run, a loop or a job is
+        self.reading = DocumentCache(READERS)  # state of a run, a loop or a job
         self.glances = RunCache(self.book, self.reading)
-        self.listing = DocumentCache(1)  # everything that was kept, which may be much
+        self.listing = DocumentCache(1)  # lists of everything stored, which may be long
         self._watches: dict[str, asyncio.Task[int]] = {}
         self.stream_turns = asyncio.Lock()
         anyio.to_thread.current_default_thread_limiter().total_tokens = ORDINARY
 
     def devices(self, cell: Cell) -> Devices:
-        """The devices of a cell, or their simulators, not yet connected."""
+        """Open the devices of a cell, or their simulators, without connecting them."""
         simulated = self.settings.simulated
         return open_devices(cell) if simulated is None else simulated.open(cell)
 
     @property
     def cell(self) -> Cell:
-        """The cell of this service. Raises Problem 404 where it has none."""
+        """The cell of this service.
+
+        Raises
+        ------
+        Problem
+            404: the service has no cell.
+        """
         if self.settings.cell is None:
             raise Problem(404, "This service has no cell.", "Start it with --cell CELL.toml.", code=8108)
         return self.settings.cell
 
     def let_move(self, lease_id: str, begin: Callable[[acquisition.LeaseDeadline], _T]) -> _T:
-        """Begin a motion by leave of the lease with this secret. Raises Problem 409 without one."""
+        """Begin a motion under the motion lease with this secret.
+
+        If the lease is lost meanwhile, the run is paused at once.
+
+        Raises
+        ------
+        Problem
+            409: the lease is not held.
+        """
         held = self.lease.needed(lease_id)
         begun = begin(held.beats)
         now = self.lease.current
         if now is None or now.beats is not held.beats:
-            # It was taken over or given back meanwhile, which found nothing to pause.
+            # The lease was taken over or given back meanwhile, when there was nothing to pause yet.
             self.rest(held.holder, f"{held.holder} no longer holds the motion lease.")
         return begun
 
     def rest(self, by: str, reason: str) -> None:
-        """Pause the run that moves the robot after the current reading, a loop also between two runs."""
+        """Pause the run or loop that uses the robot: after the current reading, or between two runs."""
         whole = self.book if self.book.lent_to is None else self.loops
         whole.pause_all(by, reason)
 
     async def changed(self, what: str, wait: Callable[[float], int], after: int, seconds: float) -> None:
-        """Wait until a version beyond `after` is there, the service ends, or so many seconds have passed.
+        """Wait for a version newer than `after`, the end of the service, or `seconds`.
 
-        wait: waits up to so many seconds for it, and returns the version. However many clients wait for the same
-        thing, one thread does.
+        `wait` is called with a time in s; it waits up to that time for a new version and returns the version. One
+        thread waits for all clients with the same `what`.
         """
         end = time.monotonic() + seconds
         while not self.closing and (left := end - time.monotonic()) > 0.0:
@@ -136,24 +153,25 @@ class Service:
                 return
 
     async def waiting(self, what: Callable[[], _T]) -> _T:
-        """The value of `what`, called in one of the threads that may wait."""
+        """Call `what` in one of the threads that may wait, and return its result."""
         return await anyio.to_thread.run_sync(what, limiter=self._waiters, abandon_on_cancel=True)
 
     async def urgent(self, what: Callable[[], _T]) -> _T:
-        """The value of `what`, called in a thread that is kept for orders, answers and the lease."""
+        """Call `what` in a thread reserved for orders, answers and the lease; return its result."""
         return await anyio.to_thread.run_sync(what, limiter=self._orders)
 
     async def order(self, name: str, what: Callable[[], _T], *, stops: bool = False) -> _T:
-        """An order to a run or a loop: urgent for the one that uses the robot; a stop has threads of its own.
+        """Carry out an order to a run or a loop, in a reserved thread if it uses the robot.
 
-        The others move nothing, and their records may have to be opened, which can take seconds.
+        A stop has separate threads. Other runs move nothing, and their records may have to be opened, which can take
+        seconds.
         """
         if name not in (self.book.busy_with, self.book.lent_to):
             return await anyio.to_thread.run_sync(what, limiter=self._resting)
         return await anyio.to_thread.run_sync(what, limiter=self._stoppers if stops else self._orders)
 
     async def listed(self, name: str, documents: Callable[[], list[dict[str, Any]]]) -> Response:
-        """All documents of a kind under this name, as JSON that is made once for all who ask meanwhile."""
+        """Return all documents of a kind as JSON, created once for all simultaneous requests."""
 
         def read() -> bytes:
             return bytes(JSONResponse({name: documents()}).body)
@@ -161,7 +179,7 @@ class Service:
         return Response(await self.listing(name, read), media_type=JSONResponse.media_type)
 
     def end(self) -> None:
-        """The service shall end: nothing new begins, long polls are let go, what is computed is given up."""
+        """Begin the end of the service: refuse new work, release long polls, abandon computations."""
         self.closing = True
         self.book.refuse_new()
         self.workers.close()
@@ -171,7 +189,7 @@ class Service:
         self.loops.close()
 
     def close(self) -> None:
-        """Pause what runs, give everything up."""
+        """End the service, pause the run and close all parts."""
         self.end()
         self.book.close()
         self.jobs.close()
@@ -179,7 +197,10 @@ class Service:
 
 
 async def _service(request: Request) -> Service:
-    """The service, found in the event loop: a plain function would wait for one of the ordinary threads."""
+    """Return the service of the application.
+
+    It is a coroutine because FastAPI would run a plain function in one of the ordinary threads, and wait for it.
+    """
     return request.app.state.service
 
 
