@@ -1,8 +1,8 @@
-"""Child processes: how they are started, and how one is waited for while signals are heard.
+"""Start child processes, and wait for one while signals are still handled.
 
-Python runs the handler of a signal when the call that waits is interrupted. A signal that comes just before that call
-interrupts nothing, nor does one that the system gives to another thread: then its handler runs after the wait, that
-is when the child has ended. So each signal is a byte on a socket here, and the end of the child is one more.
+Python runs the handler of a signal when the signal interrupts the waiting call. A signal just before that call does not
+interrupt it, nor does one that the system gives to another thread. Its handler then runs only after the wait, when the
+child has ended. Therefore each signal becomes a byte on a socket here, and so does the end of the child.
 """
 
 from __future__ import annotations
@@ -18,7 +18,10 @@ _ENDED = 0  # no signal has this number
 
 
 def python(module: str, *arguments: str) -> list[str]:
-    """The command line of a module of ours; what lies in the current folder, as a `fleet.py`, is no part of it."""
+    """Return the command line that runs a module of this program.
+
+    Files in the current folder, such as a `fleet.py`, cannot replace its modules.
+    """
     return [sys.executable, "-P", "-m", module, *arguments]
 
 
@@ -29,10 +32,19 @@ def run(
     stdin: int | None = None,
     own_session: bool = False,
 ) -> int:
-    """Run a command until it ends; its exit code. In the main thread.
+    """Run a command until it ends and return its exit code. Call it in the main thread.
 
-    heard: called with the child and the number of each SIGTERM and SIGINT that comes meanwhile. Raises OSError where
-    there is no such program.
+    Parameters
+    ----------
+    heard : callable
+        Called with the child and the signal number for each SIGTERM and SIGINT that comes meanwhile.
+    own_session : bool
+        Whether the child gets its own session.
+
+    Raises
+    ------
+    OSError
+        The program does not exist.
     """
     ours, theirs = socket.socketpair()
     with ours, theirs:

@@ -1,6 +1,7 @@
-"""Entry point of the command `truepose`: runs the Typer app of `service.commands` and turns errors into exit codes.
+"""Entry point of the command `truepose`.
 
-Codes are part of the contract: see `service.exit_codes`.
+It runs the Typer app of `service.commands` and turns errors into exit codes, which are a stable interface: see
+`service.exit_codes`.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(arguments: Sequence[str] | None) -> int:
     # Threads of the linear algebra library spin while they wait for each other: on a shared two-core PC they make
-    # fits of this size five to ten times slower. Whoever wants them sets the variables. They are read when numpy
-    # is first imported, hence the late imports below.
+    # fits of this size five to ten times slower. To use them, set the variables. They are read when numpy is first
+    # imported, hence the late imports below.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
@@ -55,7 +56,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _in_front(arguments: Sequence[str]) -> list[str]:
-    """The arguments with an option of all commands where Typer looks for it, wherever it was written."""
+    """Move `--overwrite`, an option of all commands, to the front, where Typer expects it."""
     own = list(arguments)
     end = own.index("--") if "--" in own else len(own)
     others = [each for each in own[:end] if each != OVERWRITE]
@@ -63,7 +64,10 @@ def _in_front(arguments: Sequence[str]) -> list[str]:
 
 
 def _refusals() -> tuple[type[Refusal], ...]:
-    """The refusals that a command may end with. Imported when a command has failed: `--help` waits for no numerics."""
+    """Import the refusals with which a command may end.
+
+    They are imported only after a command has failed, so that `--help` does not wait for the numerical modules.
+    """
     from service.refusals import REFUSALS
 
     return REFUSALS

@@ -1,6 +1,7 @@
-"""A client of the service for a cell PC: campaigns, the motion lease and its heartbeat, prompts, results.
+"""Client of the TruePose service for programs on a cell PC.
 
-The standard library alone, and nothing of the rest of this program: the file can be copied to another computer.
+It runs campaigns, holds the motion lease with its heartbeat, answers prompts and fetches results. It uses only the
+standard library and no other part of this program, so the file can be copied to another computer.
 
     with Client(url, token) as cell, cell.lease("anna"):
         run = cell.start(campaign)
@@ -8,8 +9,8 @@ The standard library alone, and nothing of the rest of this program: the file ca
             if run.prompt:
                 cell.answer(run, "confirm")
 
-Every request has a connection of its own, so an order never waits for a long poll. What is to be done once is sent with
-an `Idempotency-Key`, and sent again with the same where the answer was lost.
+Every request uses a separate connection, so a command never waits for a long poll. A request that must take effect only
+once carries an `Idempotency-Key`. It is sent again with the same key if the answer is lost.
 """
 
 from __future__ import annotations
@@ -33,7 +34,19 @@ _POLL_S = 20
 
 
 class ServiceError(Exception):
-    """The service refused. `status`: of HTTP; `code`: for programs; `what_to_do`: for the person at the cell."""
+    """A refusal by the service.
+
+    Attributes
+    ----------
+    status : int
+        HTTP status.
+    document : dict
+        Whole answer of the service.
+    code : int
+        Number of the error, for programs; 0 if the service gave none.
+    what_to_do : str
+        Remedy, for the person at the cell.
+    """
 
     def __init__(self, status: int, document: Mapping[str, Any]) -> None:
         self.status, self.document = status, dict(document)
@@ -44,7 +57,15 @@ class ServiceError(Exception):
 
 @dataclass(frozen=True)
 class ClientPrompt:
-    """A question to a person, and the answers that can be given. `entry`: the numbers to be typed, where there are."""
+    """A question to a person.
+
+    Attributes
+    ----------
+    expects : tuple of str
+        Answers that can be given.
+    entry : mapping or None
+        Description of the numbers to be typed; None if the prompt asks for none.
+    """
 
     id: str
     text: str
@@ -54,7 +75,17 @@ class ClientPrompt:
 
 @dataclass(frozen=True)
 class ClientRun:
-    """A run as it was when it was looked at. `document`: all that the service says of it."""
+    """Snapshot of a run.
+
+    Attributes
+    ----------
+    version : int
+        Number that grows with every change of the run.
+    done, total : int
+        Finished and planned readings.
+    document : mapping
+        Whole answer of the service about the run.
+    """
 
     id: str
     state: str
@@ -68,7 +99,7 @@ class ClientRun:
 
     @property
     def ended(self) -> bool:
-        """Whether the run has succeeded or failed, or rests until somebody resumes it."""
+        """Whether the run has succeeded or failed, or is at rest until it is resumed."""
         return self.state in ENDED
 
     @staticmethod
@@ -91,9 +122,14 @@ class ClientRun:
 
 
 class ErrorLimits(TypedDict, total=False):
-    """Limits of the error on readings held out, mm: RMS and largest; 0 or left out: no limit.
+    """Limits of the error on held-out readings.
 
-    accept_zones: boxes with limits of their own, as the API has them.
+    Attributes
+    ----------
+    accept_rms_mm, accept_max_mm : float
+        Limits of the RMS and of the largest error, mm. No limit if 0 or omitted.
+    accept_zones : sequence of mapping
+        Boxes with separate limits, in the format of the API.
     """
 
     accept_rms_mm: float
@@ -103,7 +139,15 @@ class ErrorLimits(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class FinishedJob:
-    """A job that is over. `result`: its document; empty where it failed, then `problem` says why."""
+    """A job that has ended.
+
+    Attributes
+    ----------
+    result : mapping
+        Result document; empty if the job failed.
+    problem : mapping
+        Reason of the failure; empty if the job succeeded.
+    """
 
     id: str
     kind: str
@@ -116,13 +160,21 @@ class FinishedJob:
 
     @property
     def accepted(self) -> bool:
-        """The error on readings held out is within the limits that were given."""
+        """Whether the error on held-out readings is within the given limits."""
         return self.result.get("acceptance", {}).get("verdict") == "accepted"
 
 
 @dataclass
 class Lease:
-    """The motion lease. `lost`: set once it is no longer held; `why`: the refusal then."""
+    """The motion lease.
+
+    Attributes
+    ----------
+    lost : threading.Event
+        Set when the service no longer grants the lease.
+    why : ServiceError or None
+        Refusal with which the lease was lost.
+    """
 
     holder: str
     secret: str = field(repr=False)
@@ -131,7 +183,17 @@ class Lease:
 
 
 class Client:
-    """The client of one service. `url`: as `truepose serve` prints it; `timeout_s`: of one request."""
+    """Client of one service.
+
+    Parameters
+    ----------
+    url : str
+        Address of the service, as `truepose serve` prints it.
+    token : str
+        Token of the service.
+    timeout_s : float
+        Timeout of one request, s.
+    """
 
     def __init__(self, url: str, token: str, *, timeout_s: float = 60.0) -> None:
         parts = urlsplit(url)
@@ -151,9 +213,15 @@ class Client:
 
     @contextmanager
     def lease(self, holder: str, *, seconds: float = 30.0, every_s: float | None = None) -> Iterator[Lease]:
-        """Hold the motion lease, prolonged by a thread `every_s` (default: a third of `seconds`), and give it back.
+        """Hold the motion lease during the block, then give it back.
 
-        Whatever runs pauses when it is given back. Raises Refused where another holds it.
+        A thread renews the lease every `every_s` seconds (default: a third of `seconds`). A run that is under way
+        pauses when the lease is given back.
+
+        Raises
+        ------
+        ServiceError
+            Another client holds the lease.
         """
         body = {"holder": holder, "seconds": seconds}
         lease = Lease(holder, self.ask("POST", "/cell/lease", body)["lease_id"])
@@ -190,19 +258,32 @@ class Client:
     # -- runs ---------------------------------------------------------------------------------------------
 
     def check(self, campaign: Mapping[str, Any]) -> ClientRun:
-        """A dry run: everything is checked, nothing moves. Raises Refused with the reason."""
+        """Start a dry run, which checks everything and moves nothing.
+
+        Raises
+        ------
+        ServiceError
+            The campaign cannot be run; the error holds the reason.
+        """
         return ClientRun.of(self.once("/runs", {"campaign": campaign, "dry_run": True}))
 
     def start(self, campaign: Mapping[str, Any], *, name: str = "", key: str = "") -> ClientRun:
-        """Measure a campaign: the robot moves, so the lease must be held. key: of your own, to survive a restart."""
+        """Measure a campaign.
+
+        The robot moves, so the lease must be held. Pass your own idempotency `key` to start the run only once even if
+        your program restarts.
+        """
         return ClientRun.of(self.once("/runs", {"campaign": campaign, "dry_run": False, "name": name}, key))
 
     def run(self, run_id: str) -> ClientRun:
-        """A run as it is now."""
+        """Fetch the current state of a run."""
         return ClientRun.of(self.ask("GET", f"/runs/{quote(run_id)}"))
 
     def watch(self, run_id: str) -> Iterator[ClientRun]:
-        """The run at every change, until nothing goes on. Waits by long poll; a lost connection is tried again."""
+        """Yield the run after every change until it has ended or is paused.
+
+        Changes are awaited by long poll. A lost connection is tried again.
+        """
         run = self.run(run_id)
         yield run
         while not run.ended:
@@ -212,9 +293,18 @@ class Client:
                 yield run
 
     def answer(self, run: ClientRun, verb: str, *, reason: str = "", typed: str = "") -> ClientRun:
-        """Answer the prompt of a run: confirm, skip, redo, pause or abort. A late or second answer is no error.
+        """Answer the prompt of a run. A late or second answer is not an error.
 
-        typed: the numbers that its `entry` asks for, with confirm.
+        Parameters
+        ----------
+        run : ClientRun
+            Run with the prompt. Without a prompt nothing is sent.
+        verb : str
+            `confirm`, `skip`, `redo`, `pause` or `abort`.
+        reason : str
+            Reason to be recorded.
+        typed : str
+            Numbers that the `entry` of the prompt requests, with `confirm`.
         """
         if run.prompt is None:
             return run
@@ -223,22 +313,28 @@ class Client:
             return ClientRun.of(self.once(path, {"reason": reason} | ({"typed": typed} if typed else {})))
         except ServiceError as error:
             if error.status == 409:
-                return self.run(run.id)  # somebody was quicker
+                return self.run(run.id)  # another client answered first
             raise
 
     def pause(self, run_id: str) -> ClientRun:
-        """The run rests after the reading in hand."""
+        """Pause a run after the current reading."""
         return ClientRun.of(self.ask("POST", f"/runs/{quote(run_id)}/pause"))
 
     def resume(self, run_id: str) -> ClientRun:
-        """Let a run go on: the robot moves, so the lease must be held."""
+        """Resume a run. The robot moves, so the lease must be held."""
         return ClientRun.of(self.once(f"/runs/{quote(run_id)}/resume", {}))
 
     def stop(self, run_id: str) -> Future[list[str]]:
-        """Halt the robot now. Returns at once, whatever the network does; needs no lease.
+        """Halt the robot now. No lease is needed.
 
-        The result of the future: what could not be stopped; its exception: the service was not reached. Not a safety
-        function: press the emergency stop where the future does not say within a moment that it was heard.
+        The call returns at once, even if the network does not respond. This is not a safety function: press the
+        emergency stop if the future does not confirm the stop within a moment.
+
+        Returns
+        -------
+        Future
+            Its result lists the devices that could not be stopped. Its exception means that the service was not reached
+            or refused.
         """
         heard: Future[list[str]] = Future()
 
@@ -256,15 +352,15 @@ class Client:
     # -- data and results ---------------------------------------------------------------------------------
 
     def dataset(self, run_id: str, *, name: str = "") -> str:
-        """The readings of a run as a data set; its id."""
+        """Create a data set from the readings of a run and return its id."""
         return self.once(f"/runs/{quote(run_id)}/dataset", {"name": name})["id"]
 
     def identify(self, dataset_id: str, **limits: Unpack[ErrorLimits]) -> FinishedJob:
-        """Identify, and wait for it."""
+        """Identify the parameters of the robot and wait for the result."""
         return self._job("identifications", dataset_id, limits)
 
     def diagnose(self, dataset_id: str, **limits: Unpack[ErrorLimits]) -> FinishedJob:
-        """Identify and find what the model lacks, and wait for it."""
+        """Identify the robot, search for effects that the model lacks, and wait for the result."""
         return self._job("diagnoses", dataset_id, limits)
 
     def _job(self, kind: str, dataset_id: str, limits: ErrorLimits) -> FinishedJob:
@@ -278,11 +374,19 @@ class Client:
         )
 
     def report(self, job_id: str) -> bytes:
-        """The report of a job, one HTML page."""
+        """Fetch the report of a job, one HTML page."""
         return self._send("GET", f"/reports/{quote(job_id)}")
 
     def correct(self, job_id: str, name: str, program: bytes) -> tuple[bytes, Mapping[str, Any]]:
-        """A robot program corrected with the model of a job, byte for byte, and what became of its targets."""
+        """Correct a robot program with the model of a job.
+
+        Returns
+        -------
+        program : bytes
+            Corrected program, byte for byte as the service created it.
+        document : mapping
+            Whole answer of the service, with the outcome of each target.
+        """
         mark = uuid.uuid4().hex
         head = (
             f'--{mark}\r\nContent-Disposition: form-data; name="program"; filename="{quote(name)}"\r\n'
@@ -310,14 +414,25 @@ class Client:
         headers: Mapping[str, str] | None = None,
         timeout_s: float | None = None,
     ) -> Any:
-        """One request below /api/v1 and the document of its answer. Raises Refused, OSError without an answer."""
+        """Send one request below `/api/v1` and return the document of its answer, or None if empty.
+
+        Raises
+        ------
+        ServiceError
+            The service refused the request.
+        OSError
+            No answer was received.
+        """
         content = None if body is None else json.dumps(body).encode()
         typed = {} if body is None else {"Content-Type": "application/json"}
         answer = self._send(method, path, content, typed | dict(headers or {}), timeout_s)
         return json.loads(answer) if answer else None
 
     def once(self, path: str, body: Mapping[str, Any], key: str = "") -> Any:
-        """POST with an `Idempotency-Key` (default: a new one), sent again where no answer came. Raises as `ask`."""
+        """Send a POST request with an `Idempotency-Key`, again if no answer is received.
+
+        Without `key`, a new one is created. The errors are those of `ask`, after the last attempt.
+        """
         headers = {"Idempotency-Key": key or uuid.uuid4().hex}
         if self._held is not None:
             headers["Lease-Id"] = self._held.secret
@@ -356,7 +471,7 @@ class Client:
             )
             answer = link.getresponse()
             data = answer.read()
-        except http.client.HTTPException as error:  # cut off in mid-answer
+        except http.client.HTTPException as error:  # the answer was truncated
             raise ConnectionError(f"the service did not answer: {error!r}") from error
         finally:
             link.close()

@@ -1,4 +1,7 @@
-"""Effects before readers: words first, the label second; a class of rivals as all its members, not as one."""
+"""Names of effects for readers: description first, label second.
+
+A class of rivals is shown with all its members, not as one effect.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,10 @@ _COUNTS = 0.01  # weight below which a member is not named
 
 
 def members_of(found: DiagnosedEffect) -> list[tuple[str, str, float]]:
-    """(words, label, weight) of every effect that this finding may be, heaviest first; one where it is certain."""
+    """List the effects that this finding may be as (words, label, weight), heaviest first.
+
+    The list has one entry if the finding is certain.
+    """
     evidence, own = found.evidence, found.effect.label
     if evidence.certain:
         return [(words_of(own), own, evidence.candidates.get(own, 1.0))]
@@ -22,7 +28,10 @@ def members_of(found: DiagnosedEffect) -> list[tuple[str, str, float]]:
 
 
 def name_of(found: DiagnosedEffect) -> str:
-    """A finding in a few words; of a class "either this or that", with how many more there are."""
+    """Name a finding in a few words.
+
+    A class of rivals reads "either this or that", or "one of n" with the number of members that are not listed.
+    """
     names = [words for words, _, _ in members_of(found)]
     if len(names) == 1:
         return names[0]
@@ -33,6 +42,6 @@ def name_of(found: DiagnosedEffect) -> str:
 
 
 def listed(found: Sequence[DiagnosedEffect], most: int = 3) -> str:
-    """Findings in a row, at most so many of them in words."""
+    """List findings in one text, at most `most` of them by name."""
     text = "; ".join(name_of(each) for each in found[:most])
     return text + (f"; and {len(found) - most} more" if len(found) > most else "")

@@ -1,4 +1,4 @@
-"""The end of a command that runs until somebody ends it: Ctrl-C or SIGTERM, heard while it waits."""
+"""End of a command that runs until Ctrl-C or SIGTERM, which are also handled while it waits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _ORDERS = (signal.SIGINT, signal.SIGTERM)
 
 
 class ShutdownSignal:
-    """Whether the command was asked to end."""
+    """Flag that is true once the command has been asked to end."""
 
     def __init__(self, ear: socket.socket) -> None:
         self._ear = ear
@@ -23,8 +23,8 @@ class ShutdownSignal:
         return self.wait(0.0)
 
     def wait(self, seconds: float) -> bool:
-        """Wait so long, or until the command is asked to end; whether it was."""
-        # By the byte that the interpreter writes at a signal: one that comes just before the wait is heard too.
+        """Wait up to `seconds`, or until the command is asked to end; return whether it was."""
+        # The interpreter writes a byte for each signal, so a signal just before the wait is noticed too.
         while not self._heard and select.select([self._ear], [], [], seconds)[0]:
             self._heard = any(number in _ORDERS for number in self._ear.recv(4096))
         return self._heard
@@ -32,7 +32,10 @@ class ShutdownSignal:
 
 @contextmanager
 def until_asked() -> Iterator[ShutdownSignal]:
-    """Within, in the main thread, SIGINT and SIGTERM only ask the command to end. A second SIGINT interrupts it."""
+    """Let SIGINT and SIGTERM only ask the command to end, within this block in the main thread.
+
+    A second SIGINT interrupts it.
+    """
     ear, bell = socket.socketpair()
     for each in (ear, bell):
         each.setblocking(False)

@@ -14,7 +14,13 @@ STANDARD_OUTPUT = "-"
 
 
 def as_json(document: Mapping[str, Any]) -> str:
-    """The document as JSON text. Raises ValueError when it holds NaN or an infinity."""
+    """Return the document as JSON text.
+
+    Raises
+    ------
+    ValueError
+        The document holds NaN or an infinity.
+    """
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""Garbage is not sought among what stays."""
+"""Pause of garbage collection for objects that remain in use."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def left_alone() -> Iterator[None]:
-    """Within this block the garbage collector passes over the objects that exist already.
+    """Exclude existing objects from garbage collection within this block.
 
-    A report makes hundreds of thousands of small objects beside the readings and the model of its diagnosis, and every
-    search through all of them took a twelfth of its time.
+    A report creates hundreds of thousands of small objects in addition to the readings and the model of its diagnosis.
+    Searching through all of them took a twelfth of its time.
     """
     gc.freeze()
     try:

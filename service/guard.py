@@ -1,7 +1,7 @@
-"""The guard runs a command that must not outlive its parent: `python -m service.guard COMMAND ...`.
+"""Guard for a command that must end with its parent: `python -m service.guard COMMAND ...`.
 
-The parent holds the other end of our standard input. When it closes, by intent or because the parent was killed,
-the command is ended. A signal handler in the parent could not do this: nothing runs after `kill -9`.
+The parent holds the other end of the guard's standard input. When it closes, by intent or because the parent was
+killed, the command is ended. A signal handler in the parent could not do this: nothing runs after `kill -9`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,10 @@ GRACE_S = 3.0  # to end by itself, then it is killed
 
 
 def main(command: Sequence[str]) -> int:
-    """Run the command until it ends, we are told to end or our standard input does; its exit code."""
+    """Run the command and return its exit code.
+
+    The command is ended when this process receives a signal or when its standard input closes.
+    """
     threading.Thread(target=_watch, daemon=True).start()
     return child.run(command, _end, stdin=subprocess.DEVNULL)
 

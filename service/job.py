@@ -1,7 +1,10 @@
 """One job, of any kind that `service.http.work.jobs` knows, for a worker of the service.
 
-The folder of the job holds `job.json`; it gets `report.html` and then `result.json`, or `problem.json` where the data
+The folder of the job holds `job.json`. The job adds `report.html` and then `result.json`, or `problem.json` if the data
 cannot be used.
+
+Each function below takes the folder and the job as `Jobs.add` stores it. It raises `DataError`, or `ConfigError` for a
+cell, if the job cannot be done; `do` writes the error to `problem.json`.
 """
 
 from __future__ import annotations
@@ -28,7 +31,7 @@ from service.job_folder import (
 
 
 def do(folder: Path) -> None:
-    """Do the job of a folder."""
+    """Do the job of a folder. A refusal is written to `problem.json`."""
     from calib.text import read_json, replace_file
     from service import refusals
     from service.files import as_json
@@ -42,7 +45,7 @@ def do(folder: Path) -> None:
 
 
 def diagnosis(folder: Path, job: Mapping[str, Any]) -> None:
-    """Diagnose, save the model, draw the report. job: as `JobQueue.add` keeps it. Raises DataError."""
+    """Diagnose a data set, save the model and write the report."""
     from acquisition.cell import cell_of_record
     from calib.data import read_dataset
     from calib.diagnose import MOST_EFFECTS
@@ -87,7 +90,7 @@ def diagnosis(folder: Path, job: Mapping[str, Any]) -> None:
 
 
 def identification(folder: Path, job: Mapping[str, Any]) -> None:
-    """Identify, save the model, draw the report. job: as of a diagnosis. Raises DataError."""
+    """Identify a robot, save the model and write the report."""
     from calib.data import read_dataset
     from calib.prior import load_prior
     from calib.saved import refuse_worse, save_model
@@ -113,7 +116,7 @@ def identification(folder: Path, job: Mapping[str, Any]) -> None:
 
 
 def regression(folder: Path, job: Mapping[str, Any]) -> None:
-    """Compare regression with identification, save the model with its regression, draw the report. Raises DataError."""
+    """Compare regression and identification, save model and regression, and write the report."""
     from calib.text import replace_file
     from service.files import as_json
     from service.report import regression_report
@@ -127,7 +130,7 @@ def regression(folder: Path, job: Mapping[str, Any]) -> None:
 
 
 def validation(folder: Path, job: Mapping[str, Any]) -> None:
-    """Judge a model on a data set, or without one compare hold-outs. Raises DataError."""
+    """Judge a model on a data set, or compare hold-outs if no model is given."""
     from calib.data import read_dataset
     from calib.saved import load_model
     from calib.text import replace_file
@@ -156,7 +159,7 @@ def validation(folder: Path, job: Mapping[str, Any]) -> None:
 
 
 def selection(folder: Path, job: Mapping[str, Any]) -> None:
-    """Choose poses in the cell of the job. Raises DataError, ConfigError."""
+    """Choose poses in the cell of the job."""
     from acquisition.cell import cell_of_record
     from calib.prior import load_prior
     from calib.text import replace_file
@@ -175,7 +178,7 @@ def selection(folder: Path, job: Mapping[str, Any]) -> None:
 
 
 def placement(folder: Path, job: Mapping[str, Any]) -> None:
-    """Search placements of the base balls, draw them. Raises DataError."""
+    """Search placements of the base balls and draw them."""
     from acquisition.cell import cell_of_record
     from calib.errors import DataError
     from calib.text import replace_file
@@ -204,7 +207,7 @@ def placement(folder: Path, job: Mapping[str, Any]) -> None:
 
 
 def alignment(folder: Path, job: Mapping[str, Any]) -> None:
-    """Align the streams of the folder, keep their standstills as a data set, draw the picture. Raises DataError."""
+    """Align the streams of the folder, and store their stationary intervals as a data set."""
     from calib.text import replace_file
     from service.files import as_json
     from service.kept_dataset import CSV, keep_dataset
@@ -226,7 +229,7 @@ def alignment(folder: Path, job: Mapping[str, Any]) -> None:
 
 
 def watch_plan(folder: Path, job: Mapping[str, Any]) -> None:
-    """Choose check poses in the cell of the job; the plan, with its campaign. Raises DataError, ConfigError."""
+    """Choose check poses in the cell of the job, and write the plan with its campaign."""
     from acquisition.cell import cell_of_record
     from calib.errors import DataError
     from calib.saved import load_model
@@ -251,7 +254,7 @@ def watch_plan(folder: Path, job: Mapping[str, Any]) -> None:
 
 
 def watch(folder: Path, job: Mapping[str, Any]) -> None:
-    """Judge a data set by the baseline, write the updated model; the verdict. Raises DataError."""
+    """Judge a data set by the baseline, and write the verdict and the updated model."""
     from calib.data import read_dataset
     from calib.saved import load_model
     from calib.text import replace_file
@@ -278,7 +281,7 @@ def watch(folder: Path, job: Mapping[str, Any]) -> None:
 
 
 def upkeep(folder: Path, job: Mapping[str, Any]) -> None:
-    """Judge how warm the arm is, write the updated model; what was found. Raises DataError."""
+    """Judge the thermal state of the arm, and write the result and the updated model."""
     from calib.data import read_dataset
     from calib.saved import load_model
     from calib.text import replace_file

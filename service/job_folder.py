@@ -1,4 +1,4 @@
-"""The folder of a job: the names of its files, and what the job does now."""
+"""Folder of a job: names of its files, and the current step of the job."""
 
 from __future__ import annotations
 

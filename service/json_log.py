@@ -1,4 +1,7 @@
-"""A log for programs: one JSON object a line, with `utc`, `level`, `from` and `message`, and what is told beside it."""
+"""Log for programs: one JSON object per line.
+
+Each object has the members `utc`, `level`, `from` and `message`, and the additional members of the record.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +16,15 @@ from calib.errors import DataError
 from service.files import STANDARD_OUTPUT
 from service.json_values import finite, utc_text
 
-_LONGEST = 65536  # bytes of a line that are looked at
+_LONGEST = 65536  # bytes of a line that are checked
 NAMES = ("service", "acquisition", "drivers", "uvicorn.error")
 
 
 class JsonLines(logging.Formatter):
-    """A record as a line; `extra={"told": {...}}` adds members."""
+    """Formatter that writes a record as one JSON line; `extra={"told": {...}}` adds members."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line, without its end."""
+        """Return the line, without its line end."""
         line = {
             "utc": utc_text(record.created),
             "level": record.levelname.lower(),
@@ -35,20 +38,28 @@ class JsonLines(logging.Formatter):
 
 
 def _may_grow(file: Path) -> bool:
-    """Whether a file is a log of this program, empty, not there, or no ordinary file."""
+    """Return whether a log may be appended to a file.
+
+    That is so if the file is a log of this program, is empty, does not exist, or is not an ordinary file.
+    """
     try:
         with file.open("rb") as stream:
             first = stream.readline(_LONGEST) if file.is_file() else b""
-    except OSError:  # said when the log is opened
+    except OSError:  # reported when the log is opened
         return True
     return not first or first.startswith(b'{"utc": ')
 
 
 @contextmanager
 def json_log(file: str | None) -> Iterator[None]:
-    """Keep a log in a file (`-`: on standard error) within, behind what it holds; None: none.
+    """Append a log to a file during the block; no log if `file` is None.
 
-    Raises DataError where it cannot be written, or is no log of this program.
+    With `-` the log is written to standard error.
+
+    Raises
+    ------
+    DataError
+        The file cannot be written, or is not a log of this program.
     """
     if file is None:
         yield

@@ -1,6 +1,6 @@
-"""A data set that is kept: a folder with `data.csv`, `data.toml` and `about.json`, whole or not at all.
+"""Stored data set: a folder with `data.csv`, `data.toml` and `about.json`, all or none.
 
-It is read before it is kept, so everything that is kept can be worked with.
+A data set is read before it is stored, so every stored data set is usable.
 """
 
 from __future__ import annotations
@@ -24,13 +24,26 @@ CSV, TOML, ABOUT = "data.csv", "data.toml", "about.json"
 
 
 def refuse_paths(header: bytes) -> None:
-    """Refuse the header (TOML) of a data set that was sent, where its robot is a path: it would be looked for among
-    the files of this computer. Raises DataError."""
+    """Refuse the header (TOML) of a data set that was sent, if it names the robot by a path.
+
+    The path would otherwise be searched among the files of this computer.
+
+    Raises
+    ------
+    DataError
+        The robot is a path.
+    """
     refuse_path(parse_toml(decoded(header, TOML), TOML).get("robot", ""), TOML)
 
 
 def refuse_path(robot: object, file: str) -> None:
-    """Refuse a path where the name of a robot is wanted. Raises DataError naming the file."""
+    """Refuse a path in place of the name of a robot.
+
+    Raises
+    ------
+    DataError
+        The robot is a path. The error names `file`.
+    """
     if isinstance(robot, str) and (robot.endswith(".toml") or "/" in robot or "\\" in robot):
         raise DataError(
             "names a file, which was not sent with it.",
@@ -44,9 +57,15 @@ def refuse_path(robot: object, file: str) -> None:
 def keep_dataset(
     within: Path, write: Callable[[Path], object], name: str, *, run_id: str | None = None
 ) -> dict[str, Any]:
-    """A new folder in `within`, into which `write` puts table and header; what is said of the data set.
+    """Store a data set in a new folder in `within` and return its description.
 
-    Raises DataError for data that cannot be used, and what `write` raises; nothing is left behind then.
+    `write` puts the table and the header into the folder. Its errors are passed on; nothing is left behind after an
+    error.
+
+    Raises
+    ------
+    DataError
+        The data cannot be used.
     """
     own = new_id()
     coming = within / f".{own}"  # not yet a data set; ids do not begin with a dot

@@ -1,11 +1,11 @@
-"""Private files, which nobody else on this computer may read: records, and the files that hold tokens.
+"""Private files, which other users of this computer may not read: records and token files.
 
-Modes are those of POSIX; on Windows the folder's access list decides, which a folder below the user's own inherits.
+Access is restricted by POSIX modes. On Windows the access list of the folder decides; a folder below the user's profile
+inherits it.
 
-The file that holds the tokens of a service: the operator's in its first line, the viewer's in its second.
-
-Without a choice of the user it lies in the record, is made anew at every start and removed at the end. A file that the
-user names keeps its tokens for good; where it is not there it is made.
+A token file holds the operator's token in its first line and the viewer's token in its second line. By default it is in
+the record folder, is created at every start and is removed at the end. A file that the user names keeps its tokens
+permanently; it is created if it does not exist.
 """
 
 from __future__ import annotations
@@ -33,9 +33,10 @@ SHORTEST = 16
 
 @contextmanager
 def owner_only() -> Iterator[None]:
-    """Files made within get mode 0600 and folders 0700, also those of SQLite and of processes begun within.
+    """Give files that are created in this block mode 0600, and folders 0700.
 
-    It is the umask of the whole process; also a decorator for a command.
+    This includes the files of SQLite and of child processes, because the umask of the whole process is set. It can also
+    decorate a command.
     """
     before = os.umask(_OTHERS)
     try:
@@ -45,7 +46,10 @@ def owner_only() -> Iterator[None]:
 
 
 def note_if_others_read(folder: Path) -> None:
-    """Say on standard error when the modes of a folder that was there before let others at it; they are left alone."""
+    """Print a note on standard error if other users can read an existing folder.
+
+    The modes of the folder are not changed.
+    """
     if _POSIX and folder.is_dir() and folder.stat().st_mode & _OTHERS:
         sys.stderr.write(
             f"truepose: others on this computer can read {folder}. What is written now they cannot; "
@@ -54,8 +58,18 @@ def note_if_others_read(folder: Path) -> None:
 
 
 def refuse_foreign(path: Path, form: str) -> None:
-    """Refuse a file that is to be replaced, and was not written by a service. form: a pattern of what one writes; an
-    empty file is one whose writer was killed. Raises DataError."""
+    """Refuse to replace a file that was not written by a service.
+
+    Parameters
+    ----------
+    form : str
+        Regular expression of the text that a service writes. An empty file is accepted: its writer was killed.
+
+    Raises
+    ------
+    DataError
+        The file is a link, is not an ordinary file, or has other text.
+    """
     if path.is_symlink() or path.exists():
         text = path.read_bytes()[:_MOST_BYTES].decode("utf-8", "replace") if path.is_file() else ""
         if path.is_symlink() or not path.is_file() or (text and not re.fullmatch(form, text)):
@@ -67,14 +81,30 @@ def refuse_foreign(path: Path, form: str) -> None:
 
 
 def make_secret(path: Path, text: str) -> None:
-    """Write a new file that nobody else can read at any moment. Raises FileExistsError."""
+    """Write a new file that other users cannot read at any moment.
+
+    Raises
+    ------
+    FileExistsError
+        The file exists already.
+    """
     with open(path, "x", encoding="utf-8", opener=_open) as file:
         file.write(text)
 
 
 def read_secret(path: Path, harm: str = "move the robot") -> str:
-    """The text of a file. harm: what whoever reads it can do. Raises DataError where others may read it, or it is no
-    ordinary file of text."""
+    """Read the text of a private file.
+
+    Parameters
+    ----------
+    harm : str
+        Action that the secret permits, for the error message.
+
+    Raises
+    ------
+    DataError
+        Other users may read the file, or it is not an ordinary text file in UTF-8.
+    """
     data = read_bytes(path, _MOST_BYTES)
     if _POSIX and path.stat().st_mode & _OTHERS:
         raise DataError(
@@ -95,14 +125,20 @@ def _open(name: str, flags: int) -> int:
 
 
 def chosen_token() -> str | None:
-    """The operator's token from the environment; None where there is none. Raises DataError."""
+    """Return the operator's token from the environment, or None if it is not set.
+
+    Raises
+    ------
+    DataError
+        The token is not usable.
+    """
     text = os.environ.get(VARIABLE, "").strip()
     return _usable(text, key=VARIABLE) if text else None
 
 
 @contextmanager
 def tokens_until_the_end(record: Path, operator: str | None) -> Iterator[Tokens]:
-    """Tokens of one start, in a new file in the record for as long as the block lasts."""
+    """Create the tokens of one start and keep them in a file in the record during the block."""
     tokens = _new(operator)
     record.mkdir(parents=True, exist_ok=True)
     file, text = record / NAME, _text(tokens)
@@ -112,18 +148,29 @@ def tokens_until_the_end(record: Path, operator: str | None) -> Iterator[Tokens]
     try:
         yield tokens
     finally:
-        with suppress(OSError):  # it is gone, or cannot be removed: its tokens are worth nothing any more
-            if file.read_text(encoding="utf-8") == text:  # not that of a service begun since
+        with suppress(OSError):  # it is missing, or cannot be removed: its tokens are no longer valid
+            if file.read_text(encoding="utf-8") == text:  # not the file of a service that started later
                 file.unlink()
 
 
 def lasting_tokens(file: Path, first: str = "operator's", harm: str = "move the robot") -> Tokens:
-    """The tokens in the user's own file, which is made where it is not there; without a second line a new viewer's.
+    """Read the tokens from a file that the user named; create it if it does not exist.
 
-    first: whose the first is; harm: what whoever has it can do.
-    Raises DataError where others may read the file or it holds no usable token.
+    If the file has only one line, a new viewer's token is created for this start.
+
+    Parameters
+    ----------
+    first : str
+        Owner of the first token, for error messages.
+    harm : str
+        Action that the first token permits, for error messages.
+
+    Raises
+    ------
+    DataError
+        Other users may read the file, or it does not hold one or two different usable tokens.
     """
-    if not os.path.lexists(file):  # a link that leads nowhere is refused below
+    if not os.path.lexists(file):  # a dangling link is refused below
         tokens = _new(None)
         make_secret(file, _text(tokens))
         return tokens

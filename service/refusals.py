@@ -1,8 +1,8 @@
-"""Refusals: what a person can correct, read alike wherever it was refused: by data, by devices, by the record.
+"""Uniform access to refusals, the errors that a person can correct.
 
-Numbers and devices know nothing of each other, so each room has a root error of its own (`calib.errors.DataError`,
-`drivers.errors.AcquisitionError`), and both have the same three things: a cause, a remedy and a place. They differ in
-what else they must say: data have a file, a line and a key; a device has its name, a code and an exit code.
+The numerical part and the drivers do not depend on each other, so each has a separate root error:
+`calib.errors.DataError` and `drivers.errors.AcquisitionError`. Both have a cause, a remedy and a place. In addition, an
+error of data has a file, a line and a key. An error of a device has the name of the device, a code and an exit code.
 """
 
 from __future__ import annotations
@@ -23,21 +23,24 @@ _PLACE = re.compile(r"(?<![\w:/.])(?!/(?:api|cell|loops|runs)/)(?:/|[A-Za-z]:[\\
 
 
 def sentence(refusal: Refusal) -> str:
-    """Cause, place and remedy, for the person at the terminal."""
+    """Return cause, place and remedy as one text, for the person at the terminal."""
     if isinstance(refusal, DataError):
         return str(refusal)
     return refusal.sentence
 
 
 def exit_code(refusal: Refusal) -> int:
-    """The exit code of the command that met it."""
+    """Return the exit code of the command that ends with this refusal."""
     if isinstance(refusal, StoreGone):
         return exit_codes.NOT_AVAILABLE
     return exit_codes.USAGE if isinstance(refusal, DataError) else refusal.exit_code
 
 
 def cause(refusal: Refusal) -> str:
-    """The fault and its place, without the remedy; of a file its name, never its place on the server."""
+    """Return the cause and its place, without the remedy.
+
+    A file appears with its name only, never with its folder on the server.
+    """
     if not isinstance(refusal, DataError):
         return without_places(refusal.message).rstrip(".") + "."
     name = "" if refusal.file is None else str(refusal.file).replace("\\", "/").rsplit("/", 1)[-1]
@@ -48,7 +51,7 @@ def cause(refusal: Refusal) -> str:
 
 
 def without_places(text: str) -> str:
-    """A sentence with the names of files and their folders, but not where on this computer they lie."""
+    """Shorten each path in a sentence to the file name and its folder, to hide its location."""
 
     def last_parts(found: re.Match[str]) -> str:
         parts = re.split(r"(?<=[\\/])", found[0])
@@ -58,12 +61,12 @@ def without_places(text: str) -> str:
 
 
 def remedy(refusal: Refusal) -> str:
-    """The remedy of a refusal."""
+    """Return the remedy of a refusal."""
     return refusal.do if isinstance(refusal, DataError) else refusal.what_to_do
 
 
 def place(refusal: Refusal) -> dict[str, Any]:
-    """The place of a refusal, for programs: line and key of a file, or device and name of the error."""
+    """Return the place, for programs: line and key of a file, or device and class of the error."""
     if isinstance(refusal, DataError):
         given = (("line", refusal.line), ("key", refusal.key))
         return {name: value for name, value in given if value is not None}
@@ -71,7 +74,10 @@ def place(refusal: Refusal) -> dict[str, Any]:
 
 
 def of_disk(error: OSError) -> AcquisitionError:
-    """The refusal for a disk of the service that is full, or may not be written; of a file its name alone."""
+    """Create the refusal for a disk of the service that is full or not writable.
+
+    A file appears with its name only.
+    """
     from acquisition.errors import StorageError  # a worker loads what its calls need
 
     text = f"{os.path.basename(str(error.filename or ''))}: {error.strerror or error}".removeprefix(": ")

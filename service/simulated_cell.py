@@ -1,4 +1,7 @@
-"""The simulators of a cell, in a process of their own: started, asked for their addresses, surely ended."""
+"""Simulators of a cell in a separate process.
+
+The process is started, reports the addresses of its devices, and is certain to end with the block that needs it.
+"""
 
 from __future__ import annotations
 
@@ -26,15 +29,20 @@ _LAST = "backdoor"  # printed after all others
 
 
 class SimulatedDevices:
-    """The addresses at which the simulators of a cell listen."""
+    """Addresses at which the simulators of a cell listen."""
 
     def __init__(self, ports: Mapping[str, int]) -> None:
         self.ports = ports
 
     def open(self, cell: Cell, operator: Operator | None = None) -> Devices:
-        """The cell's devices at the simulators' addresses. Raises ConfigError.
+        """Open the devices of the cell at the addresses of the simulators.
 
-        `operator` is left out where the cell file has the operator simulated as well.
+        `operator` is not used if the cell file requests a simulated operator as well.
+
+        Raises
+        ------
+        ConfigError
+            There is no simulator for a driver of the cell.
         """
         by_hand = [each.driver for each in (cell.robot, cell.instrument) if each.declared.by_hand]
         return open_devices(
@@ -56,13 +64,19 @@ class SimulatedDevices:
 
 
 class ManualCellOperator:
-    """The person who works the devices of a simulated cell that have no driver: drives the arm, reads, and types."""
+    """Simulated person for devices without a driver: moves the arm, reads values and types them."""
 
     def __init__(self, port: int) -> None:
         self._port = port
 
     def ask(self, prompt: Prompt) -> Answer | Typed:
-        """Raises ConfigError where the simulators do not answer."""
+        """Have the simulators answer a prompt.
+
+        Raises
+        ------
+        ConfigError
+            The simulators do not answer.
+        """
         entry = None if prompt.entry is None else asdict(prompt.entry)
         question = {"text": prompt.text, "picture": prompt.picture, "entry": entry}
         answer = _answer_of(self._port, question, None)
@@ -70,17 +84,29 @@ class ManualCellOperator:
 
 
 class SimulatedHands:
-    """The hands of a person at the arm of a simulated cell, through its back door."""
+    """Hands of a person who guides the arm of a simulated cell, through its back door."""
 
     def __init__(self, port: int) -> None:
         self._port = port
 
     def touch(self, target: str, base_target: str, near_deg: Sequence[float]) -> None:
-        """Touch a base ball with a target. Raises ConfigError where the simulated arm does not get there."""
+        """Touch a base ball with a target.
+
+        Raises
+        ------
+        ConfigError
+            The simulated arm does not reach the ball.
+        """
         self._do({"do": "touch", "target": target, "base": base_target, "near_deg": list(near_deg)})
 
     def jog(self, joints_deg: Sequence[float]) -> None:
-        """Move the simulated arm by hand. Raises ConfigError."""
+        """Move the simulated arm by hand.
+
+        Raises
+        ------
+        ConfigError
+            The simulated arm did not move, or does not answer.
+        """
         self._do({"do": "jog", "joints_deg": list(joints_deg)})
 
     def _do(self, order: Mapping[str, object]) -> None:
@@ -90,7 +116,15 @@ class SimulatedHands:
 
 
 def _answer_of(port: int, question: Mapping[str, object], seconds: float | None) -> dict[str, Any]:
-    """The answer of a simulator to one JSON line. `seconds` None: as long as it takes. Raises ConfigError."""
+    """Send one JSON line to a simulator and return its answer.
+
+    Waits up to `seconds`; without limit if None.
+
+    Raises
+    ------
+    ConfigError
+        The simulators do not answer or have ended.
+    """
     try:
         with (
             socket.create_connection(("127.0.0.1", port), HAND_TIMEOUT_S) as back_door,
@@ -107,13 +141,19 @@ def _answer_of(port: int, question: Mapping[str, object], seconds: float | None)
 
 
 def command_of(*arguments: str) -> list[str]:
-    """The command line of the simulators."""
+    """Return the command line of the simulators."""
     return python("mocks", *arguments)
 
 
 @contextmanager
 def simulated_cell(cell: Cell) -> Iterator[SimulatedDevices]:
-    """The simulators of `cell` until the block ends. Raises ConfigError when they do not start."""
+    """Run the simulators of `cell` until the block ends.
+
+    Raises
+    ------
+    ConfigError
+        The simulators do not start.
+    """
     with TemporaryDirectory(prefix="truepose-cell-") as folder:
         file = Path(folder) / "cell.toml"
         file.write_text(cell.source, encoding="utf-8")
@@ -148,7 +188,7 @@ def _ports(process: subprocess.Popen[str], lines: IO[str]) -> dict[str, int]:
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    """Closing its input is the signal for the guard, which ends the simulators and then itself."""
+    """Close the input of the guard, which then ends the simulators and itself."""
     for stream in (process.stdin, process.stdout):
         assert stream is not None
         stream.close()

@@ -1,4 +1,4 @@
-"""Numbers and findings in words, the same on the terminal, in the report and later on the page."""
+"""Texts of numbers and findings, the same on the terminal, in the report and on the page."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MANY = 6  # effects above which lists are ordered by group
 _CARRIED = 8  # carried terms that are stated one by one
 _FAULTS_SHOWN = 8  # faulty held-out readings that are listed
 _STRETCHED = 1.5
-_AS_DECLARED = 0.001  # chance of a larger misfit from which on the noise is as declared
+_AS_DECLARED = 0.001  # p-value of lack of fit; from this value on, the noise is as declared
 
 HOLDOUTS = {
     "random": "random rows of the same series: flatters, since the neighbours of every row took part in the fit",
@@ -47,12 +47,12 @@ POSITION_ERROR = "Position error"
 
 
 def error_kind(dataset: Dataset) -> str:
-    """The quantity that the errors of a data set belong to."""
+    """Name the quantity to which the errors of a data set refer: position or distance."""
     return POSITION_ERROR if dataset.pointed.any() else "Error of the distance"
 
 
 def holdout_in_words(kind: str) -> str:
-    """The kind of hold-out that the figures are based on."""
+    """Describe the kind of hold-out on which the results are based."""
     return HOLDOUTS.get(kind, kind)
 
 
@@ -60,47 +60,47 @@ SIMULATED = "SIMULATED: these readings come from a simulated robot and instrumen
 
 
 def with_uncertainty(value: float, uncertainty: float) -> tuple[str, str]:
-    """Value and its uncertainty as text, both to the second significant digit of the uncertainty."""
+    """Format a value and its uncertainty, both to the second significant digit of the latter."""
     if not (math.isfinite(uncertainty) and uncertainty > 0.0):
         return f"{value:.4g}", "0"
     decimals = 1 - math.floor(math.log10(uncertainty))
     rounded = round(uncertainty, decimals)
     decimals = 1 - math.floor(math.log10(rounded)) if rounded > 0.0 else decimals
     places = max(decimals, 0)
-    # + 0.0: what rounds to nothing has no sign
+    # + 0.0: a value that rounds to zero has no sign
     return f"{round(value, decimals) + 0.0:.{places}f}", f"{rounded:.{places}f}"
 
 
 def two_figures(value: float) -> str:
-    """A size to two significant digits, without an exponent as far as people read such numbers: 530, not 5.3e+02."""
+    """Format a size to two significant digits, up to six digits without exponent: 530."""
     return f"{float(f'{value:.2g}'):g}"
 
 
 def counted(count: int, what: str) -> str:
-    """So many of something, "1 reading" or "3 readings"."""
+    """Return a count with its noun, such as "1 reading" or "3 readings"."""
     return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def chance(p: float) -> str:
-    """A p-value as text; far below what anyone believes it only says so."""
+    """Format a p-value; a value below 1e-12 is only reported as such."""
     if p < 1e-12:
         return "< 1e-12"
     return f"{p:.2g}"
 
 
 def millimetres(value: float) -> str:
-    """A length with three decimals, mm; with two above 10 mm."""
+    """Format a length in mm with three decimals, from 10 mm with two."""
     return f"{value:.3f}" if abs(value) < 10.0 else f"{value:.2f}"
 
 
 def amplitude(found: DiagnosedEffect) -> tuple[str, str, str]:
-    """Size of an effect, its expanded uncertainty (k = 2) and unit, as text."""
+    """Format the size of an effect, its expanded uncertainty (k = 2) and its unit."""
     value, spread, unit = found.amplitude
     return (*with_uncertainty(value, COVERAGE * spread), unit)
 
 
 def usual_size(found: DiagnosedEffect) -> str:
-    """The usual size of an effect with its unit; empty if none is known."""
+    """Format the usual size of an effect with its unit; empty if none is known."""
     return "" if found.usual is None else f"{found.usual:.2g} {found.amplitude[2]}"
 
 
@@ -108,7 +108,10 @@ _SHAPES = {"time_constant_s": ("time constant", "s"), "order": ("order", "per tu
 
 
 def shape_of(found: DiagnosedEffect) -> str:
-    """What was scanned, with its uncertainty (k = 2), as text: a time constant, an order, a moment of change."""
+    """Format the shape of an effect that was scanned.
+
+    That is a time constant or an order with its uncertainty (k = 2), or the moment of a change.
+    """
     if found.between is not None:
         return f"between readings {found.between[0]} and {found.between[1]} (95\u00a0%)"
     if found.index is not None:
@@ -125,14 +128,17 @@ IMPOSSIBLE = "This value is physically impossible: another effect is imitated by
 
 
 def advice_on(found: DiagnosedEffect, *, causes_known: bool) -> str:
-    """What a technician should check; empty where the cause is not known, or the size is usual or not confirmed."""
+    """Return the check that a technician should make for an effect.
+
+    The text is empty if the causes are not known, or if the size is impossible, usual or not confirmed.
+    """
     if not causes_known or found.impossible or not (found.confirmed and found.beyond_usual):
         return ""
     return check_of(found.effect.label)
 
 
 def unconfirmed(found: Sequence[DiagnosedEffect]) -> str:
-    """One sentence on the effects that are smaller than their uncertainty; empty where there are none."""
+    """List the effects that are smaller than their uncertainty in one sentence; empty if none."""
     listed = [
         f"{each.effect.label} {value} ± {uncertainty} {unit}"
         for each in found
@@ -143,7 +149,7 @@ def unconfirmed(found: Sequence[DiagnosedEffect]) -> str:
 
 
 def sentence_of(found: DiagnosedEffect) -> str:
-    """One effect in one sentence: what it means, how large, where it began."""
+    """Describe one effect in a sentence: meaning, size, and its shape or start."""
     value, uncertainty, unit = amplitude(found)
     text = f"{found.effect.meaning.rstrip('.')}: {value} ± {uncertainty} {unit} (k = {COVERAGE:g})"
     shape = shape_of(found)
@@ -152,7 +158,7 @@ def sentence_of(found: DiagnosedEffect) -> str:
 
 
 def rivals_of(found: DiagnosedEffect) -> list[tuple[str, float]]:
-    """The other explanations of one effect with their weights, heaviest first; those of less than 1 % left out."""
+    """List the rival explanations of an effect with weights of at least 1 %, heaviest first."""
     return [
         (label, w)
         for label, w in found.evidence.candidates.items()
@@ -161,7 +167,7 @@ def rivals_of(found: DiagnosedEffect) -> list[tuple[str, float]]:
 
 
 def carried_in_words(term: CarriedTerm) -> str:
-    """Where a carried term acts, what it follows and how large it is, as a sentence that claims no cause."""
+    """Describe place, condition and size of a carried term in a sentence that claims no cause."""
     value, std, unit = term.effect.amplitude(term.values, term.covariance)
     size, uncertainty = with_uncertainty(value, COVERAGE * std)
     share = f"{share_in_words(term.explained)} of what the named effects leave"
@@ -174,7 +180,10 @@ def carried_in_words(term: CarriedTerm) -> str:
 
 
 def stated_carried(terms: Sequence[CarriedTerm]) -> list[str]:
-    """Sentences on carried terms: the largest that exceed their uncertainty, and how many others serve the model."""
+    """Describe the largest carried terms that exceed their uncertainty, one sentence each.
+
+    A last sentence counts the other terms of the model.
+    """
     stated = [term for term in terms if exceeds(term)][:_CARRIED]
     others = len(terms) - len(stated)
     rest = f"{counted(others, 'other term')} of the model, smaller or within U: no single one is a finding."
@@ -182,13 +191,13 @@ def stated_carried(terms: Sequence[CarriedTerm]) -> list[str]:
 
 
 def exceeds(term: CarriedTerm) -> bool:
-    """Whether the size of a carried term exceeds its expanded uncertainty."""
+    """Return whether the size of a carried term exceeds its expanded uncertainty."""
     value, std, _ = term.effect.amplitude(term.values, term.covariance)
     return abs(value) > COVERAGE * std
 
 
 def shares_in_words(shares: Shares, *, causes_known: bool) -> str:
-    """The parts of the squared error that the base model leaves, as a sentence."""
+    """Describe the parts of the squared error that the base model leaves, in one sentence."""
     named = (
         "explained by a named cause"
         if causes_known
@@ -201,7 +210,7 @@ def shares_in_words(shares: Shares, *, causes_known: bool) -> str:
 
 
 def by_group(found: Sequence[DiagnosedEffect]) -> list[tuple[str, list[DiagnosedEffect]]]:
-    """The effects by group, in the order of GROUPS; one group without a name where they are few."""
+    """Group the effects in the order of GROUPS; up to MANY effects form one unnamed group."""
     if len(found) <= MANY:
         return [("", list(found))]
     groups = {group: [f for f in found if f.effect.group == group] for group in GROUPS}
@@ -209,7 +218,7 @@ def by_group(found: Sequence[DiagnosedEffect]) -> list[tuple[str, list[Diagnosed
 
 
 def patch_in_words(patch: Patch) -> str:
-    """The gain of a residual map on stretches of time that it was not fitted to."""
+    """Describe the gain of a residual map on periods to which it was not fitted."""
     change = patch.block_rms_with / patch.block_rms_without - 1.0 if patch.block_rms_without > 0.0 else 0.0
     text = (
         "A smooth map of what no named effect explains: a patch, not a cause, and nothing beyond the measured poses. "
@@ -220,7 +229,7 @@ def patch_in_words(patch: Patch) -> str:
 
 
 def gain_in_words(before: ErrorStatistics | None, after: ErrorStatistics | None) -> str:
-    """The change of the held-out error, as a sentence; empty where nothing was held out."""
+    """Describe the change of the held-out error in a sentence; empty if nothing was held out."""
     if before is None or after is None:
         return ""
     change = after.rms / before.rms - 1.0 if before.rms > 0.0 else 0.0
@@ -234,12 +243,12 @@ def gain_in_words(before: ErrorStatistics | None, after: ErrorStatistics | None)
 
 
 def share_in_words(share: float) -> str:
-    """A share in percent with one decimal; never 0.0 for what is there."""
+    """Format a share in percent with one decimal; a small share never reads 0.0 %."""
     return "less than 0.1\u00a0%" if share < 0.0005 else percent(share, 1)
 
 
 def structure_in_words(left: ResidualStructure) -> str:
-    """One place where structure is left, and how sure that is."""
+    """Describe one place where structure remains, with its p-value."""
     share, sure = share_in_words(left.explained_variance), f"(p {chance(left.p_value)})"
     if left.acts_on == ACTS_ON:
         return f"The readings left out lie together: {left.where} explains {share} of which they are {sure}."
@@ -250,11 +259,11 @@ _OF_TWO = (
     "overturning moment",
     "direction of the tool",
     "direction of view",
-)  # places beside pairs of angles
+)  # places that depend on two quantities, in addition to pairs of angles
 
 
 def structure_caption(left: ResidualStructure) -> str:
-    """The caption of the picture of a place of structure."""
+    """Return the caption of the picture that shows remaining structure."""
     if left.acts_on == ACTS_ON:
         return f"The readings that were left out among the others, over {left.where}: gross errors would lie anywhere."
     means = "rings are means with their expanded uncertainty (k = 2)"
@@ -284,7 +293,7 @@ def structure_caption(left: ResidualStructure) -> str:
 
 
 def verdict_in_words(diagnosis: DiagnosisFit) -> str:
-    """The verdict as a plain sentence or two, with what it gains."""
+    """Describe the verdict of a diagnosis in plain sentences, with the gain of its effects."""
     names = [found.effect.label for found in diagnosis.confirmed]
     listed = effect_names.listed(diagnosis.confirmed)
     found = f"Found {counted(len(names), 'effect')} that the base model lacks: {listed}."
@@ -329,7 +338,10 @@ def verdict_in_words(diagnosis: DiagnosisFit) -> str:
 
 
 def held_out_faults_in_words(found: HeldOutFaults) -> str:
-    """Sentences on held-out readings that fit another tool target or are gross errors; empty if there are none."""
+    """Describe the held-out readings that fit another tool target or are gross errors.
+
+    The text is empty if there are none.
+    """
     if not found.faults:
         return ""
     exchanged = [f for f in found.faults if f.fits is not None]
@@ -349,7 +361,7 @@ def held_out_faults_in_words(found: HeldOutFaults) -> str:
 
 
 def _not_carried(lost: bool, harmful: Sequence[str], count: int) -> str:
-    """The evidence of held-out readings against the effects found; empty where there is none."""
+    """Describe the evidence of held-out readings against the effects found; empty if none."""
     if lost:
         which = "The effects found do" if count > 1 else "The effect found does"
         return f"{which} not carry over to the held-out readings."
@@ -361,7 +373,10 @@ def _not_carried(lost: bool, harmful: Sequence[str], count: int) -> str:
 
 
 def _held_out_against(stretch: float | None, surprise: HeldOutTest | None) -> str:
-    """A sentence on the held-out error beside what was to be expected; empty where there is nothing to be said."""
+    """Compare the held-out error with its expected value in a sentence.
+
+    The text is empty if the error is not conspicuous.
+    """
     if surprise is not None and surprise.real:
         return (
             f"The held-out readings miss by {two_figures(surprise.times)} times what noise and the uncertainty of the "
@@ -376,7 +391,10 @@ def _held_out_against(stretch: float | None, surprise: HeldOutTest | None) -> st
 
 
 def grouped(warnings: Sequence[str], most: int | None = None) -> list[str]:
-    """Warnings that say the same of three or more names as one sentence; at most `most` of the names listed."""
+    """Merge three or more warnings that differ only in their first word into one sentence.
+
+    At most `most` of the names are listed.
+    """
     by_rest: dict[str, list[str]] = {}
     for text in warnings:
         name, _, rest = text.partition(" ")

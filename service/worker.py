@@ -1,9 +1,9 @@
 """A process that computes for the service: `python -m service.worker`.
 
-It reads calls from its standard input, pickled `(function, arguments)`, one after another, and writes what came of
-each to its standard output, pickled `(result, refusal)`. The service holds the other end of both. When the input
-closes, because the service ended or was killed, the process ends at once, in mid-computation if need be: no signal
-handler of the service could see to that, nothing runs after `kill -9`.
+It reads calls from its standard input, pickled `(function, arguments)`, one after another, and writes the outcome of
+each to its standard output, pickled `(result, refusal)`. The service holds the other end of both. If the service ends
+or is killed, the input closes, and the process ends at once, even in the middle of a computation. A signal handler of
+the service could not ensure this: nothing runs after `kill -9`.
 """
 
 from __future__ import annotations
@@ -25,14 +25,17 @@ PATIENT = 10
 
 
 def main() -> None:
-    """Serve until the input closes. A fault of this program ends the process, with its traceback on standard error."""
+    """Serve calls until the input closes.
+
+    An unexpected error ends the process, with a traceback on standard error.
+    """
     if os.name == "posix":
         os.nice(PATIENT)  # within the session, which is the service's: see docs/decisions/0033
     calls: queue.SimpleQueue[Call] = queue.SimpleQueue()
     answers = os.fdopen(os.dup(1), "wb")
     requests = os.fdopen(os.dup(0), "rb")
     nothing = os.open(os.devnull, os.O_RDWR)
-    for number in (0, 1):  # whatever a function prints or reads, it is not the conversation
+    for number in (0, 1):  # a function that prints or reads must not disturb this protocol
         os.dup2(nothing, number)
     threading.Thread(target=_listen, args=(requests, calls), daemon=True).start()
     while True:
@@ -49,11 +52,11 @@ def main() -> None:
 
 
 def _listen(requests: BinaryIO, calls: queue.SimpleQueue[Call]) -> None:
-    """The thread that reads calls: the end of the service is noticed while a function computes."""
+    """Read calls in a thread, so that the end of the service is noticed during a computation."""
     try:
         while True:
             calls.put(pickle.load(requests))
-    except (EOFError, pickle.UnpicklingError):  # closed, perhaps in mid-call
+    except (EOFError, pickle.UnpicklingError):  # closed, perhaps in the middle of a call
         os._exit(0)
 
 

@@ -1,9 +1,9 @@
-"""Which files this program has written, as it left them: no command replaces any other, unless it is told to.
+"""Record of the files that this program has written.
 
-For each file that a command writes its hash and the command are kept under the hash of its path, in the user's state
-folder. A file that somebody made or changed, or that another command wrote, is then told from one that the command may
-make anew. Where nothing can be kept, or on another computer, our own files count as foreign, and `--overwrite` replaces
-them.
+A command replaces other files only with `--overwrite`. For each file that a command writes, its hash and the command
+are kept under the hash of its path, in the user's state folder. This distinguishes a file that a person created or
+changed, or that another command wrote, from one that the command may write again. If nothing can be kept, or on another
+computer, the program's own files count as foreign; `--overwrite` then replaces them.
 """
 
 from __future__ import annotations
@@ -13,15 +13,18 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-command: str = "truepose"  # the command in hand
+command: str = "truepose"  # the current command
 overwriting: bool = False  # whether it may replace any file
-# Path of a file that the command in hand will write -> the command and its option
+# Path of a file that the current command will write -> the command and its option
 _writers: dict[str, str] = {}
-_MOST = 512 * 1024 * 1024  # bytes of a file that is read to be known again
+_MOST = 512 * 1024 * 1024  # bytes; a larger file is not read and counts as foreign
 
 
 def remember(path: Path, data: bytes) -> None:
-    """Keep what was written; where that is not possible, the file counts as somebody's own from now on."""
+    """Record the content of a file that was written.
+
+    If that is not possible, the file counts as foreign from now on.
+    """
     with suppress(OSError):
         note = _note(path)
         note.parent.mkdir(parents=True, exist_ok=True)
@@ -35,7 +38,10 @@ def intend(path: Path, writer: str) -> None:
 
 
 def writer_of(path: Path) -> str | None:
-    """The command and the option that have left a file as it is; '' where it was not stated, None for no command."""
+    """Return the command and option that wrote the current content of a file.
+
+    The result is empty if the writer was not stated, and None if no command wrote the content.
+    """
     try:
         if path.stat().st_size > _MOST:
             return None
@@ -46,7 +52,7 @@ def writer_of(path: Path) -> str | None:
 
 
 def changed_since(path: Path) -> bool:
-    """Whether a command has written a file, and somebody has changed it."""
+    """Return whether a command wrote a file that was changed since."""
     return path.exists() and _note(path).exists() and writer_of(path) is None
 
 
