@@ -1,4 +1,4 @@
-"""The parts that results share, and the body of a model, as `--model` writes it (`truepose-model/1`)."""
+"""Parts that results share, and the body of a model file (`truepose-model/1`, `--model`)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Unit = Annotated[str, told("The unit of value and std.", "deg")]
 
 
 def reading(name: int | str) -> int | str:
-    """A reading id as the data set means it: a whole number, or text."""
+    """Convert a reading id to the type that the data set uses: a whole number, or text."""
     text = str(name)
     return int(text) if text.isascii() and text.isdigit() and str(int(text)) == text else name
 
@@ -66,7 +66,7 @@ class DeviceResponse(ResponseBody):
 
 
 class MeasuredPeriod(ResponseBody):
-    """When readings were made, as text."""
+    """Times of the first and the last reading, as text."""
 
     began: Annotated[str, told("The first.", "2026-03-02 09:15 UTC")]
     ended: Annotated[str, told("The last.", "2026-03-02 11:40 UTC")]
@@ -92,7 +92,7 @@ class DataShown(ResponseBody):
 
     @classmethod
     def of(cls, dataset: Dataset) -> Self:
-        """What a result says of its data set."""
+        """Describe a data set for a result."""
         header, known = dataset.header, {}
         if header.devices:
             known["devices"] = [dict(each) for each in header.devices]
@@ -120,12 +120,15 @@ class Figure(ResponseBody):
 
     @classmethod
     def of(cls, value: float, std: float, unit: str) -> Self:
-        """A value with its standard error."""
+        """Create the figure from a value, its standard error and its unit."""
         return cls(value=value, std=std, unit=unit)
 
 
 class ParameterResponse(Figure):
-    """A parameter of a model: `value` and `std` count from where the fit began, of a link from nominal."""
+    """A parameter of a model.
+
+    `value` and `std` count from the start value of the fit, for a link from nominal.
+    """
 
     name: Annotated[str, told("Its name.", "theta2")]
     nominal: Annotated[
@@ -164,7 +167,7 @@ class LeftOutResponse(ResponseBody):
 
 
 class TargetOffsetResponse(ResponseBody):
-    """A target that lies elsewhere than stated."""
+    """A target that is not at its stated position."""
 
     name: Annotated[str, told("The target.", "N1")]
     kind: Annotated[str, told("base target or tool target.", "base target")]
@@ -178,7 +181,7 @@ class TargetOffsetResponse(ResponseBody):
 
     @classmethod
     def of(cls, found: TargetOffset) -> Self:
-        """The place of a target as a fit found it."""
+        """Describe the offset of a target that a fit found."""
         return cls(
             name=found.name,
             kind=found.kind,
@@ -221,7 +224,10 @@ class FitShown(ResponseBody):
 
     @staticmethod
     def fit_members(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:
-        """The members that a fit alone makes, in the order of the document; with `prior` where it knew its type."""
+        """Return the members that depend only on the fit, in the order of the document.
+
+        `prior` is included if the fit used the type of the robot.
+        """
         same = (
             "noise_scale",
             "degrees_of_freedom",
@@ -266,7 +272,7 @@ class RobotTable(ResponseBody):
 
 
 class ModelEffect(ResponseBody):
-    """An effect of a model; its terms say on which slots of the chain it acts."""
+    """An effect of a model. Its terms state on which slots of the chain it acts."""
 
     label: Annotated[str, told("Its label.", "backlash:j4")]
     group: Annotated[str, told("The family of effects.", "transmission")]
@@ -289,14 +295,14 @@ class HoldsFor(ResponseBody):
 
 
 class HoldOutErrorsResponse(ResponseBody):
-    """The error on readings held out."""
+    """The error on held-out readings."""
 
     kind: Annotated[str, told("How readings were held out.", "random")]
     error_mm: Annotated[ErrorStatisticsResponse, told("The error, mm.", ERRORS)]
 
 
 class ModelShown(ResponseBody):
-    """A model: what it holds beside these members is for the program that wrote it."""
+    """A model. Further members are only for the program that wrote it."""
 
     format: Annotated[
         Literal["truepose-model/1", "truepose-model/2"],

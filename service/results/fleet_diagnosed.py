@@ -1,4 +1,4 @@
-"""Many data sets diagnosed, as a document (`truepose-fleet-run/1`) for programs and for the terminal's tables."""
+"""Diagnosis of many data sets, for documents (`truepose-fleet-run/1`) and terminal tables."""
 
 from __future__ import annotations
 
@@ -36,9 +36,21 @@ FORMAT = "truepose-fleet-run/1"
 
 @dataclass(frozen=True)
 class FleetDiagnosisRequest:
-    """The question: what to diagnose and where. data: files and folders, nothing for the data sets of the store;
-    workers: processes of this computer, None for one a processor; scheduler: address of one, "" for this computer;
-    since: the version to compare with, "" for none."""
+    """Request for a diagnosis of many data sets.
+
+    Attributes
+    ----------
+    data
+        Files and folders; empty for the data sets of the store.
+    workers
+        Number of processes on this computer; None for one per processor.
+    scheduler
+        Address of a scheduler; empty for this computer.
+    most
+        Maximum number of effects per data set.
+    since
+        Version of TruePose with which to compare; empty for none.
+    """
 
     data: tuple[Path, ...]
     store: str
@@ -50,7 +62,7 @@ class FleetDiagnosisRequest:
 
 @dataclass(frozen=True)
 class FleetDiagnosed:
-    """The outcome. tables: the results of the data sets asked for, in their order."""
+    """Outcome of a request. `tables` holds the results of its data sets, in their order."""
 
     place: str
     program: str
@@ -66,9 +78,25 @@ class FleetDiagnosed:
         tell: Callable[[str], None],
         progress: Callable[[ProgressCounts], None],
     ) -> FleetDiagnosed:
-        """Diagnose what has no result yet. Raises DataError, EngineGone, StoreError.
+        """Diagnose the data sets that have no result yet.
 
-        say: called with each step; tell: with sentences about workers; progress: with the state after every batch.
+        Parameters
+        ----------
+        say : callable
+            Called with each step.
+        tell : callable
+            Called with sentences about workers.
+        progress : callable
+            Called with the counts after each batch.
+
+        Raises
+        ------
+        DataError
+            There is no data set, or no such version.
+        EngineGone
+            There is no scheduler, or no worker of the same build.
+        StoreError
+            The store cannot be used.
         """
         address = for_workers(asked.store, asked.scheduler)
         owner = f"{gethostname()} {getpid()} {utc_now():%Y-%m-%dT%H:%M:%S}"
@@ -108,7 +136,11 @@ class FleetDiagnosed:
 
     @property
     def verdicts(self) -> list[tuple[str, int, float | None, float | None]]:
-        """Verdict, data sets, median held-out error of base model and with effects (mm); the most frequent first."""
+        """Rows by verdict, the most frequent first.
+
+        A row holds the verdict, the number of data sets, and the median held-out errors, mm, of the base model and with
+        effects.
+        """
         rows = []
         for verdict, count in Counter(table["verdict"] for table in self.tables).most_common():
             of_it = [table for table in self.tables if table["verdict"] == verdict]
@@ -116,7 +148,7 @@ class FleetDiagnosed:
         return rows
 
     def document(self) -> dict[str, Any]:
-        """The document."""
+        """Return the outcome as a JSON document."""
         tally = self.tally
         return {
             "format": FORMAT,
@@ -147,7 +179,7 @@ def _finished(result: JobResult) -> datetime:
 
 
 def _median(tables: Sequence[dict[str, Any]], key: str) -> float | None:
-    """The median RMS of an error; None where no table has it."""
+    """Return the median RMS of an error, or None if no table has it."""
     values = [table[key]["rms"] for table in tables if table.get(key)]
     return median(values) if values else None
 

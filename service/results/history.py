@@ -1,12 +1,10 @@
-"""The history of a robot: what was measured and said of it, the trend of a parameter, when the next check is due.
+"""History of a robot: documents, trends of parameters, state and next check.
 
-Hours of use: what the counters of robots showed, from a table that a person or a PLC keeps.
+The hours of use come from a table of counter readings that a person or a PLC keeps. The robot is assumed to be used
+evenly between two readings of the counter. Before the first and after the last reading its use is unknown.
 
-Between two readings of a counter the robot is taken to have been used evenly; before the first and after the last
-nobody knows.
-
-The state of a robot by its history: what the last watch says, that a change is due now, and dates nobody can
-believe.
+The state of a robot is that of its last watch. A changed robot is due now. Dates that only a wrong clock can have
+written are reported.
 """
 
 from __future__ import annotations
@@ -54,7 +52,18 @@ _AHEAD = timedelta(days=1)
 
 
 def robot_of(store: FleetStore, serial: str, model: str | None) -> RobotKey:
-    """The robot of a serial number; model: its type, where several types have that number. Raises DataError."""
+    """Find the robot of a serial number.
+
+    Parameters
+    ----------
+    model : str or None
+        Type of the robot, if robots of several types have that serial number.
+
+    Raises
+    ------
+    DataError
+        The store has no such robot, or robots of several types.
+    """
     found = [each for each in store.named() if each.serial == serial]
     if model is not None:
         found = [each for each in found if each.model == model]
@@ -75,7 +84,7 @@ def robot_of(store: FleetStore, serial: str, model: str | None) -> RobotKey:
 
 @dataclass(frozen=True)
 class HistoryLine:
-    """A document of a robot, and what it said where it said something."""
+    """Document of a robot, with its verdict and error if it states them."""
 
     entry: DocumentSummary
     said: VerdictRecord | None
@@ -83,7 +92,7 @@ class HistoryLine:
 
     @property
     def in_words(self) -> str:
-        """The statement in a line."""
+        """Verdict, causes and error in one line."""
         words = []
         if self.said is not None:
             words.append(self.said.verdict)
@@ -116,7 +125,7 @@ class HistoryLine:
 
 
 def lines_of(store: FleetStore, robot: RobotKey) -> list[HistoryLine]:
-    """All of a robot, oldest first."""
+    """List the documents of a robot, oldest first."""
     said = {each.hash: each for each in store.verdicts(robot)}
     errors = {each.hash: each for each in store.trend(robot, ERROR, rediagnosed=False)}
     entries = reversed(store.documents(robot, limit=MOST))
@@ -125,7 +134,10 @@ def lines_of(store: FleetStore, robot: RobotKey) -> list[HistoryLine]:
 
 @dataclass(frozen=True)
 class Trend:
-    """The values of one parameter, oldest first, and their control chart; because: why there is none."""
+    """Values of one parameter, oldest first, with their control chart.
+
+    `because` is the reason if there is no chart, otherwise empty.
+    """
 
     robot: RobotKey
     parameter: str
@@ -136,7 +148,13 @@ class Trend:
 
     @classmethod
     def of(cls, robot: RobotKey, points: Sequence[TrendPoint]) -> Trend:
-        """The trend of values of one parameter. Raises DataError for values in different units."""
+        """Create the trend of one parameter from its values.
+
+        Raises
+        ------
+        DataError
+            The values have different units.
+        """
         units = sorted({point.unit for point in points})
         if len(units) > 1:
             raise DataError(
@@ -186,7 +204,13 @@ class Trend:
 
 
 def trends_of(store: FleetStore, robot: RobotKey, parameter: str | None) -> list[Trend]:
-    """The trends of a robot, of one parameter or of all, by name. Raises DataError for a parameter that it has not."""
+    """Return the trends of one parameter of a robot, or of all parameters by name.
+
+    Raises
+    ------
+    DataError
+        The robot does not have the parameter, or no parameter at all.
+    """
     points = store.trend(robot, parameter)
     if not points:
         known = ", ".join(dict.fromkeys(point.parameter for point in store.trend(robot)))
@@ -199,15 +223,27 @@ def trends_of(store: FleetStore, robot: RobotKey, parameter: str | None) -> list
 
 
 def trends_in(robot: RobotKey, points: Sequence[TrendPoint]) -> list[Trend]:
-    """The trends of values that stand by name and time. Raises DataError as `Trend.of`."""
+    """Return the trends of values that are sorted by name and time.
+
+    The errors are those of `Trend.of`.
+    """
     by_name = groupby(points, key=lambda point: point.parameter)
     return [Trend.of(robot, list(each)) for _, each in by_name]
 
 
 @dataclass(frozen=True)
 class NextCheck:
-    """A robot and its next check; said: what a watch said last; error: its last value; because: why, or why no date
-    can be given."""
+    """Robot with its next check.
+
+    Attributes
+    ----------
+    said
+        Verdict of the last watch.
+    error
+        Last value of its error.
+    because
+        Reason for the date, or for its absence.
+    """
 
     known: RobotSummary
     said: VerdictRecord | None
@@ -216,14 +252,16 @@ class NextCheck:
     because: str
 
     def overdue(self, now: datetime) -> bool:
-        """Whether the date has passed, or the robot was never checked."""
+        """Return whether the date of the next check is not later than `now`."""
         return self.due is not None and self.due.date <= now
 
 
 def due_of(store: FleetStore, method: Method, now: datetime, hours: Hours | None = None) -> list[NextCheck]:
-    """The date at which each robot is to be checked next, now where it has changed; those first that are due first,
-    and those that are retired not at all.
-    hours: of use, for a method that goes by them."""
+    """List the next check of each robot, earliest first; a changed robot is due now.
+
+    Robots without a date come first, and retired robots are omitted. `hours` are the hours of use, for a method that
+    depends on them.
+    """
     out = []
     for each in store.standings():
         if each.known.retired:
@@ -235,14 +273,17 @@ def due_of(store: FleetStore, method: Method, now: datetime, hours: Hours | None
 
 
 def errors_by(standing: RobotState, now: datetime) -> Sequence[TrendPoint]:
-    """The errors of a robot, oldest first, without those that a clock that was ahead dated later than now."""
+    """Return the errors of a robot, oldest first, without those dated in the future.
+
+    A clock that is ahead causes such dates. If all of the errors have one, all are returned.
+    """
     return [each for each in standing.errors if each.measured_at <= now] or standing.errors
 
 
 def next_of(
     standing: RobotState, method: Method, now: datetime, hours: Hours | None = None
 ) -> tuple[Due | None, str]:
-    """The next check of a robot, None where it has no date; and why then, or why not."""
+    """Return the next check of a robot, or None if it has no date, and the reason."""
     due = due_now(standing)
     try:
         due = due or next_due(
@@ -254,7 +295,7 @@ def next_of(
 
 
 def checks_of(points: Iterable[TrendPoint], hours: Hours | None = None, serial: str = "") -> list[Check]:
-    """The values as checks; without a stated U only their scatter counts."""
+    """Convert values to checks; without a stated U only their scatter counts."""
     return [
         Check(
             point.measured_at,
@@ -267,7 +308,7 @@ def checks_of(points: Iterable[TrendPoint], hours: Hours | None = None, serial: 
 
 
 def added_document(added: Sequence[tuple[Document, AddResult]]) -> dict[str, Any]:
-    """The outcome of adding documents, as JSON has it."""
+    """Return the result of adding documents as a JSON document."""
     told = [
         {
             "kind": document.kind,
@@ -297,14 +338,14 @@ def history_document(robot: RobotKey, lines: Sequence[HistoryLine]) -> dict[str,
 
 
 def retired(robot: RobotKey, cell: str, because: str, now: datetime) -> Document:
-    """The statement that a robot is measured no more; because: why, a sentence."""
+    """Create the document that retires a robot. `because` is the reason, a sentence."""
     table = {"format": "truepose-retired/1", "at": text_of(now), "because": because}
     identity = f"retired {robot.serial} {text_of(now)}"[:LONGEST].strip()
     return Document("retired", robot, cell, identity, now, json.dumps(table | asdict(robot)).encode())
 
 
 def robots_document(robots: Sequence[RobotSummary]) -> dict[str, Any]:
-    """The robots of a store, as JSON has them."""
+    """Return the robots of a store as a JSON document."""
     return {
         "format": FORMAT,
         "robots": [
@@ -322,7 +363,7 @@ def robots_document(robots: Sequence[RobotSummary]) -> dict[str, Any]:
 
 
 def due_document(found: Sequence[NextCheck], now: datetime) -> dict[str, Any]:
-    """The dates at which robots are due, as JSON has them."""
+    """Return the dates of the next checks as a JSON document."""
     return {
         "format": FORMAT,
         "now": text_of(now),
@@ -343,12 +384,12 @@ def due_document(found: Sequence[NextCheck], now: datetime) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Hours:
-    """Readings (time, hours) of every serial number, oldest first."""
+    """Counter readings (time, hours) of each serial number, oldest first."""
 
     readings: Mapping[str, Sequence[tuple[datetime, float]]]
 
     def at(self, serial: str, moment: datetime) -> float | None:
-        """Hours that a counter showed at a time; None where no readings are around it."""
+        """Interpolate the hours of use at a time; None if it is not between two readings."""
         readings = self.readings.get(serial, ())
         for then, hours in readings:
             if then == moment:
@@ -360,7 +401,13 @@ class Hours:
 
 
 def read_hours(path: Path) -> Hours:
-    """Read `serial,at,hours`; times as 2026-03-02 or 2026-03-02T09:15, UTC. Raises DataError naming the line."""
+    """Read a table `serial,at,hours`; times as 2026-03-02 or 2026-03-02T09:15, UTC.
+
+    Raises
+    ------
+    DataError
+        The columns or a row are not valid; the error names the line.
+    """
     rows = rows_of(read_text(path), path)
     if not rows or rows[0][1] != COLUMNS:
         raise DataError(
@@ -383,7 +430,10 @@ def read_hours(path: Path) -> Hours:
 
 
 def state_of(standing: RobotState) -> str:
-    """The state of a robot by now: that of the last watch, unless it is retired or a model is newer."""
+    """Return the current state of a robot.
+
+    It is that of the last watch, unless the robot is retired or its model is newer.
+    """
     watched, model = standing.watched, standing.baseline
     if standing.known.retired:
         return "retired"
@@ -395,7 +445,7 @@ def state_of(standing: RobotState) -> str:
 
 
 def due_now(standing: RobotState) -> Due | None:
-    """A robot that has changed is due since the watch that says so; None for any other state."""
+    """Return the due date of a changed robot, that of the last watch; None for any other state."""
     watched = standing.watched
     if watched is None or state_of(standing) not in CHANGED:
         return None
@@ -405,7 +455,7 @@ def due_now(standing: RobotState) -> Due | None:
 
 
 def doubtful_date(known: RobotSummary, now: datetime) -> datetime | None:
-    """A date among the documents of a robot that only a wrong clock can have written; None where there is none."""
+    """Return a date of a robot that only a wrong clock can have written, or None."""
     if known.last > now + _AHEAD:
         return known.last
     return known.first if known.first < _EARLIEST else None

@@ -1,14 +1,10 @@
-"""The robots of a store as an interface shows them: state, last verdict, errors, next date, documents, trends.
+"""Robots of a store: state, last verdict, errors, next check, documents and trends.
 
-Every function opens the store at an address, asks and closes it: it is called in a process that may wait for
-a database.
+Each function opens the store at an address and closes it again. Call it in a process that may wait for a database.
 
-The record of a campaign as documents of a fleet: its readings as a data set, and what was measured when by whom.
-
-The findings of a service, brought into its history: runs that succeeded, diagnoses, watches, upkeeps.
-
-The files of the record are the truth and nothing else is needed: what has not been kept is looked for again, and the
-store keeps the same content once.
+The module also adds the results of a service to its history: successful runs, diagnoses, watches and thermal updates.
+The record of a campaign becomes a data set and a summary of the campaign. Only the files of the record are needed: a
+file that has not been kept is found again the next time, and the store keeps equal content only once.
 """
 
 from __future__ import annotations
@@ -52,7 +48,7 @@ _FILES = {
     "diagnoses": ("result.json", "model.json"),
     "loops": ("result.json", "model.json"),
     "watches": ("result.json", "model.json"),
-    "upkeeps": ("result.json",),  # whose parameters are those of its model
+    "upkeeps": ("result.json",),  # its parameters are those of its model
 }
 
 RESULT = "result.json"
@@ -62,8 +58,15 @@ Reader = Callable[[Path, CellFolder], Sequence[Document]]
 
 @dataclass(frozen=True)
 class DueDateRequest:
-    """The question of dates and how they are reckoned. permitted_mm: largest position error, RMS, None where nobody has
-    said; first_days, shortest_days, longest_days: intervals."""
+    """Request for the dates of the next checks, with the method that calculates them.
+
+    Attributes
+    ----------
+    permitted_mm
+        Largest permitted position error, RMS, mm; None if it is not set.
+    first_days, shortest_days, longest_days
+        First, shortest and longest interval between checks, days.
+    """
 
     permitted_mm: float | None = None
     method: Way = "staircase"
@@ -72,7 +75,13 @@ class DueDateRequest:
     longest_days: float = 1825.0
 
     def way(self) -> Method | None:
-        """The method of ILAC-G24; None where no error is permitted. Raises DataError for intervals that make none."""
+        """Return the method of ILAC-G24, or None if no permitted error is set.
+
+        Raises
+        ------
+        DataError
+            The intervals are not valid for the method.
+        """
         if self.permitted_mm is None:
             return None
         kind = Staircase if self.method == "staircase" else DriftInterval
@@ -82,12 +91,21 @@ class DueDateRequest:
 
 
 def id_of(robot: RobotKey) -> str:
-    """The id of a robot in addresses: serial numbers may hold any letter, and types may share them."""
+    """Return the id of a robot for URLs.
+
+    Serial numbers may hold any character, and robots of different types may have the same one.
+    """
     return hashlib.sha256(f"{robot.model}\0{robot.serial}".encode()).hexdigest()[:16]
 
 
 def told_robots(address: str, asked: DueDateRequest) -> dict[str, Any]:
-    """All robots of a store, those first that are to be looked at first. Raises DataError."""
+    """List the robots of a store as a document, the most urgent first.
+
+    Raises
+    ------
+    DataError
+        The intervals are not valid, or the store cannot be used.
+    """
     way, now = asked.way(), utc_now()
     with FleetStore.open(address) as store:
         lines = [_line(each, asked.permitted_mm, way, now) for each in store.standings()]
@@ -103,9 +121,14 @@ def told_robots(address: str, asked: DueDateRequest) -> dict[str, Any]:
 
 
 def told_robot(address: str, name: str, asked: DueDateRequest, most: int) -> dict[str, Any] | None:
-    """One robot with its newest documents; None where the store has none of this id or serial number.
+    """Describe one robot, by its id or serial number, with its `most` newest documents.
 
-    Raises DataError for a serial number of several types.
+    The result is None if the robot is unknown.
+
+    Raises
+    ------
+    DataError
+        Robots of several types have this serial number.
     """
     way, now = asked.way(), utc_now()
     with FleetStore.open(address) as store:
@@ -124,15 +147,20 @@ def told_robot(address: str, name: str, asked: DueDateRequest, most: int) -> dic
 
 
 def told_trends(address: str, name: str, parameter: str | None, most: int) -> dict[str, Any] | None:
-    """The trends of one parameter of a robot, or of all, with the newest values of each; None as for `told_robot`.
+    """Describe the trends of one parameter, or of all, with the `most` newest values of each.
 
-    The chart is that of all values. Raises DataError for a parameter that the robot has not.
+    The control chart is calculated from all values. The result is None if the robot is unknown.
+
+    Raises
+    ------
+    DataError
+        The robot does not have the parameter.
     """
     with FleetStore.open(address) as store:
         robot = _found(store, name)
         if robot is None:
             return None
-        if parameter is None:  # one of which nothing but data is kept has none, and that is no fault
+        if parameter is None:  # a robot with data sets only has no trends, which is not an error
             found = history.trends_in(robot, store.trend(robot))
         else:
             found = history.trends_of(store, robot, parameter)
@@ -142,14 +170,21 @@ def told_trends(address: str, name: str, parameter: str | None, most: int) -> di
 
 
 def content_of(address: str, hash: str) -> bytes | None:
-    """The bytes of a document; None for one that the store has not."""
+    """Return the bytes of a document, or None if the store does not have it."""
     with FleetStore.open(address) as store:
         return store.content(hash) if store.known([hash]) else None
 
 
 def put(address: str, name: str, content: bytes, header: bytes | None, cell: CellFolder) -> dict[str, Any]:
-    """Keep a document that somebody sends: a model, a verdict, a diagnosis, an upkeep; with a header, a data set.
-    Raises DataError."""
+    """Keep a document that a client sends, and return the outcome.
+
+    It is a model, a verdict, a diagnosis or a thermal update. With a `header` (TOML), it is a data set.
+
+    Raises
+    ------
+    DataError
+        The content is none of these, or cannot be used.
+    """
     with TemporaryDirectory(prefix="truepose-history-") as folder:
         file, beside = Path(folder) / CSV, Path(folder) / TOML
         file.write_bytes(content)
@@ -239,7 +274,13 @@ def _urgency(line: RobotLine) -> tuple[int, float, str, str]:
 
 
 def read_record(path: Path, cell: CellFolder) -> list[Document]:
-    """The documents of a record that is finished; none of another. Raises DataError."""
+    """Create the documents of a record; none if the campaign has not succeeded.
+
+    Raises
+    ------
+    DataError
+        The record cannot be read or exported.
+    """
     folder = path.parent
     try:
         status = read_status(folder)
@@ -247,7 +288,7 @@ def read_record(path: Path, cell: CellFolder) -> list[Document]:
             return []
         with TemporaryDirectory(prefix="truepose-fleet-") as place:
             found = read_data(acquisition.export(folder, Path(place) / "data.csv"), cell)
-    except DataError as error:  # of a file that nobody sees
+    except DataError as error:  # it names a temporary file, which the reader cannot see
         raise DataError(error.what, do=error.do, file=folder, key=error.key) from error
     except AcquisitionError as error:
         raise DataError(refusals.cause(error), do=refusals.remedy(error), file=folder) from error
@@ -271,8 +312,17 @@ def read_record(path: Path, cell: CellFolder) -> list[Document]:
 
 @dataclass(frozen=True)
 class RecordedFile:
-    """The outcome for a file, by its path below the record. documents: hashes; robot_id: of the robot; because: why it
-    was refused, or what it contradicts; empty otherwise."""
+    """Outcome for a file of the record.
+
+    Attributes
+    ----------
+    path
+        Path below the record.
+    documents
+        Hashes of the documents.
+    because
+        Reason of a refusal, or the document that it contradicts; empty otherwise.
+    """
 
     path: str
     state: Outcome
@@ -282,8 +332,13 @@ class RecordedFile:
 
 
 def keep_results(address: str, record: Path, cell: CellFolder, done: Collection[str]) -> list[RecordedFile]:
-    """Keep every result of a record that is not among `done`, paths below it. Raises StoreError: what was kept before
-    is known again the next time."""
+    """Keep the results of a record whose paths below it are not in `done`.
+
+    Raises
+    ------
+    StoreError
+        The store cannot be used. Results that were kept before are recognised the next time.
+    """
     out: list[RecordedFile] = []
     with FleetStore.open(address) as store:
         for path, reader in _results(record):
@@ -294,7 +349,10 @@ def keep_results(address: str, record: Path, cell: CellFolder, done: Collection[
 
 
 def _results(record: Path) -> Iterator[tuple[Path, Reader]]:
-    """The files that may be kept, and how each is read. A result is written last: with it everything is there."""
+    """Yield the files that may be kept, each with its reader.
+
+    A result is written last, so the other files of its folder are complete when it exists.
+    """
     for folder, names in _FILES.items():
         for place in sorted(record.glob(f"{folder}/*/")):
             if (place / RESULT).is_file():
@@ -304,7 +362,7 @@ def _results(record: Path) -> Iterator[tuple[Path, Reader]]:
 
 
 def _keep(store: FleetStore, path: Path, name: str, reader: Reader, cell: CellFolder) -> RecordedFile | None:
-    """The outcome for one file; None for what is not finished."""
+    """Keep one file and return the outcome, or None if the file is not finished."""
     try:
         found = reader(path, cell)
         if not found:

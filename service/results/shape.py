@@ -1,6 +1,7 @@
-"""How one class describes a result: every member has words, a unit and an example, some a column of a table.
+"""Description of results by classes: each member has a description, a unit and an example.
 
-From it come the JSON document, its check when a file is read back, the OpenAPI schema and rows of printed tables.
+Some members are also columns of a table. The JSON document, its validation when a file is read back, the OpenAPI schema
+and the rows of printed tables are derived from the class.
 """
 
 from __future__ import annotations
@@ -18,15 +19,18 @@ from service import wording
 
 
 def told(words: str, example: Any, *, of: str | None = None, **limits: Any) -> Any:
-    """The description of a field: what it is, with its unit, an example, and what bounds its values.
+    """Describe a field: meaning with unit, example, and limits of its values.
 
-    of: the attribute that it is read from, unless that has the field's name.
+    `of` is the attribute from which it is read, if that does not have the name of the field.
     """
     return Field(description=words, examples=[example], validation_alias=of, **limits)
 
 
 class DescribedAs:
-    """The annotation of a plain dictionary that another reader checks: the schema shows this one's instead."""
+    """Annotation of a plain dictionary that is validated elsewhere.
+
+    The OpenAPI schema shows the schema of `table` instead.
+    """
 
     def __init__(self, table: type) -> None:
         self._schema = TypeAdapter(table).core_schema
@@ -36,10 +40,10 @@ class DescribedAs:
 
 
 class ResponseBody(BaseModel):
-    """A response or a part of one; members may be added in time.
+    """Base class of responses and their parts. Later versions may add members.
 
-    It is made from its members, from JSON, or from an object whose attributes have their names. What checks it is made
-    when it is first needed: all of them together were a seventh of the start of the service.
+    An instance is created from its members, from JSON, or from an object with attributes of the same names. Validators
+    are built on first use, because building all of them took a seventh of the service's start-up time.
     """
 
     model_config = ConfigDict(
@@ -62,20 +66,20 @@ Real = Annotated[float | None, BeforeValidator(_finite)]
 
 
 def length_cell(value: float) -> str:
-    """A length, mm, in a cell of a table; empty for NaN and infinity."""
+    """Format a length, mm, for a cell of a table; empty for NaN and infinity."""
     return wording.millimetres(value) if math.isfinite(value) else ""
 
 
 @dataclass(frozen=True)
 class TableColumn:
-    """The head of a field's column in a table, and how a cell shows a value."""
+    """Column of a field in a table: its head, and the function that formats a cell."""
 
     head: str
     show: Callable[[Any], str] = length_cell
 
 
 def columns_of(kind: type[ResponseBody]) -> dict[str, TableColumn]:
-    """The fields of a class that a table shows."""
+    """Return the fields of a class that a table shows."""
     return {
         name: column
         for name, field in kind.model_fields.items()
@@ -85,7 +89,7 @@ def columns_of(kind: type[ResponseBody]) -> dict[str, TableColumn]:
 
 
 def cells_of(result: ResponseBody) -> Iterator[str]:
-    """A result as cells of a row."""
+    """Yield a result as cells of a row."""
     for name, column in columns_of(type(result)).items():
         value = getattr(result, name)
         yield "" if value is None else column.show(value)

@@ -1,4 +1,4 @@
-"""The part of a type in the documents of results: the source that decided every parameter of a fit."""
+"""Member `prior` of result documents: the share of the type in each parameter of a fit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from calib.fit import IdentificationFit
 
 
 def document_of(found: IdentificationFit) -> dict[str, Any]:
-    """The key `prior` of a fit that knew its type; nothing otherwise."""
+    """Return the member `prior` of a fit that used the type of the robot, otherwise nothing."""
     beside = found.beside
     if beside is None:
         return {}

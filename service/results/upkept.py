@@ -23,9 +23,19 @@ FORMAT = "truepose-upkeep/1"
 
 @dataclass(frozen=True)
 class ThermalUpdateRequest:
-    """The question: how to update. update: file, None for none; rate: of false alarms; running_s: how long the robot
-    had run, from cold, when the readings began, None if not stated; missing_allowed: whether readings may be
-    missing."""
+    """Request for a thermal update.
+
+    Attributes
+    ----------
+    update
+        File of the updated model; None to write none.
+    rate
+        False-alarm rate.
+    running_s
+        Time from the cold start of the robot to the first reading, s; None if it is not stated.
+    missing_allowed
+        Whether readings may be missing.
+    """
 
     update: Path | None = None
     rate: float = watch.RATE
@@ -100,8 +110,13 @@ def _changed(name: str, unit: str, value: float, std: float) -> dict[str, Any]:
 
 
 def on_its_clock(saved: CalibratedModel, dataset: Dataset, model: Path, running_s: float | None) -> Dataset:
-    """The readings on the clock of a model that warms up. Raises DataError where nobody said how long the robot had run
-    before them."""
+    """Shift the readings to the clock of a model that warms up.
+
+    Raises
+    ------
+    DataError
+        The model warms up, but the time since the cold start is not stated.
+    """
     if running_s is not None:
         return watch.later(dataset, running_s)
     if watch.warms_up(saved.model):

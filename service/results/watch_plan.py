@@ -1,12 +1,13 @@
-"""The plan of a watch, for the command line (`truepose-watch-plan/1`): check poses for each kind of instrument.
+"""Plan of a watch, for the command line (`truepose-watch-plan/1`).
 
-An instrument that sees points or poses, and one that is read by hand: poses drawn at random. A ballbar: stances of its
-six legs, at joints at which the model has them within the stroke. A touched artefact (`touch`): poses in which a target
-of the tool sits in balls at known places; nothing drives to contact, so the plan is a data set to be filled in.
+The check poses depend on the kind of instrument:
 
-The files of a plan of a watch: the campaign of its check poses, or the data set that a person fills in.
+- Instruments that measure points or poses, and instruments that are read by hand: poses drawn at random.
+- Ballbar: stances of its six legs, at joints at which the model has the legs within the stroke.
+- Touched artefact (`touch`): poses in which a target of the tool sits in balls at known positions.
 
-The question of a plan of a watch: how many check poses, of what kind, and how they are approached.
+The result is a campaign with the check poses. A robot does not drive to contact, so for a touched artefact the result
+is a data set that a person fills in.
 """
 
 from __future__ import annotations
@@ -38,11 +39,30 @@ from service.results.watched import in_words
 
 @dataclass(frozen=True)
 class WatchPlanRequest:
-    """The question: what to plan. targets: names, None for all of the cell; offset_deg: from how far every joint
-    arrives; both: from sides drawn for every joint, else from below; rate: of false alarms; rounds: how often each pose
-    is visited; touch: balls that are touched, empty where an instrument measures; touch_mm: how well a touch repeats;
-    frame_known: whether instrument or artefact will stand where they stood; repeats: how often each target is read in a
-    visit. rounds, repeats None: as few as show every cause, where an instrument measures points."""
+    """Request for the plan of a watch.
+
+    Attributes
+    ----------
+    poses, candidates
+        Number of check poses, and of candidates from which they are chosen.
+    targets
+        Names of the tool targets; None for all targets of the cell.
+    offset_deg
+        Length of the last move of each joint, deg.
+    both
+        Whether the side of approach is drawn for each joint; otherwise all joints arrive from below.
+    rate
+        False-alarm rate.
+    rounds, repeats
+        Number of visits to each pose, and of readings of each target per visit. None: the fewest that show every cause,
+        if an instrument measures points.
+    touch
+        Balls to be touched; empty if an instrument measures.
+    touch_mm
+        Repeatability of a touch, mm.
+    frame_known
+        Whether the instrument or artefact will be in the same place as for the baseline.
+    """
 
     poses: int
     candidates: int
@@ -67,10 +87,21 @@ NOT_TOUCHED = "rejected:not touched yet"
 
 @dataclass(frozen=True)
 class PlannedWatch:
-    """The check poses of a cell and what they show. poses: one for each visit, in order; balls: that each
-    touches; robot: the device that the baseline is of; doubted: why it holds no rate of false alarms, or
-    empty; proposals: what it would take to see every cause from the size
-    that it should be seen at, where these poses do not."""
+    """Check poses of a cell with the causes that they show.
+
+    Attributes
+    ----------
+    poses
+        One pose for each visit, in order.
+    balls
+        Ball that is touched at each pose; empty if an instrument measures.
+    proposals
+        Readings that would detect every cause at its target size, if these poses do not.
+    robot
+        Device data of the robot of the baseline.
+    doubted
+        Reason why the baseline does not keep the false-alarm rate, or empty.
+    """
 
     cell: Cell
     model: Path
@@ -93,7 +124,15 @@ class PlannedWatch:
         asked: WatchPlanRequest,
         say: Callable[[str], None] = silent,
     ) -> PlannedWatch:
-        """Draw, choose, predict, for the cell of `file`. Raises DataError, ConfigError."""
+        """Draw candidates, choose check poses and predict what they show, for the cell of `file`.
+
+        Raises
+        ------
+        DataError
+            The request does not fit the cell, or its readings could not be compared with the baseline.
+        ConfigError
+            No suitable poses are found in the cell.
+        """
         targets = _targets(cell, asked)
         _refuse_one_sided(saved, model, both=asked.both)
         say("drawing candidates")
@@ -166,18 +205,18 @@ class PlannedWatch:
 
     @property
     def in_words(self) -> str:
-        """A sentence on what the check poses show, and what would show the rest; empty where nothing was stated."""
+        """Sentences on the causes that the check poses detect, and on remedies; may be empty."""
         said = in_words(self.plan, self.proposals, self.targets, self.asked.poses)
         return " ".join(filter(None, (said, self.doubted)))
 
     @property
     def driven(self) -> bool:
-        """Whether `truepose watch run` can drive the plan; a touched artefact is touched by a person."""
+        """Whether `truepose watch run` can drive the plan, which it cannot for a touched artefact."""
         return not self.asked.touch
 
     @property
     def nests(self) -> NestLimit | None:
-        """The limit of the nests, which are measured again half-way; None where nothing measures them automatically."""
+        """Limit of the nests, measured again half-way; None if they are not measured automatically."""
         cell = self.cell
         lengths = cell.instrument.declared.measures_lengths
         if self.asked.touch or lengths or not cell.nests or cell.instrument.one_smr:
@@ -186,7 +225,7 @@ class PlannedWatch:
         return watch.nest_limit(three, self.noise, self.asked.rate)
 
     def files(self, out: Path) -> dict[Path, str]:
-        """The files that are written, by path: the campaign, or the data set to be filled in with its header."""
+        """Create the files by path: the campaign, or the data set to be filled in and its header."""
         if self.driven:
             limit = None if self.nests is None else self.nests.limit_mm
             visits = self.plan.visits
@@ -245,8 +284,11 @@ class PlannedWatch:
 
 
 def _often(asked: WatchPlanRequest, *, by_points: bool, by_hand: bool) -> tuple[int | None, int | None]:
-    """Visits to a pose and readings in a visit, None for as few as are enough: a person, and a bar, read once unless
-    asked otherwise, and from one side there is no second visit from the other."""
+    """Return the visits per pose and the readings per visit; None means as few as are enough.
+
+    By default a person and a ballbar read once. If the joints arrive from one side only, each pose is visited once by
+    default, since there is no second visit from the other side.
+    """
     if asked.touch or not by_points:
         return asked.rounds or 1, 1
     if by_hand:
@@ -255,7 +297,13 @@ def _often(asked: WatchPlanRequest, *, by_points: bool, by_hand: bool) -> tuple[
 
 
 def _targets(cell: Cell, asked: WatchPlanRequest) -> tuple[str, ...]:
-    """The targets that are asked for. Raises DataError for what the cell does not have or cannot do."""
+    """Return the requested targets, for a ballbar the first three.
+
+    Raises
+    ------
+    DataError
+        The cell does not have the targets or balls, or cannot use them.
+    """
     targets = tuple(cell.tool.targets) if asked.targets is None else asked.targets
     if unknown := [name for name in targets if name not in cell.tool.targets]:
         raise DataError(
@@ -295,8 +343,10 @@ def _header_of(cell: Cell, file: Path, asked: WatchPlanRequest) -> Header:
 
 
 def _visits(cell: Cell, poses: Sequence[Pose], read: Sequence[tuple[tuple[str, str], ...]]) -> PlannedVisits:
-    """The visits as the model counts joints; a side is 0 where a joint of the model stays where it is, since two of the
-    controller's turn against each other."""
+    """Convert visits to the joints of the model.
+
+    The side is 0 for a joint of the model that does not move because two coupled joints of the controller cancel.
+    """
     joints = cell.robot.model_angles([pose.joints_deg for pose in poses])
     moved = joints - cell.robot.model_angles(
         [np.subtract(pose.joints_deg, np.multiply(pose.sides, 1.0)) for pose in poses]
@@ -312,7 +362,7 @@ def _visits(cell: Cell, poses: Sequence[Pose], read: Sequence[tuple[tuple[str, s
 def _in_stroke(
     cell: Cell, saved: CalibratedModel, header: Header, candidates: PlannedVisits
 ) -> tuple[list[int], PlannedVisits]:
-    """The candidates whose legs the model brings within the stroke, by index and with their joints."""
+    """Find the candidates whose legs the model brings within the stroke: indices and visits."""
     found, off = watch.within_stroke(saved, header, candidates, cell.instrument.nominal_mm)
     near = np.max(np.abs(found.joints - candidates.joints), axis=1) < _CORRECTED_DEG * DEG
     keep = np.flatnonzero((off < _STROKE_MM) & near).tolist()
@@ -320,14 +370,17 @@ def _in_stroke(
 
 
 def _moved(cell: Cell, pose: Pose, joints: np.ndarray) -> Pose:
-    """The pose with other joints of the model, rad, as the controller counts them."""
+    """Return the pose at other joints of the model, rad, converted to those of the controller."""
     robot = cell.robot.model
     counted = robot.controller_angles(joints[None], cell.robot.coupling)[0] / robot.joint_units
     return pose._replace(joints_deg=tuple(round(float(q), 4) for q in counted))
 
 
 def _choices(cell: Cell, saved: CalibratedModel, targets: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """The targets that are asked for, and every other choice among those of cell and model, few first."""
+    """List the requested targets, then other choices of targets that cell and model have.
+
+    Choices of few targets come first; at most `_SETS` are returned.
+    """
     known = [name for name in cell.tool.targets if name in next(iter(saved.model.targets.values()))]
     every = [some for count in range(1, len(known) + 1) for some in combinations(known, count)]
     return list(dict.fromkeys([targets, *every]))[:_SETS]
@@ -353,14 +406,25 @@ def refuse_visits(
     *,
     frame_known: bool = True,
 ) -> None:
-    """Raise DataError where the readings of some visits in the cell of `file` would be no watch of a baseline."""
+    """Refuse visits in the cell of `file` whose readings could not be compared with a baseline.
+
+    Raises
+    ------
+    DataError
+        The readings would be no watch of this baseline.
+    """
     would = replace(watch.planned(saved, header, visits), path=file)
     watch.refuse_unlike(saved, would, model, frame_known=frame_known, missing_allowed=False)
 
 
 def refuse_plan(cell: Cell, file: Path, saved: CalibratedModel, model: Path, visits: Sequence[Visit]) -> None:
-    """Raise DataError where the readings of a campaign's visits would be no watch of a baseline, before anything
-    moves."""
+    """Refuse, before anything moves, a campaign whose readings do not suit the baseline.
+
+    Raises
+    ------
+    DataError
+        The readings would be no watch of this baseline.
+    """
     those = [visit for visit in visits if visit.kind == "pose"]
     if not those:
         return
@@ -380,9 +444,17 @@ def campaign_of(
     nest_limit_mm: float | None,
     robot: Mapping[str, str],
 ) -> str:
-    """The campaign that visits the poses in their order; repeats: how often each target is read
-    there; nest_limit_mm: of the nests that are measured again half-way,
-    None where none are; robot: the device that the baseline is of."""
+    """Write the campaign (TOML) that visits the poses in their order.
+
+    Parameters
+    ----------
+    repeats : int
+        Number of readings of each target per visit.
+    nest_limit_mm : float or None
+        Limit of the nests, which are measured again half-way, mm; None if they are not measured again.
+    robot : mapping
+        Device data of the robot of the baseline.
+    """
     block: dict[str, Any] = {
         "set": "calibration",
         "joints_deg": [list(pose.joints_deg) for pose in poses],
@@ -410,8 +482,16 @@ def campaign_of(
 def touched_files(
     out: Path, cell: Cell, asked: WatchPlanRequest, target: str, poses: Sequence[Pose], balls: Sequence[str]
 ) -> dict[Path, str]:
-    """The data set of touches by path: a row a pose with the place of its ball, one of `balls`; whoever has touched it
-    writes the joints that the controller shows, and empties the status. Raises DataError where `out` is no CSV file."""
+    """Create the data set of touches and its header, by path.
+
+    Each row holds a pose and the position of its ball, one of `balls`. The person who has touched the ball enters the
+    joints that the controller shows, and empties the status.
+
+    Raises
+    ------
+    DataError
+        `out` is not a CSV file.
+    """
     if out.suffix != ".csv":
         raise DataError(
             "is no data set: a touched artefact is written down, not driven.",

@@ -1,6 +1,6 @@
-"""A watched robot, for the command line: the verdict (`truepose-watch/1`).
+"""Verdict on a watched robot, for the command line (`truepose-watch/1`).
 
-The plan of a watch in words: what it detects, or what would detect the rest.
+The module also describes the plan of a watch as text: the causes that it detects, and remedies for the others.
 """
 
 from __future__ import annotations
@@ -59,9 +59,21 @@ _HIDDEN = (
 
 @dataclass(frozen=True)
 class WatchRequest:
-    """The question: how to judge. history, update: files, None for none; rate: of false alarms; frame_known: whether
-    robot and instrument stand where they stood; missing_allowed: whether check poses may be missing; running_s: how
-    long the robot had run, from cold, when the readings began, None where nobody said."""
+    """Request to judge the readings of a watch.
+
+    Attributes
+    ----------
+    history, update
+        Files of the earlier watches and of the updated model; None if not used.
+    rate
+        False-alarm rate.
+    frame_known
+        Whether robot and instrument are in the same place as for the baseline.
+    missing_allowed
+        Whether check poses may be missing.
+    running_s
+        Time from the cold start of the robot to the first reading, s; None if it is not known.
+    """
 
     history: Path | None = None
     update: Path | None = None
@@ -138,7 +150,10 @@ def _update(
     verdict: WatchVerdict,
     notes: tuple[str, ...],
 ) -> tuple[tuple[str, ...], bool]:
-    """Write the updated model, or say why there is none: the verdict stands without it."""
+    """Write the updated model, or add the reason why there is none to the notes.
+
+    The verdict is valid without it. The result is the notes, and whether the model was written.
+    """
     try:
         cause = watch.cause_to_update(verdict)
         if verdict.questions[0].watches == 1 and not verdict.questions[0].alarm:
@@ -178,7 +193,7 @@ def _update(
 
 
 def _targets(dataset: Dataset) -> tuple[str, ...]:
-    """The targets that were read."""
+    """Return the names of the targets that were read."""
     conditions = dataset.conditions
     return tuple(
         conditions.target_names[t] for t in sorted(set(conditions.target[dataset.fit_rows].tolist()))
@@ -188,9 +203,14 @@ def _targets(dataset: Dataset) -> tuple[str, ...]:
 def in_words(
     plan: WatchPlan, proposals: Sequence[WatchPlanProposal], targets: Sequence[str], poses: int
 ) -> str:
-    """The plan in words: which causes its check poses detect at their wanted sizes, and what would detect the rest.
+    """Describe which causes a plan detects at their target sizes, and remedies for the others.
 
-    targets: names of those that are read; poses: number of check poses that was asked for.
+    Parameters
+    ----------
+    targets : sequence of str
+        Names of the targets that are read.
+    poses : int
+        Requested number of check poses.
     """
     stated = [each for each in plan.shown.causes if each.wanted is not None]
     short = sorted((c for c in stated if (c.share or 0.0) < SEEN), key=lambda c: c.share or 0.0)
@@ -216,9 +236,17 @@ def in_words(
 
 
 def left_to_see(sizes: Mapping[str, float]) -> str:
-    """The sentence that says which causes a watch without some of its poses can no longer detect at the wanted size.
+    """Name the causes that a watch without some of its poses cannot detect at their target size.
 
-    sizes: by cause, the smallest size that the remaining readings detect, mm or deg; empty text where none is missed.
+    Parameters
+    ----------
+    sizes : mapping
+        Smallest size that the remaining readings detect, mm or deg, by cause.
+
+    Returns
+    -------
+    str
+        One sentence; empty if all causes are still detected.
     """
     said = []
     for label, size in sizes.items():
@@ -240,7 +268,7 @@ def _named(cause: SmallestDetected) -> str:
 def _ways(
     plan: WatchPlan, proposals: Sequence[WatchPlanProposal], targets: Sequence[str], poses: int
 ) -> list[str]:
-    """The remedies: more readings at these poses, other targets, more poses, a target farther off the axis."""
+    """List remedies: more readings, other targets, more poses, a target farther from the axis."""
     least = len(plan.beyond)
     ways = []
     for same in (True, False):
@@ -261,7 +289,7 @@ def _ways(
 
 
 def _elsewhere(plan: WatchPlan, proposals: Sequence[WatchPlanProposal]) -> str:
-    """Other targets that detect more of the causes."""
+    """Name other targets that detect more of the causes; empty if there are none."""
     first = next(iter(proposals), None)
     if first is None or len(first.beyond) >= len(plan.beyond):
         return ""
