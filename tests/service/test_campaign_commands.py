@@ -10,11 +10,13 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
 
 from calib.data.read import read_dataset
 from drivers import FanucArm
@@ -291,3 +293,26 @@ def test_a_service_that_does_not_start_leaves_the_collection_of_garbage_on(tmp_p
 def test_serve_simulated_needs_a_cell(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["serve", "--simulate"]) == 2
     assert "--cell" in capsys.readouterr().err
+
+
+def test_the_schema_for_editors_takes_every_example_and_marks_mistakes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "campaign.schema.json"
+    assert main(["campaign", "schema", str(out)]) == 0
+    schema = json.loads(out.read_text("utf-8"))
+    assert main(["campaign", "schema"]) == 0
+    assert json.loads(capsys.readouterr().out) == schema
+    takes = Draft202012Validator(schema).is_valid
+    examples = [
+        tomllib.loads(path.read_text("utf-8"))
+        for path in sorted((ROOT / "examples").glob("*/*.toml"))
+        if "truepose-campaign/1" in path.read_text("utf-8")
+    ]
+    assert len(examples) >= 8
+    for table in examples:
+        assert takes(table)
+        assert not takes(table | {"surprise": 1})
+        assert not takes(table | {"samples": 0})
+        assert not takes({key: value for key, value in table.items() if key != "block"})
+    assert main(["campaign", "schema", str(tmp_path / "none" / "x.json")]) == 2

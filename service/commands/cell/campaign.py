@@ -26,9 +26,11 @@ from acquisition import (
     read_cell,
     read_status,
 )
+from acquisition.campaign import CampaignTable
 from acquisition.cell import unstated_in_words
 from acquisition.errors import RecordError, RecordInUse, UnsafePlan
 from acquisition.examination import note_low_priority
+from acquisition.file_table import FileSchema
 from acquisition.record import FILE as RECORD_FILE
 from acquisition.record import DeviceAcceptance, RecordStore, export_streams, export_together, rescue
 from calib.data import assumed_in_words, read_dataset
@@ -192,6 +194,17 @@ def status_command(record: Record, json: options.Json = None) -> None:
         terminal.rest()
         terminal.out.print(in_words(status), soft_wrap=True)
     write_json(_document(record, status), json)
+
+
+@app.command("schema")
+def schema_command(
+    out: Annotated[
+        str, typer.Argument(metavar="OUT.json|-", help="The file; '-' is standard output.")
+    ] = STANDARD_OUTPUT,
+) -> None:
+    """Write the JSON schema of campaign files, with which editors complete and check them."""
+    options.check_outputs({"OUT": out})
+    write_json(CampaignTable.model_json_schema(schema_generator=FileSchema), out)
 
 
 @app.command("events")
