@@ -1,4 +1,4 @@
-"""Regression on positions, or on the residuals of a physical model: MLS-SVR, its features and their choice."""
+"""MLS-SVR on positions, or on the residuals of a physical model, with its features."""
 
 from calib.regression.patch import Patch, error_with_patch, error_without_patch, patch_of
 from calib.regression.regression import (

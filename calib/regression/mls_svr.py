@@ -1,27 +1,38 @@
-"""Multi-output least-squares support vector regression (MLS-SVR), Xu et al. 2013, used by Khanesar et al. 2022.
+"""Multi-output least-squares support vector regression (MLS-SVR), with its cross-validation.
+
+Sources: Xu et al. 2013; used by Khanesar et al. 2022.
 
 m outputs y of n samples on features phi share a vector w0 and differ by v_i:
 
     minimise  w0'w0 / 2 + lambda/(2m) sum v_i'v_i + gamma/2 sum xi'xi,   y_i = phi'(w0 + v_i) + b_i + xi_i
 
-The six steps of the paper solve H eta = P, H nu = y with H = 1_{mxm} (x) K + I/gamma + (m/lambda) I_m (x) K, then
-S = P'eta, b = S^-1 eta'y, alpha = nu - eta b, w0 = Phi sum alpha_i, v_i = (m/lambda) Phi alpha_i. H has m n rows and
-its Cholesky fails from gamma = 1e12 on. The same solution in three steps, stable at any gamma:
+The six steps of the paper solve
 
-1. turn the outputs by an orthogonal Q whose first column is (1, ..., 1)/sqrt(m). 1_{mxm} becomes diagonal, so every
-   turned output is a problem of its own with the kernel s_j K: s_1 = m + m/lambda, the others m/lambda;
-2. the offset b makes each problem one on samples whose mean is taken off, in the features as in the output;
-3. with the centred features U diag(k) V', the weights of turned output z are V diag(s k / (s k^2 + 1/gamma)) U'z.
+    H eta = P, H nu = y   with   H = 1_{mxm} (x) K + I/gamma + (m/lambda) I_m (x) K
 
-A Gaussian kernel has no features that can be written down; its columns, one a sample, take their place, and U/k that
-of V: the kernel at new features times U/k are their coordinates.
+and then
 
-gamma, lambda and the width of the kernel, by cross-validation over groups of samples.
+    S = P'eta, b = S^-1 eta'y, alpha = nu - eta b, w0 = Phi sum alpha_i, v_i = (m/lambda) Phi alpha_i
 
-Samples of one waypoint differ only by noise: leaving them out one by one would be optimistic, so whole waypoints are
-left out. Of the turned outputs (see `mls_svr`) each has one ridge, rho_j = 1 / (gamma s_j): the
-first one rho_1, all others rho_2 = (1 + lambda) rho_1. The turn keeps squares, so the error of a pair (gamma, lambda)
-is the first output's error at rho_1 plus the others' at rho_2: one scan over rho serves all pairs.
+H has m n rows, and its Cholesky factorisation fails from gamma = 1e12 on. Three steps give the same solution and
+are stable at any gamma:
+
+1. The outputs are rotated by an orthogonal Q whose first column is (1, ..., 1)/sqrt(m). This makes 1_{mxm} diagonal.
+   Each rotated output is then a separate problem with the kernel s_j K, where s_1 = m + m/lambda and the others are
+   m/lambda.
+2. The offset b is removed by subtracting the mean of the samples from both the features and the output.
+3. With the centred features U diag(k) V', the weights of a rotated output z are V diag(s k / (s k^2 + 1/gamma)) U'z.
+
+A Gaussian kernel has no features that can be written down. Its columns, one per sample, take their place, and U/k
+takes the place of V. The coordinates of new features are their kernel times U/k.
+
+The constants gamma and lambda and the width of the kernel are chosen by cross-validation over groups of samples.
+Samples of one waypoint differ only by noise. Leaving them out one by one would be optimistic, so whole waypoints
+are left out.
+
+Each rotated output has one ridge, rho_j = 1 / (gamma s_j). The first has rho_1, and all others have rho_2 = (1 +
+lambda) rho_1. The rotation preserves squares. The error of a pair (gamma, lambda) is therefore the error of the
+first output at rho_1 plus that of the others at rho_2, and one scan over rho serves all pairs.
 """
 
 from __future__ import annotations
@@ -39,8 +50,11 @@ _TINY = 1e-300
 
 @dataclass(frozen=True)
 class Components:
-    """Orthogonal coordinates of n samples: rows, their mean (b,) taken off, times `into` (b, r) are `left` (n, r) with
-    the columns scaled by `sizes` (r,). Directions that are rounding only are left out."""
+    """Orthogonal coordinates of n samples.
+
+    The rows minus their `mean` (b,), times `into` (b, r), are `left` (n, r) with its columns scaled by `sizes`
+    (r,). Directions that consist of rounding errors only are left out.
+    """
 
     mean: Array
     into: Array
@@ -71,8 +85,10 @@ class Gaussian:
     width: float
 
     def rows(self, new: Array, old: Array) -> Array:
-        """The rows that the weights act on at new features (k, p): the kernel (k, n) with the training features
-        (n, p)."""
+        """Return the kernel (k, n) of new features (k, p) with the training features (n, p).
+
+        The weights act on these rows.
+        """
         squared = (new**2).sum(axis=1)[:, None] + (old**2).sum(axis=1) - 2.0 * new @ old.T
         return np.exp(-np.maximum(squared, 0.0) / (2.0 * self.width**2))
 
@@ -94,8 +110,18 @@ Kernel = Linear | Gaussian
 class MlsSvr:
     """A trained regression: (kernel.rows(phi, features) - mean) @ weights + offset.
 
-    features (n, p): those it was trained on; mean (b,) and weights (b, m) with b = p of a linear kernel, n of a
-    Gaussian one; offset (m,) mean of the outputs; share: the paper's lambda, small where outputs have little in common.
+    Attributes
+    ----------
+    share : float
+        The lambda of the paper; small if the outputs have little in common.
+    features : array of shape (n, p)
+        Features of the training samples.
+    mean : array of shape (b,)
+        Mean of the rows of the kernel; b is p for a linear kernel and n for a Gaussian one.
+    weights : array of shape (b, m)
+        Weights of the outputs.
+    offset : array of shape (m,)
+        Mean of the outputs.
     """
 
     kernel: Kernel
@@ -107,25 +133,35 @@ class MlsSvr:
     offset: Array
 
     def predict(self, features: Array) -> Array:
-        """(k, m) outputs at features (k, p)."""
+        """Predict the outputs (k, m) at features (k, p)."""
         return (self.kernel.rows(features, self.features) - self.mean) @ self.weights + self.offset
 
 
 def turned(outputs: int) -> Array:
-    """(m, m) orthogonal, its first column (1, ..., 1)/sqrt(m): step 1."""
+    """Return the orthogonal matrix (m, m) of step 1; its first column is (1, ..., 1)/sqrt(m)."""
     first = np.column_stack([np.ones(outputs), np.eye(outputs)[:, : outputs - 1]])
     return np.linalg.qr(first)[0]
 
 
 def scales(share: float, outputs: int) -> Array:
-    """(m,) s: how much of the kernel every turned output has."""
+    """Return the scale s of the kernel for each rotated output, shape (m,)."""
     return outputs / share + np.where(np.arange(outputs) == 0, float(outputs), 0.0)
 
 
 def fit(features: Array, outputs: Array, kernel: Kernel, gamma: float, share: float) -> MlsSvr:
-    """Train on features (n, p) and outputs (n, m). gamma: weight of the misfit; share: the paper's lambda.
+    """Train on features (n, p) and outputs (n, m).
 
-    Raises ValueError for a gamma or share that is not positive, or fewer than two samples.
+    Parameters
+    ----------
+    gamma : float
+        Weight of the misfit.
+    share : float
+        The lambda of the paper.
+
+    Raises
+    ------
+    ValueError
+        `gamma` or `share` is not positive, or there are fewer than two samples.
     """
     if not (gamma > 0.0 and share > 0.0):
         raise ValueError("gamma and lambda are above zero")
@@ -151,10 +187,16 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Tuning:
-    """The choice of cross-validation.
+    """Kernel and constants chosen by cross-validation.
 
-    rms: of the outputs' errors (all of a sample together) on the groups left out; rms_of_nothing: of predicting
-    zero; sure: whether the gain on it is more than twice its standard error over the groups.
+    Attributes
+    ----------
+    rms : float
+        RMS error on the groups left out; the errors of all outputs of a sample are combined.
+    rms_of_nothing : float
+        The same if zero is predicted.
+    sure : bool
+        Whether the gain over predicting zero exceeds twice its standard error over the groups.
     """
 
     kernel: Kernel
@@ -165,12 +207,18 @@ class Tuning:
     sure: bool
 
     def fit(self, features: Array, outputs: Array) -> MlsSvr:
-        """The regression with what was chosen, on features (n, p) and outputs (n, m)."""
+        """Train the chosen regression on features (n, p) and outputs (n, m)."""
         return fit(features, outputs, self.kernel, self.gamma, self.share)
 
 
 def folds_of(group: NDArray[np.int64]) -> list[Mask]:
-    """Masks (n,) of the samples to leave out, whole groups drawn at random. Raises ValueError for too few groups."""
+    """Return masks (n,) of the samples to leave out; whole groups are drawn at random.
+
+    Raises
+    ------
+    ValueError
+        There are fewer than two groups.
+    """
     kinds, number = np.unique(group, return_inverse=True)
     if len(kinds) < 2:
         raise ValueError("one group of samples cannot be left out and kept")
@@ -182,7 +230,10 @@ def folds_of(group: NDArray[np.int64]) -> list[Mask]:
 def choose(
     features: Array, outputs: Array, group: NDArray[np.int64], kernels: Sequence[Kernel] = (Linear(),)
 ) -> Tuning:
-    """The best kernel, gamma and lambda for features (n, p) and outputs (n, m) by groups (n,) left out."""
+    """Choose the best kernel, gamma and lambda by leaving out groups (n,) of samples.
+
+    The features have the shape (n, p), and the outputs (n, m).
+    """
     folds = folds_of(group)
     _, kernel, gamma, share = min(
         (_of_kernel(features, outputs, folds, kernel) for kernel in kernels), key=lambda found: found[0]
@@ -205,7 +256,10 @@ def choose(
 
 
 def widths(features: Array) -> tuple[Gaussian, ...]:
-    """Gaussian kernels from a third of the median distance between features (n, p) to thirty times it."""
+    """Return Gaussian kernels of several widths.
+
+    The widths range from 0.3 to 30 times the median distance between the features (n, p).
+    """
     sample = features[:: max(1, len(features) // 300)]
     apart = np.linalg.norm(sample[:, None] - sample[None], axis=2)
     middle = float(np.median(apart[np.triu_indices(len(sample), 1)])) if len(sample) > 1 else 1.0
@@ -215,7 +269,10 @@ def widths(features: Array) -> tuple[Gaussian, ...]:
 def _of_kernel(
     features: Array, outputs: Array, folds: Sequence[Mask], kernel: Kernel
 ) -> tuple[float, Kernel, float, float]:
-    """Sum of squared errors on what is left out, and the kernel, gamma and lambda that make it least."""
+    """Return the least sum of squared errors on the left-out samples, with its constants.
+
+    These are the kernel, gamma and lambda that give this sum.
+    """
     count = outputs.shape[1]
     rows = kernel.rows(features, features)
     # A Gaussian kernel is one at distance nought, and its trace the number of samples.
@@ -233,7 +290,10 @@ def _of_kernel(
 
 
 def _squares(rows: Array, outputs: Array, held: Mask, kernel: Kernel, ridges: Array) -> Array:
-    """(m, r) sums of squared errors of the turned outputs (n, m) on the held samples, for every ridge."""
+    """Sum the squared errors of the rotated outputs (n, m) on the held samples.
+
+    The result has one column per ridge, shape (m, r).
+    """
     kept = ~held
     among = kept if isinstance(kernel, Gaussian) else np.ones(rows.shape[1], dtype=bool)
     found = kernel.components(rows[np.ix_(kept, among)])

@@ -1,10 +1,13 @@
 """A patch: a smooth map of the residuals that no effect explains. It names no cause.
 
-Kernel ridge regression of the residual vectors on the joint angles (on cos and sin of each, so that a turn closes),
-with a Gaussian kernel on some landmark readings (Nystrom). Width and ridge are chosen on blocks of readings that were
-left out, never at random: neighbours in a sweep would flatter. It is only worth having where those blocks get better;
-it says nothing about poses unlike the measured ones, and no report calls it an effect.
-Sources: Williams & Seeger 2001 (Nystrom); Khanesar et al. 2022 for regression on what the physical model leaves.
+The residual vectors are fitted by kernel ridge regression on the cos and sin of each joint angle, so that a full
+turn closes. The kernel is Gaussian on some landmark readings (Nystrom).
+
+Width and ridge are chosen on left-out blocks of readings, never at random, because neighbours in a sweep would make
+the error look too small. A patch is only useful if the error on those blocks becomes smaller. It says nothing about
+poses unlike the measured ones, and no report calls it an effect.
+
+Sources: Williams & Seeger 2001 (Nystrom); Khanesar et al. 2022 for regression on the residuals of a physical model.
 """
 
 from __future__ import annotations
@@ -30,7 +33,11 @@ _WORTH = 0.97  # of the error on left-out blocks: a patch that gains less is not
 
 @dataclass(frozen=True)
 class Patch:
-    """landmarks (m, 2 N) features, weights (m, 3) mm; errors on left-out blocks without and with it, RMS mm."""
+    """A smooth map of the residuals that no effect explains.
+
+    `landmarks` (m, 2 N) are features and `weights` (m, 3) are in mm. The two errors on left-out blocks, without the
+    patch and with it, are RMS values in mm.
+    """
 
     landmarks: Array
     weights: Array
@@ -40,7 +47,7 @@ class Patch:
     block_rms_with: float
 
     def shift(self, conditions: Conditions) -> Array:
-        """(n, 3) mm to add to the model's prediction."""
+        """Return the shift to add to the prediction of the model, mm, shape (n, 3)."""
         return _kernel(_features(conditions), self.landmarks, self.width) @ self.weights
 
     @property
@@ -50,9 +57,14 @@ class Patch:
 
 
 def patch_of(dataset: Dataset, found: IdentificationFit) -> Patch:
-    """The best patch for the points of a fit, by left-out stretches of time. Judge it by `worth_it`.
+    """Fit the best patch for the points of a fit, chosen on left-out stretches of time.
 
-    Raises DataError where no point was measured.
+    Use `worth_it` to decide whether the patch helps.
+
+    Raises
+    ------
+    DataError
+        No point was measured.
     """
     readings = found.readings
     pointed = dataset.pointed[readings.rows]
@@ -105,18 +117,21 @@ def error_without_patch(dataset: Dataset, found: IdentificationFit) -> ErrorStat
 
 
 def _features(conditions: Conditions) -> Array:
-    """(n, 2 N): cos and sin of every joint."""
+    """Return cos and sin of each joint, shape (n, 2 N)."""
     return np.hstack([np.cos(conditions.joints), np.sin(conditions.joints)])
 
 
 def _kernel(x: Array, landmarks: Array, width: float) -> Array:
-    """(n, m) exp(-|x - l|^2 / (2 w^2))."""
+    """Return the Gaussian kernel exp(-|x - l|^2 / (2 w^2)), shape (n, m)."""
     square = np.sum(x**2, axis=1)[:, None] + np.sum(landmarks**2, axis=1) - 2.0 * x @ landmarks.T
     return np.exp(-np.maximum(square, 0.0) / (2.0 * width**2))
 
 
 def _solve(square: Array, moment: Array, gram: Array, ridge: float) -> Array:
-    """(m, 3) weights a that minimise |left - K a|^2 + ridge a'G a, from K'K (m, m) and K'left (m, 3)."""
+    """Return the weights a (m, 3) that minimise |left - K a|^2 + ridge a'G a.
+
+    The arguments are K'K (m, m), K'left (m, 3) and G (m, m).
+    """
     system = square + ridge * gram
     system += 1e-9 * np.trace(system) / len(system) * np.eye(len(system))
     return np.linalg.solve(system, moment)

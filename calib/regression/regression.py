@@ -1,33 +1,34 @@
-"""A trained regression of a robot: the correction that it adds to its model, and the region where it may be used.
+"""A trained regression of a robot: its correction of a model, its region and its features.
 
 It works in the base frame, which every series shares, and whose axes are those of the features:
 
     on residuals   svr(q) = R' (measured - p)           prediction = p + R svr(q)
     on positions   svr(q) = R' (measured - p) + p_0     prediction = p + R (svr(q) - p_0)
 
-p: prediction of the model in the world, R: the base in the world, p_0: the nominal robot's point in its base frame.
-A regression on positions is based on the nominal robot in its place, and what it says does not depend on that robot;
-one on residuals is based on a fitted model, and far from its samples falls back on a mean, not on nonsense.
+Here p is the prediction of the model in the world, R the base in the world, and p_0 the nominal robot's point in
+its base frame. A regression on positions is based on the nominal robot in its place, but its predictions do not
+depend on that robot. A regression on residuals is based on a fitted model. Far from its samples it falls back on a
+mean, not on nonsense.
 
-The region in which a regression may be used: between the joint angles of its training, and nowhere else.
+A regression may be used only between the joint angles of its training.
 
-Regressors of the joint angles for a regression on positions: (n, p), each named.
-
-For arms of the UR's structure (alpha 90, 0, 0, 90, -90, 0 deg; a2, a3; d1, d4, d5, d6) the flange is, with
+The regressors of a regression are named products of sines and cosines of the joint angles, with values (n, p). For
+arms with the structure of a UR (alpha 90, 0, 0, 90, -90, 0 deg, with a2, a3, d1, d4, d5 and d6) the flange is, with
 s234 = sin(q2 + q3 + q4) and so on, at
 
     x =  c1 (a2 c2 + a3 c23 + d5 s234 - d6 c234 s5) + s1 (d4 + d6 c5)
     y =  s1 (a2 c2 + a3 c23 + d5 s234 - d6 c234 s5) - c1 (d4 + d6 c5)
     z =  d1 + a2 s2 + a3 s23 - d5 c234 - d6 s234 s5
 
-Every product of sines and cosines in these sums is a regressor: `CLOSED_FORM`. `PRINTED` are equations (9) to (11) of
-Khanesar et al. 2022, whose z has the products of s234 and c234 exchanged: away from a tool that points down it misses
-the arm by 156 mm, which nothing in that paper's data could show. Where the tool points down, s234 s5 = 1, so that
-s5 = s234 = +-1 and c5 = c234 = 0: the sums above are then eleven columns and an offset, `TOOL_DOWN`. The products one
-by one are not: of the 37 columns 29 stay independent (s2c3c4 alone is no constant), 18 more than the arm needs, and
-with some forty waypoints they overfit.
+`CLOSED_FORM` holds each product of sines and cosines in these sums. `PRINTED` holds those of equations (9) to (11)
+of Khanesar et al. 2022, whose z has the products of s234 and c234 exchanged. Unless the tool points down, their z
+misses the arm by 156 mm, which the data of that paper could not show.
 
-The constant is in none of the sets: the regression has an offset of its own for every output.
+If the tool points down, s234 s5 = 1, so that s5 = s234 = +-1 and c5 = c234 = 0. The sums above are then the eleven
+columns and an offset of `TOOL_DOWN`. The single products do not reduce as far: 29 of the 37 columns stay
+independent (s2c3c4 alone is not constant), 18 more than the arm needs. With some forty waypoints they overfit.
+
+None of the sets contains the constant, because the regression has a separate offset for each output.
 """
 
 from __future__ import annotations
@@ -72,7 +73,10 @@ TOOL_DOWN = ("c1", "s1", "c1c2", "c1c2c3", "c1s2s3", "s1c2", "s1c2c3", "s1s2s3",
 
 
 def turns(joints: int) -> tuple[str, ...]:
-    """Sine and cosine of every joint and the products of two joints': for an arm of any structure."""
+    """Return sine and cosine of each joint and the products for each two joints.
+
+    This set suits an arm of any structure.
+    """
     single = [[f"c{j}", f"s{j}"] for j in range(1, joints + 1)]
     pairs = [a + b for k, one in enumerate(single) for two in single[k + 1 :] for a in one for b in two]
     return (*(name for pair in single for name in pair), *pairs)
@@ -91,7 +95,13 @@ _DOWN = np.cos(0.1 * DEG)
 
 
 def products_of(name: str, robot: Robot) -> tuple[str, ...]:
-    """The products of a set for a robot. Raises DataError for an unknown name, or a set of another structure."""
+    """Return the products of a set for a robot.
+
+    Raises
+    ------
+    DataError
+        The name is unknown, or the set belongs to another structure than that of the robot.
+    """
     if name == "turns":
         return turns(robot.joints)
     if name not in _OF_UR:
@@ -106,7 +116,10 @@ def products_of(name: str, robot: Robot) -> tuple[str, ...]:
 
 
 def usual(robot: Robot, joints: Array) -> str:
-    """The set for samples at model angles (n, N), rad, where none is asked for: the smallest that holds the arm."""
+    """Name the default set for samples at model angles (n, N), rad.
+
+    It is the smallest set that can describe the arm at these samples.
+    """
     if not _like_ur(robot):
         return "turns"
     along = np.sin(joints[:, 1:4].sum(axis=1)) * np.sin(joints[:, 4])  # of the tool's axis on the vertical
@@ -122,7 +135,10 @@ def _like_ur(robot: Robot) -> bool:
 
 
 def evaluate(products: tuple[str, ...], joints: Array) -> Array:
-    """(n, p) values of the products at joint angles (n, N), rad: "c1s2" is cos(q1) sin(q2)."""
+    """Evaluate the products at joint angles (n, N), rad, shape (n, p).
+
+    The product "c1s2" is cos(q1) sin(q2).
+    """
     waves = {"c": np.cos(joints), "s": np.sin(joints)}
     out = np.ones((len(joints), len(products)))
     for k, product in enumerate(products):
@@ -132,7 +148,7 @@ def evaluate(products: tuple[str, ...], joints: Array) -> Array:
 
 
 def independent(features: Array) -> int:
-    """Number of columns of (n, p) features, their means taken off, that are independent on these readings."""
+    """Count the independent columns of features (n, p) after their means are subtracted."""
     if not features.size:
         return 0
     sizes = np.linalg.svd(features - features.mean(axis=0), compute_uv=False)
@@ -150,7 +166,7 @@ _FARTHER = 1.25  # than any training sample from their centre, in units of their
 
 @dataclass(frozen=True)
 class RegressionRequest:
-    """The request for a regression. features: a name of `features.SETS`; kernel: linear or rbf."""
+    """Options of a regression: its subject, a set of `SETS`, and a linear or rbf kernel."""
 
     on: Subject = "residuals"
     features: str = "turns"
@@ -158,7 +174,13 @@ class RegressionRequest:
 
     @classmethod
     def of(cls, on: str, features: str, kernel: str) -> RegressionRequest:
-        """The regression that words of a command line or a file ask for. Raises DataError naming the option."""
+        """Read the options from the texts of a command line or file.
+
+        Raises
+        ------
+        DataError
+            An option has an unknown value; the error names the option.
+        """
         for key, value, allowed in (("--on", on, get_args(Subject)), ("--kernel", kernel, KERNELS)):
             if value not in allowed:
                 raise DataError(f"is {value!r}.", do=f"Use {' or '.join(allowed)}.", key=key)
@@ -169,8 +191,12 @@ class RegressionRequest:
 class Regression:
     """A regression that was trained at `joints` (n, N), rad.
 
-    target: (x, y, z) mm of the point it speaks of, nominal in the flange frame; rms: of its errors, mm, on the
-    waypoints that were left out when gamma and lambda were chosen.
+    Attributes
+    ----------
+    target : tuple of float
+        Nominal position (x, y, z) of the tool target that it predicts, mm, in the flange frame.
+    rms : float
+        RMS error, mm, on the waypoints that were left out when gamma and lambda were chosen.
     """
 
     wanted: RegressionRequest
@@ -185,9 +211,10 @@ class Regression:
         return Region.of(self.joints)
 
     def shift(self, robot: Robot, joints: Array) -> Array:
-        """(k, 3) what it adds to the point that its model predicts, mm, base frame, at model angles (k, N), rad.
+        """Return the shift that it adds to the prediction of its model, mm, shape (k, 3).
 
-        Nothing is refused here: the prediction is valid within `region` only.
+        The shift is in the base frame, and the model angles (k, N) are in rad. Nothing is refused here, but the
+        prediction is valid only within `region`.
         """
         said = self.svr.predict(evaluate(products_of(self.wanted.features, robot), joints))
         if self.wanted.on == "residuals":
@@ -196,7 +223,7 @@ class Regression:
         return said - poses[:, :3, 3] - poses[:, :3, :3] @ np.array(self.target)
 
     def predict(self, model: ModelStructure, estimate: Array, conditions: Conditions) -> Array:
-        """(k, 3) points in the world, mm: the model that it is based on and what it adds."""
+        """Predict points in the world, mm, shape (k, 3): those of its model plus the shift."""
         points, base = world_points(model, estimate, conditions)
         return points + np.einsum("nij,nj->ni", base, self.shift(model.robot, conditions.joints))
 
@@ -218,11 +245,27 @@ def train(
     readings: FitReadings,
     waypoint: NDArray[np.int64],
 ) -> Regression | None:
-    """Train on readings of points, n of them, by waypoint (n,); None where a regression on residuals gains nothing.
+    """Train a regression on n readings of points.
 
-    It must gain, on waypoints left out, more than twice the standard error of the gain: else the model is better off
-    alone. For a regression on positions `model` is the nominal robot in its place. Raises DataError where there is no
-    point, one waypoint only, or several targets for a regression on positions.
+    On residuals, the gain on left-out waypoints must exceed twice its standard error. Otherwise the model is better
+    without the regression.
+
+    Parameters
+    ----------
+    model : ModelStructure
+        Model that the regression is based on. For a regression on positions, it is the nominal robot in its place.
+    waypoint : array of shape (n,)
+        Waypoint of each reading.
+
+    Returns
+    -------
+    Regression or None
+        None if a regression on residuals gains nothing.
+
+    Raises
+    ------
+    DataError
+        There is no point or only one waypoint, or a regression on positions has several targets or series.
     """
     refuse_slides(model.robot, "a regression knows")
     measured = readings.observed.points
@@ -264,12 +307,14 @@ def train(
 
 @dataclass(frozen=True)
 class Region:
-    """The trained ranges of the joints (N,), rad, and what the joints had in common.
+    """The trained ranges of the joints (N,), rad, and the correlations of their angles.
 
-    Angles that no training sample resembles may still lie within every joint's own range. `axes` (N, N) are the
-    principal directions of the trained joint angles about `centre` (N,), and `spread` (N,) their standard deviations.
-    Along a direction that hardly varied (a tool that always points down keeps q2 + q3 + q4) nothing may go farther than
-    `reach` (N,); along the others together, nothing may lie outside the ellipsoid of `radius`.
+    Angles unlike all training samples may still lie within the range of each joint. `axes` (N, N) are the principal
+    directions of the trained joint angles about `centre` (N,), and `spread` (N,) their standard deviations.
+
+    Along a direction that hardly varied, no angle may go farther than `reach` (N,). An example is a tool that
+    always points down, which keeps q2 + q3 + q4. Along the other directions together, no angles may lie outside the
+    ellipsoid of `radius`.
     """
 
     lower: Array
@@ -295,7 +340,7 @@ class Region:
         )
 
     def holds(self, joints: Array) -> NDArray[np.bool_]:
-        """(k,) whether joints (k, N), rad, lie within; those that are NaN do not."""
+        """Test whether joints (k, N), rad, lie within the region, shape (k,); NaN does not."""
         within = ((joints >= self.lower) & (joints <= self.upper)).all(axis=1)
         along = np.abs((joints - self.centre) @ self.axes)
         wide = np.isinf(self.reach)
