@@ -1,1 +1,1 @@
-"""Results of fits: identification, diagnosis, regression and sweeps, as documents and as rows."""
+"""Results of fits: identification, diagnosis, regression, joint sweeps and predictions."""

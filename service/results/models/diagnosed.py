@@ -1,4 +1,4 @@
-"""A diagnosis: the one description of the result (`truepose-diagnosis/1`), and what makes it.
+"""Result document of a diagnosis (`truepose-diagnosis/1`), and the request that creates it.
 
 Values are in the units of files and screens; null stands for NaN.
 """
@@ -62,7 +62,7 @@ class Evidence(ResponseBody):
 
 
 class EffectShown(ResponseBody):
-    """An effect that was found. `candidates`: what else it may be, with odds."""
+    """An effect that was found, with the probability of each of its possible causes."""
 
     label: Label
     meaning: Annotated[str, told("What it means, for people.", "Joint 4 has play.")]
@@ -108,7 +108,7 @@ class EffectShown(ResponseBody):
 
     @classmethod
     def of(cls, found: DiagnosedEffect, *, causes_known: bool) -> Self:
-        """An effect as `calib` found it."""
+        """Describe an effect that `calib` found."""
         effect, spread = found.effect, np.sqrt(np.diag(found.covariance))
         return cls(
             label=effect.label,
@@ -135,7 +135,7 @@ class EffectShown(ResponseBody):
 
 
 class Separation(ResponseBody):
-    """How well two rivals can be distinguished."""
+    """Distance by which the next measurement distinguishes an effect from its rival."""
 
     effect: Label
     rival: Label
@@ -167,7 +167,10 @@ class FollowUpShown(ResponseBody):
 
     @classmethod
     def poses_of(cls, found: FollowUp) -> Self:
-        """The poses: joints as the controller counts them; of every pose all joints come from the same side."""
+        """Describe the poses of a follow-up measurement.
+
+        Joints are in controller angles. In each pose, all joints arrive from the same side.
+        """
         joints, robot = found.joints.shape[1], next(iter(found.rivals.values())).model.robot
         return cls(
             kind="poses",
@@ -220,7 +223,7 @@ class CarriedShown(ResponseBody):
 
     @classmethod
     def of(cls, term: CarriedTerm) -> Self:
-        """A term as `calib` found it."""
+        """Describe a carried term that `calib` found."""
         return cls(
             label=term.effect.label,
             finding=wording.carried_in_words(term),
@@ -269,7 +272,7 @@ class CarriedOver(ResponseBody):
 
 
 class PatchResponse(ResponseBody):
-    """A smooth map of what the model leaves, judged apart; never part of the model."""
+    """A smooth map of the error that the model leaves; it is never part of the model."""
 
     meaning: Annotated[str, told("What it is.", "A smooth map; a patch, not a cause.")]
     block_rms_without_mm: Annotated[Real, told("Error on left-out blocks without it, RMS, mm.", 0.12)]
@@ -305,7 +308,10 @@ class PatchResponse(ResponseBody):
 
 
 class HeldOutMisfit(ResponseBody):
-    """The error of held-out readings beside what noise and the uncertainty of the parameters let expect."""
+    """The error of held-out readings compared with its expectation.
+
+    The expectation follows from the noise and the uncertainty of the parameters.
+    """
 
     times_expected: Annotated[
         Real,
@@ -318,7 +324,7 @@ class HeldOutMisfit(ResponseBody):
 
 
 class HeldOutFaultShown(ResponseBody):
-    """A held-out reading that is no reading of what it says."""
+    """A held-out reading with a gross error or of another tool target than stated."""
 
     reading_id: Annotated[str, told("The reading.", "212")]
     target: Annotated[str, told("Its tool target as the data set has it.", "A")]
@@ -414,7 +420,7 @@ class DiagnosisResult(FitShown):
 
     @classmethod
     def of(cls, outcome: DiagnosisOutcome, **more: Any) -> Self:
-        """The result of a diagnosis; more: members behind its own."""
+        """Build the result of a diagnosis; `more` adds members at its end."""
         found, faults = outcome.diagnosis, outcome.diagnosis.held_out_faults
         asked = {
             "carry_over": outcome.carried,
@@ -461,7 +467,7 @@ class DiagnosisResult(FitShown):
 
 @dataclass(frozen=True)
 class PatchResult:
-    """A patch beside the model: never part of it, never an effect."""
+    """A patch with its errors on held-out readings; never part of the model, never an effect."""
 
     patch: Patch
     without: ErrorStatistics | None
@@ -469,7 +475,7 @@ class PatchResult:
 
     @classmethod
     def of(cls, diagnosis: DiagnosisFit) -> PatchResult:
-        """The patch of what a diagnosis leaves."""
+        """Fit a patch to the error that a diagnosis leaves."""
         dataset, final = diagnosis.dataset, diagnosis.final
         patch = patch_of(dataset, final)
         return cls(patch, error_without_patch(dataset, final), error_with_patch(dataset, final, patch))
@@ -479,10 +485,22 @@ class PatchResult:
 class DiagnosisRequest:
     """The options of a diagnosis.
 
-    most: number of effects that may be added. prior: what robots of the type share. carry_to: another data set of the
-    robot, on which the effects are judged as well. patch: whether a map is made of what is left. cell: what is
-    proposed to measure next is kept within it. any_cell: pass over a cell whose robot or targets are not those of the
-    data, instead of refusing it. limits: that the error on held-out readings is held to.
+    Attributes
+    ----------
+    most : int
+        Number of effects that may be added.
+    prior : TypePrior or None
+        Prior learned from robots of the same type.
+    carry_to : Dataset or None
+        Another data set of the robot, on which the effects are judged as well.
+    patch : bool
+        Whether to map the error that remains.
+    cell : Cell or None
+        Cell within which the proposed next measurements must lie.
+    any_cell : bool
+        Whether to ignore a cell whose robot or targets are not those of the data, instead of refusing it.
+    limits : AcceptanceLimits or None
+        Limits of the error on held-out readings.
     """
 
     most: int = MOST_EFFECTS
@@ -496,7 +514,10 @@ class DiagnosisRequest:
 
 @dataclass(frozen=True)
 class DiagnosisOutcome:
-    """A diagnosis, with the effects judged on another data set, the patch and the acceptance that were asked for."""
+    """A diagnosis with its optional results.
+
+    These are the effects judged on another data set, the patch and the acceptance; None if not requested.
+    """
 
     diagnosis: DiagnosisFit
     carried: CarryOver | None = None
@@ -507,7 +528,18 @@ class DiagnosisOutcome:
     def of(
         dataset: Dataset, asked: DiagnosisRequest, say: Callable[[str], None] = silent
     ) -> DiagnosisOutcome:
-        """Diagnose. say: is told each step. Raises DataError."""
+        """Diagnose a data set.
+
+        Parameters
+        ----------
+        say : callable, optional
+            Called with the name of each step.
+
+        Raises
+        ------
+        DataError
+            The data set cannot be diagnosed, or it does not match the cell, the limits or the other data set.
+        """
         if asked.limits is not None:
             asked.limits.refuse_unjudged(dataset)
         found = diagnose(dataset, most=asked.most, prior=asked.prior, progress=say)

@@ -1,4 +1,4 @@
-"""An identification: the one description of the result (`truepose-identification/1`), and what makes it."""
+"""Result document of an identification (`truepose-identification/1`), and its calculation."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Spread(ResponseBody):
 
     @classmethod
     def of(cls, u: Array) -> Self | None:
-        """The spread of values (n,); None where there are none."""
+        """Return the spread of values (n,); None if there are none."""
         return cls(median=np.median(u), p95=np.quantile(u, 0.95), max=u.max()) if len(u) else None
 
 
@@ -111,7 +111,10 @@ class IdentificationResult(FitShown):
 
 @dataclass(frozen=True)
 class IdentificationReport:
-    """The findings in a data set, and the errors on its validation rows before, `nominal` as `placed`, and after."""
+    """Result of an identification, with the errors on its validation rows before and after.
+
+    The errors before are those of the `nominal` model at the estimate `placed`.
+    """
 
     dataset: Dataset
     found: IdentificationFit
@@ -129,8 +132,22 @@ class IdentificationReport:
         limits: AcceptanceLimits | None = None,
         prior: TypePrior | None = None,
     ) -> IdentificationReport:
-        """Identify. level: 1 to 3, instead of what the header frees; limits: errors to be held to; prior: what
-        robots of the type share. Raises DataError."""
+        """Identify the base model of a data set.
+
+        Parameters
+        ----------
+        level : int, optional
+            Level 1 to 3 of the parameters to free. Default: those that the header frees.
+        limits : AcceptanceLimits, optional
+            Limits with which the errors on validation rows are compared.
+        prior : TypePrior, optional
+            Prior learned from robots of the same type.
+
+        Raises
+        ------
+        DataError
+            The model cannot be identified from the data set, or the limits cannot be judged on it.
+        """
         if limits is not None:
             limits.refuse_unjudged(dataset)
         groups = None if level is None else LEVELS[level]
@@ -146,7 +163,7 @@ class IdentificationReport:
 
     @property
     def worse_than_nominal(self) -> bool:
-        """Whether the model misses held-out readings by more than the nominal robot in its place does."""
+        """Whether the error on held-out readings exceeds that of the nominal robot in its place."""
         return worse(self.error_identified, self.error_nominal)
 
     def document(self) -> dict[str, Any]:
@@ -175,8 +192,15 @@ class IdentificationReport:
         return document_of(result)
 
     def report(self, model_sha256: str | None, preliminary: CalibratedModel | None = None) -> str:
-        """The report as HTML. model_sha256: as `save_model` returns it, None of a fit that did not converge;
-        preliminary: of stage 1 of a ballbar campaign, set beside the other two."""
+        """Create the report as HTML.
+
+        Parameters
+        ----------
+        model_sha256 : str or None
+            Hash that `save_model` returned; None if the fit did not converge.
+        preliminary : CalibratedModel, optional
+            Model of stage 1 of a ballbar campaign, compared with the other two models.
+        """
         from service.report import identification_report  # drawing takes long to import
 
         models = (self.dataset, self.found, self.nominal, self.placed)

@@ -1,4 +1,7 @@
-"""The parameters of an identified model as rows: values, nominal values, standard errors, and what was dropped."""
+"""The parameters of an identified model as rows.
+
+Each row has the value, the nominal value, the standard error, and whether the parameter was dropped.
+"""
 
 from __future__ import annotations
 
@@ -55,9 +58,9 @@ def rows_of(found: IdentificationFit, *, base_model_only: bool = False) -> list[
 
 
 def absolutes(model: ModelStructure, estimate: Array, covariance: Array) -> dict[str, tuple[float, float]]:
-    """Name of every parameter -> value and standard error in the unit it is shown in, wherever the fit began.
+    """Return the absolute value and standard error of each parameter by name, in display units.
 
-    estimate (m,) and covariance (m, m) in internal units.
+    They do not depend on the start of the fit. `estimate` (m,) and `covariance` (m, m) are in internal units.
     """
     value, std = estimate.astype(np.float64), np.sqrt(np.diag(covariance))
     for i, start, slots in _starts(model):
@@ -72,9 +75,15 @@ def absolutes(model: ModelStructure, estimate: Array, covariance: Array) -> dict
 
 
 def nominals(model: ModelStructure, header: Header | None) -> dict[str, float]:
-    """Name of a parameter -> nominal value in the unit it is shown in; without those that nothing states.
+    """Return the nominal value of each parameter by name, in display units.
 
-    header: of the data set, which states targets and, where the world frame is given, the base; None: unknown.
+    Parameters without a known nominal value are left out.
+
+    Parameters
+    ----------
+    header : Header or None
+        Header of the data set. It states the targets and, if the world frame is nominal, the base. None if it is
+        unknown.
     """
     found = {p.name: x for p in model.parameters if (x := _of_link(model, p.name)) is not None}
     for term in _mounting(model):
@@ -99,14 +108,17 @@ Start = tuple[Array, Array, Array]
 
 
 def _mounting(model: ModelStructure) -> Iterator[EffectTerm]:
-    """The terms of the parameters that say where base, tool targets and base targets are."""
+    """Yield the terms of the parameters that place base, tool targets and base targets."""
     for effect in model.effects:
         if effect.group == "base model" and effect.owner == "mounting":
             yield from effect.terms
 
 
 def _starts(model: ModelStructure) -> Iterator[tuple[list[int], Start, list[str]]]:
-    """For every base, tool target and base target its parameters' positions, start and slots."""
+    """Yield the positions of the parameters, the start and the slots of each frame.
+
+    The frames are the base, the tool targets and the base targets.
+    """
     eye, zero = np.eye(3), np.zeros(3)
     bodies: dict[Regressor, list[EffectTerm]] = {}
     for term in _mounting(model):
@@ -126,8 +138,11 @@ def _starts(model: ModelStructure) -> Iterator[tuple[list[int], Start, list[str]
 
 
 def _moved(start: Start, slots: Sequence[str], estimate: Array) -> tuple[Array, Array]:
-    """Absolute values (p,) of the parameters of a frame at their estimate (p,), and their derivative (p, p) by it.
-    Turns are about x, y, z in that order."""
+    """Return the absolute parameters of a frame at their estimate, with their derivative.
+
+    The estimate and the absolute values have the shape (p,), and the derivative of the values by the estimate (p,
+    p). Rotations are about x, y, z in that order.
+    """
     place, axes, turned = start
 
     def absolute(values: Array) -> Array:
@@ -158,7 +173,11 @@ def strong_correlations(found: IdentificationFit) -> list[tuple[str, str, float]
 
 
 def high_leverage(found: IdentificationFit) -> list[tuple[int, float]]:
-    """Rows of the data set (index, hat value) on which the fit leans more than three times as on others."""
+    """Find the rows of the data set with high leverage.
+
+    Leverage is high if it exceeds three times the mean. The result is a list of (row index, hat value), highest
+    first.
+    """
     leverage = found.leverage
     high = np.flatnonzero(leverage > _HIGH * leverage.mean())
     order = high[np.argsort(-leverage[high])]

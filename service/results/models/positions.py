@@ -1,4 +1,4 @@
-"""Targets whose positions were known to an uncertainty, as a fit found them: for terminal and report."""
+"""Fitted positions of targets with a stated uncertainty, for the terminal and the report."""
 
 from __future__ import annotations
 
@@ -16,10 +16,12 @@ HEADINGS = ("Target", "Stated ± u, mm", "Offset x, y, z ± std. error, mm", "By
 
 
 def by_the_bar(dataset: Dataset) -> str:
-    """The first three base balls with the sides that the ballbar measured, as the cell file takes them; empty without.
+    """State the first three base balls with the side lengths that the ballbar measured.
 
-    They are laid over the stated positions, which the robot touched (Nubiola, thesis, 4.2): a triangle that is right to
-    a micrometre, where the robot believes it to be.
+    The text can be copied into the cell file. It is empty if the bar did not measure all three sides.
+
+    They are laid over the stated positions, which the robot touched (Nubiola, thesis, 4.2). The triangle is then
+    right to a micrometre, and lies where the robot believes it to be.
     """
     names = list(dataset.header.base_targets)[:3]
     sides = []

@@ -1,4 +1,7 @@
-"""`--predictions P.csv`: where every validation row should read, with and without the diagnosed effects."""
+"""Predicted points of the validation rows for `--predictions P.csv`.
+
+Each row is predicted with and without the diagnosed effects.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A regression beside the models (`truepose-regression/1`), with what it finds, in words worked out from its figures.
+"""Result of a regression compared with the models (`truepose-regression/1`).
 
-Errors are in micrometres, as in the table of Khanesar et al. 2022: along x, y and z of the world, and their mean; the
-mean of RMS values is quadratic.
+Its findings are sentences derived from the numbers. Errors are in micrometres along x, y and z of the world, with
+their mean, as in the table of Khanesar et al. 2022. The mean of RMS values is quadratic.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class TurnedWrist(ResponseBody):
 
 
 class RegressionSettings(ResponseBody):
-    """The regression that was asked for."""
+    """The requested regression."""
 
     name: Annotated[str, told("In words.", "mls-svr on residuals of level 3")]
     on: Annotated[Literal["residuals", "positions"], told("What it learns.", "residuals")]
@@ -98,7 +98,7 @@ class RegressionSettings(ResponseBody):
 
 
 class RegressionResult(ResponseBody):
-    """MLS-SVR beside the models (`truepose-regression/1`)."""
+    """The result of MLS-SVR compared with the models (`truepose-regression/1`)."""
 
     format: Annotated[Literal["truepose-regression/1"], told("The format.", "truepose-regression/1")]
     data: Annotated[DataShown, told("The readings.", {"readings": 300})]
@@ -113,7 +113,7 @@ class RegressionResult(ResponseBody):
 
     @classmethod
     def of(cls, comparison: RegressionComparison) -> Self:
-        """What is said of a comparison."""
+        """Build the result of a comparison."""
         from calib.comparison import TURN, away
 
         plan, turned, rows = comparison.plan, away(comparison), comparison.rows
@@ -168,7 +168,7 @@ class RegressionResult(ResponseBody):
 
 @dataclass(frozen=True)
 class RegressionOutcome:
-    """The results of regression and identification on the same readings, and what is said of them."""
+    """Comparison of regression and identification on the same readings, with its result."""
 
     comparison: RegressionComparison
     result: RegressionResult
@@ -185,7 +185,13 @@ class RegressionOutcome:
         diagnosed: bool = False,
         say: Callable[[str], None] = silent,
     ) -> RegressionOutcome:
-        """Read and compare; the options are those of `truepose regress`. Raises DataError."""
+        """Read a data set and compare the predictors; the options are those of `truepose regress`.
+
+        Raises
+        ------
+        DataError
+            The data set cannot be read or compared, or the features do not suit the robot.
+        """
         from calib.comparison import ComparisonRequest, compare
 
         dataset = read_dataset(data)
@@ -198,12 +204,27 @@ class RegressionOutcome:
 
     @property
     def gains(self) -> bool:
-        """Whether the regression that was asked for adds anything to its model."""
+        """Whether the requested regression adds anything to its model."""
         return self.comparison.asked.predictor.regression is not None
 
     def save(self, path: Path | None) -> str | None:
-        """The hash of the model with its regression, where there is a model; path: None writes nothing. Raises
-        DataError."""
+        """Save the model with its regression and return its hash.
+
+        Parameters
+        ----------
+        path : Path or None
+            None writes nothing.
+
+        Returns
+        -------
+        str or None
+            Hash of the model. None if there is no model, or if `path` is None and the fit did not converge.
+
+        Raises
+        ------
+        DataError
+            The model cannot be saved.
+        """
         asked = self.comparison.asked.predictor
         if asked.found is None or (path is None and not asked.found.converged):
             return None

@@ -1,4 +1,4 @@
-"""The document of `truepose sweeps`: error, reversal and axis of every joint that was turned alone."""
+"""Document of `truepose sweeps`: error, reversal and axis of each joint that turned alone."""
 
 from __future__ import annotations
 
