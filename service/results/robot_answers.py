@@ -68,7 +68,7 @@ class CauseNamed(ResponseBody):
 
 
 class SaidShown(ResponseBody):
-    """The words of the last watch or diagnosis."""
+    """The verdict and the texts of the last watch or diagnosis."""
 
     measured: Moment
     verdict: Annotated[str, told("Its verdict.", "changed")]
@@ -172,7 +172,7 @@ class ResultHere(ResponseBody):
 
 
 class LineShown(ResponseBody):
-    """A document of a robot and what it says."""
+    """A document of a robot with its statements."""
 
     measured: Moment
     kind: Annotated[DocumentKind, told("What it is.", "watch")]

@@ -1,6 +1,6 @@
-"""The answers about errors in space and about results of any kind, as OpenAPI describes them.
+"""The answers about errors in space and about results, as OpenAPI describes them.
 
-Lengths mm, world frame.
+Lengths are in mm, in the world frame.
 """
 
 from __future__ import annotations

@@ -1,7 +1,10 @@
 """Problems: everything that goes wrong, as `application/problem+json` (RFC 9457).
 
-Beside the standard members: `code` (that of `drivers.errors`, or 8xxx for the service's own), `operator_text`
-(what happened, one sentence) and `what_to_do` (one sentence for the person at the cell).
+In addition to the standard members, a problem has these:
+
+- `code`, which is that of `drivers.errors`, or 8xxx for the errors of the service.
+- `operator_text`, one sentence on the event.
+- `what_to_do`, one sentence for the person at the cell.
 """
 
 from __future__ import annotations
@@ -130,7 +133,10 @@ async def _of_http(request: Request, error: Exception) -> Response:
 
 
 async def _of_request(request: Request, error: Exception) -> Response:
-    """The values that were sent are left out: they may be NaN, which JSON cannot carry, or secret."""
+    """Answer a request whose body or parameters are invalid.
+
+    The values that were sent are left out: they may be NaN, which JSON cannot carry, or secret.
+    """
     assert isinstance(error, RequestValidationError)
     errors = [
         {"where": ".".join(str(part) for part in each["loc"]), "what": _in_words(each)}
@@ -146,14 +152,17 @@ async def _of_request(request: Request, error: Exception) -> Response:
 
 
 def _in_words(error: Mapping[str, Any]) -> str:
-    """The words for one error of a body; the library's words, but for those that name its own parts."""
+    """Describe one error of a body.
+
+    The library's words are used, except those that name parts of the library.
+    """
     if error["type"] == "string_pattern_mismatch" and error["ctx"]["pattern"] == r"\S":
         return "is blank"
     return str(error["msg"]).removeprefix("Value error, ")
 
 
 def of_error(error: Refusal) -> dict[str, Any]:
-    """The members of a problem for what devices, record and files refuse."""
+    """Return the members of a problem for an error of a device, the record or a file."""
     status = next((status for kind, status in _STATUS if isinstance(error, kind)), 409)
     code = error.code or None if isinstance(error, AcquisitionError) else None
     members = refusals.place(error)
@@ -169,7 +178,10 @@ async def _of_refusal(request: Request, error: Exception) -> Response:
 
 
 async def _of_disk(request: Request, error: Exception) -> Response:
-    """The refusal for a record of the service that cannot be written or read; where it lies is for the log."""
+    """Answer a failure to write or read a record of the service.
+
+    The path of the record is only for the log.
+    """
     assert isinstance(error, OSError)
     logging.getLogger(__name__).error("%s %s: %s", request.method, request.url.path, error)
     return await _of_refusal(request, refusals.of_disk(error))

@@ -1,4 +1,7 @@
-"""The bodies of requests and answers, as OpenAPI describes them: every field with its unit and an example."""
+"""The bodies of requests and answers, as OpenAPI describes them.
+
+Each field has its unit and an example.
+"""
 
 from acquisition import CampaignTable
 from service.http.wire.bodies.cell import (

@@ -86,7 +86,7 @@ class DatasetShown(ResponseBody):
 
 
 class MappedFit(ResponseBody):
-    """How near the nominal robot, put in its best place with its tool fitted, comes to readings."""
+    """The deviation of readings from the nominal robot in its best place, its tool fitted."""
 
     robot: Annotated[str, told("The robot.", "abb-irb120")]
     miss_mm: Annotated[float, told("Within which three quarters of the readings lie, mm.", 0.8)]
@@ -94,7 +94,7 @@ class MappedFit(ResponseBody):
 
 
 class DatasetMapped(DatasetShown):
-    """A data set made of foreign files by their map."""
+    """A data set that was created from foreign files by their map."""
 
     fit_of_robot: Annotated[MappedFit | None, told("Null: this cannot be said of these readings.", None)]
     said: Annotated[list[str], told("What was left aside or made of the files.", ["left aside: 'Remark'"])]

@@ -1,4 +1,4 @@
-"""The bodies of deletions: what was deleted, by whom and why stays."""
+"""The bodies of deletions: a record of the deleted item, the person and the reason stays."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The parts of all bodies: how a field is described, and the strictness of requests and answers.
-
-The body of everything that goes wrong.
-"""
+"""Parts that all bodies share: descriptions of fields, strictness, and body of a problem."""
 
 from __future__ import annotations
 
@@ -27,14 +24,17 @@ _MOST_ERRORS = 100
 
 
 def told_limit(words: str, example: float, more: str = "") -> Any:
-    """The description of a length, mm, that is wanted or allowed, where 0 stands for none; `more`: another sentence."""
+    """Describe a length, mm, that is required or allowed; 0 stands for none.
+
+    `more` adds another sentence to the description.
+    """
     return told(f"{words}, mm; 0: none.{more}", example, ge=0.0, le=1e4, allow_inf_nan=False)
 
 
 class RequestBody(BaseModel):
-    """A request; strict, and nothing that nobody reads.
+    """A request; strict, and without members that no one reads.
 
-    A list is refused for its first wrong value and a request for its first hundred: to describe each of a hundred
+    A list is refused for its first wrong value, and a request for its first hundred. Describing each of a hundred
     thousand would take the event loop seconds, and a stop would wait as long.
     """
 
@@ -89,9 +89,9 @@ Prior = Annotated[
 
 
 class ProblemShown(ResponseBody):
-    """RFC 9457, with a sentence on what happened and one on what to do.
+    """RFC 9457, with a sentence on the event and one on the remedy.
 
-    Some have more: `key` or `line` of what was sent, `run_id` of the run that uses the robot, `open_prompt_id`,
+    Some have more: `key` or `line` of the request, `run_id` of the run that uses the robot, `open_prompt_id`,
     `holder` of the lease, `retry_after_s`.
     """
 

@@ -1,6 +1,6 @@
-"""The bodies of jobs: what was asked for, and what it came to.
+"""The bodies of jobs: their requests and their results.
 
-What is asked of a selection of poses and of a search of placements of a ballbar's base balls.
+They include the requests for a selection of poses, and for a search of placements of the base balls of a ballbar.
 """
 
 from __future__ import annotations
@@ -89,14 +89,14 @@ class PlacementsAsked(RequestBody):
 
 
 class SearchProgress(ResponseBody):
-    """How far a search is."""
+    """The progress of a search."""
 
     done: Annotated[int, told("Number of placements looked at.", 1200)]
     total: Annotated[int, told("Number of placements in all.", 5832)]
 
 
 class SelectionAsked(RequestBody):
-    """Which calibration poses to measure in the cell of this service; every member may be left out."""
+    """Options for choosing calibration poses in the cell of this service; each may be left out."""
 
     count: Annotated[int, told("Number of poses to select.", 50, ge=1, le=2000)] = 50
     candidates: Annotated[int, told("Number of candidates, drawn at random.", 5000, ge=1, le=50_000)] = 5000
@@ -144,7 +144,7 @@ Result = (
 
 
 class StoredJob(ResponseBody):
-    """A job as it was asked for."""
+    """A job with its request."""
 
     id: Id
     kind: Annotated[JobKind, told("What was asked for.", "diagnosis")]
@@ -201,7 +201,7 @@ class AlignmentShown(_Job):
 
 
 class RegressionShown(_Job):
-    """A regression beside the models of a data set."""
+    """A regression compared with the models of a data set."""
 
     result: Annotated[RegressionResult | None, told("Once it has succeeded.", None)]
 
@@ -249,7 +249,7 @@ class WatchShown(_Watched):
 
 
 class UpkeepShown(_Watched):
-    """An upkeep."""
+    """A thermal update."""
 
     result: Annotated[UpkeepResult | None, told("Once it has succeeded.", None)]
 
@@ -267,7 +267,7 @@ class WatchesShown(ResponseBody):
 
 
 class UpkeepsShown(ResponseBody):
-    """Upkeeps."""
+    """Thermal updates."""
 
     upkeeps: Annotated[list[UpkeepShown], told("Newest first.", [])]
 

@@ -3,7 +3,7 @@
 They are strict: `dry_run` is a boolean and nothing that resembles one, because it decides whether a robot moves.
 Fields that are not given are left out rather than null, which client generators handle best.
 
-The zones that a result is held to, as a request has them: those of `--accept-zones`.
+They include the zones with limits of the error, as in the file of `--accept-zones`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _COORDINATE = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=Fa
 
 
 class ZoneAsked(RequestBody):
-    """A box with edges along the axes of the robot's base frame, and the largest errors in it, one of them or both."""
+    """A box along the axes of the robot's base frame, with one or two limits of the error in it."""
 
     name: Annotated[
         str,
@@ -102,7 +102,10 @@ _CAMPAIGN_ID = "20261121-170459-3f9a1c07b2e"
 
 
 class NewRun(RequestBody):
-    """One of `campaign` and `campaign_id`. `dry_run` true: everything is checked and nothing moves."""
+    """A campaign to measure, given by one of `campaign` and `campaign_id`.
+
+    If `dry_run` is true, everything is checked and nothing moves.
+    """
 
     model_config = ConfigDict(
         json_schema_extra={"examples": [{"campaign": CAMPAIGN, "dry_run": True, "name": "night 1"}]}
@@ -153,7 +156,7 @@ class LeaseRequest(RequestBody):
 
 
 class LeaseTakeoverRequest(LeaseRequest):
-    """The request to take the lease from its holder."""
+    """A request to take the lease from its holder."""
 
     reason: Annotated[
         str,
@@ -165,7 +168,7 @@ class LeaseTakeoverRequest(LeaseRequest):
 
 
 class NewLoop(NewRun):
-    """The request for a closed loop: that of a run, and how many new poses shall verify the correction."""
+    """A closed loop: the request for a run, and the number of poses to verify the correction."""
 
     model_config = ConfigDict(
         json_schema_extra={"examples": [{"campaign": CAMPAIGN, "dry_run": True, "poses": 20}]}
@@ -181,7 +184,10 @@ class ReasonBody(RequestBody):
 
 
 class AnswerGiven(ReasonBody):
-    """The reason and the typed numbers of an answer, for a prompt with an `entry`; may be left out."""
+    """The reason and the typed numbers of an answer; may be left out.
+
+    The numbers are for a prompt with an `entry`.
+    """
 
     typed: Annotated[
         str,
@@ -190,7 +196,10 @@ class AnswerGiven(ReasonBody):
 
 
 class Resume(RequestBody):
-    """May be left out. `accept_other` goes with the `reason` for which both devices belong together."""
+    """The replacement of a device that a run accepts; may be left out.
+
+    `accept_other` goes with the `reason` for which both devices belong together.
+    """
 
     accept_other: SerialNumber = ""
     reason: Reason = ""
@@ -203,7 +212,10 @@ class Resume(RequestBody):
 
 
 class DatasetExportRequest(Resume):
-    """May be left out. `with`: ids of runs measured later in the same cell, brought into one data set."""
+    """Options of an export to a data set; may be left out.
+
+    `with` lists the ids of runs measured later in the same cell, which are combined into one data set.
+    """
 
     later: Annotated[
         list[Annotated[str, Field(max_length=200)]],
@@ -306,7 +318,7 @@ class DatasetReference(RequestBody):
 
 
 class JudgeRequest(DatasetReference):
-    """Readings to work on, and limits that the result is held to."""
+    """Readings to work on, and limits of the error of the result."""
 
     accept_rms_mm: AcceptRms = 0.0
     accept_max_mm: AcceptMax = 0.0
@@ -314,7 +326,7 @@ class JudgeRequest(DatasetReference):
 
     @property
     def limits(self) -> AcceptanceLimits | None:
-        """The limits that were asked for; None where none were."""
+        """The requested limits; None if none were requested."""
         zones = [each.zone for each in self.accept_zones]
         return AcceptanceLimits.of(self.accept_rms_mm or None, self.accept_max_mm or None, zones)
 
@@ -366,7 +378,7 @@ class ValidationAsked(JudgeRequest):
 
 
 class ToFit(JudgeRequest):
-    """Readings to fit a model to, and limits that its error is held to."""
+    """Readings to fit a model to, and limits of its error."""
 
     save_anyway: Annotated[
         bool,
@@ -380,7 +392,7 @@ class ToFit(JudgeRequest):
 
     @property
     def options(self) -> dict[str, Any]:
-        """The options of the job beside limits, prior and other data sets."""
+        """The options of the job except for limits, prior and other data sets."""
         return {"save_anyway": self.save_anyway}
 
 
@@ -393,7 +405,7 @@ class ToIdentify(ToFit):
 
     @property
     def options(self) -> dict[str, Any]:
-        """With the level."""
+        """The options of the job, including the level."""
         return {**super().options, "level": self.level or None}
 
 
@@ -413,7 +425,7 @@ class ToDiagnose(ToFit):
 
     @property
     def options(self) -> dict[str, Any]:
-        """With the options of a diagnosis."""
+        """The options of the job, including those of a diagnosis."""
         return {**super().options, "most": self.most, "patch": self.patch}
 
 

@@ -42,7 +42,7 @@ EventKind = Literal[
 
 
 class EntryShown(ResponseBody):
-    """Numbers that are to be typed beside the answer confirm."""
+    """Numbers that must be typed together with the answer confirm."""
 
     names: Annotated[list[str], told("What the numbers are, in their order.", ["x", "y", "z"])]
     unit: Annotated[str, told("Their unit.", "mm")]
@@ -90,7 +90,7 @@ class LastReading(ResponseBody):
 
 
 class DriftResponse(ResponseBody):
-    """How far the reference pose is from where it was first."""
+    """The drift of the reference pose from its first measured position."""
 
     readings: Annotated[int, told("Number of readings of the reference pose.", 6)]
     now_mm: Annotated[list[float], told("x, y, z of the last against the first, mm.", [0.004, -0.011, 0.002])]
@@ -107,7 +107,7 @@ class StreamCounts(ResponseBody):
 
 
 class PathShown(ResponseBody):
-    """How far a path has come that is recorded in motion."""
+    """The progress of a path that is recorded in motion."""
 
     attempt: Annotated[int, told("Number of the attempt in the record.", 3)]
     waypoint: Annotated[int, told("Number of the last waypoint that was reached.", 17)]
@@ -160,7 +160,7 @@ class RunResponse(ResponseBody):
 
 
 class LoopKept(ResponseBody):
-    """The kept document of a closed loop: what every file of one must hold."""
+    """The members that the file of each closed loop must have."""
 
     id: Id
     name: Name
@@ -172,7 +172,10 @@ class LoopKept(ResponseBody):
 
 
 class LoopShown(LoopKept):
-    """A closed loop. `step`: what it does now; `run`: that of `runs` which is in hand; `result`: once it is through."""
+    """A closed loop: `step` is its current step, `run` the current one of `runs`.
+
+    `result` is present once the loop has finished.
+    """
 
     created_utc: Created
     state_code: StateCode

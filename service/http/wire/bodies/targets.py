@@ -59,7 +59,7 @@ class StatedConditionsBody(ResponseBody):
 
 
 class TargetDone(ResponseBody):
-    """The outcome of one target."""
+    """The correction of one target."""
 
     target: Annotated[str, told("Its name.", "A")]
     line: Annotated[int, told("Its line in the program, a number from 1.", 2)]
@@ -107,7 +107,7 @@ CarriedLoss = Annotated[
 
 
 class CorrectionResponse(ResponseBody):
-    """The outcome of the targets (`truepose-compensation/1`)."""
+    """The correction of the targets (`truepose-compensation/1`)."""
 
     format: Annotated[Literal["truepose-compensation/1"], told("The format.", "truepose-compensation/1")]
     model: Annotated[str, told("The id of the model.", "20261121-170459-3f9a1c07b2e")]

@@ -46,7 +46,10 @@ RunningS = Annotated[
 
 
 class BaselineReference(RequestBody):
-    """The model of the calibration: by the id of the job that found it, or by the hash of a document of the history."""
+    """The model of the calibration, by the id of its job or by the hash of its document.
+
+    The document is in the history.
+    """
 
     model_id: Annotated[str, told("The id of the model (that of its job).", _ID, max_length=200)] = ""
     model_document: Annotated[
@@ -80,7 +83,7 @@ class ReadingsReference(BaselineReference):
 
 
 class WatchPlanAsked(BaselineReference):
-    """Which check poses to choose in the cell of this service; nothing moves."""
+    """Options for choosing check poses in the cell of this service; nothing moves."""
 
     poses: Annotated[int, told("Number of poses to visit.", 10, ge=1, le=200)] = 10
     targets: Annotated[
@@ -121,7 +124,7 @@ class WatchRequestBody(ReadingsReference):
 
 
 class UpkeepAsked(ReadingsReference):
-    """A few readings between watches, that say how warm the arm is."""
+    """A few readings between watches, which show how warm the arm is."""
 
 
 class WatchPlanResult(WatchPlanFound):
