@@ -1,1 +1,1 @@
-"""Results about a cell: what is planned in it, its devices examined, the closed loop."""
+"""Results about a cell: its plans, its examined devices, and the closed loop."""

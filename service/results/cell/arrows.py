@@ -1,6 +1,6 @@
-"""The errors of readings as arrows in space: measured less predicted, by the nominal robot in its place and by a model.
+"""Errors of readings as arrows in space, for the nominal robot in its place and for a model.
 
-Lengths mm, world frame.
+An error is the measured minus the predicted point. Lengths are in mm, in the world frame.
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ MOST = 500  # more cannot be told apart
 
 
 def arrows_of(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:
-    """Held-out readings where there are any, else those that were fitted; points only. `readings`: of how many."""
+    """Create the arrows of the held-out readings, or of the fitted ones if none were held out.
+
+    Only readings of points count. At most `MOST` are drawn; `readings` states from how many.
+    """
     held = dataset.validation_rows & dataset.pointed
     rows = held if held.any() else dataset.fit_rows & dataset.pointed
     shown = np.flatnonzero(rows)

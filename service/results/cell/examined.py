@@ -1,4 +1,7 @@
-"""An examination of a cell's devices as `doctor --json` and the service have it, and its verdict in one line."""
+"""Result of an examination of a cell's devices, for `doctor --json` and for the service.
+
+It includes the verdict in one line.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ class FindingShown(ResponseBody):
 
 
 class ExaminationShown(ResponseBody):
-    """Whether a campaign can begin, and else what prevents it."""
+    """Result of an examination: the faults that prevent a campaign, if any."""
 
     format: Annotated[Literal["truepose-doctor/1"], told("The format.", "truepose-doctor/1")]
     cell: Annotated[str, told("The cell.", "irb120-cell")]
@@ -54,7 +57,7 @@ class ExaminationShown(ResponseBody):
 
 
 def _verdict(found: Examination) -> str:
-    """One line: whether a campaign can begin, and else what prevents it."""
+    """State in one line whether a campaign can begin; otherwise list the faults that prevent it."""
     head = f"{found.cell}{' (SIMULATED)' if found.simulated else ''}: "
     checks = f"{counted(len(found.findings), 'check')} in {found.seconds:.1f} s"
     if not found.faults:

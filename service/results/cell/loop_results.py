@@ -1,6 +1,6 @@
-"""The results of a closed loop, described once, with model, corrected targets and report, in one folder.
+"""Results of a closed loop: result, model, corrected targets and report, in one folder.
 
-result.json  model.json  targets.csv  report.html, beside data.csv and data.toml of the loop
+result.json  model.json  targets.csv  report.html, next to data.csv and data.toml of the loop
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TARGETS = "targets.csv"
 
 
 class Verified(ResponseBody):
-    """Where the robot landed with corrected targets."""
+    """The error of the robot at new poses when driven with corrected targets."""
 
     error_uncorrected_mm: Annotated[
         ErrorStatisticsResponse | None, told("Driven uncorrected, mm.", ERRORS, of="uncorrected")
@@ -56,7 +56,7 @@ class RivalsBefore(ResponseBody):
 
 
 class FollowUpResponse(ResponseBody):
-    """The middle step of a loop: what was ambiguous, and what was measured to settle it."""
+    """The middle step of a loop, in which poses are measured to settle an ambiguous diagnosis."""
 
     verdict_before: Annotated[Verdict, told("The verdict before.", "ambiguous")]
     effects_before: Annotated[list[RivalsBefore], told("What was ambiguous.", [{"label": "periodic:j5:n2"}])]
@@ -94,7 +94,15 @@ class LoopResponse(DiagnosisResult):
 
 
 def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> dict[str, Any]:
-    """Write them, the result as `name` and last, so that with it everything is there. Returns it. Raises OSError."""
+    """Write the results of a loop and return the document of the result.
+
+    The result is written last, as `name`: if it exists, all other files do too.
+
+    Raises
+    ------
+    OSError
+        A file cannot be written.
+    """
     from service.report import diagnosis_report  # drawing takes long to import
 
     step = result.followed_up

@@ -1,4 +1,4 @@
-"""A search of placements of the base balls of a ballbar hexapod, for the command and for the service."""
+"""Search of placements for the base balls of a ballbar hexapod, for command and service."""
 
 from __future__ import annotations
 
@@ -32,8 +32,20 @@ Zone = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class PlacementRequest:
-    """The search to make. x, y, z: (low, high, step) shifts, mm; turn: deg; base: the balls, None for the first three
-    nests; zone: x, y, z and radius, mm; together: placements that complete each other in the zone.
+    """The options of a search.
+
+    Attributes
+    ----------
+    x, y, z : tuple of float
+        Shifts (low, high, step), mm.
+    turn : tuple of float
+        Turns (low, high, step) about the vertical, deg.
+    base : tuple of str or None
+        Names of the balls; None for the first three nests.
+    zone : tuple of float or None
+        Zone in which the uncertainty is predicted: x, y, z and radius, mm.
+    together : int
+        Number of placements that complete each other in the zone.
     """
 
     x: Range = (0.0, 0.0, 1.0)
@@ -48,7 +60,7 @@ class PlacementRequest:
 
     @classmethod
     def of(cls, table: Mapping[str, Any]) -> PlacementRequest:
-        """An order from what JSON has made of one."""
+        """Create a request from the JSON form of one."""
         plain: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
         return cls(**plain)
 
@@ -84,8 +96,10 @@ class PlacementsResult(ResponseBody):
 
 @dataclass(frozen=True)
 class PlacementResult:
-    """The best placements, proven, each with the largest U in the zone, mm, by itself; `plan`: those that are to be
-    used together, with the largest U of the first, the first two, and so on.
+    """The best placements, proven.
+
+    `best` lists each with the largest U in the zone, mm, if it is used alone. `plan` lists those to be used
+    together: the first with its largest U, the second with that of the first two, and so on.
     """
 
     hexapod: HexapodSurvey
@@ -132,7 +146,13 @@ class PlacementResult:
 
 
 def wanted_of(order: PlacementRequest) -> list[BallPlacement]:
-    """The placements of an order. Raises DataError naming the option."""
+    """List the placements of a request.
+
+    Raises
+    ------
+    DataError
+        An option is invalid, or there are too many placements; the error names the option.
+    """
     shifts = [_steps(f"--{name}", each) for name, each in (("x", order.x), ("y", order.y), ("z", order.z))]
     turns = _steps("--turn", order.turn)
     if (count := len(turns) * int(np.prod([len(each) for each in shifts]))) > MOST:
@@ -151,9 +171,21 @@ def found_for(
     say: Callable[[str], None],
     progress: Callable[[int, int], None],
 ) -> PlacementResult:
-    """Search. `say` is called with each step, `progress` with the placements done and all of them.
+    """Search for the best placements.
 
-    Raises DataError, ConfigError.
+    Parameters
+    ----------
+    say : callable
+        Called with the name of each step.
+    progress : callable
+        Called with the number of placements done and the number of all.
+
+    Raises
+    ------
+    DataError
+        An option, the balls or the instrument of the cell do not suit a search.
+    ConfigError
+        The arm does not reach the zone.
     """
     hexapod, wanted = _hexapod(cell, file, order.base), wanted_of(order)
     places = None if order.zone is None else hexapod.places_in(order.zone[:3], order.zone[3])
@@ -172,7 +204,10 @@ def found_for(
 def _together(
     hexapod: HexapodSurvey, best: Sequence[tuple[ReachResult, float | None]], places: Array, count: int
 ) -> list[tuple[ReachResult, float | None]]:
-    """The best one, then one by one whichever lowers the largest U most beside those that are there."""
+    """Choose placements that complete each other, starting with the best one.
+
+    Each next one lowers the largest U most when added to those already chosen.
+    """
     plan = list(best[:1])
     left = [each for each, _ in best[1:] if each.poses]
     while left and len(plan) < count:
@@ -193,7 +228,13 @@ def _finite(u: float) -> float | None:
 
 
 def _hexapod(cell: Cell, path: Path, base: tuple[str, ...] | None) -> HexapodSurvey:
-    """Block of a search. Raises DataError for a cell without a ballbar, for balls not in it or without a tool."""
+    """Create the hexapod of a search.
+
+    Raises
+    ------
+    DataError
+        The cell has no ballbar, or the balls are not in it, or they do not make a hexapod with its tool.
+    """
     if not cell.instrument.declared.measures_lengths:
         raise DataError(
             f"the {cell.instrument.name} is no ballbar.",
@@ -224,7 +265,10 @@ def _steps(option: str, wanted: Range) -> list[float]:
 
 
 def _finalists(hexapod: HexapodSurvey, found: Sequence[ReachResult], show: int) -> list[ReachResult]:
-    """The best by stances, each set of places once, and the placement of the cell file beside them."""
+    """Select the best placements by number of stances, each set of ball positions once.
+
+    The placement of the cell file is always included.
+    """
     once: dict[object, ReachResult] = {}
     for each in found:
         once.setdefault(hexapod.same_balls(each.placement), each)

@@ -1,6 +1,6 @@
-"""The plan of a campaign as a picture and a list need it: every visit, the path between them, and how long it takes.
+"""The plan of a campaign as a picture and a list need it: visits, path and duration.
 
-Lengths mm, world frame, of the nominal robot; angles deg, times s of the campaign.
+Lengths are in mm, in the world frame, of the nominal robot. Angles are in deg, and times in s of the campaign.
 """
 
 from __future__ import annotations
@@ -86,7 +86,13 @@ def plan_of_campaign(cell: Cell, campaign: Campaign, visits: Sequence[Visit]) ->
 
 
 def plan_of_record(record: Path) -> PlanShown:
-    """The plan of a run with what became of every reading. Raises RecordError, StorageError."""
+    """Create the plan of a run with the status of each reading.
+
+    Raises
+    ------
+    RecordError, StorageError
+        The record cannot be read.
+    """
     with RecordStore.reading(record) as store:
         cell = cell_of_record(store.campaign["cell"], str(record))
         planned = store.plan()
@@ -147,9 +153,10 @@ def _plan(
 
 
 def _noise(cell: Cell, posed: Sequence[Visit]) -> float | None:
-    """U (k = 2) of the distance of two readings of one target by the noise of the instrument alone; None of a ballbar.
+    """Compute the U (k = 2) by which two readings of one target may differ.
 
-    In the reference pose where there is one, else in the first.
+    Only the noise of the instrument counts. The pose is the reference pose if there is one, otherwise the first.
+    None for a ballbar.
     """
     if not posed or cell.instrument.declared.measures_lengths:
         return None
@@ -163,7 +170,10 @@ def _noise(cell: Cell, posed: Sequence[Visit]) -> float | None:
 
 
 def _places(cell: Cell, posed: Sequence[Visit]) -> dict[int, dict[str, list[float]]]:
-    """The place of every target in every visit by the nominal robot, to a micrometre: residuals are taken from it."""
+    """Predict the place of each target in each visit with the nominal robot.
+
+    Places are given to a micrometre, because residuals are taken from them.
+    """
     if not posed:
         return {}
     places = np.round(targets_at(cell, np.array([visit.joints_deg for visit in posed])), 3).tolist()
@@ -174,7 +184,10 @@ def _places(cell: Cell, posed: Sequence[Visit]) -> dict[int, dict[str, list[floa
 
 
 def _path(cell: Cell, posed: Sequence[Visit], looking: bool) -> tuple[list[list[float]], int | None]:
-    """The path of the first target through all poses, and over home how often; None without looking for that."""
+    """Compute the path of the first target through all poses, and count the detours over home.
+
+    The count is None if `looking` is false.
+    """
     if not posed:
         return [], 0
     stops: list[tuple[float, ...]] = [posed[0].joints_deg]

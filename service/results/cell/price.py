@@ -1,8 +1,8 @@
-"""The price of a pose: what the prediction of positions would lose without it, and what time it takes again.
+"""The price of a pose: the loss of accuracy without it, and the time to measure it again.
 
-U as `calib.selection` predicts it: k = 2, along the worst direction, for a model that is complete, at postures drawn
-over the joint limits of the cell; mm. A reading that is measured again takes the place of the one before, so U is then
-as planned.
+Accuracy is the U, mm, that `calib.selection` predicts for a complete model: k = 2, along the worst direction, at
+postures drawn over the joint limits of the cell. A reading that is measured again replaces the one before, so that
+U is then as planned.
 """
 
 from __future__ import annotations
@@ -28,7 +28,10 @@ _WORST_CONDITION = 1e12  # of the information: beyond it these poses do not dete
 
 
 class UncertaintyResponse(ResponseBody):
-    """Expanded uncertainty of predicted positions over the joint limits of the cell, k = 2, worst direction."""
+    """Expanded uncertainty (k = 2) of predicted positions over the joint limits of the cell.
+
+    It is that of the worst direction.
+    """
 
     median: Annotated[float, told("In the middle of all postures, mm.", 0.031)]
     p95: Annotated[float, told("Not exceeded in 95 of 100 postures, mm.", 0.052)]
@@ -57,9 +60,16 @@ class PriceShown(ResponseBody):
 
 
 def price_of(record: Path, number: int) -> PriceShown | None:
-    """The price of a visit; None where the plan has none of this number. `u_mm` null: the poses left do not suffice.
+    """Compute the price of a visit; None if the plan has no visit of this number.
 
-    Raises DataError for a campaign of distances, RecordError, StorageError.
+    `u_mm` and `u_without_mm` are null if the poses used for them do not determine the model.
+
+    Raises
+    ------
+    DataError
+        The campaign measures distances.
+    RecordError, StorageError
+        The record cannot be read.
     """
     with RecordStore.reading(record) as store:
         cell = cell_of_record(store.campaign["cell"], str(record))

@@ -1,6 +1,7 @@
-"""The cell as a picture needs it: arm and tool in one posture, what they must not touch, nests and targets.
+"""The cell as a picture needs it: arm and tool in one posture, obstacles, nests and targets.
 
-Lengths mm, world frame; angles deg, as the controller counts them. Numbers are rounded to 0.1 mm: nobody sees less.
+Lengths are in mm, in the world frame, and angles in deg, as the controller counts them. Numbers are rounded to 0.1
+mm, because no one sees less.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class CapsuleShown(ResponseBody):
 
 
 class ObstacleShown(ResponseBody):
-    """An obstacle of arm and tool: a table has a height, a box two corners, a post two ends and a radius."""
+    """An obstacle: a table (height), a box (two corners), or a post (two ends and a radius)."""
 
     kind: Annotated[str, told("table, box or post.", "box")]
     name: Annotated[str, told("Its name in the cell file.", "keep-out box 1")]
@@ -67,9 +68,14 @@ class SceneShown(ResponseBody):
 
 
 def scene_of(cell: Cell, joints_deg: Sequence[float] = ()) -> SceneShown:
-    """The scene with the robot in a posture (N,); without one at home, or in the middle of its limits.
+    """Create the scene with the robot in a posture (N,), deg.
 
-    Raises DataError for a posture that this robot cannot have.
+    Without a posture, the robot is at home, or in the middle of its limits.
+
+    Raises
+    ------
+    DataError
+        The robot cannot have this posture.
     """
     low, high = np.array(cell.robot.limits_deg).T
     posture = tuple(joints_deg) or home_of(cell) or tuple(((low + high) / 2.0).tolist())

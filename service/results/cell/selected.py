@@ -1,4 +1,4 @@
-"""Calibration poses chosen in a cell, for the command line and for the jobs of the service (`truepose-selection/1`)."""
+"""Calibration poses chosen in a cell (`truepose-selection/1`), for command line and service."""
 
 from __future__ import annotations
 
@@ -48,7 +48,10 @@ class ExpectedErrorResponse(ResponseBody):
 
 
 class UncertaintyCurve(ResponseBody):
-    """The predicted expanded uncertainty of positions over the number of poses, worst direction, k = 2."""
+    """The predicted expanded uncertainty (k = 2) of positions over the number of poses.
+
+    It is that of the worst direction.
+    """
 
     poses: Annotated[list[int], told("Numbers of poses.", [40, 45, 50])]
     max_u_mm: Annotated[list[Real], told("The largest, mm.", [0.21, 0.2, 0.19])]
@@ -60,7 +63,7 @@ class UncertaintyCurve(ResponseBody):
 
 
 class SelectionResult(ResponseBody):
-    """The poses that were chosen, for a block with `select = "list"`, and what they promise."""
+    """The chosen poses, for a block with `select = "list"`, with their predicted accuracy."""
 
     format: Annotated[Literal["truepose-selection/1"], told("The format.", "truepose-selection/1")]
     cell: Annotated[str, told("The cell.", "irb120-cell")]
@@ -85,9 +88,21 @@ class SelectionResult(ResponseBody):
 
 @dataclass(frozen=True)
 class SelectionRequest:
-    """The question of a choice of poses. groups: what the model will free; targets: names, None for all of the cell;
-    offset_deg: from where joints arrive; share: most of the poses that may fill the joints' ranges; wanted_u: mm, None
-    for no wish."""
+    """The options of a selection of poses.
+
+    Attributes
+    ----------
+    groups : tuple of str
+        Parameter groups that the model will free.
+    targets : tuple of str or None
+        Names of targets; None for all of the cell.
+    offset_deg : float
+        Offset from which the joints arrive, deg.
+    share : float
+        Largest share of the poses that may fill the ranges of the joints.
+    wanted_u : float or None
+        Target for the predicted U, mm; None for no target.
+    """
 
     count: int
     candidates: int
@@ -102,7 +117,7 @@ class SelectionRequest:
 
 @dataclass(frozen=True)
 class Selected:
-    """The poses that were chosen among candidates, and what they promise."""
+    """The poses that were chosen among candidates, with their predicted accuracy."""
 
     cell: Cell
     asked: SelectionRequest
@@ -115,7 +130,15 @@ class Selected:
 
     @staticmethod
     def of(cell: Cell, asked: SelectionRequest, say: Callable[[str], None] = silent) -> Selected:
-        """Draw and choose. Raises DataError, ConfigError."""
+        """Draw candidates and choose poses among them.
+
+        Raises
+        ------
+        DataError
+            The cell measures distances, a target is not in it, or the prior belongs to another robot.
+        ConfigError
+            The cell does not offer enough poses.
+        """
         if cell.instrument.declared.measures_lengths:
             raise DataError(
                 f"the {cell.instrument.name} measures distances; poses are chosen for points.",
@@ -169,7 +192,7 @@ class Selected:
         return "\n".join(lines) + "\n"
 
     def document(self) -> dict[str, Any]:
-        """Document of the result, as JSON has it; `prior` beside what OpenAPI describes."""
+        """Document of the result, as JSON has it; `prior` is added to the members in OpenAPI."""
         choice, curve, wanted, of_type = self.choice, self.curve, self.asked.wanted_u, self.of_type
         index = {int(i): place for place, i in enumerate(choice.selection, start=1)}
         document = {
