@@ -1,1 +1,1 @@
-"""Results of a judgement: a model held against readings that took no part, and limits for acceptance."""
+"""Results of a judgement: a model compared with held-out readings, and limits of acceptance."""

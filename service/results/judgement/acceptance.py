@@ -1,9 +1,9 @@
-"""The acceptance of a calibration: its error on held-out readings against limits, with guard bands.
+"""Acceptance of a calibration: its held-out error against limits with guard bands.
 
-The decision rule is that of ISO 14253-1: what is within the limit by more than its expanded uncertainty is accepted,
-what is beyond it by more than that is rejected, and between the two nothing is decided.
+The decision rule is that of ISO 14253-1. An error below the limit by more than its expanded uncertainty is
+accepted. An error above the limit by more than that is rejected. Between the two, nothing is decided.
 
-Zones of the workspace with limits of their own: boxes in the base frame of the robot, named in a file.
+Zones of the workspace may have separate limits. They are boxes in the base frame of the robot, named in a file.
 
     [[zone]]
     name = "left table"
@@ -43,7 +43,10 @@ FARTHEST = 1e5  # mm
 
 @dataclass(frozen=True)
 class Zone:
-    """A box with edges along the axes of the base frame, and the largest errors in it, mm; None where there is none."""
+    """A box with edges along the axes of the base frame, and the largest errors in it, mm.
+
+    `rms` or `largest` is None if it has no limit.
+    """
 
     name: str
     low: tuple[float, float, float]
@@ -52,18 +55,24 @@ class Zone:
     largest: float | None
 
     def holds(self, points: Array) -> NDArray[np.bool_]:
-        """(n,) which of the points (n, 3), mm, base frame, lie in the box, its faces included."""
+        """Test which points (n, 3), mm, base frame, lie in the box or on its faces, shape (n,)."""
         return np.all((points >= self.low) & (points <= self.high), axis=1)
 
     @property
     def box(self) -> str:
-        """Place of the box, in words."""
+        """Place of the box, as text."""
         spans = (f"{axis} {a:g} to {b:g}" for axis, a, b in zip("xyz", self.low, self.high, strict=True))
         return f"{', '.join(spans)} mm in the base frame"
 
 
 def read_zones(path: Path) -> tuple[Zone, ...]:
-    """The zones of a file. Raises DataError naming file and key."""
+    """Read the zones of a file.
+
+    Raises
+    ------
+    DataError
+        The file is invalid; the error names file and key.
+    """
     _, values = read_toml(path)
     table = TomlTable(values, path)
     table.only(["zone"])
@@ -110,13 +119,19 @@ _RESAMPLES, _SEED = 2000, 1  # the seed is fixed: the same readings give the sam
 
 
 def judged_as(effects: Sequence[object]) -> str:
-    """The name of the model that a diagnosis is judged by: where it found nothing that is the base model."""
+    """Name the model by which a diagnosis is judged.
+
+    It is the base model if the diagnosis found no effects.
+    """
     return _EFFECTS if effects else BASE
 
 
 @dataclass(frozen=True)
 class AcceptanceLimits:
-    """The largest errors asked for, mm; None where a figure has no limit. zones: parts with limits of their own."""
+    """The largest errors allowed, mm; None if a value has no limit.
+
+    `zones` are parts of the workspace with separate limits.
+    """
 
     rms: float | None
     largest: float | None
@@ -126,7 +141,13 @@ class AcceptanceLimits:
     def of(
         cls, rms: float | None, largest: float | None, zones: Sequence[Zone] = ()
     ) -> AcceptanceLimits | None:
-        """The limits of --accept-rms, --accept-max and --accept-zones, None where none was given. Raises DataError."""
+        """Create the limits of --accept-rms, --accept-max and --accept-zones; None if none is given.
+
+        Raises
+        ------
+        DataError
+            A limit is not above 0 mm.
+        """
         for option, value in (("--accept-rms", rms), ("--accept-max", largest)):
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise DataError(f"is {value:g}.", do="Give an error above 0 mm.", file=option)
@@ -155,10 +176,16 @@ class AcceptanceLimits:
 
 @dataclass(frozen=True)
 class Criterion:
-    """One figure against its limit. figure, limit, uncertainty (expanded, 95 %; infinite where unknown): mm.
+    """An error compared with its limit.
 
-    zone: the part of the workspace that it is of, None for all of it. Where no reading lies in the zone the figure is
-    NaN, and nothing is decided.
+    Attributes
+    ----------
+    figure, limit, uncertainty : float
+        Error, its limit and its expanded uncertainty (95 %), mm. The uncertainty is infinite if it is unknown. The
+        error is
+        NaN if no reading lies in the zone; nothing is decided then.
+    zone : Zone or None
+        Part of the workspace to which the error applies; None for all of it.
     """
 
     quantity: Quantity
@@ -177,7 +204,7 @@ class Criterion:
 
     @property
     def name(self) -> str:
-        """The figure in words, with its zone."""
+        """The name of the error, with its zone."""
         what = "RMS error" if self.quantity == "rms" else "Largest error"
         return what if self.zone is None else f"{what} in zone {self.zone.name}"
 
@@ -215,7 +242,7 @@ class AcceptanceResult:
 
     @property
     def sentences(self) -> list[str]:
-        """The decision on every figure, and its reason."""
+        """A sentence for each error that has a limit: the decision and its reason."""
         return [
             f"{each.name} {each.shown[0]} mm, U {each.shown[1]} mm, limit {each.limit:g} mm: "
             f"{NAMES[each.verdict].lower()}."
@@ -249,7 +276,7 @@ class CriterionResponse(ResponseBody):
 
 
 class AcceptanceShown(ResponseBody):
-    """The error on readings held out, held to limits with guard bands (ISO 14253-1)."""
+    """The error on readings held out, compared with limits with guard bands (ISO 14253-1)."""
 
     verdict: Annotated[Verdict, told("Rejected where one criterion is.", "accepted")]
     model: Annotated[str, told("The model that was judged.", "base model with the effects found")]
@@ -266,7 +293,10 @@ def decide(
     estimate: Array,
     name: str,
 ) -> AcceptanceResult:
-    """Hold a model to limits on the measured rows of a mask (n,), of which there must be one."""
+    """Compare the errors of a model with limits.
+
+    At least one of the rows of the mask (n,) must be measured.
+    """
     errors = np.full(len(dataset), np.nan)
     errors[rows] = errors_on(dataset, rows, model, estimate)
     criteria = _held(dataset, rows, errors, limits.rms, limits.largest)
@@ -304,10 +334,11 @@ def _held(
 
 
 def _of_rms(errors: Array, pose: NDArray[np.int64]) -> tuple[float, str]:
-    """The expanded uncertainty of an RMS, mm, and its basis: a bootstrap over whole poses.
+    """Compute the expanded uncertainty of an RMS, mm, and its basis.
 
-    Poses are drawn with replacement; the standard deviation of the RMS of the draws is widened by sqrt(g / (g - 1)) for
-    g poses and by Student's factor of g - 1 degrees of freedom. With a single pose the spread is unknown.
+    The method is a bootstrap over whole poses. Poses are drawn with replacement. The standard deviation of the RMS
+    of the draws is widened by sqrt(g / (g - 1)) for g poses and by Student's factor for g - 1 degrees of freedom.
+    With a single pose the spread is unknown.
     """
     squares, counts = np.bincount(pose, errors**2), np.bincount(pose)
     g = len(counts)
@@ -324,7 +355,10 @@ def _of_rms(errors: Array, pose: NDArray[np.int64]) -> tuple[float, str]:
 
 
 def _of_largest(dataset: Dataset, rows: NDArray[np.bool_], n: int) -> tuple[float, str]:
-    """The expanded uncertainty of the largest error, mm, and its basis: the declared noise of a reading."""
+    """Compute the expanded uncertainty of the largest error, mm, and its basis.
+
+    The basis is the largest declared noise of a reading.
+    """
     pointed, spanned = rows & dataset.pointed, rows & dataset.spanned
     covariance = dataset.header.noise.of_points(dataset.points[pointed], dataset.u_point[pointed])
     of_points = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1])

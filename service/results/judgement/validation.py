@@ -1,6 +1,6 @@
-"""A saved model judged on readings: the one description of the result (`truepose-validation/1`), and what makes it.
+"""Result of a validation (`truepose-validation/1`): a saved model judged on readings.
 
-Lengths are in mm and angles in mrad; null stands for what there is not.
+Lengths are in mm and angles in mrad; null stands for missing values.
 """
 
 from __future__ import annotations
@@ -271,10 +271,18 @@ class LoadedModel(NamedTuple):
 
 @dataclass(frozen=True)
 class ValidationRequest:
-    """How a model is judged.
+    """The options of a validation.
 
-    place: base and tool are fitted to the calibration rows first. everything: on all measured rows. point: of the
-    world, mm, from which errors are grouped by distance. limits: of the error.
+    Attributes
+    ----------
+    place : bool
+        Whether base and tool are first fitted to the calibration rows.
+    everything : bool
+        Whether to judge on all measured rows.
+    point : tuple of float or None
+        Point in the world, mm; errors are also grouped by their distance from it.
+    limits : AcceptanceLimits or None
+        Limits of the error.
     """
 
     place: bool = False
@@ -285,7 +293,10 @@ class ValidationRequest:
 
 @dataclass(frozen=True)
 class ValidationOutcome:
-    """The result, and what a report draws it from: the models by name, each with the readings under its own loads."""
+    """Result of a validation, with the models from which a report draws its figures.
+
+    The models are listed by name, each with the readings under its own loads.
+    """
 
     dataset: Dataset
     result: ValidationResult
@@ -302,7 +313,18 @@ def validate(
     asked: ValidationRequest,
     say: Callable[[str], None] = silent,
 ) -> ValidationOutcome:
-    """Judge a model, or without one compare kinds of hold-out. say: is told each step. Raises DataError."""
+    """Judge a model, or compare kinds of hold-out if no model is given.
+
+    Parameters
+    ----------
+    say : callable, optional
+        Called with the name of each step.
+
+    Raises
+    ------
+    DataError
+        The model and the readings are of different robots, or they cannot be judged.
+    """
     data = DataShown.of(dataset)
     if read is None:
         held = [HoldOutShown.model_validate(each) for each in hold_outs(dataset, progress=say)]
@@ -425,7 +447,7 @@ def _warnings(
 
 
 def _other_targets(dataset: Dataset, saved: CalibratedModel) -> list[str]:
-    """Sentences on tool targets that the header of the readings places elsewhere than the model holds them."""
+    """List the tool targets that the header of the readings places elsewhere than the model."""
     freed = {parameter.name.partition(".")[0] for parameter in saved.model.parameters}
     out = []
     for series, known in saved.model.targets.items():
