@@ -1,4 +1,7 @@
-"""Two streams of a moving robot on one clock, for the command and for the service: what is asked, done and reported."""
+"""Alignment of two streams of a moving robot on one clock, for command and service.
+
+The subject is the calculation, its result document and its warnings.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ _STRETCH_S = 1.0  # of wild points: no single outliers
 
 
 class ClocksResponse(ResponseBody):
-    """Two clocks put on one; u: one standard deviation."""
+    """The relation of two clocks; u is one standard deviation."""
 
     offset_s: Annotated[float, told("The tracker's clock less the robot's, s.", 0.412)]
     u_offset_s: Annotated[float, told("Its uncertainty, s.", 0.0004)]
@@ -66,7 +69,7 @@ class StreamShown(ResponseBody):
 
     @classmethod
     def of(cls, stream: JointStream | PointStream, used: int) -> Self:
-        """What a stream holds, by its own clock. used: number of its samples that were used."""
+        """Describe a stream on its own clock; `used` is the number of its samples that were used."""
         return cls(
             samples=len(stream.time),
             used=used,
@@ -139,7 +142,7 @@ class AlignmentResult(ResponseBody):
 
     @classmethod
     def of(cls, result: StreamAlignment) -> Self:
-        """What is said of two streams. Uncertainties are one standard deviation."""
+        """Describe the alignment of two streams. Uncertainties are one standard deviation."""
         aligned, clocks = result.aligned, result.aligned.clocks
         jump = None
         if math.isfinite(clocks.step_at):
@@ -178,7 +181,11 @@ class AlignmentResult(ResponseBody):
 
 @dataclass(frozen=True)
 class StreamAlignment:
-    """The streams, their clocks, the standstills, the error of the path, and the data set of the standstills."""
+    """Alignment of two streams.
+
+    It holds the streams, their clocks, the stationary intervals, the error of the path, and the data set of the
+    stationary intervals.
+    """
 
     order: AlignmentRequest
     robot: Robot
@@ -192,7 +199,10 @@ class StreamAlignment:
 
     @property
     def offset(self) -> float:
-        """Offset of the robot's clock against the tracker's in the middle of the recording, s, as in the files."""
+        """Offset of the robot's clock from the tracker's in the middle of the recording, s.
+
+        It refers to the times in the files.
+        """
         return self.aligned.clocks.offset + self.moved.zero - self.tracked.zero
 
     def tracker_time(self, time: float) -> float:
@@ -262,7 +272,13 @@ def aligned_of(
     order: AlignmentRequest,
     progress: Callable[[str], None] = lambda _: None,
 ) -> StreamAlignment:
-    """Read the streams, align them, gather the standstills. Raises DataError naming file, line, column or option."""
+    """Read the streams, align them and collect the stationary intervals.
+
+    Raises
+    ------
+    DataError
+        A file or an option is invalid; the error names file, line, column or option.
+    """
     # the service describes results without them
     from calib.motion import Origin, align, by_speed, data_set, read_joints, read_points, standstills
 
@@ -311,9 +327,14 @@ def aligned_of(
 
 
 def _noise(order: AlignmentRequest, header: Path) -> Noise | None:
-    """The instrument's noise as ordered, or as the header beside its stream has it; None where neither states it.
+    """Return the noise of the instrument, stated by the request or the header of its stream.
 
-    Raises DataError for one that is none.
+    The header is in the same folder. None if neither states it.
+
+    Raises
+    ------
+    DataError
+        The noise is out of range, or the header states `per-row`.
     """
     if order.sigma_mm is not None:
         if not LEAST <= order.sigma_mm <= FARTHEST_TOOL_MM:

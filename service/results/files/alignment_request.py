@@ -1,4 +1,7 @@
-"""The request for an alignment of two streams: the service keeps and checks it, and aligns in a worker."""
+"""The request for an alignment of two streams.
+
+The service keeps and checks it, and aligns in a worker.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,18 @@ SLOW_MM_S = 2.0
 
 @dataclass(frozen=True)
 class AlignmentRequest:
-    """The order: what is known of two streams, and what becomes of them. tool: mm, in the flange frame;
-    robot_in_header: the robot as the data set shall name it, where that is not as it is named here; sigma_mm: what one
-    coordinate of the instrument is uncertain by, mm, where the header beside its stream does not say so."""
+    """The options of an alignment: the known properties of two streams, and of the data set.
+
+    Attributes
+    ----------
+    tool : tuple of float
+        Target in the flange frame, mm.
+    robot_in_header : str
+        Name of the robot in the data set, if it differs from `robot`.
+    sigma_mm : float or None
+        Standard uncertainty of one coordinate of the instrument, mm. None if the header in the same folder as its
+        stream states it.
+    """
 
     tool: tuple[float, float, float]
     robot: str

@@ -1,4 +1,4 @@
-"""The outcome of a conversion of foreign files, for people and for programs."""
+"""Results of a conversion of foreign files, for people and for programs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from service import wording
 
 
 def summary(out: Path, table: ConvertedTable) -> str:
-    """Two sentences on a data set that was written: its readings, and which are held out to judge a model by."""
+    """Summarise a data set that was written, in one or two sentences.
+
+    They state its readings, and which of them are held out to judge a model by.
+    """
     said = f"{out}: {wording.counted(len(table), 'reading')}; {table.note}."
     return f"{said} --holdout block, random or none holds out others." if _held(table) else said
 
@@ -35,7 +38,7 @@ def mapped_document(out: Path, found: Converted, kept: Path) -> dict[str, Any]:
 
 
 def told_of(found: Converted) -> dict[str, Any]:
-    """The fit of the nominal robot to files that were read by a map, and what was made of them."""
+    """Report the fit of the nominal robot to files read by a map, and the remarks on the files."""
     fit = found.fit
     return {
         "fit": None if fit is None else {"robot": fit.robot, "miss_mm": fit.miss, "extent_mm": fit.extent},
@@ -44,7 +47,10 @@ def told_of(found: Converted) -> dict[str, Any]:
 
 
 def proposal_document(proposal: MapProposal, kept: Path | None) -> dict[str, Any]:
-    """A proposal, `truepose-proposal/1`: what every column was taken for, and what is open."""
+    """Create the document of a proposal, `truepose-proposal/1`.
+
+    It lists the interpretation of each column and the open questions.
+    """
     return {
         "format": "truepose-proposal/1",
         "map": None if kept is None else str(kept),
