@@ -1,4 +1,4 @@
-"""Importers of foreign data, and of legs as poses, by the name that `truepose convert --from` takes."""
+"""Importers of foreign data, and of legs as poses, for `truepose convert --from`."""
 
 from calib.convert import hexapod_legs, ipa_ur10
 from calib.convert.table import ConvertedTable, Holdout

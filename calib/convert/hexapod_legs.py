@@ -1,11 +1,15 @@
-"""From the six legs of a ballbar hexapod to points: the poses solved by direct kinematics, as a data set of its own.
+"""Convert the six legs of a ballbar hexapod to points.
 
-Every visit of the robot in which all six legs were measured becomes three points, the balls of the tool, by the
-closed form of `calib.arm.hexapod`. The sides of the triangles are those that the ballbar measured, else those of
-the stated positions; of the assembly modes it is the one nearest to where the nominal robot is. The frame is that
-of the stated base balls, over which the measured triangle is laid. `identify` fits such points as it fits a tracker's;
-fitting the legs themselves also uses visits where some were out of stroke, and what ties the three balls together.
-Lengths mm. Source: Nubiola, thesis, sections 3.2 and 4.3.
+The result is a separate data set. A visit of the robot in which all six legs were measured becomes three points,
+the balls of the tool. The pose follows from the direct kinematics in closed form of `calib.arm.hexapod`.
+
+The sides of the triangles are those that the ballbar measured, otherwise those of the stated positions. Of the
+assembly modes, the one nearest to the nominal robot is used. The frame is that of the stated base balls, over which
+the measured triangle is laid.
+
+`identify` fits such points like those of a tracker. Fitting the legs themselves also uses visits in which some were
+out of stroke, and the constraints between the three balls. Lengths are in mm. Source: Nubiola, thesis, sections 3.2
+and 4.3.
 """
 
 from __future__ import annotations
@@ -41,7 +45,10 @@ _NOISE = re.compile(r'(^\[noise\]$[^\[]*?^kind\s*=\s*)"[^"\n]*"', re.MULTILINE)
 
 @dataclass(frozen=True)
 class _Visit:
-    """A visit with all six legs. rows: of the legs in the order of the design; base, tool: its three balls each."""
+    """A visit with all six legs.
+
+    `rows` are the readings of the legs in the order of the design. `base` and `tool` name its three balls each.
+    """
 
     rows: tuple[int, ...]
     base: tuple[str, ...]
@@ -51,8 +58,10 @@ class _Visit:
 
 @dataclass(frozen=True)
 class SolvedPoses:
-    """n visits solved. points (n, 3, 3) world, mm: T1, T2, T3 of each one's design, one a row, with their standard
-    uncertainty; far_mm (n,) the largest distance of one from where the nominal robot has it.
+    """The solved poses of n visits.
+
+    `points` (n, 3, 3) are T1, T2 and T3 of each design in the world, mm, one per row, and `u_mm` their standard
+    uncertainties. `far_mm` (n,) is the largest distance of a point from its place according to the nominal robot.
     """
 
     visits: tuple[_Visit, ...]
@@ -62,7 +71,13 @@ class SolvedPoses:
 
 
 def read(path: Path) -> ConvertedTable:
-    """A data set of legs as one of points. Raises DataError where no visit has all six."""
+    """Convert a data set of legs to a table of points.
+
+    Raises
+    ------
+    DataError
+        No visit has all six legs, or none is near the nominal robot, or the header cannot be converted.
+    """
     dataset = read_dataset(path)
     solved = solved_poses(dataset)
     if not np.any(solved.far_mm <= FAR_MM):
@@ -105,7 +120,13 @@ def read(path: Path) -> ConvertedTable:
 
 
 def solved_poses(dataset: Dataset) -> SolvedPoses:
-    """Every visit with all six legs, solved. Raises DataError where there is none, or a ball has no position."""
+    """Solve the pose of each visit with all six legs.
+
+    Raises
+    ------
+    DataError
+        There is no such visit, or a ball has no position.
+    """
     visits = tuple(_visits(dataset))
     if not visits:
         raise DataError(
@@ -131,7 +152,15 @@ def solved_poses(dataset: Dataset) -> SolvedPoses:
 
 
 def _frames(dataset: Dataset, visits: tuple[_Visit, ...], poses: HexapodPoses) -> tuple[Array, Array]:
-    """Rotations (n, 3, 3) and shifts (n, 3) that lay the measured base triangles over the stated base balls."""
+    """Compute the frames that lay the measured base triangles over the stated base balls.
+
+    Returns
+    -------
+    turn : array of shape (n, 3, 3)
+        Rotations.
+    shift : array of shape (n, 3)
+        Shifts, mm.
+    """
     turn, shift = np.zeros((len(visits), 3, 3)), np.zeros((len(visits), 3))
     labels = [visit.base for visit in visits]
     for base in dict.fromkeys(labels):  # six at most
@@ -144,9 +173,10 @@ def _frames(dataset: Dataset, visits: tuple[_Visit, ...], poses: HexapodPoses) -
 
 
 def _visits(dataset: Dataset) -> Iterable[_Visit]:
-    """Every visit in which the six legs of one design were measured; of a leg measured twice the last counts.
+    """Yield the visits in which all six legs of one design were measured.
 
-    A pose of which no visit has all six, such as where a leg was taken again later, is one of its legs together.
+    If a leg was measured twice, the last reading counts. If no visit of a pose has all six, for example because a
+    leg was measured again later, the legs of that pose are combined.
     """
     conditions = dataset.conditions
     left = np.flatnonzero(dataset.usable & dataset.spanned)
@@ -170,7 +200,10 @@ def _visits(dataset: Dataset) -> Iterable[_Visit]:
 
 
 def _of_legs(dataset: Dataset, rows: NDArray[np.int64]) -> _Visit | None:
-    """The visit that these legs make, the last of each counting; None where they make no design."""
+    """Combine legs to a visit; None if they make no design.
+
+    Of several readings of a leg, the last counts.
+    """
     conditions = dataset.conditions
     legs = {
         (
@@ -188,7 +221,10 @@ def _of_legs(dataset: Dataset, rows: NDArray[np.int64]) -> _Visit | None:
 
 
 def _design(legs: Iterable[tuple[str, str]]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    """The balls of the base and of the tool in the order of the design that legs make; None where they make none."""
+    """Return the balls of the base and of the tool in the order of the design of the legs.
+
+    None if the legs make no design.
+    """
     legs = set(legs)
     found = []
     for side, wanted in ((0, _OF_BASE), (1, _OF_TOOL)):
@@ -202,7 +238,10 @@ def _design(legs: Iterable[tuple[str, str]]) -> tuple[tuple[str, ...], tuple[str
 
 
 def _lengths(dataset: Dataset, visit: _Visit) -> tuple[list[float], list[float]]:
-    """The twelve lengths of a visit in the order of `calib.arm.hexapod.LENGTHS`, and their uncertainty, mm."""
+    """Return the twelve lengths of a visit and their uncertainties, mm.
+
+    The order is that of `calib.arm.hexapod.LENGTHS`.
+    """
     header = dataset.header
     declared = np.where(np.isfinite(dataset.u_length), dataset.u_length, header.noise.length_mm)
     legs = [(float(dataset.lengths[row]), float(declared[row])) for row in visit.rows]
@@ -216,7 +255,10 @@ def _lengths(dataset: Dataset, visit: _Visit) -> tuple[list[float], list[float]]
 
 
 def _side(dataset: Dataset, one: str, other: str, series: str) -> tuple[float, float]:
-    """Distance of two balls of one body and its uncertainty, mm: as the ballbar has it, else as stated."""
+    """Return the distance of two balls of one body and its uncertainty, mm.
+
+    It is the distance that the ballbar measured, otherwise that of the stated positions.
+    """
     measured = [s for s in dataset.spans if s.series == series and {s.one, s.other} == {one, other}]
     if measured:
         u = max(span.u_mm for span in measured) / np.sqrt(len(measured))

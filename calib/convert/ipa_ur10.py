@@ -63,7 +63,13 @@ TMAC = [0.0, 0.0, 0.0]
 
 
 def read(path: Path) -> ConvertedTable:
-    """Read either layout. Raises DataError naming line and column."""
+    """Read a file in either layout.
+
+    Raises
+    ------
+    DataError
+        The file is invalid; the error names line and column.
+    """
     text = read_text(path)
     delimiter = ";" if ";" in text.partition("\n")[0] else ","
     lines = rows_of(text, path, delimiter)
@@ -122,7 +128,10 @@ def read(path: Path) -> ConvertedTable:
 
 
 def _seconds(stamps: list[str]) -> list[str]:
-    """Seconds since the first stamp; empty where the source rounded its stamps to the month."""
+    """Compute seconds since the first time stamp.
+
+    They are empty if the source rounded its stamps to the month.
+    """
     if (
         not all(re.fullmatch(r"20[0-9]{12}", stamp) for stamp in stamps)
         or len(set(stamps)) < len(stamps) // 2

@@ -1,4 +1,4 @@
-"""A foreign file that becomes a data set: columns of text, a header, and which rows are held out."""
+"""A foreign file as a data set: text columns, a header, and the rows that are held out."""
 
 from __future__ import annotations
 
@@ -30,9 +30,16 @@ _PATH = 0.1  # median step from pose to pose along a path, as a share of the dis
 
 @dataclass(frozen=True)
 class ConvertedTable:
-    """Columns named as the data-set format names them (all of one length), and the text of the header.
+    """A converted file: columns of equal length, and the text of the header.
 
-    holdout: the kind of hold-out that was applied, '' before; note: a sentence on it.
+    The names of the columns are those of the data-set format.
+
+    Attributes
+    ----------
+    holdout : str
+        Kind of hold-out that was applied; empty before that.
+    note : str
+        A sentence on the hold-out.
     """
 
     columns: dict[str, list[str]]
@@ -46,10 +53,15 @@ class ConvertedTable:
     def hold_out(self, kind: Holdout = "auto", share: float = 0.2, seed: int = 1) -> ConvertedTable:
         """Mark a share of the poses as validation: drawn at random, or blocks of consecutive poses.
 
-        A random hold-out is optimistic where poses have near neighbours that took part in the fit; "auto" therefore
-        takes blocks along a path, and leaves tables of few poses and those that have a column `set` as they are.
-        Readings of one pose are held out together, or the fit would have seen what it is to predict. Raises DataError
-        for a share outside (0, 1), and for a kind that contradicts the column `set`.
+        A random hold-out is optimistic if poses have near neighbours that took part in the fit. The kind "auto"
+        therefore takes blocks along a path. It leaves tables with few poses, or with a column `set`, as they are.
+        Readings of one pose are held out together, otherwise the fit would have seen the points that it is to
+        predict.
+
+        Raises
+        ------
+        DataError
+            The share is outside (0, 1), or the kind contradicts the column `set`.
         """
         if not 0.0 < share < 1.0:
             raise DataError(
@@ -112,8 +124,11 @@ class ConvertedTable:
         )
 
     def _poses(self, within: float) -> tuple[list[int], Array]:
-        """The pose of every row, numbered as they appear, by its waypoint, or else by joints that differ by at most
-        `within`; and the joints (p, N) of every pose; deg or mm."""
+        """Number the poses of the rows in order, and return the joints (p, N) of each, deg or mm.
+
+        Rows of one waypoint are one pose. Without waypoints, rows whose joints differ by at most `within` are one
+        pose.
+        """
         named = [cells for name, cells in self.columns.items() if _JOINT.fullmatch(name)]
         joints = np.array([[float(cell or "nan") for cell in cells] for cells in named]).T
         joints = np.nan_to_num(joints) if named else np.arange(len(self), dtype=np.float64)[:, None]
@@ -132,7 +147,7 @@ class ConvertedTable:
         return pose.tolist(), joints[np.unique(pose, return_index=True)[1]]
 
     def _usable(self) -> NDArray[np.bool_]:
-        """(n,) whether a row holds a reading that counts."""
+        """Mask of the rows that hold a reading that counts, shape (n,)."""
         n = len(self)
         status = np.isin(np.char.lower(self.columns.get("status", [""] * n)), ("", "ok"))
         measured = [
@@ -143,7 +158,10 @@ class ConvertedTable:
     def _sparing(
         self, pose: NDArray[np.int64], drawn: NDArray[np.int64], usable: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """(n,) rows of the drawn poses but those without which a target or a series could not be fitted."""
+        """Return the mask (n,) of the rows of drawn poses that can be held out.
+
+        A pose is spared if a target or a series could not be fitted without it.
+        """
         n = len(self)
         of = list(zip(*(self.columns.get(name, [""] * n) for name in ("series", "tool_target")), strict=True))
         left = Counter(key for key, counts in zip(of, usable, strict=True) if counts)
@@ -160,7 +178,10 @@ class ConvertedTable:
 
     @property
     def text(self) -> str:
-        """The columns as CSV, their names in the first line; what a spreadsheet would work out has a ' before it."""
+        """The columns as CSV, with their names in the first line.
+
+        A cell that a spreadsheet would calculate has a ' before it.
+        """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(self.columns)
@@ -170,13 +191,16 @@ class ConvertedTable:
         return text.getvalue()
 
     def write(self, path: Path) -> None:
-        """Write `path` and the `.toml` beside it; neither is left half-written."""
+        """Write `path` and the `.toml` in the same folder; neither is left half-written."""
         replace_file(path.with_suffix(".toml"), self.header)
         replace_file(path, self.text)
 
 
 def _along_a_path(joints: Array) -> bool:
-    """Whether poses (p, N) follow each other closely, as along a path: a neighbour tells what a pose would."""
+    """Test whether poses (p, N) follow each other closely, as along a path.
+
+    The reading at a pose could then be predicted from its neighbours.
+    """
     if len(joints) < _FEWEST_POSES:
         return False
     step = np.linalg.norm(np.diff(joints, axis=0), axis=1)
