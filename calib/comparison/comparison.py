@@ -1,18 +1,18 @@
-"""Regression against identification on the same readings: one table, in sample and by waypoint.
+"""Comparison of regression and identification on the same readings, in one table.
 
-By waypoint: in five parts, whole waypoints left out; everything is done again with the rest, the fit of the physical
-model, the diagnosis, the choice of gamma and lambda. Errors are measured less predicted, in the axes of the world.
+Errors are given in sample and by waypoint. By waypoint, whole waypoints are left out in five parts. Everything is
+done again with the rest: the fit of the physical model, the diagnosis, and the choice of gamma and lambda. Errors
+are measured minus predicted, along the axes of the world.
 
-The waypoint of each sample: samples between which the robot hardly moved share a waypoint.
+Samples between which the robot hardly moved share a waypoint.
 
-A data set for a level of calibration: which parameters are freed, and which are held because no reading shows
-them.
+A data set is prepared for each level of calibration. The level states which parameters are freed. Parameters that
+no reading determines are held.
 
-A regression a few degrees away from its samples: at the same postures with one wrist joint turned.
-
-There are no measurements there; the fitted model takes the place of the arm. A model of geometry carries over to such
-postures, a regression on absolute positions has never seen its columns move, and a regression on residuals can only
-add a little.
+Each regression is also tested a few degrees away from its samples, at the same postures with one wrist joint
+turned. There are no measurements there, so the fitted model takes the place of the arm. A model of geometry carries
+over to such postures. A regression on absolute positions has never seen its columns move, and a regression on
+residuals can only add a little.
 """
 
 from __future__ import annotations
@@ -50,9 +50,14 @@ _WRIST = 3  # joints
 
 @dataclass(frozen=True)
 class TurnedPostureTest:
-    """Difference between a predictor and the fitted model at turned postures, mm, for the joint that is worst.
+    """Difference between a predictor and the fitted model with the worst wrist joint turned.
 
-    inside: number of turned postures within the region of the regression, where it would be used.
+    Attributes
+    ----------
+    mean, largest : float
+        Mean and largest difference, mm.
+    inside : float
+        Share of the turned postures within the region of the regression, in which it would be used.
     """
 
     name: str
@@ -63,9 +68,10 @@ class TurnedPostureTest:
 
 
 def away(comparison: RegressionComparison) -> tuple[TurnedPostureTest, ...]:
-    """The test with the wrist turned away, for every regression that was trained.
+    """Test each trained regression with the wrist turned away.
 
-    A regression on positions is compared with the model of the level asked for."""
+    A regression on positions is compared with the model of the requested level.
+    """
     predictors = {s.predictor.name: s.predictor for s in comparison.scored}
     conditions = comparison.dataset.conditions.take(comparison.rows)
     out = []
@@ -118,10 +124,11 @@ _BESIDE = ("tool", "length_zero")  # not a matter of levels: the header frees th
 
 
 def freeing(dataset: Dataset, groups: Sequence[str]) -> Dataset:
-    """The data set with the header's groups replaced; an unknown tool or zero of lengths stays free.
+    """Replace the parameter groups in the header of a data set.
 
-    What the header holds or weighs of other groups is left out. Where all targets lie on the axis of the last joint,
-    its zero is held: a reflector straight below the flange is a usual set-up, and nothing moves it then.
+    An unknown tool or zero of lengths stays free. Parameters of other groups that the header holds or weights are
+    left out. If all targets lie on the axis of the last joint, its zero is held. A reflector straight below the
+    flange is a usual set-up, and the last joint does not move it.
     """
     header = dataset.header
     groups = (*groups, *(g for g in _BESIDE if g in header.groups))
@@ -141,7 +148,10 @@ SAME = 0.2 * DEG
 
 
 def waypoints_of(dataset: Dataset) -> NDArray[np.int64]:
-    """(n,) number of the waypoint of every reading; of a campaign that stops, that of its pose."""
+    """Number the waypoints of the readings, shape (n,).
+
+    If the campaign stops at its poses, each pose is a waypoint.
+    """
     joints = dataset.conditions.joints
     pairs = KDTree(joints).query_pairs(SAME, p=np.inf, output_type="ndarray")
     linked = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(joints),) * 2)
@@ -155,10 +165,18 @@ _FEWEST = 3  # waypoints: one left out of the comparison, two to choose by
 
 @dataclass(frozen=True)
 class ComparisonRequest:
-    """The request for a comparison. wanted: the regression asked for; level: of the model that it is based on, 2 or 3.
+    """The options of a comparison.
 
-    compare: the other levels and the other kind of regression too; diagnosed: and the diagnosis, with a regression
-    on what it leaves.
+    Attributes
+    ----------
+    wanted : RegressionRequest
+        The requested regression.
+    level : int
+        Level of the model that it is based on, 2 or 3.
+    compare : bool
+        Whether to include the other level and the other kind of regression.
+    diagnosed : bool
+        Whether to include the diagnosis, and a regression on its residuals.
     """
 
     wanted: RegressionRequest
@@ -169,9 +187,10 @@ class ComparisonRequest:
 
 @dataclass(frozen=True)
 class Predictor:
-    """A predictor: a model, and a regression on top of it where there is one.
+    """A predictor: a model, with a regression added to it if there is one.
 
-    found: the fit behind the model, None of the nominal robot; asked: whether a regression was asked for.
+    `found` is the fit behind the model, None for the nominal robot. `asked` states whether a regression was
+    requested.
     """
 
     name: str
@@ -182,7 +201,7 @@ class Predictor:
     asked: bool = False
 
     def predict(self, conditions: Conditions) -> Array:
-        """(n, 3) points in the world, mm."""
+        """Predict points in the world, mm, shape (n, 3)."""
         if self.regression is None:
             return BoundModel(self.model, conditions).predict(self.estimate)
         return self.regression.predict(self.model, self.estimate, conditions)
@@ -199,7 +218,15 @@ class Scored:
 
 @dataclass(frozen=True)
 class RegressionComparison:
-    """All predictors side by side. rows: (n,) index of the readings into the data set; waypoint: (n,) of each."""
+    """Errors of all predictors on the same readings.
+
+    Attributes
+    ----------
+    rows : array of int, shape (n,)
+        Rows of the readings in the data set.
+    waypoint : array of int, shape (n,)
+        Waypoint of each reading.
+    """
 
     dataset: Dataset
     plan: ComparisonRequest
@@ -209,22 +236,25 @@ class RegressionComparison:
 
     @property
     def asked(self) -> Scored:
-        """The regression that was asked for."""
+        """The requested regression."""
         name = name_of(self.plan.wanted.on, f"level {self.plan.level}")
         return next(s for s in self.scored if s.predictor.name == name)
 
 
 def name_of(on: str, base: str) -> str:
-    """Name of a regression on positions, or on what a model of this name leaves."""
+    """Name a regression on positions, or on the residuals of a model."""
     return "MLS-SVR on positions" if on == "positions" else f"MLS-SVR on residuals of {base}"
 
 
 def compare(
     dataset: Dataset, plan: ComparisonRequest, *, progress: Progress = silent
 ) -> RegressionComparison:
-    """Judge what the plan names on the readings of points that may enter a fit.
+    """Compare the predictors of a plan on the readings of points that may enter a fit.
 
-    Raises DataError where there are no points, too few waypoints, or what a part leaves cannot carry the model.
+    Raises
+    ------
+    DataError
+        There are no points or too few waypoints, or the readings left in a part cannot determine the model.
     """
     rows = dataset.fit_rows & dataset.pointed
     waypoint = waypoints_of(dataset)
@@ -326,12 +356,12 @@ def _with_residuals(
 
 
 def mae(errors: Array) -> Array:
-    """(4,) mean absolute error along x, y and z of errors (n, 3), and the mean of the three."""
+    """Compute the mean absolute value of errors (n, 3) along x, y and z, and its mean, (4,)."""
     each = np.abs(errors).mean(axis=0)
     return np.append(each, each.mean())
 
 
 def rmse(errors: Array) -> Array:
-    """(4,) root mean square along x, y and z of errors (n, 3), and the quadratic mean of the three."""
+    """Compute the RMS of errors (n, 3) along x, y and z, and its quadratic mean, (4,)."""
     each = (errors**2).mean(axis=0)
     return np.sqrt(np.append(each, each.mean()))
