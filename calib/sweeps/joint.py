@@ -1,17 +1,19 @@
-"""Single joints: tangential error over its angle, lost motion between its two directions, and its axis.
+"""Sweeps of single joints: tangential error, lost motion between two directions, and axis.
 
-While joint k alone turns, a target runs on a circle. The tangential error of a reading is the angle at which the
-target lies on that circle minus the commanded one. The range of its mean over both directions is the error range of
-the joint. The difference of the readings on the way up and on the way down is its reversal value: positive where the
-joint comes to rest beyond its target, negative where it stops short. Both contain the deflection of the other joints
-under gravity. Source: Nubiola 2.4.1 and Figures 2.10 to 2.15; ISO 230-2 (reversal value).
+While joint k alone turns, a target moves on a circle. The tangential error of a reading is the angle at which the
+target lies on that circle minus the commanded angle. The range of its mean over both directions is the error range
+of the joint.
 
-The circle through the points of a sweep, fitted so that the joint's own error does not distort it.
+The reversal value is the difference between readings on the way up and on the way down. It is positive if the joint
+comes to rest beyond its target, and negative if it stops short. Both values contain the deflection of the other
+joints under gravity. Source: Nubiola 2.4.1 and Figures 2.10 to 2.15, and ISO 230-2 (reversal value).
 
-Fitted to commanded angles alone, the circle takes a part of the joint's error for a place of its centre: over half a
-turn an error of three waves grows by half. Fitted to distances from plane and circle alone, a short arc leaves its
-centre open. So both are fitted, each weighted by the scatter that it leaves: a joint without error lends its angles
-in full, one that errs much keeps its angles out. The two directions of the sweep have an angle of their own.
+The circle through the points of a sweep is fitted so that the joint's error does not distort it. A circle fitted to
+commanded angles alone takes part of that error for a shift of its centre: over half a turn, an error of three waves
+grows by half. A circle fitted to distances from plane and circle alone leaves the centre of a short arc
+undetermined. So both are fitted, each weighted by the scatter that it leaves. A joint without error contributes its
+angles in full; a joint with large errors contributes hardly any. Each direction of the sweep has a separate offset
+angle.
 """
 
 from __future__ import annotations
@@ -38,8 +40,8 @@ _HELD = 1e-9  # keeps the angle of a direction in which nothing was measured
 class AxisDifference:
     """The distance of the axis of a circle from the same axis of an identified arm.
 
-    angle: rad between the directions; distance: mm from the centre of the circle to the identified axis;
-    u_angle, u_distance: standard uncertainties of the circle's part alone.
+    `angle` is that between the directions, rad. `distance` is that from the centre of the circle to the identified
+    axis, mm. `u_angle` and `u_distance` are standard uncertainties of the contribution of the circle alone.
     """
 
     angle: float
@@ -52,10 +54,23 @@ class AxisDifference:
 class JointSweep:
     """The result of a sweep of n readings at p places.
 
-    angle, tangential: (n,) rad; radial: (n,) mm outside the circle; upwards: (n,); joint: 1-based; places: (p,)
-    rad, the commanded angles, ascending; error: (p,) rad, the tangential error there without the reversal; reversal:
-    rad, up less down, with its standard uncertainty u_reversal; None where no place, or only one, was reached in both
-    directions.
+    Attributes
+    ----------
+    joint : int
+        Number of the joint, from 1.
+    angle, tangential : array of shape (n,)
+        Commanded angles and tangential errors, rad.
+    radial : array of shape (n,)
+        Distances outside the circle, mm.
+    upwards : array of bool, shape (n,)
+        Whether the reading was reached upwards.
+    places : array of shape (p,)
+        Commanded angles, ascending, rad.
+    error : array of shape (p,)
+        Tangential error at each place without the reversal, rad.
+    reversal, u_reversal : float or None
+        Reversal value (up minus down) and its standard uncertainty, rad. The reversal is None if no place was reached
+        in both directions, and its uncertainty also if only one place was.
     """
 
     joint: int
@@ -79,9 +94,17 @@ class JointSweep:
 
 
 def analyse(dataset: Dataset, identified: IdentificationFit | None = None) -> tuple[JointSweep, ...]:
-    """Every sweep of the calibration readings, by joint. Raises DataError where there is none.
+    """Analyse all sweeps of the calibration readings, ordered by series, joint and target.
 
-    identified: an arm with which the axes are compared; its base is that of the same data set.
+    Parameters
+    ----------
+    identified : IdentificationFit, optional
+        Arm with whose axes those of the sweeps are compared. Its base is that of the same data set.
+
+    Raises
+    ------
+    DataError
+        There is no sweep.
     """
     of_one = (_of_one_pattern(dataset, sweep) for sweep in find_sweeps(dataset))
     sweeps = [sweep for sweep in of_one if _is_one_still(dataset, sweep)]
@@ -97,14 +120,17 @@ def analyse(dataset: Dataset, identified: IdentificationFit | None = None) -> tu
 
 
 def _of_one_pattern(dataset: Dataset, sweep: CircleSweep) -> CircleSweep:
-    """The readings in which all other joints came from the sides that most of them share: their backlash rests."""
+    """Keep the readings whose other joints came from the most common combination of sides.
+
+    The backlash of the other joints is then the same in all readings.
+    """
     others = np.delete(dataset.conditions.side[sweep.rows], sweep.joint - 1, axis=1)
     _, pattern, count = np.unique(others, axis=0, return_inverse=True, return_counts=True)
     return replace(sweep, rows=sweep.rows[pattern.reshape(-1) == int(np.argmax(count))])
 
 
 def _is_one_still(dataset: Dataset, sweep: CircleSweep) -> bool:
-    """Whether the readings that are left are enough for a sweep."""
+    """Test whether the remaining readings are enough for a sweep."""
     angle = dataset.conditions.joints[sweep.rows, sweep.joint - 1]
     return len(angle) >= FEWEST and bool(np.ptp(angle) >= LEAST_RANGE)
 
@@ -141,13 +167,13 @@ def _analysed(dataset: Dataset, sweep: CircleSweep, identified: IdentificationFi
 
 
 def _places(angle: Array) -> tuple[NDArray[np.int64], Array]:
-    """Number of the place of every commanded angle (n,), and the angle of each place (p,), ascending."""
+    """Number the places of commanded angles (n,), and return their angles (p,), ascending."""
     rounded, number = np.unique(np.round(angle / _SAME).astype(np.int64), return_inverse=True)
     return number.reshape(-1).astype(np.int64), _SAME * rounded.astype(np.float64)
 
 
 def _mean(values: Array, number: NDArray[np.int64], rows: NDArray[np.bool_]) -> Array:
-    """(p,) mean of the values (n,) of some rows at every place; NaN where none of them is."""
+    """Average the values (n,) of some rows at each place, shape (p,); NaN without such rows."""
     places = int(number.max()) + 1
     count = np.bincount(number[rows], minlength=places)
     total = np.bincount(number[rows], weights=values[rows], minlength=places)
@@ -157,7 +183,10 @@ def _mean(values: Array, number: NDArray[np.int64], rows: NDArray[np.bool_]) -> 
 def _difference(
     dataset: Dataset, sweep: CircleSweep, circle: Circle, identified: IdentificationFit
 ) -> AxisDifference:
-    """The identified axis, averaged over the sweep: where gravity bends the arm it moves a little."""
+    """Compare the circle with the identified axis, averaged over the sweep.
+
+    The axis moves a little during the sweep if gravity bends the arm.
+    """
     slot = f"theta{sweep.joint}"
     design = BoundModel(identified.model, dataset.conditions.take(sweep.rows))
     frames = design.frames(identified.estimate, record=[slot])
@@ -176,10 +205,11 @@ def _difference(
 
 @dataclass(frozen=True)
 class Circle:
-    """A circle in space: direction (3,) of its axis by the right hand, centre (3,) mm, radius mm.
+    """A circle in space.
 
-    cosine, sine: (3,) directions from which and towards which angles count; u_direction: rad, standard uncertainty of
-    the direction; u_centre: mm, that of the centre in its plane.
+    `direction` (3,) is the direction of its axis according to the right-hand rule, `centre` (3,) is in mm, and
+    `radius` in mm. Angles count from `cosine` (3,) towards `sine` (3,). `u_direction` is the standard uncertainty
+    of the direction, rad, and `u_centre` that of the centre in its plane, mm.
     """
 
     direction: Array
@@ -191,14 +221,17 @@ class Circle:
     u_centre: float
 
     def place(self, points: Array) -> tuple[Array, Array]:
-        """Angle, rad, and distance outside the circle, mm, of points (n, 3): both (n,)."""
+        """Return angle (n,), rad, and distance outside the circle (n,), mm, of points (n, 3)."""
         away = points - self.centre
         x, y = away @ self.cosine, away @ self.sine
         return np.arctan2(y, x), np.hypot(x, y) - self.radius
 
 
 def fit_circle(points: Array, angle: Array, upwards: NDArray[np.bool_]) -> Circle:
-    """The circle of points (n, 3), mm, at commanded angles (n,), rad, reached upwards or not (n,)."""
+    """Fit a circle to points (n, 3), mm, at commanded angles (n,), rad.
+
+    `upwards` (n,) states from which direction each was reached.
+    """
     start = fit_axes(points[None], angle[None], np.ones((1, len(angle)), dtype=bool))
     middle = points.mean(axis=0)
     _, sizes, axes = np.linalg.svd(points - middle, full_matrices=False)
