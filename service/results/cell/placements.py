@@ -183,7 +183,8 @@ def found_for(
     Raises
     ------
     DataError
-        An option, the balls or the instrument of the cell do not suit a search.
+        An option, the balls or the instrument do not suit a search, or the robot has no inverse kinematics in closed
+        form.
     ConfigError
         The arm does not reach the zone.
     """

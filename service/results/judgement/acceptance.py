@@ -182,8 +182,7 @@ class Criterion:
     ----------
     figure, limit, uncertainty : float
         Error, its limit and its expanded uncertainty (95 %), mm. The uncertainty is infinite if it is unknown. The
-        error is
-        NaN if no reading lies in the zone; nothing is decided then.
+        error is NaN if no reading lies in the zone; nothing is decided then.
     zone : Zone or None
         Part of the workspace to which the error applies; None for all of it.
     """

@@ -539,6 +539,8 @@ class DiagnosisOutcome:
         ------
         DataError
             The data set cannot be diagnosed, or it does not match the cell, the limits or the other data set.
+        ConfigError
+            Hardly any pose of the cell is clear.
         """
         if asked.limits is not None:
             asked.limits.refuse_unjudged(dataset)
