@@ -104,7 +104,7 @@ def _worst(
 
 
 def _turned(conditions: Conditions, header: Header, joints: Array) -> Conditions:
-    """The conditions of the same readings at other joints (n, N), rad, with the loads of there."""
+    """Replace the joints (n, N), rad, of conditions, and the loads accordingly."""
     load = statics(header.robot, joints, header.loads, header.gravity)
     return replace(
         conditions,
@@ -311,7 +311,7 @@ def _compared(
 def _predictors(
     dataset: Dataset, plan: ComparisonRequest, waypoint: NDArray[np.int64]
 ) -> Mapping[str, Predictor]:
-    """Every predictor of the plan, from the rows of a data set that may enter a fit."""
+    """Fit all predictors of the plan to the rows of a data set that may enter a fit."""
     placed = freeing(dataset, PLACE)
     out = {NOMINAL: Predictor(NOMINAL, *place_nominal(placed, base_model_of(placed)))}
     if plan.compare or plan.wanted.on == "positions":

@@ -23,7 +23,7 @@ Holdout = Literal["auto", "random", "block", "none"]
 BLOCKS = 20
 _JOINT = re.compile(r"[je]\d+_(?:deg|mm)")
 _SAME_POSE = 0.05  # deg or mm: joints that a controller reads back in one pose differ by less
-_FEWEST_POSES = 22  # of which "auto" holds some out: what is left must determine some forty parameters
+_FEWEST_POSES = 22  # "auto" holds none out of fewer: the rest must determine some forty parameters
 _FEWEST_LEFT = 3  # readings of a target in a series, which a fit needs
 _PATH = 0.1  # median step from pose to pose along a path, as a share of the distance between any two poses
 
@@ -139,7 +139,7 @@ class ConvertedTable:
             pose = np.array([seen.setdefault(name, len(seen)) for name in self.columns["waypoint"]])
         else:
             tree = KDTree(joints)
-            for i in range(len(self)):  # a pose is what lies around its first row
+            for i in range(len(self)):  # a pose contains the rows near its first row
                 if pose[i] < 0:
                     near = np.array(tree.query_ball_point(joints[i], within, p=np.inf))
                     pose[near[pose[near] < 0]] = count
@@ -147,7 +147,7 @@ class ConvertedTable:
         return pose.tolist(), joints[np.unique(pose, return_index=True)[1]]
 
     def _usable(self) -> NDArray[np.bool_]:
-        """Mask of the rows that hold a reading that counts, shape (n,)."""
+        """Return the mask (n,) of the rows that hold a reading that counts."""
         n = len(self)
         status = np.isin(np.char.lower(self.columns.get("status", [""] * n)), ("", "ok"))
         measured = [

@@ -67,11 +67,11 @@ class Linear:
     """Features as they are: a ridge regression with two penalties."""
 
     def rows(self, new: Array, _: Array) -> Array:
-        """The rows that the weights act on at new features (k, p): the features."""
+        """Return the rows at new features (k, p) that the weights act on: the features themselves."""
         return new
 
     def components(self, rows: Array) -> Components:
-        """Coordinates of training features (n, p)."""
+        """Compute the coordinates of training features (n, p)."""
         mean = rows.mean(axis=0)
         left, sizes, into = np.linalg.svd(rows - mean, full_matrices=False)
         known = sizes > 1e-13 * max(float(sizes.max(initial=0.0)), _TINY)
@@ -93,7 +93,7 @@ class Gaussian:
         return np.exp(-np.maximum(squared, 0.0) / (2.0 * self.width**2))
 
     def components(self, rows: Array) -> Components:
-        """Coordinates of training samples, from their kernel (n, n)."""
+        """Compute the coordinates of training samples from their kernel (n, n)."""
         mean = rows.mean(axis=0)
         centred = rows - mean - mean[:, None] + mean.mean()
         values, vectors = np.linalg.eigh(0.5 * (centred + centred.T))
@@ -181,7 +181,7 @@ FOLDS = 5
 _SEED = 1
 _RIDGES = np.logspace(-14.0, 4.0, 91)  # of the sum of squares of the centred features
 _LEAST_SHARE = 1e-2
-_SURE = 2.0  # standard errors by which a regression must gain on predicting nothing
+_SURE = 2.0  # standard errors by which a regression must be better than predicting zero
 Mask = NDArray[np.bool_]
 
 

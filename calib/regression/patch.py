@@ -103,7 +103,7 @@ def patch_of(dataset: Dataset, found: IdentificationFit) -> Patch:
 
 
 def error_with_patch(dataset: Dataset, found: IdentificationFit, patch: Patch) -> ErrorStatistics | None:
-    """Position error on the measured validation points with the patch added."""
+    """Compute the position error on the measured validation points with the patch added."""
     rows = dataset.validation_rows & dataset.pointed
     conditions = dataset.conditions.take(rows)
     moved = found.predict(conditions) + patch.shift(conditions)
@@ -111,7 +111,7 @@ def error_with_patch(dataset: Dataset, found: IdentificationFit, patch: Patch) -
 
 
 def error_without_patch(dataset: Dataset, found: IdentificationFit) -> ErrorStatistics | None:
-    """The held-out error without the patch."""
+    """Compute the held-out error without the patch, including that of lengths."""
     rows = dataset.validation_rows & dataset.pointed
     return statistics_of(errors_on(dataset, rows, found.model, found.estimate))
 

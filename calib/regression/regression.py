@@ -55,7 +55,7 @@ _C234 = ("c2c3c4", "c2s3s4", "s2c3s4", "s2s3c4")
 
 
 def _across(own: str, other: str) -> tuple[str, ...]:
-    """Products of x (own = "c1", other = "s1") or of y (exchanged)."""
+    """List the products of x (own = "c1", other = "s1") or of y (exchanged)."""
     return (
         *(f"{other}c5", other, f"{own}c2", f"{own}c2c3", f"{own}s2s3"),
         *(own + product for product in _S234),
@@ -229,7 +229,7 @@ class Regression:
 
 
 def world_points(model: ModelStructure, estimate: Array, conditions: Conditions) -> tuple[Array, Array]:
-    """Predicted points (n, 3), mm, world, and the axes (n, 3, 3) of the base in the world."""
+    """Predict points (n, 3), mm, world, and the axes (n, 3, 3) of the base in the world."""
     frames = BoundModel(model, conditions).frames(estimate, ())
     at_home = estimate.copy()
     at_home[model.of_base] = 0.0
@@ -327,7 +327,7 @@ class Region:
 
     @classmethod
     def of(cls, joints: Array) -> Region:
-        """The region of training joints (n, N), rad."""
+        """Create the region of training joints (n, N), rad."""
         centre = joints.mean(axis=0)
         values, axes = np.linalg.eigh((joints - centre).T @ (joints - centre) / len(joints))
         spread = np.maximum(np.sqrt(np.maximum(values, 0.0)), 1e-12)

@@ -6,5 +6,5 @@ PREFIX = "/api/v1"
 
 
 def path_of(*parts: str) -> str:
-    """The path of a resource, for `Location` and links: `path_of("runs", run_id)`."""
+    """Build the path of a resource for `Location` and links, such as `path_of("runs", run_id)`."""
     return "/".join((PREFIX, *parts))

@@ -72,14 +72,14 @@ class Problem(HTTPException):
 
 
 def not_found(what: str, name: str) -> Problem:
-    """A problem with status 404."""
+    """Create a problem with status 404."""
     what = what.replace("_", " ")
     several = re.sub("is$", "e", what) + ("es" if what.endswith("ch") else "s")
     return Problem(404, f"There is no {what} {name!r}.", f"List the {several} to see which there are.")
 
 
 def document(status: int, text: str, do: str, code: int | None = None, **more: Any) -> dict[str, Any]:
-    """The members of a problem."""
+    """Return the members of a problem."""
     known = _CODES.get(status, 8000)
     return {
         "type": f"urn:truepose:problem:{code or known}",
@@ -101,16 +101,17 @@ def response(
     headers: dict[str, str] | None = None,
     **more: Any,
 ) -> JSONResponse:
-    """A problem as a response."""
+    """Create a response with a problem as its body."""
     return JSONResponse(
         document(status, text, do, code, **more), status, headers=headers, media_type=MEDIA_TYPE
     )
 
 
 def install(app: FastAPI) -> None:
-    """Every error of the service becomes a problem document.
+    """Turn each error of the service into a problem document.
 
-    The handlers are coroutines: others would be given an ordinary thread, and the refusal of a stop would wait for one.
+    The handlers are coroutines. Other functions would run in an ordinary thread, and the refusal of a stop would
+    have to wait for one.
     """
     app.add_exception_handler(HTTPException, _of_http)
     app.add_exception_handler(RequestValidationError, _of_request)
@@ -146,7 +147,7 @@ async def _of_request(request: Request, error: Exception) -> Response:
     text = f"{first['where']}: {first['what']}."
     do = "Correct the request; /openapi.json describes it."
     kind = request.headers.get("content-type", "")
-    if first["where"] == "body" and "json" not in kind:  # what curl -d says of every body
+    if first["where"] == "body" and "json" not in kind:  # curl -d sends another type by default
         do = f"Send JSON, with Content-Type: application/json; it came as {kind[:100] or 'nothing'}."
     return response(422, text, do, errors=errors)
 
@@ -188,7 +189,7 @@ async def _of_disk(request: Request, error: Exception) -> Response:
 
 
 async def _of_fault(request: Request, error: Exception) -> Response:
-    """A fault of this program; the server's log has the rest."""
+    """Answer a fault of this program; the log of the server has the details."""
     return response(
         500, "The service has met a fault of its own.", "Note what was asked and look at the service's log."
     )

@@ -37,7 +37,7 @@ def common_bins(sets: Sequence[ErrorSample]) -> tuple[Array, bool]:
 
 
 def histogram(sets: Sequence[ErrorSample]) -> str:
-    """Histogram of all sets on the same bins, as SVG."""
+    """Draw the histogram of all sets on the same bins, as SVG."""
     edges, ratio = common_bins(sets)
     drawn, (axes,) = drawing.figure(4.3, 2.9)
     for i, s in enumerate(sets):
@@ -67,7 +67,7 @@ def histogram(sets: Sequence[ErrorSample]) -> str:
 
 
 def cumulative(sets: Sequence[ErrorSample]) -> str:
-    """Share of the readings below an error, as SVG."""
+    """Draw the share of the readings below an error, as SVG."""
     drawn, (axes,) = drawing.figure(4.3, 2.9)
     _, ratio = common_bins(sets)
     for s in sets:

@@ -61,7 +61,7 @@ class PlotPanel:
     y: Array
     sd: Array
     held: Mask  # (n,) took no part in the fit
-    side: Array | None  # (n,) +1 or -1, where the picture distinguishes the sides
+    side: Array | None  # (n,) +1 or -1; None if the picture does not distinguish the sides
     lines: tuple[Curve, ...]
     described: str
     # Abscissa, and the lowest and highest law that its uncertainty allows (k = 2)

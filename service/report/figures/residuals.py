@@ -129,7 +129,10 @@ class PlotSample:
         return self._seen([effect], lambda _: amounts, law)
 
     def of_share(self, effect: Effect) -> PlotValues:
-        """Share of the fitted effect that a reading shows: 1 is all of it. For laws with several drivers."""
+        """Estimate the share of the fitted effect that each reading shows: 1 is all of it.
+
+        This is for laws with several drivers.
+        """
 
         def amounts(part: FitReadings) -> dict[str, Array | float]:
             slots: dict[str, Array | float] = {}

@@ -15,7 +15,7 @@ from calib.model import BoundModel
 from service.json_values import finite
 
 FORMAT = "truepose-arrows/1"
-MOST = 500  # more cannot be told apart
+MOST = 500  # more could not be distinguished
 
 
 def arrows_of(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:

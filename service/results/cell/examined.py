@@ -43,7 +43,7 @@ class ExaminationShown(ResponseBody):
 
     @classmethod
     def of(cls, found: Examination) -> Self:
-        """The answer about an examination."""
+        """Describe the result of an examination."""
         return cls(
             format="truepose-doctor/1",
             cell=found.cell,

@@ -69,7 +69,7 @@ class FollowUpResponse(ResponseBody):
 
     @classmethod
     def of(cls, step: FollowUpResult) -> Self:
-        """The middle step of a loop."""
+        """Describe the middle step of a loop."""
         before = step.before
         return cls.model_validate(
             {

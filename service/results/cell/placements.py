@@ -109,7 +109,7 @@ class PlacementResult:
     plan: list[tuple[ReachResult, float | None]]
 
     def picture(self) -> str:
-        """The placements that are shown, as SVG."""
+        """Draw the placements that are shown, as SVG."""
         return placement_picture(self.hexapod, [each for each, _ in self._shown])
 
     @property
@@ -117,7 +117,7 @@ class PlacementResult:
         return self.plan if self.order.together > 1 else self.best
 
     def document(self) -> dict[str, Any]:
-        """The result for JSON."""
+        """Build the document of the result, for JSON."""
         hexapod = self.hexapod
         result = PlacementsResult(
             format="truepose-placements/1",

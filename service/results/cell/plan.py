@@ -80,7 +80,7 @@ class PlanShown(ResponseBody):
 
 
 def plan_of_campaign(cell: Cell, campaign: Campaign, visits: Sequence[Visit]) -> PlanShown:
-    """The plan of a campaign that was only checked."""
+    """Create the plan of a campaign that was only checked."""
     statuses = {(v.number, k): (None, "planned") for v in visits for k in range(len(v.targets))}
     return _plan(cell, visits, statuses, Forecast.of(cell, campaign, visits))
 
@@ -102,7 +102,8 @@ def plan_of_record(record: Path) -> PlanShown:
         visit = visits.setdefault(each.visit.number, each.visit)
         k = sum(1 for number, _ in statuses if number == visit.number)
         statuses[visit.number, k] = (each.id, each.status)
-    return _plan(cell, list(visits.values()), statuses, forecast_of(record), looking=False)  # asked for often
+    # requested often: no search for detours
+    return _plan(cell, list(visits.values()), statuses, forecast_of(record), looking=False)
 
 
 def _plan(

@@ -192,7 +192,7 @@ class Selected:
         return "\n".join(lines) + "\n"
 
     def document(self) -> dict[str, Any]:
-        """Document of the result, as JSON has it; `prior` is added to the members in OpenAPI."""
+        """Build the document of the result; `prior` is added to the members in OpenAPI."""
         choice, curve, wanted, of_type = self.choice, self.curve, self.asked.wanted_u, self.of_type
         index = {int(i): place for place, i in enumerate(choice.selection, start=1)}
         document = {

@@ -195,7 +195,7 @@ class StreamAlignment:
     still: Standstills
     bands: list[SpeedBandErrors]
     table: ConvertedTable
-    noise: Noise | None  # of the instrument, None where nobody stated it
+    noise: Noise | None  # of the instrument; None if it is not stated
 
     @property
     def offset(self) -> float:
@@ -206,7 +206,7 @@ class StreamAlignment:
         return self.aligned.clocks.offset + self.moved.zero - self.tracked.zero
 
     def tracker_time(self, time: float) -> float:
-        """An instant of the tracker's stream as its file has it, s."""
+        """Convert an instant of the tracker's stream to the time in its file, s."""
         return time + self.tracked.zero
 
     @property

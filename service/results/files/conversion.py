@@ -20,7 +20,7 @@ def summary(out: Path, table: ConvertedTable) -> str:
 
 
 def document(out: Path, table: ConvertedTable) -> dict[str, Any]:
-    """The result of a conversion, `truepose-conversion/1`."""
+    """Build the document of a conversion, `truepose-conversion/1`."""
     return {
         "format": "truepose-conversion/1",
         "data": str(out),
@@ -33,7 +33,7 @@ def document(out: Path, table: ConvertedTable) -> dict[str, Any]:
 
 
 def mapped_document(out: Path, found: Converted, kept: Path) -> dict[str, Any]:
-    """The same of files that were read by a map, with how the nominal robot fits them."""
+    """Build the document of a conversion by a map, with the fit of the nominal robot."""
     return document(out, found.table) | {"map": str(kept)} | told_of(found)
 
 

@@ -155,7 +155,7 @@ class AcceptanceLimits:
 
     @classmethod
     def kept(cls, table: Mapping[str, Any] | None) -> AcceptanceLimits | None:
-        """The limits of which `asdict` made a table."""
+        """Create the limits from a table that `asdict` made; None from None."""
         if table is None:
             return None
         zones = [
@@ -314,7 +314,7 @@ def _held(
     largest: float | None,
     zone: Zone | None = None,
 ) -> list[Criterion]:
-    """The figures of the rows (n,) that have a limit; errors (n,), mm."""
+    """Compare the errors of the rows (n,) with the limits that are given; errors (n,) are in mm."""
     judged, criteria = errors[rows], []
     if not len(judged):
         none = (math.inf, "no held-out reading lies in it")

@@ -39,7 +39,7 @@ from service.results.shape import Real, ResponseBody, TableColumn, told
 
 _FORMAT = "truepose-validation/1"
 _MRAD = 1e3
-_SAME_PLACE_MM = 0.01  # by which a tool target may be written elsewhere
+_SAME_PLACE_MM = 0.01  # positions of a tool target that differ by less are taken as the same
 
 
 class SummaryShown(ResponseBody):
@@ -59,7 +59,7 @@ class SummaryShown(ResponseBody):
 
     @classmethod
     def in_mrad(cls, found: Summary | None) -> Self | None:
-        """The figures of errors in rad."""
+        """Convert a summary of errors in rad to mrad; None from None."""
         if found is None:
             return None
         names = [name for name in cls.model_fields if name != "n"]
@@ -107,7 +107,7 @@ class JudgementShown(ResponseBody):
 
     @classmethod
     def of(cls, found: Judgement) -> Self:
-        """The errors of a model as `calib` found them."""
+        """Describe the errors of a model that `calib` found."""
         kind = "length_mm" if found.position is None else "position_mm"
         parts = [{"by": part.title, kind: dict(part.groups)} for part in found.groupings]
         return cls.model_validate(
@@ -157,7 +157,7 @@ class RepeatedPose(ResponseBody):
 
     @classmethod
     def of(cls, dataset: Dataset, found: PoseFigures) -> Self:
-        """The figures of a pose as `calib` found them."""
+        """Describe the accuracy and repeatability of a pose that `calib` found."""
 
         def mrad(angles: tuple[float, ...] | None) -> list[float | None] | None:
             return None if angles is None else [_MRAD * angle for angle in angles]
@@ -185,7 +185,7 @@ class RepeatedDistance(ResponseBody):
 
     @classmethod
     def of(cls, dataset: Dataset, found: DistanceFigures) -> Self:
-        """The figures of a distance as `calib` found them."""
+        """Describe the accuracy and repeatability of a distance that `calib` found."""
         return cls(
             first_readings=[reading(dataset.reading_id[row]) for row in found.readings],
             visits=found.visits,
@@ -372,7 +372,7 @@ def validate(
         )
     repeats = judge_repeats(dataset, *models[names[1]])
     accepted = None
-    if asked.limits is not None:  # on what a table shows: positions, or lengths if no point was measured
+    if asked.limits is not None:  # judged like the table: positions, or lengths if no point was measured
         on = rows & dataset.pointed if (rows & dataset.pointed).any() else rows
         accepted = decide(asked.limits, dataset, on, *models[names[1]], names[1])
     result = ValidationResult(
@@ -399,7 +399,7 @@ def validate(
 
 
 def _name(path: Path, unlike: str = "") -> str:
-    """A model by its file: the bare name, or the whole path where two share it."""
+    """Name a model after its file: the bare name, or the whole path if two share the name."""
     return str(path) if path.stem == unlike else path.stem
 
 
@@ -412,7 +412,7 @@ def _warnings(
     placed: bool,
     everything: bool,
 ) -> list[str]:
-    """Reasons not to trust these figures at face value."""
+    """List reasons not to trust these results at face value."""
     out = [*saved.notes, *(() if second is None else second.notes)]
     if everything and dataset.sha256 in (saved.data_sha256, "" if second is None else second.data_sha256):
         out.append("Rows to which the model was fitted are among those judged: flatters.")

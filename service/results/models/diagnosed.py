@@ -188,7 +188,7 @@ class FollowUpShown(ResponseBody):
 
     @classmethod
     def all_of(cls, found: FollowUp | None) -> list[Self]:
-        """One entry of poses, and one a procedure."""
+        """Create one entry for the poses, and one per procedure."""
         if found is None:
             return []
         return [cls.poses_of(found), *(cls(kind="procedure", text=text) for text in found.procedures)]
@@ -290,7 +290,7 @@ class PatchResponse(ResponseBody):
 
     @classmethod
     def of(cls, found: PatchResult) -> Self:
-        """A patch with its errors."""
+        """Describe a patch with its errors."""
         patch = found.patch
         return cls.model_validate(
             {
@@ -568,5 +568,5 @@ class DiagnosisOutcome:
         return DiagnosisOutcome(found, carried, patched, acceptance)
 
     def document(self) -> dict[str, Any]:
-        """Document of the result (`truepose-diagnosis/1`)."""
+        """Build the document of the result (`truepose-diagnosis/1`)."""
         return document_of(DiagnosisResult.of(self))

@@ -167,7 +167,7 @@ class IdentificationReport:
         return worse(self.error_identified, self.error_nominal)
 
     def document(self) -> dict[str, Any]:
-        """Document of the result (`truepose-identification/1`)."""
+        """Build the document of the result (`truepose-identification/1`)."""
         dataset, found = self.dataset, self.found
         result = IdentificationResult.model_validate(
             {

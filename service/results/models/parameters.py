@@ -19,9 +19,9 @@ from service.results.common import ParameterResponse
 
 
 def rows_of(found: IdentificationFit, *, base_model_only: bool = False) -> list[ParameterResponse]:
-    """Every parameter of a model in order; without those of diagnosed effects on request.
+    """List the parameters of a model in order, optionally without those of diagnosed effects.
 
-    Of a base the absolute value is its pose in the world with turns about x, y, z in that order.
+    The absolute value of a base parameter is that of its pose in the world, with turns about x, y, z in that order.
     """
     dropped = {drop.name: drop.confounded_with for drop in found.dropped}
     errors = found.standard_errors
@@ -164,7 +164,10 @@ _HIGH = 3.0  # times the mean
 
 
 def strong_correlations(found: IdentificationFit) -> list[tuple[str, str, float]]:
-    """Pairs of parameters that the readings hardly distinguish, |r| above 0.9, strongest first."""
+    """List pairs of parameters with |r| above 0.9, strongest first.
+
+    The readings hardly distinguish the two parameters of such a pair.
+    """
     correlations = np.nan_to_num(np.triu(found.correlations, k=1))
     pairs = np.argwhere(np.abs(correlations) > _STRONG)
     names = [p.name for p in found.model.parameters]
@@ -185,7 +188,7 @@ def high_leverage(found: IdentificationFit) -> list[tuple[int, float]]:
 
 
 def _of_link(model: ModelStructure, name: str) -> float | None:
-    """Nominal value of a parameter of a link, in the unit it is shown in; None for others."""
+    """Return the nominal value of a parameter of a link, in display units; None for others."""
     robot = model.robot
     kind, number = name.rstrip("0123456789"), name[len(name.rstrip("0123456789")) :]
     if not number:

@@ -46,7 +46,7 @@ def by_the_bar(dataset: Dataset) -> str:
 
 
 def rows_of(found: IdentificationFit) -> list[tuple[str, ...]]:
-    """One row of text a target, for `HEADINGS`."""
+    """Create one row of text per target, for `HEADINGS`."""
     return [
         (
             f"{offset.name} ({offset.kind})",

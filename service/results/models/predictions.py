@@ -15,9 +15,9 @@ COLUMNS = ("reading_id", "x_mm", "y_mm", "z_mm", "x_base_mm", "y_base_mm", "z_ba
 
 
 def predictions_csv(diagnosis: DiagnosisFit) -> str:
-    """One line a validation row, measured or not, in the order of the data set; mm, world frame.
+    """Write one CSV line per validation row, measured or not, in the order of the data set.
 
-    A column `simulated` is there where the readings come from simulators.
+    Points are in mm, in the world frame. A column `simulated` is added if the readings come from simulators.
     """
     dataset = diagnosis.dataset
     rows = dataset.sets == "validation"

@@ -48,7 +48,7 @@ class ErrorsByAxis(ResponseBody):
 
     @classmethod
     def of(cls, errors: Array) -> Self:
-        """The figures of errors (n, 3), mm."""
+        """Compute the errors by axis from errors (n, 3), mm."""
         from calib.comparison import mae, rmse
 
         by_axis = [dict(zip(ByAxis.model_fields, _UM * each(errors), strict=True)) for each in (mae, rmse)]
@@ -232,7 +232,7 @@ class RegressionOutcome:
 
 
 def findings(comparison: RegressionComparison, turned: tuple[TurnedPostureTest, ...]) -> list[str]:
-    """The findings from the figures, as sentences."""
+    """Derive the findings from the numbers, as sentences."""
     from calib.comparison import DIAGNOSIS, NOMINAL, TURN
 
     by_name = {s.predictor.name: s for s in comparison.scored}

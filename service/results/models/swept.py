@@ -13,7 +13,7 @@ from service.results.shape import document_of
 
 
 def document(dataset: Dataset, sweeps: Sequence[JointSweep], remarks: Sequence[str]) -> dict[str, Any]:
-    """The document of `sweeps --json`. Uncertainties are one standard deviation."""
+    """Build the document of `sweeps --json`. Uncertainties are one standard deviation."""
     return {
         "format": "truepose-sweeps/1",
         "data": document_of(DataShown.of(dataset)),
