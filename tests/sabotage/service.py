@@ -19,6 +19,41 @@ _LEASE = (
 
 CHANGES = (
     Change(
+        "acquisition/file_table.py",
+        'if parts.get("type") in ("list", "tuple") else {}',
+        'if parts.get("type") == "set" else {}',
+        "every wrong value of a campaign's list is described, and a stop waits",
+        ("tests/acquisition/test_files.py",),
+    ),
+    Change(
+        "fleet/outbox/folder.py",
+        "    if _MARK not in content:",
+        "    if _MARK not in content[:200]:",
+        "a history passes over a document whose format does not come first",
+        ("tests/service/test_history.py",),
+    ),
+    Change(
+        "service/http/work/corrections.py",
+        '    most = order["most_uncertainty_mm"] or math.inf',
+        "    most = math.inf",
+        "a target that the model knows too little is corrected over HTTP all the same",
+        ("tests/service/test_http_orders.py",),
+    ),
+    Change(
+        "calib/compensate/correction.py",
+        "        rows = uncertain & self.good",
+        "        rows = uncertain & ~self.good",
+        "a target that the model knows too little is corrected in Python all the same",
+        ("tests/truepose/test_api.py",),
+    ),
+    Change(
+        "service/job.py",
+        'read = read._replace(second=load_model(Path(other["file"])), other=Path(other["id"]))',
+        "pass",
+        "a validation over HTTP compares nothing",
+        ("tests/service/test_http_orders.py",),
+    ),
+    Change(
         "service/http/wire/bodies/fields.py",
         "        return first_of_a_list(handler(source))",
         "        return handler(source)",
