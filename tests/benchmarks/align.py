@@ -1,7 +1,8 @@
-"""The clocks of a moving robot and of a tracker, over simulated recordings of the paper's set-up: 38 waypoints in
-600 s, 75,000 samples of the robot, 6,000 of the tracker; and the time from the two files to the data set.
+"""Benchmark of the clocks of a moving robot and of a tracker, on simulated recordings.
 
-Then the same of arms that bend and that have worn gears, also where they go to 8 waypoints only, slowly.
+The recordings follow the paper's set-up: 38 waypoints in 600 s, 75,000 samples of the robot, 6,000 of the tracker.
+The time from the two files to the data set is measured as well. The same is repeated for arms that bend and that
+have worn gears, also with slow motion between 8 waypoints only.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ def run(count: int) -> bool:
 
 
 def _of_arms(count: int, path: str, arm: str) -> bool:
-    """Errors, jumps that are none, and how often the truth lies in the 95 % interval, for one arm on one path."""
+    """Judge clock errors, false jumps and coverage of the 95 % interval, for one arm and path."""
     found = [_errors(simulate(seed, **_PATHS[path], **_ARMS[arm])) for seed in range(1, count + 1)]
     offset, rate, _, in_u, steps, rate_in_u = (np.array(column) for column in zip(*found, strict=True))
     covered, rates_covered = (float(np.mean(np.abs(each) < 1.96)) for each in (in_u, rate_in_u))
@@ -93,8 +94,11 @@ def _of_arms(count: int, path: str, arm: str) -> bool:
 
 
 def _errors(moving: Moving) -> tuple[float, float, float, float, bool, float]:
-    """Errors of offset and rate, the step, the offset's error in standard errors, whether a step is seen, fitted or
-    named, and the rate's error in standard errors."""
+    """Return the errors of the fitted clocks.
+
+    The items are errors of offset and rate, the step, the offset's error in standard errors, whether a step is
+    detected, fitted or named, and the rate's error in standard errors.
+    """
     found: Aligned = align(
         load_robot("ur5"),
         JointStream(moving.robot_time, moving.joints),

@@ -1,7 +1,7 @@
-"""A second arm, for simulated campaigns by the hundred: 4x4 matrices over all poses at once, nothing else.
+"""Second arm for hundreds of simulated campaigns, as 4x4 matrices over all poses at once.
 
-No line of it is shared with the chain under test; `tests/calib/chain.py`, slower still and simpler still, checks it.
-Slots are named as there. Angles rad, lengths mm, torques N.mm.
+It shares no line with the chain under test; `tests/calib/chain.py`, slower and simpler still, checks it. Slots have
+the same names as there. Angles rad, lengths mm, torques N.mm.
 """
 
 from __future__ import annotations
@@ -34,7 +34,10 @@ def shift(x: float, y: float, z: float) -> Array:
 
 
 def link_frames(robot: Robot, joints: Array, add: Slots) -> list[Array]:
-    """Frames of base and links 1..N in the world, (4, 4) or (n, 4, 4) each, at model angles (n, N)."""
+    """Compute the world frames of base and links 1..N at model angles (n, N).
+
+    Each is (4, 4) or (n, 4, 4).
+    """
 
     def of(name: str) -> float:
         return float(add.get(name, 0.0))
@@ -59,14 +62,17 @@ def link_frames(robot: Robot, joints: Array, add: Slots) -> list[Array]:
 
 
 def tool_frames(robot: Robot, joints: Array, add: Slots, targets: Array) -> Array:
-    """(n, 4, 4) frames of the targets (n, 3), in the flange frame, in the world."""
+    """Compute the world frames (n, 4, 4) of targets (n, 3) that are given in the flange frame."""
     flange = link_frames(robot, joints, add)[-1].copy()
     flange[:, :3, 3] += np.einsum("nij,nj->ni", flange[:, :3, :3], targets)
     return flange
 
 
 def torques(robot: Robot, joints: Array) -> Array:
-    """(n, N) torque of gravity about every joint of the nominal robot: the loads beyond it, each with its lever."""
+    """Compute the gravity torque about every joint of the nominal robot, (n, N).
+
+    It is the sum of the loads beyond the joint, each with its lever.
+    """
     frames = link_frames(robot, joints, {})
     out = np.zeros(joints.shape)
     for load in robot.loads:

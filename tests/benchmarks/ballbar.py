@@ -1,8 +1,8 @@
-"""A robot calibrated by a ballbar alone: what the metrology chain is worth, and what fitting the legs themselves is.
+"""Benchmark of ballbar calibration: the gain by the metrology chain and by fitting the legs.
 
-Every seed draws an LR Mate and puts the three base cups 0.3 mm from where the cell file has them, the tool balls by
-their stated uncertainty. 61 configurations of the example's cell are measured leg by leg, and the sides of both
-triangles by the bar (Nubiola, thesis, chapter 4). Six calibrations of it:
+Every seed draws an LR Mate. Its three base cups are 0.3 mm away from the positions in the cell file, the tool balls
+by their stated uncertainty. 61 configurations of the example's cell are measured leg by leg, and the sides of both
+triangles by the bar (Nubiola, thesis, chapter 4). Six calibrations are compared:
 
     exact        legs, cups and balls of the tool where they really are: what no chain can better
     exact cups   legs, cups where they really are, balls stated with their uncertainty, and the sides of the tool
@@ -11,9 +11,9 @@ triangles by the bar (Nubiola, thesis, chapter 4). Six calibrations of it:
     poses        the chain, but poses solved from six legs and fitted as points
     single balls the same with every ball as a visit of its own: points that share nothing, as they usually are fitted
 
-Judged are positions against the simulated arm, as a tracker beside it would, in a frame of its own laid over the
-predicted points: within 200 mm of the point above the cups, and over all front/up configurations that the limits of
-the cell allow above the table.
+Positions are compared with the simulated arm, in a separate frame that is fitted to the predicted points, as with a
+tracker. Two regions are judged: within 200 mm of the point above the cups, and all front/up configurations that the
+limits of the cell allow above the table.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ Array = NDArray[np.float64]
 
 @cache
 def visits_of_example() -> tuple[Visit, ...]:
-    """61 configurations of the example's cell, as its campaign would visit them."""
+    """Plan the visits to 61 configurations of the example's cell, as its campaign would."""
     cell, _ = example()
     block = {"kind": "hexapod", "configurations": "all", "count": CONFIGURATIONS}
     campaign = campaign_from({"format": "truepose-campaign/1", "block": [block]}, "benchmark")
@@ -60,7 +60,10 @@ def visits_of_example() -> tuple[Visit, ...]:
 
 @cache
 def judged_joints() -> dict[str, Array]:
-    """Model angles (n, N), rad: `front/up` of the whole workspace, and `near` the point above the cups."""
+    """Draw model angles (n, N), rad, in two regions.
+
+    `front/up` covers the whole workspace, `near` the point above the cups.
+    """
     cell, _ = example()
     rng = np.random.default_rng(0)
     low, high = np.array(cell.robot.limits_deg).T
@@ -93,7 +96,10 @@ def errors_mm(model: ModelStructure, estimate: Array, truth: Truth, cell: Cell) 
 
 
 def study(seed: int, folder: Path, visits: Sequence[Visit] | None = None) -> Mapping[str, dict[str, float]]:
-    """Mean position errors, mm, of the nominal robot in its place and of each calibration of a seed."""
+    """Return mean position errors, mm, for each calibration of a seed.
+
+    The nominal robot in its place is included.
+    """
     cell, _ = example()
     truth = truth_of(cell, seed)
     blank = {"other_target": ""}
@@ -125,7 +131,7 @@ def study(seed: int, folder: Path, visits: Sequence[Visit] | None = None) -> Map
 
 
 def run(count: int = 20) -> bool:
-    """Print the errors over so many seeds beside what is wanted of them."""
+    """Print the errors over `count` seeds next to their limits."""
     with TemporaryDirectory() as folder:
         found = [study(seed, Path(folder)) for seed in range(1, count + 1)]
 

@@ -1,9 +1,10 @@
-"""Identification as one writes it by hand for one robot: an IRB 120 of the library, points of a tracker, nothing else.
+"""Identification written by hand for one robot: an IRB 120 of the library, tracker points.
 
-No names, no priors, no slots: modified DH, six numbers of the base, alpha, a, theta, d of links 2 to 6, the twist of
-axis 3 and the compliance of joints 2 to 6, in that order. Whitened as ours is, by the tracker's noise and the
-repeatability of the joints, solved by normal equations with a ridge that nobody sees. It takes for granted that every
-reading belongs, that these parameters are determined, and that its start is near.
+It has no names, priors or slots. The parameters are modified DH, six numbers of the base, alpha, a, theta, d of
+links 2 to 6, the twist of axis 3 and the compliance of joints 2 to 6, in that order. Readings are whitened as in
+the program, by the tracker's noise and the repeatability of the joints. The normal equations have a ridge too small
+to matter. The code assumes that every reading belongs, that these parameters are determined, and that its start is
+near.
 """
 
 from __future__ import annotations
@@ -109,7 +110,7 @@ def identify_by_hand(dataset: Dataset) -> tuple[Array, Array]:
 
 
 def _rotation(turn: Array) -> Array:
-    """(3, 3) of a small rotation vector (3,)."""
+    """Return the rotation matrix (3, 3) of a small rotation vector (3,)."""
     angle = float(np.sqrt(turn @ turn))
     if angle == 0.0:
         return np.eye(3)

@@ -1,13 +1,14 @@
-"""Campaigns that lose nothing: programs killed at random moments, and what the sequencer costs beyond its devices.
+"""Benchmark of campaigns: nothing lost after kills, and the overhead of the sequencer.
 
-Kills: campaigns of 300 poses on a simulated cell over real sockets, `count` kills in all, `KILLS_EACH` a campaign.
-Wanted: no acknowledged reading lost, none twice, every shot known by its attempt, every campaign at its end.
+Kills: campaigns of 300 poses run on a simulated cell over real sockets, and programs are killed at random moments.
+There are `count` kills in all, `KILLS_EACH` per campaign. No acknowledged reading may be lost or doubled, every
+shot must be known by its attempt, and every campaign must reach its end.
 
-Overhead: 10,000 poses on devices that cost nothing, record on the disk of the temporary folder (every pose is
-three syncs of it); time within the devices is not counted. Wanted: below 5 ms of processor time a pose, memory flat,
-a record of 9,900 readings resumed within 2 s and exported within 3 s. The time on the wall, which waits for the disk
-and for whatever else the machine does, is shown: the best `BLOCK` poses in a row and all of them, and beside it three
-bare commits.
+Overhead: 10,000 poses on devices that cost nothing, with the record on the disk of the temporary folder (every pose
+is three syncs of it). Time within the devices is not counted. Limits: 5 ms of processor time per pose, memory flat,
+and a record of 9,900 readings resumed within 2 s and exported within 3 s. The elapsed time, which waits for the
+disk and for other load of the machine, is printed: the best `BLOCK` poses in a row, all of them, and three bare
+commits.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def run(count: int = 200) -> bool:
 
 
 def kills(count: int) -> bool:
-    """Campaign after campaign until so many programs were killed."""
+    """Run campaign after campaign until `count` programs were killed."""
     killed = told = lost = twice = unknown = repeated = unfinished = 0
     while killed < count:
         with tempfile.TemporaryDirectory() as name:

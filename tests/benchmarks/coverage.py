@@ -1,9 +1,9 @@
-"""Coverage: how often the truth lies inside the 95 % interval that the program gives, over simulated campaigns.
+"""Coverage of the 95 % intervals that the program reports, over simulated campaigns.
 
-Every campaign draws a robot from the priors, poses and noise of its own, and is measured by the second arm
-(`tests.benchmarks.arm`). Counted are parameters, by estimate +- 1.96 standard errors, and positions at poses that took
-no part, by the ellipsoid of `IdentificationFit.predict_with_covariance`. Of parameters that readings cannot tell apart
-the truth keeps those at nominal that the program drops: only the combination has a true value.
+Every campaign draws a robot from the priors, poses and noise, and is measured by the second arm
+(`tests.benchmarks.arm`). Two kinds of value count: parameters, by estimate +- 1.96 standard errors, and held-out
+positions, by the ellipsoid of `IdentificationFit.predict_with_covariance`. If readings cannot distinguish
+parameters, the truth keeps at nominal those that the program drops, since only the combination has a true value.
 """
 
 from __future__ import annotations
@@ -42,7 +42,10 @@ POINT_MM, _ROTATION, _LENGTH_MM = 0.05, 1e-4, 0.02
 
 @dataclass(frozen=True)
 class Kind:
-    """What a campaign measures; declared: declared noise over true noise."""
+    """Measurement conditions of a campaign.
+
+    `declared` is the ratio of declared to true noise.
+    """
 
     name: str
     readings: int
@@ -66,7 +69,7 @@ KINDS = (
 
 @dataclass(frozen=True)
 class Campaign:
-    """A simulated campaign: its data set, the true positions (n, 3) of all rows, and the truth by parameter."""
+    """Simulated campaign: data set, true positions of all rows (n, 3), and truth by parameter."""
 
     data: Dataset
     positions: Array
@@ -101,7 +104,10 @@ def header_of(kind: Kind) -> Header:
 
 
 def simulate(kind: Kind, seed: int, still: frozenset[str] = frozenset()) -> Campaign:
-    """A campaign of its own robot, poses and noise; parameters of `still` are at nominal."""
+    """Simulate a campaign with a newly drawn robot, poses and noise.
+
+    The parameters of `still` are at nominal.
+    """
     rng = np.random.default_rng(seed)
     n = kind.readings + kind.fresh
     joints = rng.uniform(RANGE[:, 0], RANGE[:, 1], (n, ROBOT.joints))
@@ -160,7 +166,7 @@ def simulate(kind: Kind, seed: int, still: frozenset[str] = frozenset()) -> Camp
 def true_frames(
     truth: dict[str, float], joints: Array, names: tuple[str, ...], which: NDArray[np.int64]
 ) -> Array:
-    """(n, 4, 4) where the true robot holds its target."""
+    """Compute the frames of the target on the true robot, (n, 4, 4)."""
     torque = torques(ROBOT, joints)
     slots: dict[str, Array | float] = {
         f"theta{k}": truth.get(f"theta{k}", 0.0) + truth.get(f"c{k}", 0.0) * torque[:, k - 1]
@@ -176,7 +182,7 @@ def true_frames(
 
 
 def covered(campaign: Campaign, result: IdentificationFit) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which true parameters (p,) and which true positions (f,) lie within what the program says, at 95 %."""
+    """Mask the true parameters (p,) and true positions (f,) within the reported 95 % regions."""
     truth = dict(campaign.truth)
     for target in campaign.data.conditions.target_names:
         if f"{target}.rx" in truth:

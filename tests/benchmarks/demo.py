@@ -1,8 +1,9 @@
-"""The demo over seeds: every one over real sockets, as `truepose demo --seed N --json` in processes of their own.
+"""Benchmark of the demo over seeds, as `truepose demo --seed N --json` over real sockets.
 
-Wanted: the true label in the reported class for 18 of 20 seeds, the nominal robot worse than 1 mm, the robot
-verified within 1.3 of what noise and repeatability allow (every seed), each demo below 120 s.
-Demos mostly wait for simulated time, so `PARALLEL` of them run at once.
+Every seed runs in a separate process. The true label must be in the reported class for 18 of 20 seeds. For every
+seed, the nominal robot must be worse than 1 mm, and the robot must be verified within 1.3 of the error that noise
+and repeatability allow. Each demo must take less than 120 s. Demos mostly wait for simulated time, so `PARALLEL` of
+them run at once.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def classes(document: dict[str, Any]) -> str:
 
 
 def run(count: int) -> bool:
-    """Print one row a seed and the counts."""
+    """Print one row per seed and the counts."""
     with ThreadPoolExecutor(PARALLEL) as pool:
         documents = list(pool.map(demo, range(1, count + 1)))
     right = nominal = verified = 0

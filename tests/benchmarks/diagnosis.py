@@ -1,8 +1,8 @@
-"""Diagnosis over fresh seeds: is what is hidden named, is nothing else, and does the fit come close to the ideal?
+"""Benchmark of the diagnosis over new seeds: names, false names, and held-out errors.
 
-Sets are drawn by `diagnosis_sets`, what they can show is worked out by `diagnosis_truth` before any diagnosis, and
-what was told is judged by `diagnosis_judge`. An effect counts where the data can show it and tell it apart (lambda > 60
-and gap > 30). Every miss is printed with its seed.
+Sets are drawn by `diagnosis_sets`. `diagnosis_truth` computes their detectability before any diagnosis, and
+`diagnosis_judge` judges the result. An effect counts if the data can show and distinguish it (lambda > 60 and gap >
+30). Every miss is printed with its seed.
 """
 
 from __future__ import annotations
@@ -63,7 +63,10 @@ def tell(cases: Iterable[Case]) -> None:
 
 
 def named(kind: str, cases: Sequence[Case]) -> bool:
-    """Effects that the data can show: in the class, unique, and nothing certain that is not there."""
+    """Judge the names of detectable effects.
+
+    They must be in the class and unique, and no certain name may be wrong.
+    """
     pairs = [(case, s.label) for case in cases for s in case.shown]
     within = sum(case.in_class(label) for case, label in pairs)
     unique = sum(case.unique(label) for case, label in pairs)
@@ -80,7 +83,10 @@ def named(kind: str, cases: Sequence[Case]) -> bool:
 
 
 def known(count: int) -> bool:
-    """Effects of the library alone, in pairs and in triples; what all of them say of weights and held-out errors."""
+    """Judge effects of the library alone, in pairs and in triples.
+
+    All of them also judge weights and held-out errors.
+    """
     reached, cases = True, []
     for many, kind in enumerate(("single", "pair", "triple"), start=1):
         found = study(functools.partial(several, kind, many), SEEDS[kind], count)
@@ -94,9 +100,9 @@ def known(count: int) -> bool:
 
 
 def calibrated(cases: Sequence[Case]) -> bool:
-    """Weights against the share of names that are right, by bins of the top weight.
+    """Compare weights with the share of right names, by bins of the top weight.
 
-    A bin misses when it is off by more than wanted and by more than two standard errors of its share.
+    A bin misses when it is off by more than the tolerance and by more than two standard errors of its share.
     """
     tops = []
     for case in cases:
@@ -145,7 +151,7 @@ def nothing_missing(count: int) -> bool:
 
 
 def departures(count: int) -> bool:
-    """Laws that depart from the textbook, alone and beside two other effects."""
+    """Judge laws that depart from the textbook, alone and together with two other effects."""
     reached = True
     for beside, kind in ((0, "departure"), (2, "beside")):
         cases = study(functools.partial(departing, beside=beside), SEEDS[kind], count)
@@ -183,9 +189,9 @@ def unknown(count: int) -> bool:
 
 
 def asked_for(count: int) -> bool:
-    """Ambiguous narrow starts after the follow-up poses that the diagnosis chose; and the weights before them.
+    """Judge ambiguous narrow starts before and after the follow-up poses of the diagnosis.
 
-    Half as many as of other sets: some six starts are diagnosed for every one that is ambiguous.
+    There are half as many as of other sets: about six starts are diagnosed for every ambiguous one.
     """
     count = max(1, count // 2)
     found: list[Followed] = []
@@ -210,12 +216,12 @@ def asked_for(count: int) -> bool:
 
 
 def settled(f: Followed) -> bool:
-    """Whether the second diagnosis names the effect, as the only one and for certain."""
+    """Return whether the second diagnosis names the effect, as the only one and as certain."""
     return f.after.verdict == "attributed" and f.after.unique(f.after.truth.effects[0].label)
 
 
 def seconds_of(readings: int, labels: Sequence[str]) -> float:
-    """Seconds that a diagnosis of so many readings takes."""
+    """Return the time of a diagnosis of `readings` readings, s."""
     result = diagnose(load(crowded(readings, labels)))
     print(
         f"  {readings} readings: {len(result.effects)} effects found, {result.verdict}, {result.seconds:.1f} s"
@@ -240,7 +246,10 @@ def times(_: int) -> bool:
 
 
 def growth(_: int) -> bool:
-    """Time and memory of 12,000 readings with 40 effects, against 1,000 readings with the same; takes minutes."""
+    """Compare time and memory of 12,000 readings with those of 1,000; takes minutes.
+
+    Both have the same 40 effects.
+    """
     labels = [f"periodic:j{k}:n{order}" for k in range(1, 7) for order in (3, 7, 16, 31, 47, 101)]
     labels += ["backlash:j4", "drift_translation", "thermal_growth", "encoder_scale:j6"]
     few, many = seconds_of(1_000, labels), seconds_of(12_000, labels)
@@ -268,14 +277,17 @@ PARTS = {
 
 
 def run(count: int = 100) -> bool:
-    """Print the table, with `count` sets of every kind; a seed of foreign laws is 40 sets, one of designs 20."""
+    """Print the table with `count` sets of every kind.
+
+    A seed of foreign laws is 40 sets, one of designs 20.
+    """
     seeds = {"foreign": max(1, count // 20), "alarms": max(1, count // 10)}
     reached = [part(seeds.get(name, count)) for name, part in PARTS.items()]
     return all(reached)
 
 
 def main() -> int:
-    """One part of the table, or the growth of time and memory with the readings, which takes minutes."""
+    """Run one part of the table, or the growth of time and memory, which takes minutes."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.diagnosis")
     parser.add_argument("part", choices=(*PARTS, "growth"))
     parser.add_argument("count", nargs="?", type=int, default=100)

@@ -1,8 +1,8 @@
-"""Sets that lack nothing, in every design in which readings are alike: how many raise an alarm?
+"""Benchmark of false alarms in complete sets, in every design in which readings are alike.
 
-An alarm is any verdict but `complete`. Poses visited once with one target each; five visits a pose; repeatability five
-times the instrument's noise; three targets read in every visit, which share its repeatability; and all of these at
-once. Every alarm is printed with its seed.
+An alarm is any verdict but `complete`. The designs are: poses visited once with one target each; five visits per
+pose; repeatability five times the instrument's noise; three targets read in every visit, which share its
+repeatability. The last design combines all of these. Every alarm is printed with its seed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ NOISIER = 5.0  # repeatability over the instrument's noise
 
 @dataclass(frozen=True)
 class Design:
-    """How poses are visited: so many times each, so many targets at once, and the repeatability."""
+    """Design of the visits: visits per pose, targets per visit, and the repeatability."""
 
     each: int = 1
     at_once: int = 1
@@ -77,7 +77,7 @@ def campaign(name: str, n: int, seed: int) -> Campaign:
 
 
 def examine(drawn: tuple[str, int, int]) -> str | None:
-    """What was told of one set, where it is an alarm."""
+    """Diagnose one complete set; return its report if it is an alarm."""
     name, n, seed = drawn
     data: Dataset = load(campaign(name, n, seed))
     result = diagnose(data)

@@ -1,7 +1,7 @@
-"""An ambiguous start and what the diagnosis asks for next: narrow poses, then the follow-up poses it chose itself.
+"""Ambiguous start with narrow poses, then the follow-up poses that the diagnosis chose.
 
-All poses of the start lie within 35 % of every joint's range. Where the diagnosis is ambiguous, its follow-up poses are
-measured in the same world, after everything else, and all readings together are diagnosed again.
+All poses of the start lie within 35 % of every joint's range. If the diagnosis is ambiguous, its follow-up poses
+are measured in the same world, after all other readings, and all readings together are diagnosed again.
 """
 
 from __future__ import annotations
@@ -73,9 +73,10 @@ def _degrees(joints: Array) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Followed:
-    """The two diagnoses of one narrow start, and the procedures that were asked for beside the poses.
+    """Two diagnoses of one narrow start, and the procedures requested in addition to the poses.
 
-    apart: gap that as many poses over the whole ranges would have shown; where it is small, no pose tells.
+    `apart` is the gap that as many poses over the whole ranges would have shown. If it is small, no pose
+    distinguishes the effect.
     """
 
     before: Case
@@ -85,7 +86,7 @@ class Followed:
 
 
 def before_and_after(seed: int) -> Followed | None:
-    """A narrow start and what follows. None where nothing is ambiguous at first."""
+    """Diagnose a narrow start and its follow-up; return None if nothing is ambiguous at first."""
     draw = narrow(seed)
     try:
         campaign = narrow_campaign(draw)

@@ -1,8 +1,9 @@
-"""Laws that the library does not hold: is what they leave flagged, and is the place named right?
+"""Benchmark of laws that the library does not contain: flags and places.
 
-Each of the twenty laws (`foreign_laws`) acts at three times the noise on 200 and on 1000 readings of an IRB 120. A set
-counts where the readings can show the law beside the base model (lambda > 200) and tell it from any single effect of
-the library (gap > 60): what one name explains to the noise cannot be told from it. Every set is printed.
+Each of the twenty laws (`foreign_laws`) acts at three times the noise on 200 and on 1000 readings of an IRB 120. A
+set counts if the readings can show the law in addition to the base model (lambda > 200) and can distinguish it from
+any single effect of the library (gap > 60). A law that one name explains to the noise cannot be distinguished from
+that name. Every set is printed.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ VISITED = ("every_pose",)  # laws that only repeated poses can show
 
 @dataclass(frozen=True)
 class Examined:
-    """What was told of one foreign law."""
+    """Result of the diagnosis of one foreign law."""
 
     name: str
     n: int
@@ -53,7 +54,7 @@ class Examined:
 
     @property
     def counts(self) -> bool:
-        """Whether the readings can show the law, and tell it from any one name."""
+        """Whether the readings can show the law and distinguish it from any single name."""
         return self.size > STRUCTURE and self.gap > APART
 
     @property
@@ -71,7 +72,10 @@ class Examined:
 
 
 def campaign(name: str, n: int, seed: int) -> Campaign:
-    """A campaign in which one foreign law acts; its poses visited five times where only that can show it."""
+    """Simulate a campaign in which one foreign law acts.
+
+    Poses are visited five times if only repeated visits can show the law.
+    """
     total = n + VALIDATION
     world = World("abb-irb120", seed, session=Session(total))
     rng = stream(seed, POSE_STREAM)

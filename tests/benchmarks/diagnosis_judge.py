@@ -1,4 +1,4 @@
-"""One data set diagnosed and judged against its truth: which names are right, which are wrong, how good the fit is."""
+"""Diagnose one data set and judge its names and its fit against the truth."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ noise-free displacements, stand together: whoever is sent to look at one finds t
 
 
 def mechanism(label: str) -> str:
-    """What a technician would look at: 'angle of gear 4', 'tool'."""
+    """Return the part that a technician would inspect: 'angle of gear 4', 'tool'."""
     name, _, rest = label.partition(":")
     group = MECHANISMS.get(name, name)
     joint = rest.partition(":")[0].rpartition("j")[2]
@@ -64,7 +64,10 @@ def mechanism(label: str) -> str:
 
 
 def same(label: str, truth: str) -> bool:
-    """Whether two labels name one effect; harmonic orders off the whole numbers may differ by a tenth."""
+    """Return whether two labels name one effect.
+
+    Harmonic orders that are not whole numbers may differ by a tenth.
+    """
     if label == truth:
         return True
     one, other = label.rpartition(":n"), truth.rpartition(":n")
@@ -76,8 +79,11 @@ def same(label: str, truth: str) -> bool:
 
 @dataclass(frozen=True)
 class Case:
-    """What was hidden and what was told. classes: label -> weight of every effect found, heaviest first;
-    errors: RMS on validation rows, mm, of the base model and of the final one."""
+    """Hidden truth of a data set, and the result of its diagnosis.
+
+    `classes` maps, for every effect found, label to weight, heaviest first. `before` and `after` are RMS errors on
+    validation rows, mm, of the base model and of the final model.
+    """
 
     draw: Draw
     truth: Truth
@@ -94,27 +100,30 @@ class Case:
         return [s for s in self.truth.effects if s.size > SHOWN and s.gap > APART]
 
     def in_class(self, label: str) -> bool:
-        """Whether some class holds the label."""
+        """Return whether some class contains the label."""
         return any(same(c, label) for candidates in self.classes for c in candidates)
 
     def unique(self, label: str) -> bool:
-        """Whether it is the one name of some class."""
+        """Return whether the label is the certain name of some class."""
         return any(same(top, label) for top, _ in self.certain)
 
     def right_mechanism(self, label: str) -> bool:
-        """Whether some class, or some name that was withdrawn since carried terms explain more, is of its mechanism."""
+        """Return whether some class or withdrawn name has the mechanism of the label.
+
+        A name is withdrawn when carried terms explain more than it does.
+        """
         told = [*self.withdrawn, *(c for candidates in self.classes for c in candidates)]
         return any(mechanism(c) == mechanism(label) for c in told)
 
     @property
     def certain(self) -> list[tuple[str, dict[str, float]]]:
-        """The names told as certain, each with its class."""
+        """Names reported as certain, each with its class."""
         tops = [(next(iter(candidates)), candidates) for candidates in self.classes]
         return [(top, candidates) for top, candidates in tops if candidates[top] >= CERTAIN]
 
     @property
     def wrong(self) -> list[str]:
-        """Names told as certain that are not there, in classes that hold nothing which is."""
+        """Names reported as certain that are wrong, from classes without any hidden effect."""
         hidden = [s.label for s in self.truth.effects]
         return [
             top for top, candidates in self.certain if not any(same(c, h) for c in candidates for h in hidden)
@@ -122,7 +131,7 @@ class Case:
 
     @property
     def wrong_mechanism(self) -> list[str]:
-        """Names told as certain whose mechanism is none of the hidden ones."""
+        """Names reported as certain whose mechanism is none of the hidden ones."""
         hidden = {mechanism(s.label) for s in self.truth.effects}
         return [top for top, _ in self.certain if mechanism(top) not in hidden]
 
@@ -143,7 +152,7 @@ class Case:
 
 
 def case_of(draw: Draw, truth: Truth, result: DiagnosisFit) -> Case:
-    """What was told, beside what was hidden."""
+    """Combine the result of a diagnosis with the hidden truth."""
     before, after = result.error_before, result.error_after
     return Case(
         draw,
@@ -158,9 +167,9 @@ def case_of(draw: Draw, truth: Truth, result: DiagnosisFit) -> Case:
 
 
 def examine(draw: Draw, missing: bool = False) -> Case | None:
-    """Simulate and diagnose one set; None where it cannot show any effect that it hides.
+    """Simulate and diagnose one set; return None if the data cannot show any hidden effect.
 
-    missing: with the families of its effects taken out of the library.
+    If `missing`, the families of the hidden effects are removed from the library.
     """
     try:
         campaign = draw.campaign()
@@ -180,7 +189,10 @@ def examine(draw: Draw, missing: bool = False) -> Case | None:
 
 @contextmanager
 def without(*labels: str) -> Iterator[None]:
-    """The library without the families of these labels; of a periodic error all orders of its joint are gone."""
+    """Remove the families of these labels from the library.
+
+    For a periodic error, all orders of its joint are removed.
+    """
 
     def fewer(survey: Survey) -> list[Family]:
         return [

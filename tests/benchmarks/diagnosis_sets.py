@@ -1,8 +1,9 @@
-"""Simulated data sets for the judgement of the diagnosis: what is drawn, from which seeds, and how it is read back.
+"""Simulated data sets for the benchmark of the diagnosis: draws, seeds, and their files.
 
-Every set follows from its kind and its number. Robots: IRB 120 in three of five, LR Mate 200iC, UR10. Readings 50, 200
-or 1000, sizes spread evenly in their logarithm from 0.5 to 5 times the noise. First the name of an effect is drawn,
-then its joint, order, target or partner, so that no kind is drowned by the many orders of the periodic errors.
+Every set follows from its kind and its number. Robots: IRB 120 in three of five, LR Mate 200iC, UR10. Readings 50,
+200 or 1000, sizes spread evenly in their logarithm from 0.5 to 5 times the noise. The name of an effect is drawn
+first, then its joint, order, target or partner. Otherwise the many orders of the periodic errors would crowd out
+other kinds.
 """
 
 from __future__ import annotations
@@ -77,7 +78,13 @@ class Draw:
     fit: tuple[str, ...] = tuple(DEFAULT_FIT)
 
     def campaign(self) -> Campaign:
-        """The campaign. Raises ValueError where an effect moves nothing."""
+        """Simulate the campaign.
+
+        Raises
+        ------
+        ValueError
+            An effect moves nothing.
+        """
         mass_kg, cog_mm = TOOL.get(self.robot, (None, None))
         return make_campaign(
             self.robot,
@@ -117,7 +124,7 @@ def a_label(name: str, rng: np.random.Generator) -> str:
 
 
 def some_labels(count: int, rng: np.random.Generator, approach: str) -> tuple[str, ...]:
-    """So many different labels."""
+    """Draw `count` different labels."""
     names = [name for name in NAMES if name not in OF_LENGTHS or approach != "offset"]
     chosen: list[str] = []
     while len(chosen) < count:
@@ -147,14 +154,17 @@ def several(kind: str, count: int, seed: int) -> Draw:
 
 
 def lean(seed: int) -> Draw:
-    """A base model that lacks the twist of the parallel axes, or the compliances, of an arm that has them."""
+    """Draw a set whose base model lacks parallel twists or compliances that the arm has."""
     drawn = _draw("lean base model", seed, lambda rng, approach: ())
     lacking = ("parallel_twist", "compliance")[seed % 2]
     return replace(drawn, fit=tuple(group for group in DEFAULT_FIT if group != lacking))
 
 
 def complete(seed: int, declared: float = 1.0) -> Draw:
-    """A set that lacks nothing; declared: declared noise over true noise."""
+    """Draw a set without any hidden effect.
+
+    `declared` is the ratio of declared to true noise.
+    """
     return replace(_draw("complete", seed, lambda rng, approach: ()), declared=declared)
 
 
@@ -179,7 +189,10 @@ def outside(seed: int) -> Draw:
 
 
 def narrow(seed: int) -> Draw:
-    """A single effect for a start within a part of the joint ranges; from 5 deg before every pose."""
+    """Draw a single effect for a start within a part of the joint ranges.
+
+    Every pose is approached from a distance of 5 deg.
+    """
     drawn = _draw("narrow start", seed, lambda rng, approach: some_labels(1, rng, "offset"))
     return replace(drawn, n=200, approach="offset")
 
@@ -191,7 +204,10 @@ def measured(world: World, readings: Sequence[Reading]) -> Campaign:
 
 
 def crowded(readings: int, labels: Sequence[str], seed: int = 7) -> Campaign:
-    """A campaign of many readings with many effects, each scaled on a hundred poses: scaling on all takes minutes."""
+    """Simulate a campaign of many readings with many effects.
+
+    Each effect is scaled on a hundred poses, since scaling on all of them takes minutes.
+    """
     world = World("abb-irb120", seed, labels, session=Session(readings))
     rng = stream(seed, POSE_STREAM)
     return measured(world, plan(world, ["calibration"] * readings, True, "offset", rng))
@@ -200,8 +216,11 @@ def crowded(readings: int, labels: Sequence[str], seed: int = 7) -> Campaign:
 def visits(
     world: World, n: int, held_out: int, each: int, at_once: int, approach: str, rng: np.random.Generator
 ) -> tuple[list[str], list[Reading]]:
-    """n calibration and so many validation readings in random order of time: every pose visited `each` times, from
-    sides drawn anew, and `at_once` targets read in each visit, which share its repeatability."""
+    """Plan `n` calibration and `held_out` validation readings in random order of time.
+
+    Every pose is visited `each` times from newly drawn sides. Each visit reads `at_once` targets, which share its
+    repeatability.
+    """
     names, per_pose = list(world.targets), each * at_once
     sets = ["calibration"] * -(-n // per_pose) + ["validation"] * -(-held_out // per_pose)
     stops = [pose for pose in range(len(sets)) for _ in range(each)]

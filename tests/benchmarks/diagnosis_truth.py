@@ -1,15 +1,16 @@
-"""What a data set can show of its hidden effects, from the simulator's truth alone and before any diagnosis.
+"""Detectability of the hidden effects of a data set, from the simulator's truth alone.
 
-With J the whitened Jacobian of the base model, and of the true columns of all other hidden effects, P the projection
-on what they leave, and X beta the whitened displacement that an effect causes without noise:
+It is computed before any diagnosis. With J the whitened Jacobian of the base model, and of the true columns of all
+other hidden effects, P the projection on the complement of J, and X beta the whitened displacement that an effect
+causes without noise:
 
     lambda = |P X beta|^2                  what the data can show of it;
     gap    = lambda - max over rivals      what its best rival in the library, at its best place, does not explain;
     ideal  = held-out error of the fit with the true columns of all effects added.
 
 The Jacobian is taken at the fit of the same readings without the hidden effects. An effect with several amplitudes
-has one true column each. Rivals are all other labels, periodic errors with every whole order; half an order fits what
-any slope over a joint does, and is not held against it.
+has one true column each. Rivals are all other labels, and periodic errors with every whole order. Half an order
+fits like any slope over a joint, so it is no rival.
 """
 
 from __future__ import annotations
@@ -32,7 +33,10 @@ from mocks.world import Effect, World, displacement
 
 @dataclass(frozen=True)
 class Shown:
-    """What the data can show of one hidden effect; rival: label and share of lambda that it explains."""
+    """Detectability of one hidden effect.
+
+    `rival` is the label of the best rival, `share` the share of lambda that it explains.
+    """
 
     label: str
     size: float  # lambda
@@ -43,14 +47,17 @@ class Shown:
 
 @dataclass(frozen=True)
 class Truth:
-    """The hidden effects of a data set, and the RMS held-out error of the ideal fit, mm (nan without such rows)."""
+    """Hidden effects of a data set, and the RMS held-out error of the ideal fit.
+
+    The error is in mm, and nan without validation rows.
+    """
 
     effects: tuple[Shown, ...]
     ideal: float
 
 
 def truth_of(campaign: Campaign, data: Dataset) -> Truth:
-    """What `data`, read from the files of `campaign`, can show."""
+    """Compute the detectability of the effects in `data`, read from the files of `campaign`."""
     effects = hidden_in(campaign)
     columns = [true_columns(campaign.world, effect, campaign) for effect in effects]
     moved = sum((c.sum(axis=2) for c in columns), np.zeros((len(data), 3)))
@@ -66,7 +73,10 @@ def truth_of(campaign: Campaign, data: Dataset) -> Truth:
 
 
 def hidden_in(campaign: Campaign) -> list[Effect]:
-    """The hidden effects, and what the true arm has of twists and compliances that the header's base model lacks."""
+    """List the hidden effects, and the true terms that the header's base model does not free.
+
+    Those terms are parallel twists and joint compliances.
+    """
     world, freed = campaign.world, campaign.header["model"]["fit"]
     effects = list(world.effects)
     lacking = {
@@ -85,14 +95,14 @@ def hidden_in(campaign: Campaign) -> list[Effect]:
 
 
 def true_columns(world: World, effect: Effect, campaign: Campaign) -> Array:
-    """(n, 3, p) what each amplitude of an effect, alone, does to the noise-free readings, mm."""
+    """Compute the displacement of noise-free readings by each amplitude alone, (n, 3, p), mm."""
     names = list(effect.amplitudes)
     alone = [effect.with_values(**{other: 0.0 for other in names if other != name}) for name in names]
     return np.stack([displacement(world, one, campaign.readings) for one in alone], axis=2)
 
 
 def _whitened(base: IdentificationFit, columns: Array) -> Array:
-    """(k n, p) whitened columns of the readings of a fit."""
+    """Whiten columns for the readings of a fit, (k n, p)."""
     readings = base.readings
     return np.einsum("abn,nbp->anp", readings.observed.whiten, columns[readings.rows]).reshape(
         -1, columns.shape[2]
@@ -102,7 +112,7 @@ def _whitened(base: IdentificationFit, columns: Array) -> Array:
 def shown_beside(
     space: Space, library: list[Family], label: str, displaced: Array, others: list[Array]
 ) -> Shown:
-    """lambda and gap of one effect beside the true columns of the others."""
+    """Compute lambda and gap of one effect, given the true columns of the others."""
     basis = _wider(space.basis, others)
     held = np.zeros(len(basis))
     held[: space.size] = displaced
@@ -121,7 +131,7 @@ def shown_beside(
 
 
 def _rivals(family: object, label: str) -> NDArray[np.bool_]:
-    """Which places of a family are rivals of the effect `label`."""
+    """Mask the places of a family that are rivals of the effect `label`."""
     if isinstance(family, HarmonicScores):
         orders = family.family.orders
         whole = np.abs(orders - np.round(orders)) < 1e-9
@@ -134,7 +144,7 @@ def _rivals(family: object, label: str) -> NDArray[np.bool_]:
 
 
 def _wider(basis: Array, others: list[Array]) -> Array:
-    """The basis with what the columns of the other effects add to it."""
+    """Extend the basis by the directions that the columns of the other effects add."""
     if not others:
         return basis
     columns = np.column_stack(others)
@@ -147,10 +157,10 @@ def _wider(basis: Array, others: list[Array]) -> Array:
 
 
 def _ideal(data: Dataset, moved: Array, space: Space, columns: list[Array], whitened: list[Array]) -> float:
-    """RMS error, mm, on validation rows of the linear fit of base model and true columns.
+    """Return the RMS error of the linear fit of base model and true columns, mm.
 
-    Without the effects the readings are those of the quiet fit; a fit of the full readings finds the true amplitudes
-    and, beside them, what the true columns make of the noise.
+    It is taken on validation rows. Without the effects, the readings are those of the quiet fit. A fit of the full
+    readings finds the true amplitudes plus the part of the noise that the true columns absorb.
     """
     rows = data.validation_rows & data.pointed
     if not rows.any():

@@ -1,14 +1,15 @@
-"""Many data sets by two local workers against one, and what scheduler and command cost beside the work.
+"""Benchmark of fleet diagnosis: two local workers against one, and the scheduling overhead.
 
-Elapsed times tell of the neighbours on a busy machine, so the processor time of every process stands beside them: what
-two workers spend, and so what they would take on two processors of their own. A diagnosis that costs more in the second
-run, as where caches are shared, is the machine's doing: elapsed times have it, the ratio by processor time counts a
-diagnosis alike in both. What all spend while they wait goes by the second: it is measured before the work and taken out
-for the seconds that the neighbours took. The start of the call is apart: it is paid once, whether four data sets follow
-or a hundred thousand.
+Elapsed times depend on the other load of a busy machine, so the processor time of every process is printed as well.
+It gives the time of two workers on two processors that they have for themselves. A diagnosis may cost more in the
+second run, for example with shared caches. That is a property of the machine: elapsed times contain it, but the
+ratio by processor time counts a diagnosis alike in both runs.
 
-The data sets have a gear error each, of eight kinds of chance; beyond eight a remark in the header makes one another,
-which costs the same work. Every run has a store of its own.
+Waiting costs processor time per second. It is measured before the work and subtracted for the seconds that other
+processes took. The start of the call is separate: it is paid once, for four data sets or for a hundred thousand.
+
+The data sets have one of eight gear errors each. Beyond eight, a remark in the header makes a new data set that
+costs the same work. Every run has a separate store.
 """
 
 from __future__ import annotations
@@ -38,8 +39,12 @@ WAIT_S = 10.0  # without work
 
 @dataclass(frozen=True)
 class Spent:
-    """One run. Seconds of processor time: start_s: of all processes until the workers wait for work; workers_s: of each
-    worker from then on; tally.overhead_s: of scheduler and command. Waiting, a second: command_idle, worker_idle."""
+    """Processor time of one run, s.
+
+    `start_s` is that of all processes until the workers wait for work, `workers_s` that of each worker from then
+    on. `tally.overhead_s` is that of scheduler and command. `command_idle` and `worker_idle` are the cost of
+    waiting per second.
+    """
 
     tally: ProgressCounts
     start_s: float
@@ -50,7 +55,10 @@ class Spent:
 
     @property
     def on_two_processors(self) -> float:
-        """Seconds that these processes take on two processors that nobody else uses, if nothing waits for a disk."""
+        """Return the time that these processes take on two free processors, s.
+
+        Nothing is assumed to wait for a disk.
+        """
         return max(*self.workers_s, (sum(self.workers_s) + self.tally.overhead_s) / 2.0, 0.0)
 
     @property
@@ -60,7 +68,7 @@ class Spent:
 
 
 def run(count: int = 64, readings: int = READINGS) -> bool:
-    """Measure, print; whether two workers are so much faster and the scheduler so cheap."""
+    """Measure and print; return whether two workers are fast enough and the scheduler cheap enough."""
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         write_sets(root / "data", count, readings)
@@ -107,7 +115,7 @@ def run(count: int = 64, readings: int = READINGS) -> bool:
 
 
 def write_sets(folder: Path, count: int, readings: int) -> None:
-    """So many data sets, each another by its header."""
+    """Write `count` data sets; each differs by its header."""
     texts = []
     for seed in range(1, min(count, KINDS) + 1):
         campaign = make_campaign(

@@ -1,9 +1,10 @@
-"""Thousands of data sets while a worker, the scheduler and the database are ended: what is lost, what is done twice.
+"""Benchmark of lost or repeated work while worker, scheduler and database are killed.
 
-Once with an SQLite file and once with a PostgreSQL, which is stopped and started besides. Real processes as
-docs/fleet-engine.md has them, TLS, the store's own data sets. One data set in a hundred is diagnosed (40 readings, one
-effect); of the others the reading is what is done, for they hold none and are refused: a job is a job for scheduler,
-claims and store. Every statement of a worker is noted beside the store, so that work done twice is seen.
+It diagnoses thousands of data sets, once with an SQLite file and once with a PostgreSQL, which is also stopped and
+started. Processes are real as in docs/fleet-engine.md, with TLS and the store's data sets. One data set in a
+hundred is diagnosed (40 readings, one effect). The others hold no reading and are refused when they are read: this
+is a job like any other for scheduler, claims and store. Every statement of a worker is also noted outside the
+store, so that work done twice is detected.
 """
 
 from __future__ import annotations
@@ -36,7 +37,10 @@ START_S = 300.0
 
 @dataclass
 class Plant:
-    """A scheduler and two workers. Files: certificates and notes; address: of the scheduler."""
+    """Scheduler and two workers.
+
+    `files` are certificates and notes; `address` is that of the scheduler.
+    """
 
     folder: Path
     files: dict[str, Path]
@@ -104,7 +108,10 @@ def _run(count: int, cluster: Cluster | None) -> bool:
 
 
 def _killed(plant: Plant, order: DiagnosisOrder, sources: list[DatasetSource]) -> set[tuple[str, bytes]]:
-    """One call whose worker is killed after a quarter, and whose scheduler after half; the results that it has made."""
+    """Run one call and return the results that it has made.
+
+    Its worker is killed after a quarter, and its scheduler after half.
+    """
     with plant.running(1):
         assert plant.worker is not None
         assert plant.scheduler is not None
@@ -127,7 +134,10 @@ def _killed(plant: Plant, order: DiagnosisOrder, sources: list[DatasetSource]) -
 def _again(
     plant: Plant, order: DiagnosisOrder, sources: list[DatasetSource], cluster: Cluster | None
 ) -> ProgressCounts:
-    """The same call, which does what is left; its database goes in the middle, and comes back when that is told."""
+    """Repeat the call, which does the remaining work.
+
+    Its database is stopped in the middle, and started when that is reported.
+    """
     gone: list[int] = []
 
     def stop(tally: ProgressCounts) -> None:

@@ -1,10 +1,10 @@
-"""The store of a plant with 100,000 models: how long a trend page waits, and how fast models are put in.
+"""Benchmark of a plant store with 100,000 models: response times of trend pages and imports.
 
-2,000 robots with 50 models of 40 parameters each, on an SQLite file and on a PostgreSQL of its own. The store takes in
-the models of a twentieth of them; the database copies their rows for the others, visit by visit. Every page is asked
-for 20 robots drawn at random, once each, over a connection that is open already; half of them below 0.3 s, since the
-longest tells of the neighbours on a busy machine: it is printed. At the end every measurement of twenty robots is
-diagnosed again by three versions, which stand in the place of the models.
+2,000 robots have 50 models of 40 parameters each, on an SQLite file and on a separate PostgreSQL. The store imports
+the models of a twentieth of them; the database copies their rows for the others, visit by visit. Every page is
+requested once for each of 20 random robots, over an open connection. Half of the times must be below 0.3 s. The
+longest time depends on the other load of a busy machine and is only printed. At the end, every
+measurement of twenty robots gets results of three program versions, which replace the models.
 """
 
 from __future__ import annotations
@@ -103,8 +103,10 @@ def _measured(name: str, url: str, models: int, cluster: Cluster | None = None) 
 
 
 def _copied(url: str) -> int:
-    """The rows of every robot again for others; how many models there are then. Their numbers are below zero, where
-    the database gives none itself."""
+    """Copy the rows of every robot for others and return the number of models.
+
+    The copies have numbers below zero if the database gives none itself.
+    """
     robot, document, content, parameter = tables.robot, tables.document, tables.content, tables.parameter
     numbers = sa.union_all(*(sa.select(sa.literal(k).label("k")) for k in range(1, ALIKE))).subquery()
     k, mark = numbers.c.k, sa.literal("-") + sa.cast(numbers.c.k, sa.Text)

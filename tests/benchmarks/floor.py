@@ -1,8 +1,9 @@
-"""How close identification comes to the least error that the noise allows, against the truth, without its noise.
+"""Benchmark of identification against the least error that the noise allows.
 
-At the poses that were measured a fit of p parameters to n points cannot do better than sigma sqrt(3) sqrt(p / 3n) on
-average, whatever the poses. At poses that took no part the floor follows from where the readings were: the bound of
-Cramer and Rao, trace(G (J'J)^-1 G') with J and G differences of the second arm at the truth.
+The error is taken against the truth, without its noise. At the measured poses, a fit of p parameters to n points
+cannot do better than sigma sqrt(3) sqrt(p / 3n) on average, for any poses. At held-out poses, the floor follows
+from the poses of the readings: the bound of Cramer and Rao, trace(G (J'J)^-1 G') with J and G differences of the
+second arm at the truth.
 """
 
 from __future__ import annotations

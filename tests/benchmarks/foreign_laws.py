@@ -1,8 +1,8 @@
-"""Twenty laws that the library does not hold, for the simulator: label foreign:NAME.
+"""Twenty laws that the library does not contain, for the simulator: label foreign:NAME.
 
-Each is written down here from what happens in a cell, not from the library. Amplitude `a` alone is scaled; a law that
-turns joints counts it in deg, one that moves the point in mm. Beside each stands where a report may say that it lives,
-by the beginning of the driver's name.
+Each is written here from the physics of a cell, not from the library. Only amplitude `a` is scaled; a law that
+turns joints counts it in deg, one that moves the point in mm. The argument of `law` lists where a report may locate
+the law, by the beginning of the driver's name.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ WAVES = 16
 
 
 def law(*places: str) -> Callable[[Law], Law]:
-    """Enters a law under its name, with the places where it may be said to live."""
+    """Enter a law under its name, with the places where a report may locate it."""
 
     def enter(function: Law) -> Law:
         LAWS[function.__name__] = (function, places)
@@ -73,7 +73,7 @@ def largest(world: World, joint: int) -> float:
 
 
 def flange(arm: Arm) -> Any:
-    """(3, 3) axes of the flange in the base frame."""
+    """Return the axes of the flange in the base frame, (3, 3)."""
     return arm.nominal_chain[-1][:3, :3]
 
 
@@ -130,14 +130,20 @@ def torque_squared(world: World, rng: np.random.Generator) -> Effect:
 
 @law(*LOADS, *JOINTS)
 def torque_by_torque(world: World, rng: np.random.Generator) -> Effect:
-    """The upper arm bends under joint 3's load by as much as joint 5's leaves the wrist out of line."""
+    """Bend the upper arm under joint 3's load when joint 5's load turns the wrist out of line.
+
+    The error is the product of the two torques.
+    """
     top3, top5 = largest(world, 3), largest(world, 5)
     return turning("torque_by_torque", 4, lambda arm: (arm.torques[2] / top3) * (arm.torques[4] / top5) * 3.0)
 
 
 @law(*TIME)
 def relaxing_step(world: World, rng: np.random.Generator) -> Effect:
-    """A blow displaces the instrument's stand, which creeps back within a twelfth of the campaign."""
+    """Displace the instrument's stand by a blow.
+
+    It creeps back within a twelfth of the campaign.
+    """
     duration = world.session.duration_s
     begin, along = float(rng.uniform(0.2, 0.7)) * duration, rng.normal(size=3)
 
@@ -150,7 +156,7 @@ def relaxing_step(world: World, rng: np.random.Generator) -> Effect:
 
 @law(*TIME)
 def correlated_noise(world: World, rng: np.random.Generator) -> Effect:
-    """Air in layers before the instrument: noise that each reading keeps by 0.9 of the one before."""
+    """Add noise that each reading keeps by 0.9 of the one before, as from layers of air."""
     n = world.session.readings
     noise = rng.normal(size=(n + 8, 3))
     for i in range(1, len(noise)):
@@ -200,7 +206,10 @@ def joint_field(world: World, rng: np.random.Generator) -> Effect:
 
 @law("region", *JOINTS)
 def room_field(world: World, rng: np.random.Generator) -> Effect:
-    """A smooth field over the workspace, with a correlation length of 250 mm: the air, the floor."""
+    """Add a smooth field over the workspace with a correlation length of 250 mm.
+
+    Air or floor cause such a field.
+    """
     of = field(rng, 3)
     return moving("room_field", "point", lambda sight: of(sight.point / 250.0))
 
@@ -226,7 +235,10 @@ def lever(world: World, rng: np.random.Generator) -> Effect:
 
 @law("overturning", "joint 1", "region", *LOADS)
 def weak_floor(world: World, rng: np.random.Generator) -> Effect:
-    """The floor is soft on one side alone: it gives way to a moment beyond what it carried before."""
+    """Lean the base on a floor that is soft on one side only.
+
+    The floor yields to the square of the moment towards that side.
+    """
     side = float(rng.uniform(-math.pi, math.pi))
 
     def act(arm: Arm, p: Values) -> None:
@@ -240,7 +252,10 @@ def weak_floor(world: World, rng: np.random.Generator) -> Effect:
 
 @law("direction of view", "region", *JOINTS)
 def instrument_circle(world: World, rng: np.random.Generator) -> Effect:
-    """The instrument's horizontal circle is eccentric in a high order: errors across the beam by azimuth."""
+    """Add an eccentricity of high order to the instrument's horizontal circle.
+
+    The errors are across the beam, by azimuth.
+    """
     phase = float(rng.uniform(0.0, 6.0))
 
     def by(sight: Sight) -> Any:
@@ -266,7 +281,10 @@ def loose_nest(world: World, rng: np.random.Generator) -> Effect:
 
 @law("each pose")
 def every_pose(world: World, rng: np.random.Generator) -> Effect:
-    """Each pose has an error of its own, the same at every visit: a rough gear, seen at few places."""
+    """Give each pose a random error that is the same at every visit.
+
+    This is a rough gear, sampled at few places.
+    """
 
     def by(sight: Sight) -> Any:
         return np.random.default_rng([7, *(int(1e3 * (q + 720.0)) for q in sight.state.joints_deg)]).normal(

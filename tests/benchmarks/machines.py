@@ -1,9 +1,9 @@
-"""Machines that are no six turning joints: identified, what they lack named, and driven by corrected targets.
+"""Benchmark of machines other than six turning joints: identify, diagnose, correct.
 
-A SCARA, a palletizer whose rods couple its joints, an arm of seven joints, six joints on a tilted track and a
-positioner of two axes, simulated by `tests/calib/true_machine.py`. `truepose.diagnose` identifies each from a campaign
-that is wrong in one thing that no base model has; new targets are corrected by `truepose.compensate` with that model
-and driven on the simulated machine. The floor is the noise of one reading alone.
+The machines are a SCARA, a palletizer whose rods couple its joints, an arm of seven joints, six joints on a tilted
+track and a positioner of two axes. `tests/calib/true_machine.py` simulates them. `truepose.diagnose` identifies
+each from a campaign with one error that no base model contains. `truepose.compensate` corrects new targets with
+that model, and the simulated machine drives them. The floor is the noise of one reading alone.
 """
 
 from __future__ import annotations
@@ -36,8 +36,10 @@ refused."""
 
 @dataclass(frozen=True)
 class Case:
-    """A machine, what is wrong with it, and the labels by which that counts as named; from which side each joint of the
-    controller comes to driven targets, from below where not said."""
+    """Machine, its error, and the labels that count as naming the error.
+
+    `sides` states from which side each joint of the controller comes to driven targets; from below if it is empty.
+    """
 
     machine: str
     title: str
@@ -60,7 +62,10 @@ def _wave(link: int, order: int, amplitude: float) -> Wrong:
 
 
 def _crooked(link: int, size: float) -> Wrong:
-    """A rail that sags between its ends and leans aside where two pieces of it meet: no sum of half waves."""
+    """Return a rail error that is no sum of half waves.
+
+    The rail sags between its ends and leans to the side at the joint of its two pieces.
+    """
 
     def wrong(robot: Robot, joints: Array, side: Array) -> dict[str, Array]:
         low, high = robot.lower[link - 1], robot.upper[link - 1]
@@ -101,7 +106,7 @@ class Simulated:
 
 
 def simulated(case: Case, seed: int, folder: Path, calibration: int, validation: int) -> Simulated:
-    """A campaign on a machine with errors of its own."""
+    """Simulate a campaign on a machine with random geometric errors."""
     rng = np.random.default_rng([seed, sum(case.title.encode())])
     robot = machine(case.machine, folder)
     n = calibration + validation
@@ -136,8 +141,11 @@ def simulated(case: Case, seed: int, folder: Path, calibration: int, validation:
 
 @dataclass(frozen=True)
 class Driven:
-    """New targets of T1 driven as they are and corrected: RMS misses, mm, how many of `asked` were corrected, and the
-    largest turn, deg, that was left because the arm cannot make it."""
+    """Results for new targets of T1, driven as they are and corrected.
+
+    `plain` and `corrected` are RMS misses, mm. `good` of `asked` targets were corrected. `left_deg` is the largest
+    rotation that was left because the arm cannot make it.
+    """
 
     plain: float
     corrected: float
@@ -147,10 +155,11 @@ class Driven:
 
 
 def driven(case: Case, made: Simulated, model: truepose.Model, seed: int, count: int) -> Driven:
-    """`count` new targets, corrected by `truepose.compensate`, driven on the true machine and read with noise.
+    """Drive `count` new targets on the true machine, plain and corrected.
 
-    Wanted is where the nominal robot puts T1 in the base that was identified. Of a machine that can put a point
-    nowhere at will (a positioner) it is the best that the true machine can do, which is searched for.
+    `truepose.compensate` corrects them, and the true machine is read with noise. The goal is the pose of T1 of the
+    nominal robot in the identified base. A positioner cannot reach an arbitrary point; its goal is the best pose of
+    the true machine, found by a search.
     """
     rng = np.random.default_rng([seed, 1 + sum(case.title.encode())])
     truth = made.truth
@@ -183,7 +192,7 @@ def driven(case: Case, made: Simulated, model: truepose.Model, seed: int, count:
 
 
 def base_of(model: truepose.Model) -> Array:
-    """(4, 4) the identified base in the frame of the readings, mm."""
+    """Return the identified base in the frame of the readings, (4, 4), mm."""
     saved = model.saved
     found = {name: float(saved.estimate[i]) for name, i in saved.model.index.items()}
     (place,) = saved.model.placements.values()
@@ -191,7 +200,10 @@ def base_of(model: truepose.Model) -> Array:
 
 
 def best_of(truth: TrueMachine, joints: Array, side: Array, wanted: Array) -> Array:
-    """(n, 4, 4) poses of T1 nearest to those wanted that the true machine takes; 1 rad counts as `LEVER_MM`."""
+    """Find the poses of T1, (n, 4, 4), nearest to the goals that the true machine can take.
+
+    1 rad counts as `LEVER_MM`.
+    """
     unit = joint_scale(truth.robot)
 
     def pose(i: int, moved: Array) -> Array:
@@ -208,8 +220,12 @@ def best_of(truth: TrueMachine, joints: Array, side: Array, wanted: Array) -> Ar
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the program made of a case: labels found, RMS of the nominal robot in its place, mm, that of the base model
-    and of the final one on held-out readings over the floor, what was driven with the final one, and seconds."""
+    """Result of the diagnosis of a case.
+
+    `nominal` is the RMS error of the nominal robot in its place, mm. `base` and `final` are the errors of the base
+    model and of the final model on held-out readings, relative to the floor. `driven` holds the results with the
+    final model.
+    """
 
     labels: tuple[str, ...]
     nominal: float
@@ -219,11 +235,11 @@ class Outcome:
     seconds: float
 
     def names(self, case: Case) -> bool:
-        """Whether what is wrong was named."""
+        """Return whether the error of the case was named."""
         return any(label in case.named for label in self.labels)
 
     def reaches(self, case: Case) -> bool:
-        """Whether everything wanted is there."""
+        """Return whether every criterion is met."""
         enough = self.driven.good >= ENOUGH * self.driven.asked
         return (
             enough
@@ -234,7 +250,7 @@ class Outcome:
 
 
 def outcome_of(case: Case, made: Simulated, seed: int, count: int) -> Outcome:
-    """The diagnosis of a campaign, judged by its held-out readings and by driving `count` targets with its model."""
+    """Diagnose a campaign and judge it by held-out readings and by driving `count` targets."""
     found = truepose.diagnose(made.dataset.path)
     rms = found.errors["rms"].tolist()
     return Outcome(
@@ -248,7 +264,10 @@ def outcome_of(case: Case, made: Simulated, seed: int, count: int) -> Outcome:
 
 
 def run(count: int = 3) -> bool:
-    """Every case with `count` seeds; True where all reach the floor, are named, and are corrected."""
+    """Run every case with `count` seeds; return whether all criteria are met.
+
+    Each case must reach the floor, name the error, and correct the targets.
+    """
     reached = True
     print(
         f"machine, what is wrong: nominal in its place, mm | held out over the floor of {FLOOR_MM:.3f} mm, base model "

@@ -1,6 +1,6 @@
-"""Files that mean something else than they say: every usual mistake alone, on every robot, and sets that are only odd.
+"""Benchmark of files with one usual mistake each, on every robot, and of odd but right sets.
 
-A mistake counts as named where the readings are refused, exit code 2, with the words that mend it. Sets without a
+A mistake counts as named if the readings are refused, exit code 2, with the words that mend it. Sets without a
 mistake (zero tools, tilted bases, one-joint sweeps, narrow workspaces, distances only) must all be read.
 """
 
@@ -148,7 +148,10 @@ def _of_another_target(files: Files) -> None:
 
 
 def mistakes(robot: dict[str, Any]) -> Iterator[tuple[str, Callable[[Files], None], str, bool]]:
-    """Name, what it does to the files, words that mend it, and whether it is in a robot file of the user's own."""
+    """Yield each mistake: its name, its change to the files, and the words that mend it.
+
+    The last item states whether the mistake is in a robot file of the user.
+    """
     count = len(robot["link"])
     for k in range(1, count + 1):
         yield f"sign of joint {k}", _joint(k, lambda q: -q), f"sign of the column j{k}_deg", False
@@ -183,7 +186,7 @@ def mistakes(robot: dict[str, Any]) -> Iterator[tuple[str, Callable[[Files], Non
 
 
 def refusal(folder: Path, files: Files, *, own: bool) -> str:
-    """The text with which the files are refused; empty where they are read."""
+    """Return the text with which the files are refused, or an empty text if they are read."""
     rows, header, robot = files
     if own:
         (folder / "own.toml").write_text(tomli_w.dumps(robot | {"name": "own"}), encoding="utf-8")
@@ -196,7 +199,7 @@ def refusal(folder: Path, files: Files, *, own: bool) -> str:
 
 
 def files_of(robot: str, seed: int) -> Files:
-    """A simulated campaign of 20 poses, three targets of the tool in turn, and the table of its robot."""
+    """Simulate 20 poses, three targets of the tool in turn; also return the robot table."""
     campaign = make_campaign(robot, seed=seed, n=_POSES, n_validation=0, effects=[])
     table = tomllib.loads((BUILT_IN / f"{robot}.toml").read_text(encoding="utf-8"))
     return copy.deepcopy(campaign.rows), {**campaign.header, "world": "free"}, table
@@ -224,7 +227,10 @@ def study(seeds: int) -> tuple[Counter[str], Counter[str], list[str]]:
 
 
 def odd_sets(count: int) -> Iterator[tuple[str, Cell, dict[str, Any]]]:
-    """Sets without a mistake that are hard to place: what is odd about each, its readings, keys of its header."""
+    """Yield sets without a mistake that are hard to place.
+
+    Each item holds the oddity, the readings, and keys of the header.
+    """
     everything = ["base", "geometry", "parallel_twist", "compliance", "tool"]
     for seed in range(count):
         rng = np.random.default_rng(seed)

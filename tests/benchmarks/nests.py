@@ -1,10 +1,15 @@
-"""Cups out of place: the ballbar example with its base cups 0.3 mm from where the cell file puts them.
+"""Benchmark of displaced cups: the ballbar example with base cups 0.3 mm out of place.
 
-Every seed draws an arm, directions for the three cups and offsets of the tool balls; the campaign's legs are measured
-on it and fitted four times: with the positions as they really are, with those of the file as exact, with those of the
-file as known to their uncertainty, and so with the sides of both triangles measured as well. Judged are positions
-within 200 mm of the point above the cups, against the simulated arm, as a tracker beside it would: in a frame of its
-own, laid over the predicted points.
+The cups are 0.3 mm away from the positions in the cell file. Every seed draws an arm, directions for the three cups
+and offsets of the tool balls. The legs of the campaign are measured and fitted four times:
+
+* with the true positions;
+* with the positions of the file as exact;
+* with the positions of the file and their uncertainty;
+* the same, with the sides of both triangles measured as well.
+
+Positions within 200 mm of the point above the cups are compared with the simulated arm. As with a separate tracker,
+its frame is fitted to the predicted points.
 """
 
 from __future__ import annotations
@@ -42,7 +47,7 @@ Places = Mapping[str, Sequence[float] | Array]
 
 @dataclass(frozen=True)
 class Truth:
-    """The simulated arm, and where cups and tool balls really are."""
+    """Simulated arm, and the true positions of cups and tool balls."""
 
     world: World
     cups: Mapping[str, Array]
@@ -58,7 +63,10 @@ def example() -> tuple[Cell, tuple[Visit, ...]]:
 
 
 def truth_of(cell: Cell, seed: int, off_mm: float = OFF_MM) -> Truth:
-    """Every cup `off_mm` away in a direction of its own, tool balls off by their stated uncertainty."""
+    """Draw an arm with every cup `off_mm` away in a random direction.
+
+    The tool balls are displaced by their stated uncertainty.
+    """
     rng = np.random.default_rng([seed, 99])
     away = {
         name: off_mm * v / np.linalg.norm(v)
@@ -81,7 +89,10 @@ def truth_of(cell: Cell, seed: int, off_mm: float = OFF_MM) -> Truth:
 
 
 def legs_of(truth: Truth, cell: Cell, visits: Sequence[Visit]) -> list[Row]:
-    """Every leg of every pose, measured; of whatever length, as if the second stage had brought all into the stroke."""
+    """Measure every leg of every pose.
+
+    Any length is accepted, as if the second stage had brought all legs into the stroke.
+    """
     rng = np.random.default_rng([truth.world.seed, 98])
     rows: list[Row] = []
     for number, visit in enumerate(visits):
@@ -139,7 +150,7 @@ def header_of(cell: Cell, cups: Places, balls: Places, **more: Any) -> dict[str,
 
 
 def predicted_mm(model: ModelStructure, estimate: Array, joints: Array, cell: Cell) -> Array:
-    """(n, 3) where a model puts the first target of the cell's tool, mm, under the loads of the cell."""
+    """Predict the positions of the first tool target of the cell under its loads, (n, 3), mm."""
     n, loading = len(joints), statics(model.robot, joints, cell.loads)
     conditions = replace(
         conditions_of(model.robot, joints),
@@ -157,7 +168,10 @@ def predicted_mm(model: ModelStructure, estimate: Array, joints: Array, cell: Ce
 
 
 def judged_mm(found: IdentificationFit, truth: World, cell: Cell, visits: Sequence[Visit]) -> float:
-    """RMS position error near the point above the cups, mm, of a frame laid over the points of the simulated arm."""
+    """Return the RMS position error near the point above the cups, mm.
+
+    The frame is fitted to the points of the simulated arm.
+    """
     rng = np.random.default_rng(0)
     some = np.array([visits[i].joints_deg for i in rng.integers(0, len(visits), 20 * _JUDGED)])
     joints = cell.robot.model_angles(some + rng.uniform(-30.0, 30.0, some.shape))
@@ -176,9 +190,10 @@ def judged_mm(found: IdentificationFit, truth: World, cell: Cell, visits: Sequen
 
 
 def data_sets(seed: int, folder: Path, cups_u_mm: float | None = None) -> tuple[Truth, dict[str, Dataset]]:
-    """One campaign with positions `as they are`, as `exact`, as `uncertain`, and so with the `sides` of both triangles.
+    """Write one campaign as four data sets: `as they are`, `exact`, `uncertain` and `sides`.
 
-    cups_u_mm: stated of the cups, where not what the cell file states.
+    The last one adds the sides of both triangles. `cups_u_mm` replaces the uncertainty of the cups that the cell
+    file states.
     """
     cell, visits = example()
     truth = truth_of(cell, seed)
@@ -200,7 +215,7 @@ def data_sets(seed: int, folder: Path, cups_u_mm: float | None = None) -> tuple[
 
 
 def study(seed: int, folder: Path) -> dict[str, tuple[DiagnosisFit, float]]:
-    """Diagnosis and judged error, mm, of each of the data sets of a seed."""
+    """Diagnose each data set of a seed; return the diagnosis and the judged error, mm."""
     cell, visits = example()
     truth, sets = data_sets(seed, folder)
     out = {}
@@ -211,7 +226,7 @@ def study(seed: int, folder: Path) -> dict[str, tuple[DiagnosisFit, float]]:
 
 
 def run(count: int = 20) -> bool:
-    """Print the judged errors over so many seeds, and how often a step of the base was named that never was."""
+    """Print the judged errors over `count` seeds, and how often a false base step was named."""
     errors: dict[str, list[float]] = {}
     stepped: dict[str, int] = {}
     with TemporaryDirectory() as folder:

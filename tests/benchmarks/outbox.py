@@ -1,8 +1,8 @@
-"""Documents from the outbox of a cell into the store, through a proxy that loses and doubles three requests in ten,
-while server and sender are killed three times each and begun again: is everything there, and once?
+"""Benchmark of an outbox that sends its documents to the store through a lossy proxy.
 
-Server and sender are processes of their own, killed by SIGKILL wherever they are. The sender's clock jumps where it
-would wait, so that the time is that of the work.
+The proxy loses and doubles three requests in ten. Server and sender are killed three times each and started again.
+All documents must arrive exactly once. Server and sender are separate processes, killed by SIGKILL at any point.
+The sender's clock jumps instead of waiting, so that the time is that of the work.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _PAUSE = threading.Event()
 
 
 class Server:
-    """`truepose fleet serve` in a process of its own."""
+    """Process of `truepose fleet serve`."""
 
     def __init__(self, folder: Path) -> None:
         command = [sys.executable, "-m", "truepose", "fleet", "serve", "--json"]
@@ -72,7 +72,7 @@ def fill(folder: Path, count: int) -> list[str]:
 
 
 def send(folder: Path, proxy: Lossy, marks: Sequence[int]) -> None:
-    """Send everything; server and sender are killed when so many requests have come."""
+    """Send everything; kill server and sender when the requests reach each mark."""
     server = Server(folder)
     proxy.server = server.port
     process = sender(folder, proxy, server.token)
@@ -91,7 +91,7 @@ def send(folder: Path, proxy: Lossy, marks: Sequence[int]) -> None:
 
 
 def run(count: int) -> bool:
-    """Whether all are there, once."""
+    """Return whether all documents have arrived exactly once."""
     home = str(MEMORY) if MEMORY.is_dir() else None
     with tempfile.TemporaryDirectory(prefix="truepose-outbox-", dir=home) as name, lossy(None, RATE) as proxy:
         folder = Path(name)

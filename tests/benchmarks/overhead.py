@@ -1,8 +1,8 @@
-"""What a driver costs a reading: processor time of the calling thread, less that of a bare socket on the same bytes.
+"""Processor time of a driver per reading, compared with a bare socket on the same bytes.
 
-The bytes of one reading are taken from the wire of a real one; a bare client then sends and receives them over
-loopback, opening a connection where the driver opened one. Both threads are timed by their own processor time, so that
-neither the simulator nor a busy machine is in the figure. Below 1 ms a reading for every driver.
+The bytes of one reading are taken from the wire of a real one. A bare client then sends and receives them over
+loopback, and opens a connection wherever the driver opened one. Both threads are timed by their own processor time,
+so that neither the simulator nor a busy machine affects the result. The limit for every driver is 1 ms per reading.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ CALLS, TRIES = 100, 3
 
 @dataclass
 class Tape:
-    """A wire log of (direction, bytes): `!` opened or closed, `>` asked, `<` told."""
+    """Wire log of (direction, bytes): `!` opened or closed, `>` request, `<` answer."""
 
     events: list[tuple[str, bytes]] = field(default_factory=list)
 
@@ -44,7 +44,7 @@ def _thread_ms(call: Callable[[], object]) -> float:
 
 
 def _taped(setup: Setup) -> list[tuple[str, bytes]]:
-    """What passes on the wire in one reading, runs of one direction joined."""
+    """Record the bytes of one reading on the wire; runs of one direction are joined."""
     tape = Tape()
     with ExitStack() as stack:
         read = setup(stack, tape).read

@@ -1,7 +1,7 @@
-"""How the time of every parser grows with what it is given: hostile shapes at n, 2n and 4n, and the exponent.
+"""Benchmark of the parsers: growth of their time with hostile input of n, 2n and 4n.
 
-1 is linear. A shape that is refused at once has no exponent to speak of: what takes less than a hundredth of a second
-counts as 0. At most 1.35 is taken, which no square reaches and noise seldom does.
+The exponent 1 is linear. A time below a hundredth of a second counts as exponent 0, since a shape that is refused
+at once has no meaningful exponent. The limit is 1.35, which no square reaches and noise seldom does.
 """
 
 from __future__ import annotations
@@ -329,7 +329,10 @@ def _workbook(text: str) -> object:
 
 
 def _robot(count: int, parent: Callable[[int], int]) -> str:
-    """A URDF of fixed joints: the link of each, a1 and further, is carried by the link of this number."""
+    """Write a URDF of fixed joints.
+
+    `parent` gives, for each link from a1 on, the number of the link that carries it.
+    """
     links = "".join(f'<link name="a{i}"/>' for i in range(count + 1))
     joints = "".join(
         f'<joint name="j{i}" type="fixed"><parent link="a{parent(i)}"/><child link="a{i + 1}"/></joint>'

@@ -1,7 +1,7 @@
-"""`python -m tests.benchmarks path`: the path of `examples/ur5_leica` rehearsed whole, 38 waypoints in some 670 s.
+"""`python -m tests.benchmarks path`: rehearse the whole path of `examples/ur5_leica`.
 
-It is exported and aligned by the commands of the example's README, and its clocks are held against those of the
-simulated devices. A minute or two on the wall.
+It has 38 waypoints in about 670 s. The path is exported and aligned by the commands of the example's README, and
+its clocks are compared with those of the simulated devices. The program takes a minute or two.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ OFFSET_S, RATE, WAYPOINTS = 1e-3, 2e-6, 38
 
 
 def run() -> bool:
-    """Print what is lost, the errors of offset and rate, and the standstills."""
+    """Print lost samples, errors of offset and rate, and the stationary intervals."""
     with tempfile.TemporaryDirectory() as folder:
         record, out, told = (Path(folder) / name for name in ("record", "path.csv", "told.json"))
         files = [str(EXAMPLE / name) for name in ("path_cell.toml", "path_campaign.toml")]
@@ -49,7 +49,10 @@ def run() -> bool:
 
 
 def true_clocks(cell: Path, tracker_s: float) -> tuple[float, float]:
-    """Offset, s, at an instant of the tracker's clock, and rate, of the true robot's clock against the tracker's."""
+    """Return offset, s, and rate of the true robot's clock against the tracker's.
+
+    The offset is that at an instant of the tracker's clock.
+    """
     simulated = Cell(read_cell(cell), devices=("ur", "leica"))
     robot, tracker = simulated.ur_clock, simulated.leica.bridge.clock
     share = (1.0 + robot.rate) / (1.0 + tracker.rate)

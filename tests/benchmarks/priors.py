@@ -1,14 +1,15 @@
-"""What robots of one type share: poses saved by a prior learnt from 30 of them, and what it does where it does not fit.
+"""Benchmark of type priors: poses saved, and behaviour when the prior does not fit.
 
-Arms are drawn about the mean of a type and measured by the second arm (`tests.benchmarks.arm`). Spreads of a machined
-type are those between factory calibrations that makers give with their robots: 0.15 mm, 0.03 deg of a twist, 0.1 deg of
-a joint zero; compliances 10 %. Each of 30 robots is identified with 60 poses, a prior is learnt through the files, and
-further robots are identified with fewer. Judged are predicted U (k = 2) and true errors, both at poses over the whole
-range of the joints that took no part.
+Arms are drawn about the mean of a type and measured by the second arm (`tests.benchmarks.arm`). Spreads of a
+machined type are those between factory calibrations that makers give with their robots: 0.15 mm, 0.03 deg of a
+twist, 0.1 deg of a joint zero; compliances 10 %. Each of 30 robots is identified with 60 poses, a prior is learned
+through the files, and further robots are identified with fewer poses. Predicted U (k = 2) and true errors are
+judged at held-out poses over the whole range of the joints.
 
-Three cells: an optical instrument that sees one target while the arm moves through a third of every range; the same
-over the whole ranges; a tracker with three targets over the whole ranges, which needs no prior. Then robots that share
-nothing, and robots that are no members: one parameter ten spreads off, or all of them three.
+There are three cells. In the first, an optical instrument sees one target while the arm moves through a third of
+every range. The second is the same over the whole ranges. The third is a tracker with three targets over the whole
+ranges, which needs no prior. Further cases are robots that share nothing, and robots that are no members: one
+parameter is ten spreads off, or all of them are three spreads off.
 """
 
 from __future__ import annotations
@@ -49,7 +50,10 @@ _BASE = {"mm": 0.5, "deg": 0.02}
 
 @dataclass(frozen=True)
 class Cell:
-    """What a campaign measures: targets, noise of a coordinate, share of every joint's range."""
+    """Measurement conditions of a campaign.
+
+    `sigma_mm` is the noise of one coordinate, `window` the share of every joint's range that is used.
+    """
 
     name: str
     targets: tuple[str, ...]
@@ -72,7 +76,10 @@ class Type:
     spread: Mapping[str, float]
 
     def robot(self, rng: np.random.Generator, off: Mapping[str, float] | None = None) -> dict[str, float]:
-        """The truth of one robot; off: by how many spreads some parameters lie beside it."""
+        """Draw the true parameters of one robot of the type.
+
+        `off` gives, for some parameters, how many spreads they are away from their draw.
+        """
         return {
             name: 0.0
             if name == _STILL
@@ -82,7 +89,10 @@ class Type:
 
 
 def data_of(cell: Cell, truth: Mapping[str, float], seed: int) -> tuple[Dataset, Array]:
-    """POSES calibration poses of every target of a cell, FRESH validation poses, and where these truly are (f, 3)."""
+    """Simulate a data set of a cell, and the true positions of its validation poses (f, 3).
+
+    It has POSES calibration poses of every target and FRESH validation poses.
+    """
     rng = np.random.default_rng([seed, 5])
     middle, half = RANGE.mean(axis=1), 0.5 * cell.window * np.ptp(RANGE, axis=1)
     joints = rng.uniform(middle - half, middle + half, (POSES, ROBOT.joints))
@@ -130,7 +140,10 @@ def first_poses(dataset: Dataset, count: int) -> Dataset:
 
 
 def a_type(seed: int, times: float = 1.0) -> Type:
-    """A machined type, its spreads so many times the usual: means of their size, compliances of the thesis's robot."""
+    """Draw a machined type; its spreads are `times` the usual ones.
+
+    The means have the scale of the usual spreads; compliances are those of the thesis's robot.
+    """
     rng = np.random.default_rng([seed, 1])
     dataset, _ = data_of(CELLS[0], {}, 0)
     sizes = {"alpha": _ALPHA, "beta": _ALPHA, "theta": _ZERO, "a": _LENGTH, "d": _LENGTH}
@@ -158,7 +171,7 @@ def nothing_shared() -> Type:
 
 
 def learnt(cell: Cell, kind: Type, seed: int, folder: Path, robots: int = ROBOTS) -> TypePrior:
-    """The prior of a type by so many of its robots, through the files."""
+    """Learn the prior of a type from `robots` of its members, through the files."""
     members = []
     for i in range(robots):
         robot = kind.robot(np.random.default_rng([seed, 2, i]))
@@ -171,7 +184,11 @@ def learnt(cell: Cell, kind: Type, seed: int, folder: Path, robots: int = ROBOTS
 
 @dataclass(frozen=True)
 class Judged:
-    """One fit: largest predicted U, RMS of U / 2 and of the true error, mm, and share of errors within 95 %."""
+    """Quality of one fit.
+
+    The values are the largest predicted U, the RMS of U / 2 and of the true error, mm, and the share of errors
+    within the 95 % region.
+    """
 
     u_mm: float
     predicted_mm: float
@@ -180,7 +197,7 @@ class Judged:
 
     @classmethod
     def of(cls, found: IdentificationFit, dataset: Dataset, positions: Array) -> Judged:
-        """A fit judged at the validation poses, where the truth is known."""
+        """Judge a fit at the validation poses, whose true positions are known."""
         at, covariance = found.predict_with_covariance(dataset.conditions.take(dataset.validation_rows))
         miss = at - positions
         distance = np.sum(miss * np.linalg.solve(covariance, miss[:, :, None])[:, :, 0], axis=1)
@@ -198,7 +215,10 @@ def rms(values: Sequence[float]) -> float:
 
 
 def saved(cell: Cell, count: int, *, times: float = 1.0, judged: bool = False) -> bool:
-    """Print how many poses the prior saves in a cell, and how far the predictions are true; times: of the spreads."""
+    """Print how many poses the prior saves in a cell, and how true the predictions are.
+
+    `times` multiplies the spreads of the type.
+    """
     kind = a_type(1, times)
     cell = cell if times == 1.0 else replace(cell, name=f"{cell.name}, {times:g} times the spread")
     with tempfile.TemporaryDirectory() as folder:
@@ -280,7 +300,7 @@ def compared(name: str, kind: Type, off: Sequence[Mapping[str, float]], limit: f
 
 
 def strangers(robots: int, count: int) -> bool:
-    """Print how many members a prior of few robots takes for strangers."""
+    """Print how many members a prior of few robots rejects as robots of another type."""
     kind, cell, left = a_type(1), CELLS[2], 0
     for seed in range(10, 10 + _PRIORS):
         with tempfile.TemporaryDirectory() as folder:
@@ -295,7 +315,10 @@ def strangers(robots: int, count: int) -> bool:
 
 
 def run(count: int = 20) -> bool:
-    """Print poses saved in every cell, and what a prior does where robots share nothing or one is no member."""
+    """Print the poses saved in every cell, and the results for priors that do not fit.
+
+    A prior does not fit if the robots share nothing or if one of them is no member.
+    """
     good = True
     for k, cell in enumerate(CELLS):
         good &= saved(cell, count, judged=k == 0)

@@ -1,11 +1,11 @@
-"""Real measurements guard the code: held-out position error of every data set in `shared`, next to a yardstick.
+"""Held-out position errors of every data set in `shared`, compared with entered values.
 
     python -m tests.benchmarks real_data [NAME ...] [--enter]
 
 One line for each set: the nominal robot in its place, the base model, the model with named effects, and the whole
-model, mm RMS on rows that took no part. Figures entered before are in `real_data.json`; `--enter` replaces those of
-the sets that ran. The run fails if a figure is more than 2 % worse than the entered one. Each set runs in a process of
-its own, for its memory. SHARED_DATA names the folder if it is not beside the repository.
+model, mm RMS on held-out rows, and a yardstick. Results entered before are in `real_data.json`; `--enter` replaces
+those of the sets that ran. The run fails if a result is more than 2 % worse than the entered one. Each set runs in
+a separate process, for its memory. SHARED_DATA names the folder if it is not next to the repository.
 """
 
 from __future__ import annotations
@@ -66,7 +66,10 @@ the data's README. `ur10_a_to_b` leaves the robot as series A shows it and fits 
 
 @dataclass(frozen=True)
 class Figures:
-    """Held-out errors of one set, mm RMS, with what they cost; None if nothing was placed or fitted."""
+    """Held-out errors of one set, mm RMS, and its cost.
+
+    An error is None if nothing was placed or fitted.
+    """
 
     nominal: float | None
     base: float | None
@@ -169,7 +172,10 @@ def _process_of(names: Iterable[str]) -> list[str]:
 
 
 def run(names: Iterable[str] = (), *, enter: bool = False) -> bool:
-    """Print the figures of some sets (all if none is named); False if one is worse than entered, or is missing."""
+    """Print the results of some sets, or of all if none is named.
+
+    Return False if one is worse than entered, or is missing.
+    """
     unknown = [name for name in names if name not in YARDSTICKS]
     if unknown:
         print(f"no set {', '.join(unknown)}; there are {', '.join(YARDSTICKS)}")

@@ -1,8 +1,9 @@
-"""`python -m tests.benchmarks.recorder [SECONDS]`: what recording 500 and 1,000 samples a second costs of one core.
+"""`python -m tests.benchmarks.recorder [SECONDS]`: load of one core by the recorder.
 
-Drivers, recorder and record together, over real sockets; the simulated cell is a process of its own and runs 4 times as
-fast as real devices, which makes 4 x 125 and 4 x 250 samples a second on the wall. Printed, not judged by a test. Run
-it on a machine with nothing else to do: a simulator that is more than a quarter of a second late leaves samples out.
+It records 500 and 1,000 samples per second with drivers, recorder and record together, over real sockets. The
+simulated cell is a separate process and runs 4 times as fast as real devices, which makes 4 x 125 and 4 x 250
+samples per real second. The load is printed, not judged by a test. Run it on an idle machine: a simulator that is
+more than a quarter of a second late leaves samples out.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ MIDDLE = (40.0, -105.0, 100.0, -85.0, -90.0, 0.0)
 
 
 def main(seconds: float) -> None:
-    """Record so many seconds on the wall, the robot resting between two moves."""
+    """Record for `seconds` of real time, with the robot resting between two moves."""
     text = read_cell(EXAMPLE).source.replace("time_scale = 8.0", f"time_scale = {TIME_SCALE}")
     cell = cell_from(parse_toml(text, str(EXAMPLE)), str(EXAMPLE), source=text)
     waypoints = [list(MIDDLE), [45.0, *MIDDLE[1:]], list(MIDDLE)]

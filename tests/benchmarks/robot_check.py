@@ -1,9 +1,9 @@
-"""`truepose robot check FILE DATA`: each usual mistake of a robot file, alone, on ten arms of usual builds.
+"""Benchmark of `truepose robot check FILE DATA`: each usual mistake alone, on ten arms.
 
-20 readings; the real arm differs from its table as real arms do (0.05 deg, 0.3 mm), stands anywhere, and is measured
-to 0.05 mm. A mistake counts as named where the list of likeliest causes has it: causes on that list explain the
-readings equally well, so that they cannot tell more. How often it is the first, and how often a good file is accused,
-is printed too.
+The arms have usual builds. There are 20 readings. The real arm differs from its table as real arms do (0.05 deg,
+0.3 mm), stands at a random place, and is measured to 0.05 mm. A mistake counts as named if the list of likeliest
+causes contains it: causes on that list explain the readings equally well, so that the readings cannot distinguish
+them. The program also prints how often it is the first, and how often a good file is accused.
 """
 
 from __future__ import annotations
@@ -106,7 +106,10 @@ def arms() -> dict[str, Robot]:
 
 
 def readings_of(robot: Robot, seed: int) -> tuple[Array, NDArray[np.int64], Array]:
-    """Joints (n, N), index of the target (n,) and points (n, 3), mm, of a real arm of this build, somewhere."""
+    """Simulate a real arm of this build at a random place.
+
+    Return joints (n, N), index of the target (n,) and points (n, 3), mm.
+    """
     rng = np.random.default_rng(seed)
     real = replace(
         robot,
@@ -204,12 +207,15 @@ def mistakes(robot: Robot, joints: Array, points: Array) -> Iterator[tuple[str, 
 
 
 def _free(robot: Robot) -> int:
-    """The joint whose zero the free base takes up (0-based): the first that turns, where it is the first at all."""
+    """Return the joint whose zero the free base absorbs (0-based), or -1.
+
+    It is the first joint, if that one turns.
+    """
     return 0 if robot.units[0] == "deg" else -1
 
 
 def named(robot: Robot, joints: Array, which: NDArray[np.int64], points: Array) -> tuple[str, ...]:
-    """What the check says is wrong."""
+    """List the mistakes that the check reports."""
     everything = InterpretedReadings(robot, "none", joints, which, points)
     usable = np.ones(len(joints), dtype=bool)
     handful = CheckReadings(everything, np.flatnonzero(usable), usable, TARGETS, tool_unknown=False)

@@ -1,8 +1,8 @@
-"""200 status requests a second while a campaign measures: is a reading late, and how soon is a request answered.
+"""Benchmark of 200 status requests per second during a campaign: late readings, answers.
 
-For the first half of the time nobody asks, for the second everybody does. A reading is late by the time from the
-arrival at its pose to the reading, less the shortest such time of the campaign. Service, simulators and clients are
-three programs.
+For the first half of the time no client asks, for the second every client does. A reading is late by the time from
+the arrival at its pose to the reading, less the shortest such time of the campaign. Service, simulators and clients
+are three programs.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ RATE, LATE_S = 200.0, 0.1
 
 
 def run() -> bool:
-    """Print the figures; True when no reading is late and the requests were answered as fast as they were asked."""
+    """Print the results; return whether no reading is late and all answers keep pace."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         cell = cell_file(folder, time_scale=SCALE)
@@ -58,7 +58,7 @@ def run() -> bool:
 
 
 async def _ask(service: Served, path: str) -> list[float]:
-    """Ask at an even pace, whether or not those before are answered; the seconds that each answer took."""
+    """Ask at an even pace, without waiting for answers; return the response times, s."""
     took: list[float] = []
     async with httpx2.AsyncClient(
         base_url=service.client.base_url,
@@ -82,7 +82,7 @@ async def _ask(service: Served, path: str) -> list[float]:
 
 
 def _lags(service: Served, own: str) -> list[tuple[float, float]]:
-    """When, and how long after the arrival, the first reading of every pose was there; wall clock, s."""
+    """List time and delay after the arrival of each pose's first reading; wall clock, s."""
     found, arrived = [], None
     for text in service.client.get(f"/runs/{own}/events.jsonl").text.splitlines():
         event: dict[str, Any] = json.loads(text)

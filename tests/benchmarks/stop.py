@@ -1,11 +1,13 @@
-"""A stop in mid-motion under load: how soon it is answered, how soon the controller has it.
+"""Benchmark of a stop in mid-motion under load: time to the answer and to the controller.
 
-The load: 200 other requests under way; 1,100 connections that send nothing, or half a header; 200 streams of events.
+The load is 200 other requests under way, 1,100 connections that send nothing or half a header, and 200 streams of
+events. Service, simulators and the 200 clients (`stop_load`) are separate programs; the simulator records the time
+at which the arm was halted (`stop_cell`). The times of lease renewals and of run status requests are printed as
+well.
 
-Service, simulators and the 200 clients (`stop_load`) are programs of their own; the time at which the arm was halted
-is taken by the simulator (`stop_cell`). Beside it, how soon the lease is renewed and the status of the run is told.
-Answers below 100 ms, the command at the controller below 300 ms, in each of 20 tries: the worst one counts. What the
-machine itself takes is shown beside it: the simulators, another program that hardly computes, are asked something.
+Answers must arrive within 100 ms, and the command at the controller within 300 ms, in each of 20 tries: the worst
+one counts. To show the delay of the machine itself, the simulators, another program that hardly computes, are asked
+too.
 """
 
 from __future__ import annotations
@@ -84,7 +86,7 @@ def _begin(service: Served, folder: Path) -> str:
 
 
 def _try(simulated: SimulatedCell, service: Served, run: str, count: int) -> dict[str, list[float]]:
-    """Milliseconds of so many stops in mid-motion, and of what is asked just before each."""
+    """Measure `count` stops in mid-motion, and the requests just before each, ms."""
     times: dict[str, list[float]] = {
         BESIDE: [],
         "lease renewed": [],

@@ -1,11 +1,12 @@
-"""`python -m tests.benchmarks.stop_load BASE_URL AUTHORIZATION RUN DATA.csv [LOAD]`: clients who keep a service busy.
+"""`python -m tests.benchmarks.stop_load BASE_URL AUTHORIZATION RUN DATA.csv [LOAD]`.
 
-LOAD `silent`, `half`: so many connections that send nothing, or half a header, each opened again within half a second
-when it is closed; `streams`: streams of events that nobody reads. Without one, 200 clients who ask:
+Keep a service busy with clients. LOAD `silent` or `half` opens connections that send nothing, or half a header;
+each is opened again within half a second when it is closed. LOAD `streams` opens streams of events that no client
+reads.
 
-Dry runs of 400 poses, dry runs whose body lists 5,000, uploads, diagnoses, long polls and listings; every client asks
-again as soon as it is answered, a refused one half a second later. Until the input closes; then it prints how they were
-answered, and what part of a core the clients themselves took.
+Without LOAD, 200 clients ask for dry runs of 400 poses, dry runs whose body lists 5,000, uploads, diagnoses, long
+polls and listings. Every client asks again as soon as it is answered, a refused one half a second later. When the
+input closes, the program prints the answers, and the share of a core that the clients themselves took.
 """
 
 from __future__ import annotations
@@ -108,7 +109,10 @@ def hold(base: str, authorization: str, run: str, load: str) -> None:
 
 
 def _gone(held: list[socket.socket]) -> list[socket.socket]:
-    """Those that the service has closed, or answered; `poll`, since descriptors exceed what `select` takes."""
+    """List the connections that the service has closed or answered.
+
+    It uses `poll`, since descriptors exceed the range of `select`.
+    """
     asked = select.poll()
     for each in held:
         asked.register(each, select.POLLIN)

@@ -1,10 +1,10 @@
-"""Thermal upkeep: a simulated day that begins cold, with and without one SMR re-measured every quarter of an hour.
+"""Benchmark of the thermal update: a cold start, with and without one SMR measured again.
 
-Each arm is calibrated from a cold start until it is warm, and diagnosed. On the day it warms up by nothing to twice as
-much, and more slowly or faster, as duty and hall have it. Every quarter of an hour four poses of one target are
-measured, of those that a watch chooses, and update the thermal parameters; between, the error is taken at fresh poses
-against the true points, beside that on a day just like the calibration's. Counted besides: how often the update is
-refused with nothing else changed, and after a tool was bumped.
+Each arm is calibrated from a cold start until it is warm, and diagnosed. On the simulated day, its warming is
+between nothing and twice as much, and slower or faster, according to duty and hall. Every quarter of an hour, four
+poses of one target that a watch chooses are measured and update the thermal parameters. Between the updates, the
+error is computed at fresh poses against the true points, and compared with a day just like that of the calibration.
+Refused updates are counted as well, with no other change and after a tool was bumped.
 """
 
 from __future__ import annotations
@@ -43,7 +43,10 @@ def baseline(seed: int) -> tuple[World, Effect, CalibratedModel, Dataset]:
 
 
 def of_today(seed: int, warming: Effect, rng: np.random.Generator, *, bumped: bool) -> World:
-    """The arm on another day: how much and how fast it warms up is drawn; its tool may have been bumped."""
+    """Simulate the arm on another day, with random extent and rate of its warming.
+
+    If `bumped`, its tool has also been bumped.
+    """
     world = world_of(seed)
     alpha = warming.values["alpha"] * rng.uniform(0.0, 2.0)
     effects = [warming.with_values(alpha=alpha, T_c=warming.values["T_c"] * rng.uniform(0.7, 1.5))]
@@ -71,7 +74,10 @@ def checked(saved: CalibratedModel, dataset: Dataset, world: World) -> PlannedVi
 def measured(
     saved: CalibratedModel, dataset: Dataset, check: PlannedVisits, world: World, at_s: float, first: int
 ) -> Dataset:
-    """The check poses measured, beginning at a time since the cold start; first: number of the first reading."""
+    """Measure the check poses, beginning at `at_s` after the cold start.
+
+    `first` is the number of the first reading.
+    """
     template = later(planned(saved, dataset.header, check), at_s)
     times, points = template.conditions.time, []
     for i, (joints, side) in enumerate(zip(np.degrees(check.joints), check.sides, strict=True)):

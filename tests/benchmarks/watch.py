@@ -1,11 +1,14 @@
-"""The watch of simulated arms: what is seen, what is named, false alarms, and models that were updated.
+"""Benchmark of the watch of simulated arms: detection, names, false alarms, updates.
 
 Arms, effects, repeatability and tracker are those of `mocks.world`. Each arm is calibrated with 60 poses of three
-targets and 20 to judge by, diagnosed, and watched with 10 poses of one target, as often as the plan finds that all of
-these are seen, and once more with one reading each: nothing changed, a tool bumped by 0.1 mm, a zero lost by 0.01 deg,
-a base moved by 0.1 mm, play of 0.01 deg, 0.5 kg more on the flange. Frame and station are the same throughout. Verdicts
-are those of the linear odds, many watches at once; the first of each kind goes through `judge` as well, its model is
-updated, and the arm is calibrated anew as it was at first (with its tool freed where that moved).
+targets and 20 held-out poses, diagnosed, and watched with 10 poses of one target. The plan chooses visits and
+readings so that all changes are detected; a second series takes one reading at each pose. The changes are: none, a
+tool bumped by 0.1 mm, a zero lost by 0.01 deg, a base moved by 0.1 mm, backlash of 0.01 deg, 0.5 kg more on the
+flange. Frame and station are the same throughout.
+
+Verdicts are those of the linear odds, for many watches at once. The first watch of each kind goes through `judge`
+as well, and its model is updated. The arm is also calibrated again as it was at first, with its tool freed if the
+tool moved.
 """
 
 from __future__ import annotations
@@ -45,7 +48,7 @@ _READINGS, _HELD_OUT, _JUDGED = 180, 60, 60
 
 
 def world_of(seed: int, changed: Effect | None = None) -> World:
-    """An arm, and what has changed on it."""
+    """Simulate an arm, with the change if one is given."""
     world = World("abb-irb120", seed, [], session=Session(_READINGS + _HELD_OUT))
     world.effects = [] if changed is None else [changed]
     return world
@@ -74,14 +77,16 @@ def calibrated(world: World, seed: int, groups: Sequence[str] = DEFAULT_FIT) -> 
 
 
 def planned_for(saved: CalibratedModel, dataset: Dataset, world: World, often: int | None) -> PlannedVisits:
-    """The check poses of one target that `plan` chooses among random ones; often: visits to each and readings in each,
-    None for what the plan chooses."""
+    """Plan the check poses of one target, chosen by `plan` from random ones.
+
+    `often` is the number of visits to each pose and of readings per visit; None leaves the choice to `plan`.
+    """
     candidates = drawn(world, CANDIDATES, np.random.default_rng(5))
     return plan(saved, dataset.header, candidates, POSES, times=often, repeats=often).visits
 
 
 def drawn(world: World, count: int, rng: np.random.Generator) -> PlannedVisits:
-    """Random poses of one target, each joint from either side."""
+    """Draw random poses of one target; each joint approaches from a random side."""
     joints = np.radians([random_pose(world.robot, world.targets, rng) for _ in range(count)])
     sides = rng.choice((-1.0, 1.0), size=joints.shape)
     return PlannedVisits.of_points(joints, sides, np.full(count, 5.0 * DEG), TARGETS)
@@ -95,7 +100,10 @@ def watched(
 
 
 def measured(world: World, check: PlannedVisits, air_c: float, first: int) -> Array:
-    """(n, 3) mm: the check poses measured; first: number of the first visit, which draws where the arm rests."""
+    """Measure the check poses, (n, 3), mm.
+
+    `first` is the number of the first visit; it determines the random rest position of the arm.
+    """
     points = []
     for i, (joints, side, read) in enumerate(
         zip(np.degrees(check.joints), check.sides, check.read, strict=True)
@@ -107,7 +115,7 @@ def measured(world: World, check: PlannedVisits, air_c: float, first: int) -> Ar
 
 
 def error_mm(saved: CalibratedModel, dataset: Dataset, world: World) -> tuple[float, float]:
-    """RMS distance of predicted positions of the watched target at fresh poses from readings, and from truth, mm."""
+    """Return RMS distances at fresh poses of the predicted target from readings and truth, mm."""
     rng = np.random.default_rng(8)
     poses = [random_pose(world.robot, world.targets, rng) for _ in range(_JUDGED)]
     sides = rng.choice((-1, 1), size=(_JUDGED, 6))
@@ -131,8 +139,11 @@ Row = tuple[str, bool, bool, bool, bool]
 
 
 def run(count: int = 100) -> bool:
-    """Print what `count` watches of each change show, WATCHES of an arm, and UNCHANGED times as many without one; by
-    what the plan chooses, which is judged, and by one reading at each pose, which is not."""
+    """Print the results of `count` watches of each change, and of `UNCHANGED` times as many without one.
+
+    There are `WATCHES` watches per arm. The visits chosen by the plan are judged. The series with one reading at
+    each pose is only printed.
+    """
     reached = _told(*_counted(count, None))
     print("with one reading at each pose:", flush=True)
     _told(*_counted(count, 1))
@@ -148,8 +159,10 @@ def _counted(
     often: int | None,
     kinds: Sequence[str] = KINDS,
 ) -> tuple[Counted, Errors, int]:
-    """The counts of each kind of watch, by the plan of `planned_for`; errors of updated and new models; how often
-    `judge` and the odds disagree."""
+    """Count the results of each kind of watch, planned by `planned_for`.
+
+    Also return the errors of updated and new models, and how often `judge` and the odds disagree.
+    """
     counts: Counted = {kind: [] for kind in kinds}
     errors: Errors = {kind: [] for kind in kinds[1:]}
     check = None
@@ -196,7 +209,10 @@ def _counted(
 
 
 def _shares(name: str, rows: Sequence[Row], *, said: bool) -> bool:
-    """Print how many were seen, in the class, and alone of those that poses can tell; said: whether it is judged."""
+    """Print the shares that were detected, in the class, and identified alone.
+
+    The last share counts only changes that the poses can distinguish. `said` states whether the shares are judged.
+    """
     seen = sum(row[1] for row in rows) / len(rows)
     member = sum(row[2] for row in rows) / len(rows)
     able = [row[3] for row in rows if not row[4]]

@@ -1,13 +1,15 @@
-"""The rate of false alarms over baselines: many arms, each calibrated once by few readings, and watched unchanged.
+"""Benchmark of false-alarm rates over baselines: each arm has few readings and no change.
 
-All watches of one baseline share its error, so a few of them say nothing about the stated rate. Every arm is one of
-`mocks.world` with what is hidden in it: what a simulated cell draws (`mocks.cell`: one effect of gears, play, encoder,
-tool, base, air or tracker, three times the noise), or what a real arm has, an error of every gear and play in every
-joint, each 0.4 times the noise, which no diagnosis of so few readings names. Campaign and watch go the way of a live
-cell without its wires: visits of three targets that share the repeatability, a frame set up on nests that are measured
-anew each time, files, diagnosis, a plan with its own choice of visits and readings, and the odds by which `judge`
-raises its alarm. What a tracker did in its own campaign (drift) is over when the watch begins. Of 30 readings no
-rate is stated (`calib.watch.too_few_poses`), and none is asked of them.
+All watches of one baseline share its error, so a few baselines say nothing about the stated rate. Every arm is one
+of `mocks.world` with hidden effects. Some have the effect that a simulated cell draws (`mocks.cell`: one effect of
+gears, play, encoder, tool, base, air or tracker, three times the noise). Others resemble a real arm: an error of
+every gear and play in every joint, each 0.4 times the noise. No diagnosis of so few readings names these.
+
+Campaign and watch follow a live cell without its wires. Visits measure three targets that share the repeatability,
+in a frame set up on nests that are measured again each time. Files, diagnosis and a plan with its own choice of
+visits and readings follow, then the odds by which `judge` raises its alarm. A tracker's effects during its campaign
+(drift) are over when the watch begins. With 30 readings no rate is stated (`calib.watch.too_few_poses`), and none
+is required.
 """
 
 from __future__ import annotations
@@ -50,7 +52,10 @@ _AXES = ("x_mm", "y_mm", "z_mm")
 
 @dataclass(frozen=True)
 class Kind:
-    """Arms that are calibrated by so many readings, with one effect that a cell draws, or some of every joint."""
+    """Arms that are calibrated with `readings` readings.
+
+    If `drawn`, each has the one effect that a cell draws; otherwise it has some effects of every joint.
+    """
 
     name: str
     readings: int
@@ -108,7 +113,10 @@ def checks(saved: CalibratedModel, dataset: Dataset, world: World) -> PlannedVis
 def watched(
     saved: CalibratedModel, dataset: Dataset, check: PlannedVisits, world: World, number: int
 ) -> Dataset:
-    """A watch of the unchanged arm, in a frame of its own, at the air of some moment of its calibration."""
+    """Watch the unchanged arm in a separate frame.
+
+    The air temperature is that of some moment of its calibration.
+    """
     template = planned(saved, dataset.header, check)
     air_c = round(world.air_c(world.session.duration_s * (number + 1) / WATCHES), 2)
     points = measured(world, check, air_c, 10_000 * (1 + number))
@@ -118,8 +126,10 @@ def watched(
 
 
 def alarms(kind: Kind, seed: int) -> tuple[list[int], bool]:
-    """The number of false alarms in WATCHES watches of an unchanged arm at each of RATES, and whether its baseline
-    states one."""
+    """Count the false alarms in WATCHES watches of an unchanged arm at each of RATES.
+
+    Also return whether the baseline states a rate.
+    """
     world = World("abb-irb120", seed, [], session=Session(round((1.0 + HELD_OUT) * kind.readings)))
     dataset = calibrated(world, kind)
     world.effects = [effect for effect in world.effects if effect.label not in _PASSING]
@@ -134,7 +144,10 @@ def alarms(kind: Kind, seed: int) -> tuple[list[int], bool]:
 
 
 def run(count: int = 25) -> bool:
-    """Print the share of alarms over so many baselines of every kind, and of baselines that alarm again and again."""
+    """Print the share of alarms over `count` baselines of every kind.
+
+    Also print the share of baselines that alarm again and again.
+    """
     reached = True
     for kind in KINDS:
         every, stated = (

@@ -1,10 +1,10 @@
-"""Watches by other readings than points of one target: false alarms, and whether what a plan promises is seen.
+"""Benchmark of watches by other readings: false alarms and detection of planned changes.
 
 Arms are drawn from the priors and measured by the second arm (`tests.benchmarks.arm`), as for the coverage of
-intervals: poses as cameras give them, legs of a ballbar, several visits to two targets, and balls of an artefact that
-the tool touches, in its place or set down anew. Each plan chooses ten of its candidates. Watched are arms with nothing
-changed, and arms of which one joint has lost its zero, or has play, by the very size that the plan says is seen in
-95 %.
+intervals. The readings are poses from cameras, legs of a ballbar, several visits to two targets, and balls of an
+artefact that the tool touches. The artefact is in its place or set down again. Each plan chooses ten of its
+candidates. Some arms are unchanged. In others, one joint has lost its zero or has play, by the size that the plan
+promises to detect in 95 %.
 """
 
 from __future__ import annotations
@@ -45,8 +45,11 @@ POINTS = Kind("points", 180)
 
 @dataclass(frozen=True)
 class Way:
-    """A way to watch: how the arm was calibrated, what is read in each visit, how often each pose is visited; touched:
-    whether the target sits in balls; frame_known: whether these are where they were."""
+    """Way to watch: the calibration of the arm, and the readings of each visit.
+
+    Each pose is visited `rounds` times. If `touched`, the target sits in balls; if `frame_known`, these have kept
+    their place.
+    """
 
     name: str
     kind: Kind
@@ -90,7 +93,10 @@ def measured(
     changes: dict[str, float],
     rng: np.random.Generator,
 ) -> Dataset:
-    """The planned readings as the true arm gives them; changes: of `joint_step:jK` and `backlash:jK`, rad."""
+    """Simulate the planned readings of the true arm.
+
+    `changes` gives sizes of `joint_step:jK` and `backlash:jK`, rad.
+    """
     at = would.conditions
     truth, play = dict(campaign.truth), np.zeros(ROBOT.joints)
     for label, size in changes.items():
@@ -138,13 +144,16 @@ def measured(
 
 
 def found(seen: WhitenedReadings, plan_of: WatchPlan) -> bool:
-    """Whether an alarm is raised, at the limit of the plan."""
+    """Return whether an alarm is raised at the limit of the plan."""
     whiten, odds = odds_of(seen)
     return bool(odds.p_values((whiten @ seen.residual)[None]).min() < plan_of.shown.limit)
 
 
 def run(count: int = 500) -> bool:
-    """Print for each way the false alarms among `count` watches, and how many changes of the promised size are seen."""
+    """Print for each way the false alarms and the detected changes among `count` watches.
+
+    The changes have the size that the plan promises to detect.
+    """
     good = True
     for way in WAYS:
         alarms, seen = [], []

@@ -1,4 +1,4 @@
-"""The arm that every package identifies, and the points that an instrument reads on it: numpy, and nothing of ours.
+"""Arm that every package identifies, and its measured points; numpy, no project code.
 
 ABB IRB 120 in modified DH (Craig), `Rx(alpha) Ry(beta) Tx(a) Rz(theta + q) Tz(d)`, on a base `T(x, y, z) Rx Ry Rz`,
 with one target on the flange, off axis 6. rad, mm. Source of the nominal numbers: Nubiola, thesis, Annex I.
@@ -21,7 +21,7 @@ BETA_3 = np.radians(0.13)
 
 
 def numbers(*values: float) -> Array:
-    """An array of its own for every arm."""
+    """Return a new array, so that no two arms share one."""
     return np.array(values)
 
 
@@ -40,9 +40,9 @@ class Arm:
 
 
 def true_arm(seed: int, *, twisted: bool) -> Arm:
-    """An arm as built: every DH number, its base and its target off the maker's by what is usual.
+    """Draw an arm as built, with usual deviations of every DH number, its base and its target.
 
-    twisted: axes 2 and 3, meant to be parallel, are not by 0.13 deg about y as well (Hayati's beta).
+    If `twisted`, axes 2 and 3, which are meant to be parallel, also deviate by 0.13 deg about y (Hayati's beta).
     """
     rng = np.random.default_rng(seed)
     arm = Arm()
@@ -58,7 +58,7 @@ def true_arm(seed: int, *, twisted: bool) -> Arm:
 
 
 def turn(axis: int, angle: Array | float) -> Array:
-    """(..., 4, 4) rotation about x, y or z."""
+    """Return a rotation about x, y or z, (..., 4, 4)."""
     c, s = np.cos(angle), np.sin(angle)
     out = np.zeros((*np.shape(angle), 4, 4))
     i, j = (axis + 1) % 3, (axis + 2) % 3
@@ -69,14 +69,14 @@ def turn(axis: int, angle: Array | float) -> Array:
 
 
 def shift(x: float, y: float, z: float) -> Array:
-    """(4, 4) translation."""
+    """Return a translation, (4, 4)."""
     out = np.eye(4)
     out[:3, 3] = x, y, z
     return out
 
 
 def points(arm: Arm, joints: Array) -> Array:
-    """(n, 3) where the target stands at joint angles (n, 6), mm."""
+    """Compute the target positions at joint angles (n, 6), (n, 3), mm."""
     pose = (
         shift(*arm.base_mm) @ turn(0, arm.base_rad[0]) @ turn(1, arm.base_rad[1]) @ turn(2, arm.base_rad[2])
     )
@@ -88,7 +88,10 @@ def points(arm: Arm, joints: Array) -> Array:
 
 @dataclass(frozen=True)
 class Readings:
-    """Joint angles (n, 6) and points (n, 3) to identify from; the same, without noise, to judge by."""
+    """Joint angles (n, 6) and measured points (n, 3) to identify from.
+
+    The fresh ones, without noise, serve to judge the result.
+    """
 
     joints: Array
     measured: Array
@@ -96,12 +99,15 @@ class Readings:
     fresh_points: Array
 
     def rms(self, predicted: Array) -> float:
-        """Root mean square of the distance from `predicted` (500, 3) to where the target really stood, mm."""
+        """Return the RMS distance of `predicted` (500, 3) from the true fresh points, mm."""
         return float(np.sqrt(np.mean(np.sum((predicted - self.fresh_points) ** 2, axis=1))))
 
 
 def measure(arm: Arm, count: int, seed: int, *, fresh: int = 500) -> Readings:
-    """`count` readings with isotropic noise, and `fresh` points without, at joint angles drawn within the limits."""
+    """Measure `count` points with isotropic noise, and `fresh` points without noise.
+
+    The joint angles are drawn within the limits.
+    """
     rng = np.random.default_rng(seed)
     joints, fresh_joints = rng.uniform(LOWER, UPPER, (count, 6)), rng.uniform(LOWER, UPPER, (fresh, 6))
     noise = rng.normal(0.0, SIGMA_MM, (count, 3))

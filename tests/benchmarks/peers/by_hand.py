@@ -1,6 +1,7 @@
-"""Gauss-Newton as one would write it by hand for this arm alone: arrays of all readings, analytic columns, lstsq.
+"""Gauss-Newton written by hand for this arm alone: arrays, analytic columns, lstsq.
 
-Nothing is robust, nothing is weighed, no parameter is tested: the 27 that these readings can tell are taken as known.
+Nothing is robust or weighted, and no parameter is tested: the 27 parameters that these readings determine are taken
+as known.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ def walk(values: dict[str, float], joints: Array) -> tuple[Array, Array]:
 
 
 def identify(readings: Readings) -> dict[str, float]:
-    """The numbers of the arm from its nominal ones: until the step moves no point by a nanometre."""
+    """Identify the arm from its nominal numbers, until a step moves no point by a nanometre."""
     values = values_of(Arm())
     free = [name for name, _, _ in MOTIONS if name in FREE]
     for _ in range(20):
@@ -99,12 +100,15 @@ def identify(readings: Readings) -> dict[str, float]:
 
 
 def predict(values: dict[str, float], joints: Array) -> Array:
-    """(n, 3) points."""
+    """Predict the points, (n, 3)."""
     return walk(values, joints)[0].T
 
 
 def bound(arm: Arm, readings: Readings) -> float:
-    """Expected RMS at the fresh poses of an estimate without bias that uses all the readings say, mm (Cramer, Rao)."""
+    """Return the Cramer-Rao bound of the RMS error at the fresh poses, mm.
+
+    An estimate without bias that uses all information of the readings reaches it.
+    """
     values = values_of(arm)
     _, columns = walk(values, readings.joints)
     _, fresh = walk(values, readings.fresh_joints)

@@ -1,6 +1,6 @@
-"""Every package in an environment of its own under `.bench/`: their requirements do not agree with one another.
+"""Separate environments under `.bench/` for the packages, whose requirements conflict.
 
-Installed once, by pip and whatever index it is set up for; the versions are pinned.
+They are installed once by pip from the index for which it is configured; the versions are pinned.
 """
 
 from __future__ import annotations
@@ -34,11 +34,17 @@ class Peer:
 
     @property
     def folder(self) -> Path:
-        """Its environment."""
+        """Folder of the environment of this package."""
         return ROOT / ".bench" / self.name
 
     def install(self) -> Path:
-        """Its interpreter, with the package installed. Raises Absent, with the reason."""
+        """Install the package and return its interpreter.
+
+        Raises
+        ------
+        Absent
+            The package could not be installed; the message gives the reason.
+        """
         python, stamp = self.folder / "bin" / "python", self.folder / ".installed"
         wanted = "\n".join(self.requirements)
         if stamp.is_file() and stamp.read_text(encoding="utf-8") == wanted:
@@ -51,7 +57,13 @@ class Peer:
         return python
 
     def answer(self, runner: str, cases: Sequence[Path], answer: Path) -> dict[str, Any]:
-        """What a runner writes for some cases. Raises Absent, with the reason."""
+        """Run a runner on some cases and return the content of its answer file.
+
+        Raises
+        ------
+        Absent
+            The package could not be installed, or its runner failed; the message gives the reason.
+        """
         python = self.install()
         _call([str(python), str(RUNNERS / runner), str(answer), *map(str, cases)], RUN_S)
         return json.loads(answer.read_text(encoding="utf-8"))

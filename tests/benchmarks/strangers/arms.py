@@ -1,7 +1,7 @@
-"""Arms that the diagnosis meets here alone, and their kinematics: matrices over all poses at once.
+"""Arms used only in these benchmarks, and their kinematics as matrices over all poses.
 
-Two are of the library and are read here a second time, from their tables; the others are made up. Angles rad, lengths
-mm, forces N; a pose is a row of joints (n, N).
+Two arms are in the library and are read here independently from their tables; the others are made up. Angles are in
+rad, lengths in mm, forces in N; a pose is a row of joints (n, N).
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ class Weight:
 
 @dataclass(frozen=True)
 class Arm:
-    """The table of an arm: (N, 6) alpha, a, theta, d and both limits of every joint; rad and mm.
+    """Table of an arm: (N, 6) alpha, a, theta, d and both limits of every joint; rad and mm.
 
-    craig: modified table. slides: joint numbers that slide; twisted: links whose axis may lean against the other, which
-    is that at their start (Craig) or at their end.
+    `craig` selects the modified table. `slides` lists the sliding joints. `twisted` lists the links with an axis
+    that may lean against the other one. That axis is at the start of the link (Craig) or at its end.
     """
 
     name: str
@@ -59,24 +59,27 @@ class Arm:
 
     @cached_property
     def unit(self) -> Array:
-        """(N,) what one unit of its files is: deg in rad, or mm."""
+        """Unit of each joint in the files, (N,): deg in rad, or mm."""
         return np.array([1.0 if k + 1 in self.slides else math.radians(1.0) for k in range(self.joints)])
 
     def usual(self, joints: Array) -> Array:
-        """(n, N) joints as angles, the whole travel of a slide as half a turn."""
+        """Return joints (n, N) as angles; the whole travel of a slide counts as half a turn."""
         scale = np.ones(self.joints)
         for k in self.slides:
             scale[k - 1] = math.pi / (self.table[k - 1, 5] - self.table[k - 1, 4])
         return joints * scale
 
     def off(self, wrong: Array, lean: Array) -> Arm:
-        """The arm with other numbers in its table: wrong (N, 4); lean (N,) about y, of the axes that may lean."""
+        """Return the arm with errors added to its table.
+
+        `wrong` (N, 4) is added to the table. `lean` (N,) turns the axes that may lean about y.
+        """
         table = self.table.copy()
         table[:, :4] += wrong
         return replace(self, table=np.column_stack([table, lean]))
 
     def frames(self, joints: Array) -> Array:
-        """(N + 1, n, 4, 4) of the base and of every link."""
+        """Compute the frames of the base and of every link, (N + 1, n, 4, 4)."""
         frame = np.broadcast_to(np.eye(4), (len(joints), 4, 4))
         out = [frame]
         for k, row in enumerate(self.table):
@@ -94,7 +97,10 @@ class Arm:
         return np.array(out)
 
     def pulls(self, joints: Array) -> tuple[Array, Array]:
-        """(n, N, 3) the moment of gravity about the origin of every joint, and (n, N, 3) the axis of it; N.mm."""
+        """Compute the gravity moment about every joint origin, N.mm, and the joint axes.
+
+        Both have shape (n, N, 3).
+        """
         frames = self.frames(joints)
         moment = np.zeros((len(joints), self.joints, 3))
         at = frames[1:] if self.craig else frames[:-1]
@@ -105,13 +111,13 @@ class Arm:
         return moment, np.moveaxis(at[:, :, :3, 2], 0, 1)
 
     def torques(self, joints: Array) -> Array:
-        """(n, N) of gravity about every joint, N.mm."""
+        """Compute the gravity torque about every joint, (n, N), N.mm."""
         moment, axis = self.pulls(joints)
         return np.sum(moment * axis, axis=2)
 
 
 def screw(axis: int, angle: Array | float, along: Array | float) -> Array:
-    """(4, 4) or (n, 4, 4): a turn about x, y or z and a shift along it."""
+    """Return a turn about x, y or z with a shift along it, (4, 4) or (n, 4, 4)."""
     angle, along = np.broadcast_arrays(angle, along)
     i, j = [(1, 2), (2, 0), (0, 1)][axis]
     out = np.broadcast_to(np.eye(4), (*angle.shape, 4, 4)).copy()
@@ -130,8 +136,11 @@ def own_arm(
     weights: tuple[Weight, ...],
     slides: tuple[int, ...] = (),
 ) -> Arm:
-    """An arm from alpha deg, a mm, theta deg, d mm and limits, with the text of its robot file; parallel: axes that are
-    meant to be parallel to the one before."""
+    """Build an arm and the text of its robot file from rows of its table.
+
+    A row holds alpha deg, a mm, theta deg, d mm and both limits. `parallel` lists the axes that are meant to be
+    parallel to the one before.
+    """
     lines = [f'format = "truepose-robot/1"\nname = "{name}"\nmaker = "nobody"\nconvention = "{convention}"']
     lines.append(f'parallel_axes = {list(parallel)}\nsource = "made up"')
     for k, (alpha, a, theta, d, low, high) in enumerate(rows, start=1):
@@ -150,7 +159,10 @@ def own_arm(
 
 
 def leaning(craig: bool, parallel: Sequence[int]) -> tuple[int, ...]:
-    """The links whose axis may lean, of parallel axes: the link begins with the axis (Craig) or ends with it."""
+    """List the links whose axis may lean, from the numbers of parallel axes.
+
+    The link begins with the axis (Craig) or ends with it.
+    """
     return tuple(k if craig else k - 1 for k in parallel)
 
 
@@ -239,5 +251,5 @@ FLAT = own_arm(
 
 
 def arms() -> tuple[Arm, ...]:
-    """All of them."""
+    """Return all arms of these benchmarks."""
     return (*(library_arm(name) for name in LIBRARY), TALL, TABLETOP, REDUNDANT, FLAT)

@@ -1,11 +1,15 @@
-"""`python -m tests.benchmarks strangers [SEEDS]`: verdicts on laws and arms that the program has never been shown.
+"""`python -m tests.benchmarks strangers [SEEDS]`: verdicts on unknown laws and arms.
 
-Laws: each at three times the noise, on one of the arms that it fits. Wanted: never `attributed` or `complete` while
-the fit is worse than noise allows; flagged `unexplained` where the readings can show the law (lambda > 200) and tell it
-from any one name (gap > 60); the first place named right. Small sets of 50 and 100 readings have to be honest, no more.
-Complete: sets that lack nothing, in every design in which readings are alike; an alarm is any verdict but `complete`.
-Power: effects of the library, written anew, as large as the report says that they would be seen in 95 of 100 sets.
-Every set of a law, every alarm and every planted effect that was missed is printed with its seed.
+Laws: each acts at three times the noise, on one of the arms that it fits. The verdict must never be `attributed` or
+`complete` while the fit is worse than noise allows. It must be `unexplained` if the readings can show the law
+(lambda > 200) and distinguish it from any single name (gap > 60). The first place must be right. Small sets of 50
+and 100 readings only have to be honest.
+
+Complete: sets without an unmodelled effect, in every design in which readings are alike. An alarm is any verdict
+but `complete`.
+
+Power: effects of the library, written independently. Their size is the one that the report says is seen in 95 of
+100 sets. Every set of a law, every alarm and every planted effect that was missed is printed with its seed.
 """
 
 from __future__ import annotations
@@ -56,7 +60,10 @@ def laws_at(readings: Sequence[int], seeds: int, first: int) -> list[Told]:
 
 
 def sure(kind: str, found: Sequence[Told]) -> bool:
-    """No verdict that the lack of fit contradicts; how many of those that count fit to the noise all the same."""
+    """Require that no verdict contradicts a poor fit.
+
+    Also print how many of the sets that count fit to the noise all the same.
+    """
     counted = [told for told in found if told.counts]
     print(f"  {len(found)} sets, {len(counted)} count: {dict(Counter(told.verdict for told in counted))}")
     fitted = sum(told.verdict in ("attributed", "complete", "ambiguous") for told in counted)
@@ -91,7 +98,7 @@ def small(seeds: int, first: int = FIRST_SEED) -> bool:
 
 
 def alarm(asked: tuple[str, int, int, int]) -> str | None:
-    """What was told of one set that lacks nothing, where it is an alarm."""
+    """Diagnose one set without an unmodelled effect; return its report if it is an alarm."""
     design, number, n, seed = asked
     each, at_once, scatter = DESIGNS[design]
     arm = arms()[number % len(arms())]
@@ -151,6 +158,9 @@ PARTS: dict[str, Callable[[int, int], bool]] = {
 
 
 def run(seeds: int = 1) -> bool:
-    """All parts over `seeds` seeds, each with 56 sets of laws, 56 small ones, 20 complete and 30 planted ones."""
+    """Run all parts over `seeds` seeds.
+
+    Each seed has 56 sets of laws, 56 small ones, 20 complete and 30 planted ones.
+    """
     reached = [part(seeds, FIRST_SEED) for part in PARTS.values()]
     return all(reached)

@@ -1,4 +1,4 @@
-"""One set of a stranger: what it can show, and what the program said of it."""
+"""Judge one set with an unknown law: its detectability, and the program's report."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ KNOWN = (laws_of_arms, laws_of_cells)  # importing them enters their laws
 
 @dataclass(frozen=True)
 class Asked:
-    """A law, the number of an arm among those that it fits, readings, and a seed."""
+    """Law to examine, with the number of an arm among those that it fits, readings, and a seed."""
 
     law: str
     number: int
@@ -35,7 +35,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Told:
-    """What was said of a set."""
+    """Report of the program on a set."""
 
     asked: Asked
     arm: str
@@ -48,12 +48,12 @@ class Told:
 
     @property
     def counts(self) -> bool:
-        """Whether the readings can show the law, and tell it from any one name."""
+        """Whether the readings can show the law and distinguish it from any single name."""
         return self.shown.size > STRUCTURE and self.shown.gap > APART
 
     @property
     def too_sure(self) -> bool:
-        """Whether the verdict says that all is told where the fit is worse than noise allows."""
+        """Whether the verdict claims a complete explanation of a fit that is worse than the noise."""
         return self.verdict in ("attributed", "complete") and self.chance < NOISY
 
     @property
@@ -93,7 +93,7 @@ def examine(asked: Asked) -> Told:
 
 
 def shown_of(drawn: Made) -> Shown:
-    """lambda and gap of a law, from what it alone did to the readings."""
+    """Compute lambda and gap of a law from its own displacement of the readings."""
     data, displaced = drawn
     base = identify(replace(data, points=data.points - displaced))
     readings = base.readings

@@ -1,4 +1,7 @@
-"""Laws of gears, cables, links and loads; JOINTS are places of whatever is smooth in the joints."""
+"""Laws of gears, cables, links and loads.
+
+JOINTS are the places reported for a law that is smooth in the joints.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,10 @@ ARRIVAL = ("side of approach", "last move", "last change")
 
 @law(*JOINTS)
 def smooth_in_two_joints(s: Scene) -> Moved:
-    """A field over joints 1 and 2, as wide as 40 deg and the same after a turn, turns joint 2: its casting yields."""
+    """Turn joint 2 by a field over joints 1 and 2, because its casting yields.
+
+    The field is as wide as 40 deg and periodic over a turn.
+    """
     turned = np.column_stack([np.cos(s.angles[:, :2]), np.sin(s.angles[:, :2])])
     return Moved({2: s.field(turned, 0.7, 1)[:, 0]})
 
@@ -33,7 +39,10 @@ def bevel_gears(s: Scene) -> Moved:
 
 @law("side of approach of joint 2", "last move of joint 2", *ARRIVAL)
 def play_of_a_neighbour(s: Scene) -> Moved:
-    """The motor of joint 2 sits on the housing of joint 1's gear: coming from the other side it turns joint 1."""
+    """Turn joint 1 by the side from which joint 2 comes.
+
+    The motor of joint 2 sits on the housing of joint 1's gear.
+    """
     return Moved({1: s.side[:, 1] * (1.0 + 0.4 * np.sin(s.angles[:, 1]))})
 
 
@@ -46,7 +55,10 @@ def root_of_the_move(s: Scene) -> Moved:
 
 @law("joint 2 angle", *ARRIVAL)  # an element of 60 deg follows the angle for most of the way
 def remembering_gear(s: Scene) -> Moved:
-    """Slipping elements of 3, 20 and 60 deg in joint 2: what they hold depends on all earlier reversals."""
+    """Hold slipping elements of 3, 20 and 60 deg in joint 2.
+
+    Their state depends on all earlier reversals.
+    """
     held = np.zeros(3)
     width = np.radians([3.0, 20.0, 60.0])
     way = np.column_stack([s.arm.usual(s.before)[:, 1], s.angles[:, 1]])
@@ -69,21 +81,24 @@ def slipping_coupling(s: Scene) -> Moved:
 
 @law("joint 3", "joint 2 and joint 3", *JOINTS)
 def cable_goes_taut(s: Scene) -> Moved:
-    """A cable beside joints 2 and 3 goes taut where both lie back, and pulls joint 1's cover along."""
+    """Pull joint 1's cover by a cable that goes taut when joints 2 and 3 both lie back."""
     taut = np.maximum(0.0, 0.8 * s.angles[:, 1] + s.angles[:, 2] - np.median(s.angles[:, 2]))
     return Moved({1: taut**2 * 1.5})
 
 
 @law(*LOADS, *JOINTS, bend=True)
 def soft_then_hard(s: Scene) -> Moved:
-    """Joint 3's flexspline winds up softly under the first third of its load, and by where its teeth stand."""
+    """Wind up joint 3's flexspline, softly under the first third of its load.
+
+    The wind-up also depends on the position of its teeth.
+    """
     wound = np.sign(s.torque[:, 2]) * (1.0 - np.exp(-np.abs(s.torque[:, 2]) / 0.3))
     return Moved({3: wound * (1.0 + 0.7 * np.cos(2.0 * s.angles[:, 2] + 1.0))})
 
 
 @law(*LOADS, *JOINTS, bend=True)
 def weak_sector(s: Scene) -> Moved:
-    """Joint 2 yields to its torque more in one sector of joint 1, where the column has its door."""
+    """Make joint 2 softer in one sector of joint 1, at the door of the column."""
     return Moved({2: s.torque[:, 1] * np.exp(-((np.sin(0.5 * (s.angles[:, 0] - 0.8)) / 0.35) ** 2)) * 2.0})
 
 
@@ -95,7 +110,10 @@ def product_of_loads(s: Scene) -> Moved:
 
 @law("overturning", "joint 1", "region", *LOADS, *JOINTS, bend=True)
 def rocking_base(s: Scene) -> Moved:
-    """Three feet, one not screwed down: the base rocks over to where the load is, and stands at two places."""
+    """Rock the base over to the side of the load, so that it has two positions.
+
+    One of its three feet is not screwed down.
+    """
     foot = s.rng.uniform(-np.pi, np.pi)
     over = np.cos(foot) * s.overturning[:, 0] + np.sin(foot) * s.overturning[:, 1]
     rocked = np.tanh((over - np.median(over)) / 0.1)
@@ -104,7 +122,7 @@ def rocking_base(s: Scene) -> Moved:
 
 @law("direction of the tool", "side of the tool", "tool target and the side", *LOADS, *JOINTS, bend=True)
 def tool_bends_by_the_square(s: Scene) -> Moved:
-    """A slim tool: it gives way sideways by the square of the weight across, further out the more."""
+    """Bend a slim tool sideways by the square of the weight across it, more further out."""
     lever = np.linalg.norm(s.targets, axis=1)[s.target] / 100.0
     across = s.down[:, :2]
     shift = across * np.abs(across) * lever[:, None] ** 2
@@ -128,14 +146,17 @@ def falling_jaw(s: Scene) -> Moved:
 
 @law("time since the last move", *ARRIVAL, *LOADS, *JOINTS, bend=True)
 def creep_after_arrival(s: Scene) -> Moved:
-    """Joint 2 goes on yielding after it came to rest, by the logarithm of the time it has stood under load."""
+    """Let joint 2 yield after it came to rest, by the logarithm of its time under load."""
     stood = np.log1p(np.diff(s.time, prepend=s.time[0] - 20.0) / 10.0)
     return Moved({2: (stood - stood.mean()) * (0.3 + s.torque[:, 1])})
 
 
 @law("joint", "region", "direction", "last move", "overturning")
 def spring_to_the_ceiling(s: Scene) -> Moved:
-    """A balancer hangs above the cell; once its rope is out by more than half the reach it pulls the hand."""
+    """Pull the hand by a balancer that hangs above the cell.
+
+    It pulls once its rope is out by more than half the reach.
+    """
     hook = np.array([0.5, 0.3, 1.6]) * s.arm.reach
     way = hook - s.place
     length = np.linalg.norm(way, axis=1)

@@ -23,7 +23,7 @@ def relaxed(cause: Array, time: Array, constant: float) -> Array:
 
 
 def red_noise(s: Scene, keep: float) -> Array:
-    """(n,) noise that keeps a share of the reading before."""
+    """Draw noise (n,) that keeps a share of the reading before."""
     out = s.rng.normal(size=s.count)
     for i in range(1, s.count):
         out[i] = keep * out[i - 1] + np.sqrt(1.0 - keep**2) * out[i]
@@ -38,7 +38,10 @@ def smooth_in_the_room(s: Scene) -> Moved:
 
 @law(*SIGHT)
 def bent_beam(s: Scene) -> Moved:
-    """Warm air above a cold floor bends the beam: the point rises with the square of the way, more near the floor."""
+    """Bend the beam by warm air above a cold floor.
+
+    The point rises with the square of the distance, more near the floor.
+    """
     _, distance = s.beam
     height = (s.place[:, 2] + s.station[2]) / (2.0 * s.arm.reach)
     bend = (distance / np.mean(distance)) ** 2 * np.exp(-2.0 * height)
@@ -47,14 +50,20 @@ def bent_beam(s: Scene) -> Moved:
 
 @law(*SIGHT)
 def cyclic_range(s: Scene) -> Moved:
-    """The distance meter errs with its modulation: by the range, a wave as long as half the reach."""
+    """Add the modulation error of the distance meter: a wave over the range.
+
+    The wave is as long as half the reach.
+    """
     along, distance = s.beam
     return Moved(point=along * np.sin(4.0 * np.pi * distance / s.arm.reach)[:, None] * 1.7)
 
 
 @law(*SIGHT)
 def curved_scale(s: Scene) -> Moved:
-    """The scale of the tracker is off by the square of the range: what it was set with was short."""
+    """Add a scale error of the tracker that grows with the square of the range.
+
+    It was set with a short distance.
+    """
     along, distance = s.beam
     far = (distance - distance.mean()) / distance.std()
     return Moved(point=along * (far**2 - 0.3 * far**3)[:, None])
@@ -62,7 +71,10 @@ def curved_scale(s: Scene) -> Moved:
 
 @law(*TIME)
 def meter_jumps(s: Scene) -> Moved:
-    """After each broken beam the distance meter comes back a little off: steps along the beam at six moments."""
+    """Add a step along the beam at six moments.
+
+    After each broken beam the distance meter comes back a little off.
+    """
     along, _ = s.beam
     begins = np.sort(s.rng.random(6))
     level = s.rng.normal(size=7)[np.searchsorted(begins, s.share)]
@@ -71,7 +83,7 @@ def meter_jumps(s: Scene) -> Moved:
 
 @law(*TIME)
 def two_time_constants(s: Scene) -> Moved:
-    """Warmth reaches the upper arm in ten minutes and the column in two hours, and each errs the other way."""
+    """Warm the upper arm in ten minutes and the column in two hours, with opposite errors."""
     driven = s.air - s.air[0] + 3.0 * (1.0 - np.exp(-s.time / 900.0)) * (1.0 + 0.5 * np.sin(s.time / 2700.0))
     quick, slow = relaxed(driven, s.time, 600.0), relaxed(driven, s.time, 7200.0)
     return Moved({2: quick - 1.5 * slow, 1: 0.8 * slow - 0.5 * quick}, lean=np.outer(quick, [0.0, 0.3, 0.0]))
@@ -79,7 +91,7 @@ def two_time_constants(s: Scene) -> Moved:
 
 @law(*TIME)
 def sinking_tripod(s: Scene) -> Moved:
-    """The instrument's stand leans, is noticed and set upright again, and leans once more."""
+    """Lean the instrument's stand, which is noticed, set upright, and leans again."""
     saw = (3.0 * s.share) % 1.0
     lean = np.outer(saw**1.5, s.direction())
     return Moved(point=np.cross(lean, s.place - s.station) / s.arm.reach * 3.0)
@@ -97,21 +109,30 @@ def noise_that_lasts(s: Scene) -> Moved:
 
 @law(*TIME)
 def machine_next_door(s: Scene) -> Moved:
-    """A press beside the cell bends the floor by day and night shift: a tilt that comes and goes, five times."""
+    """Tilt the floor on and off, five times, as by a press next to the cell.
+
+    The press works in day and night shifts.
+    """
     on = np.sin(2.0 * np.pi * (5.0 * s.share + s.rng.random())) > 0.3
     return Moved(lean=np.outer(on.astype(np.float64), [0.8, -0.6, 0.0]))
 
 
 @law(*TIME, "joint 2")
 def gives_way_once(s: Scene) -> Moved:
-    """After a blow joint 2 stands off, comes half of the way back within a tenth of the campaign, and stays there."""
+    """Displace joint 2 by a blow; half of it remains.
+
+    The other half decays within a tenth of the campaign.
+    """
     late = np.maximum(s.share - s.rng.uniform(0.25, 0.6), 0.0)
     return Moved({2: np.where(late > 0.0, 1.0 + np.exp(-late / 0.05), 0.0)})
 
 
 @law("tool target", "side of the tool", "direction of the tool", *JOINTS)
 def ball_rolls(s: Scene) -> Moved:
-    """The reflector of one target turns in its nest with the line of sight: its centre is off its ball."""
+    """Turn the reflector of one target in its nest with the line of sight.
+
+    Its centre is off the centre of its ball.
+    """
     along, _ = s.beam
     seen = np.einsum("nji,nj->ni", s.flange[:, :3, :3], along)
     return Moved(tool=np.where((s.target == 1)[:, None], seen * 4.0 * seen[:, :1], 0.0))

@@ -1,4 +1,7 @@
-"""Effects of the library, written anew, planted at the size that a report promised to see in 95 of 100 sets."""
+"""Independently written effects, planted at the size that a report promised to detect.
+
+The report promises detection in 95 of 100 sets.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ MOST = {
 
 @dataclass(frozen=True)
 class Planted:
-    """An effect, where it was planted and how large, and what was told."""
+    """Planted effect, with its place, its size and the report on it."""
 
     label: str
     arm: str
@@ -38,7 +41,7 @@ class Planted:
 
     @property
     def kind(self) -> str:
-        """Its kind, without the joint."""
+        """Kind of the effect, without the joint."""
         return self.label.partition(":")[0]
 
     def __str__(self) -> str:
@@ -86,9 +89,9 @@ KINDS: tuple[tuple[Callable[[int, float], Act], str], ...] = (
 
 
 def planted(asked: tuple[int, int]) -> list[Planted]:
-    """One effect of every kind, one after the other, at a joint drawn at random in a campaign that lacks nothing else.
+    """Plant one effect of every kind, one after the other, in an otherwise complete campaign.
 
-    Empty where that campaign has an alarm by itself.
+    Each acts at a random joint. The list is empty if that campaign already raises an alarm without them.
     """
     number, seed = asked
     arm = arms()[number]

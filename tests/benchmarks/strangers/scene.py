@@ -1,4 +1,4 @@
-"""What a law may know of a campaign, and what it may move."""
+"""Campaign state that a law may use, and the displacements that a law returns."""
 
 from __future__ import annotations
 
@@ -17,8 +17,12 @@ WAVES = 24
 
 @dataclass(frozen=True)
 class Scene:
-    """Readings in order of time: joints (n, N), where the last move began, s, deg C, which target (n,), the targets
-    (t, 3) in the flange frame and the instrument's place in the base frame, mm."""
+    """Readings of a campaign, in order of time.
+
+    `joints` and `before`, the start of the last move, are (n, N), rad or mm. `time` is in s, `air` in deg C.
+    `target` is the number of the target of each reading. `targets` (t, 3) is in the flange frame and `station`, the
+    position of the instrument, in the base frame; both in mm.
+    """
 
     arm: Arm
     joints: Array
@@ -37,73 +41,76 @@ class Scene:
 
     @cached_property
     def side(self) -> Array:
-        """(n, N) +1 where a joint came from below, -1 from above."""
+        """Direction of arrival of each joint, (n, N): +1 from below, -1 from above."""
         return np.where(self.joints >= self.before, 1.0, -1.0)
 
     @cached_property
     def angles(self) -> Array:
-        """(n, N) joints, a slide's travel as half a turn."""
+        """Joints as angles, (n, N); the whole travel of a slide counts as half a turn."""
         return self.arm.usual(self.joints)
 
     @cached_property
     def flange(self) -> Array:
-        """(n, 4, 4) frames of the flange in the base frame."""
+        """Flange frames in the base frame, (n, 4, 4)."""
         return self.arm.frames(self.joints)[-1]
 
     @cached_property
     def place(self) -> Array:
-        """(n, 3) the target in the base frame, mm."""
+        """Positions of the target in the base frame, (n, 3), mm."""
         return self.flange[:, :3, 3] + self.turned(self.targets[self.target])
 
     @cached_property
     def beam(self) -> tuple[Array, Array]:
-        """(n, 3) direction from the instrument to the target, (n,) distance, mm."""
+        """Directions from the instrument to the target, (n, 3), and distances, (n,), mm."""
         way = self.place - self.station
         distance = np.linalg.norm(way, axis=1)
         return way / distance[:, None], distance
 
     @cached_property
     def down(self) -> Array:
-        """(n, 3) direction of gravity in the flange frame."""
+        """Direction of gravity in the flange frame, (n, 3)."""
         return np.einsum("nji,j->ni", self.flange[:, :3, :3], DOWN / 9.81)
 
     @cached_property
     def torque(self) -> Array:
-        """(n, N) of gravity, over its largest; zero where there is none."""
+        """Gravity torques (n, N), relative to the largest of each joint; zero without a torque."""
         torque = self.arm.torques(self.joints)
         return torque / np.maximum(np.max(np.abs(torque), axis=0), 1.0)
 
     @cached_property
     def overturning(self) -> Array:
-        """(n, 2) moments of gravity about x and y of the base, over the largest."""
+        """Gravity moments about x and y of the base, (n, 2), relative to the largest."""
         moment = self.arm.pulls(self.joints)[0][:, 0, :2]
         return moment / max(float(np.max(np.abs(moment))), 1.0)
 
     @cached_property
     def share(self) -> Array:
-        """(n,) of the campaign that is over, 0 to 1."""
+        """Elapsed share of the campaign, (n,), 0 to 1."""
         return (self.time - self.time[0]) / (self.time[-1] - self.time[0])
 
     def turned(self, vectors: Array) -> Array:
-        """(n, 3) vectors of the flange frame in the base frame."""
+        """Turn vectors (n, 3) of the flange frame into the base frame."""
         return np.einsum("nij,nj->ni", self.flange[:, :3, :3], vectors)
 
     def field(self, of: Array, width: float, parts: int) -> Array:
-        """(n, parts) a smooth random field over coordinates (n, d), correlated over `width`."""
+        """Draw a smooth random field (n, parts) over coordinates (n, d), correlated over `width`."""
         waves = self.rng.normal(size=(of.shape[1], WAVES, parts)) / width
         phase = self.rng.uniform(0.0, 2.0 * math.pi, (WAVES, parts))
         return np.cos(np.einsum("nd,dwp->nwp", of, waves) + phase).sum(axis=1) * math.sqrt(2.0 / WAVES)
 
     def direction(self) -> Array:
-        """(3,) a direction at random."""
+        """Draw a random direction, (3,)."""
         drawn = self.rng.normal(size=3)
         return drawn / np.linalg.norm(drawn)
 
 
 @dataclass(frozen=True)
 class Moved:
-    """What a law moves, of size 1 or so: joints by number (n,), 1e-4 rad or 0.1 mm of a slide; lean of the base (n, 3),
-    1e-4 rad; the tool in the flange frame (n, 3) and the point read in the base frame (n, 3), 0.1 mm."""
+    """Displacements caused by a law, of the order of 1 in small units.
+
+    `joints` maps a joint number to (n,) offsets in 1e-4 rad, or in 0.1 mm for a sliding joint. `lean` (n, 3) tilts
+    the base, 1e-4 rad. `tool` (n, 3) is in the flange frame and `point` (n, 3) in the base frame, both in 0.1 mm.
+    """
 
     joints: dict[int, Array] = field(default_factory=dict)
     lean: Array | None = None
@@ -116,8 +123,11 @@ Act = Callable[[Scene], Moved]
 
 @dataclass(frozen=True)
 class Law:
-    """A law that the library does not hold, and where a report may say that it lives: beginnings of a driver's name, or
-    `on JOINT` of what it acts on. bend: it needs gravity about the joints; wrist: it needs five joints that turn."""
+    """Law that the library does not contain, with the places at which a report may locate it.
+
+    A place is the beginning of a driver's name, or `on JOINT` for the joint on which the law acts. If `bend`, the
+    law needs gravity about the joints; if `wrist`, it needs five turning joints.
+    """
 
     act: Act
     places: tuple[str, ...]
@@ -126,11 +136,11 @@ class Law:
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """Name of the law: the name of its function."""
         return self.act.__name__
 
     def fits(self, arm: Arm) -> bool:
-        """Whether it can act on an arm."""
+        """Return whether the law can act on an arm."""
         return not ((self.bend or self.wrist) and arm.slides)
 
 

@@ -1,4 +1,4 @@
-"""Campaigns on the arms of strangers, as data sets that the program reads from their files."""
+"""Campaigns on arms that the library may not contain, as data sets read from files."""
 
 from __future__ import annotations
 
@@ -24,8 +24,10 @@ SMALL_RAD, SMALL_MM = 1e-4, 0.1  # of what a law moves by 1
 
 @dataclass(frozen=True)
 class Plan:
-    """Readings of a campaign: poses visited `each` times, `at_once` targets in each visit; scatter: how many times as
-    large as usual the repeatability is."""
+    """Readings of a campaign.
+
+    Poses are visited `each` times, with `at_once` targets per visit. `scatter` multiplies the usual repeatability.
+    """
 
     calibration: int
     validation: int
@@ -35,7 +37,7 @@ class Plan:
 
 
 class Made(NamedTuple):
-    """A data set, and what the law alone did to its readings, mm (n, 3)."""
+    """Data set, and the displacement of its readings by the law alone, (n, 3), mm."""
 
     data: Dataset
     displaced: Array
@@ -43,7 +45,10 @@ class Made(NamedTuple):
 
 @dataclass(frozen=True)
 class TrueArm:
-    """An arm with errors of its own in a place of its own: base (4, 4), softness (N,) rad/(N.mm)."""
+    """Arm with random errors on a random base.
+
+    `base` is (4, 4), `softness` (N,) in rad/(N.mm).
+    """
 
     arm: Arm
     base: Array
@@ -51,7 +56,7 @@ class TrueArm:
 
     @classmethod
     def drawn(cls, arm: Arm, rng: np.random.Generator) -> TrueArm:
-        """An arm as they are: a fraction of a millimetre and of a tenth of a degree off everywhere."""
+        """Draw an arm with usual errors: fractions of a millimetre and of 0.1 deg everywhere."""
         size = np.array([6e-4, 0.3, 1.2e-3, 0.3]) * min(1.0, arm.reach / 1000.0)
         lean = np.where([k + 1 in arm.twisted for k in range(arm.joints)], 5e-4, 0.0)
         wrong = rng.normal(size=(arm.joints, 4)) * size
@@ -63,7 +68,10 @@ class TrueArm:
         return cls(arm.off(wrong, lean * rng.normal(size=arm.joints)), base, soft)
 
     def points(self, s: Scene, moved: Moved, size: float) -> Array:
-        """(n, 3) places of the targets, mm, in the instrument's frame, when a law has moved things by `size`."""
+        """Compute target positions in the instrument's frame, (n, 3), mm.
+
+        A law has displaced joints, tool, base or point by `size`.
+        """
         nominal = s.arm
         joints = s.joints + self.softness * nominal.torques(s.joints)
         for number, by in moved.joints.items():
@@ -83,7 +91,10 @@ class TrueArm:
 def ways(
     arm: Arm, plan: Plan, rng: np.random.Generator
 ) -> tuple[Array, NDArray[np.int64], NDArray[np.bool_]]:
-    """Joints of every visit (v, N) in order of time, the pose it is (v,), and which are held out."""
+    """Draw the visits of a campaign, in order of time.
+
+    Return joints (v, N), pose numbers (v,), and which visits are held out.
+    """
     per_pose = plan.each * plan.at_once
     counts = [-(-plan.calibration // per_pose), -(-plan.validation // per_pose)]
     low, high = arm.table[:, 4], arm.table[:, 5]
@@ -95,10 +106,15 @@ def ways(
 
 
 def made(arm: Arm, act: Act | None, size: float | None, plan: Plan, seed: int) -> Made:
-    """A campaign on an arm in which something acts: it displaces readings by `size` times their noise, RMS; None: by as
-    much as it says itself.
+    """Simulate a campaign on an arm on which a law acts.
 
-    Raises ValueError where it moves nothing.
+    `size` is the RMS displacement of the readings relative to their noise. With None, the law itself states its
+    size.
+
+    Raises
+    ------
+    ValueError
+        The law moves nothing.
     """
     rng = np.random.default_rng([seed, sum(map(ord, arm.name)), plan.calibration])
     true = TrueArm.drawn(arm, rng)
@@ -152,7 +168,7 @@ def made(arm: Arm, act: Act | None, size: float | None, plan: Plan, seed: int) -
 
 
 def _sight(points: Array, place: Array) -> tuple[Array, Array]:
-    """(n, 3) directions of the beams, (n, 2) sigma along and across them, mm."""
+    """Return beam directions (n, 3), and sigmas along and across the beams (n, 2), mm."""
     way = points - place
     distance = np.linalg.norm(way, axis=1)
     sigma = np.column_stack([RANGE + 1e-6 * PPM * distance, ACROSS + 1e-6 * PPM * distance])
@@ -174,7 +190,7 @@ def _write(
     plan: Plan,
     place: Array,
 ) -> None:
-    """The data set with its header, and the robot file where the arm is nobody's."""
+    """Write the data set with its header, and a robot file if the library lacks the arm."""
     arm, numbers = s.arm, range(1, s.arm.joints + 1)
     unit = ["mm" if k in arm.slides else "deg" for k in numbers]
     names = [f"j{k}_{u}" for k, u in zip(numbers, unit, strict=True)]

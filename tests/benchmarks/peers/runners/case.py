@@ -1,8 +1,9 @@
-"""What a runner is handed and what it hands back. Runs in the interpreter of every package: numpy and nothing else.
+"""Input and output of a runner. It runs in the interpreter of every package: only numpy.
 
 `python run_NAME.py ANSWER.json CASE.npz ...`: a case holds the readings and the nominal arm. Joint angles are those
-of the modified DH convention (the nominal theta is added already), so that a joint at zero needs no offset. A solver
-prepares what a user would have in memory, then is timed, and returns what predicts points from joint angles.
+of the modified DH convention (the nominal theta is added already), so that a joint at zero needs no offset. A
+solver prepares the data that a user would have in memory, is then timed, and returns a function that predicts
+points from joint angles.
 """
 
 from __future__ import annotations
@@ -26,7 +27,10 @@ TRIES, BUDGET_S = 20, 5.0
 
 @dataclass(frozen=True)
 class Case:
-    """Angles (n, 6) in rad and points (n, 3) in mm to identify from; fresh angles to predict; the nominal arm."""
+    """Case for a runner: readings to identify from, angles to predict, and the nominal arm.
+
+    `joints` (n, 6) is in rad, `measured` (n, 3) in mm.
+    """
 
     name: str
     joints: Any

@@ -1,4 +1,7 @@
-"""figaroh's calibration of the arm, as its documentation has one write it: a subclass, a YAML file and a CSV file."""
+"""Calibration of the arm by figaroh, written as its documentation shows.
+
+It has a subclass, a YAML file and a CSV file.
+"""
 # pyright: reportMissingImports=false
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ class Documented(BaseCalibration):
     """The cost function of its documentation: SE(3) log map, then weights."""
 
     def cost_function(self, var: Any) -> Any:
-        """(3n,) residual."""
+        """Compute the residual, (3n,)."""
         estimated = calc_updated_fkm(self.model, self.data, var, self.q_measured, self.calib_config)
         residual = self._compute_logmap_residuals(self.PEE_measured, estimated)
         return self.apply_measurement_weighting(residual)
@@ -35,7 +38,7 @@ class Plain(BaseCalibration):
     """The least that a cost function can do: measured minus estimated."""
 
     def cost_function(self, var: Any) -> Any:
-        """(3n,) residual."""
+        """Compute the residual, (3n,)."""
         estimated = calc_updated_fkm(self.model, self.data, var, self.q_measured, self.calib_config)
         return self.PEE_measured - estimated
 
@@ -76,7 +79,7 @@ def calibration_of(case: Case, kind: type[Any], folder: Path) -> Any:
 
 
 def predict(calibration: Any, estimate: Any, joints: Any) -> Any:
-    """(n, 3) points, mm."""
+    """Predict the points, (n, 3), mm."""
     config = dict(calibration.calib_config, NbSample=len(joints))
     flat = calc_updated_fkm(calibration.model, calibration.data, estimate, joints, config)
     return 1e3 * flat.reshape(3, -1).T

@@ -1,4 +1,4 @@
-"""pybotics: its `optimize_accuracy` as its examples do, and a residual of three components a reading.
+"""Runner of pybotics: `optimize_accuracy` of its examples, and a residual of three components.
 
 Base pose, the modified DH numbers of links 2 to 6 and the tool's position are free; it has no beta.
 """
@@ -37,18 +37,18 @@ def handler_of(case: Case) -> Any:
 
 
 def points(robot: Any, joints: Any) -> Any:
-    """(n, 3) points of a robot."""
+    """Compute the points of a robot, (n, 3)."""
     return np.array([robot.fk(q)[:3, 3] for q in joints])
 
 
 def vector_residual(vector: Any, handler: Any, joints: Any, measured: Any) -> Any:
-    """(3n,) components of the errors."""
+    """Compute the components of the errors, (3n,)."""
     handler.apply_optimization_vector(vector)
     return (measured - points(handler.robot, joints)).ravel()
 
 
 def solver(residual: Callable[..., Any]) -> Callable[[Case], Callable[[], Predict]]:
-    """What solves with one of the residuals."""
+    """Return a solver that uses one of the residuals."""
 
     def prepare(case: Case) -> Callable[[], Predict]:
         handler = handler_of(case)
