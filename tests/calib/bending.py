@@ -1,7 +1,6 @@
-"""What keeps the joints of a simulated UR5 from where the controller sees them: gears that bend, err once and twice a
-turn, and have play.
+"""Errors of the gears of a simulated UR5: bending, one and two waves per turn, and play.
 
-Written a second time, by 4x4 matrices: nothing of `calib` is in it. Masses: the maker's published table.
+The code is independent of `calib` and uses 4x4 matrices. Masses: the maker's published table.
 """
 
 from __future__ import annotations
@@ -30,15 +29,18 @@ G_M_S2 = 9.81
 
 @dataclass(frozen=True)
 class Gears:
-    """Gears of one arm: compliance (6,) rad/(N.mm); waves (2, 2, 6) rad, cosine and sine of once and twice a turn;
-    play (6,) rad, the whole gap."""
+    """Gears of one arm.
+
+    `compliance` (6,) is in rad/(N.mm). `waves` (2, 2, 6), rad, are cosine and sine of once and twice per turn.
+    `play` (6,), rad, is the whole gap.
+    """
 
     compliance: Array
     waves: Array
     play: Array
 
     def turned(self, joints: Array, side: Array) -> Array:
-        """(n, 6) angles at which the arm really is, rad, for joints (n, 6) rad on sides (n, 6) of their gaps."""
+        """Compute the true angles of the arm (n, 6), rad, for joints (n, 6) on sides of their gaps."""
         out = joints + self.compliance * torques(joints)
         for turn in (1, 2):
             cosine, sine = self.waves[:, turn - 1]
@@ -49,7 +51,10 @@ class Gears:
 def gears(
     rng: np.random.Generator, *, softness: float = 1.0, waves_rad: float = 0.0, play_rad: float = 0.0
 ) -> Gears:
-    """Gears drawn about the compliances of Nubiola's IRB 120 (thesis, Table 2.6), which the simulated cell has too."""
+    """Draw gears about the compliances of Nubiola's IRB 120 (thesis, Table 2.6).
+
+    The simulated cell has the same compliances.
+    """
     usual = np.array([0.0, 0.032e-6, 0.130e-6, 0.605e-6, 0.419e-6, 0.647e-6])
     return Gears(
         compliance=softness * usual * rng.uniform(0.7, 1.3, 6),
@@ -59,7 +64,10 @@ def gears(
 
 
 def torques(joints: Array) -> Array:
-    """(n, 6) torque of gravity about every joint, N.mm, of links and tool, the base upright."""
+    """Compute the gravity torque of links and tool about every joint, (n, 6), N.mm.
+
+    The base is upright.
+    """
     n = len(joints)
     frame = np.broadcast_to(np.eye(4), (n, 4, 4))
     frames = [frame]

@@ -1,4 +1,4 @@
-"""Data sets for the tests: simulated campaigns on their way through the files, as the program would meet them."""
+"""Data sets for the tests: simulated campaigns, passed through the files."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def simulate(folder: Path, *arguments: Any, **options: Any) -> tuple[Campaign, D
 
 
 def exact(campaign: Campaign, sigma_mm: float = 1e-4) -> tuple[list[Row], dict[str, Any]]:
-    """Rows and header of a campaign without noise: every point where it really is, to the last digit."""
+    """Return rows and header of a campaign without noise: every point to the last digit."""
     rows = copy.deepcopy(campaign.rows)
     for row, (state, target) in zip(rows, campaign.readings, strict=True):
         point = campaign.world.indicated_point(state, target)
@@ -59,7 +59,7 @@ def exact(campaign: Campaign, sigma_mm: float = 1e-4) -> tuple[list[Row], dict[s
 
 
 def true_points(campaign: Campaign) -> Array:
-    """(n, 3) what an instrument without noise would have shown in every row, mm."""
+    """Compute the readings of an instrument without noise in every row, (n, 3), mm."""
     return np.array([campaign.world.indicated_point(s, t) for s, t in campaign.readings])
 
 

@@ -1,4 +1,4 @@
-"""Models with carried terms, made by hand: one that follows a joint, and one that follows the time."""
+"""Models with two carried terms, made by hand: one follows a joint, one the time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def carried(label: str, unit: str, regressor: Regressor, size: float = 0.1) -> E
 
 
 def step(times: np.ndarray) -> OfTime:
-    """0 in the first third of a campaign, then 1."""
+    """Return a step: 0 in the first third of a campaign, then 1."""
     begin, end = float(times.min()), float(times.max())
     return OfTime(
         (begin, begin + (end - begin) / 3.0, begin + (end - begin) / 3.0 + 1.0, end), (0.0, 0.0, 1.0, 1.0)
@@ -53,7 +53,10 @@ def fit_with(dataset: Dataset, fitted: IdentificationFit, model: ModelStructure)
 
 
 def carrying(data: Dataset) -> tuple[Dataset, IdentificationFit]:
-    """Readings of a robot whose theta4 follows joint 3 and whose d5 steps, and the fit that carries both."""
+    """Simulate readings with two carried terms, and the fit that carries both.
+
+    theta4 follows joint 3, and d5 steps.
+    """
     base, q = identify(data), data.conditions.joints[data.fit_rows, 2]
     inner = Held("angle", 3, "cubic", 1.0, 0.0, float(np.quantile(q, 0.1)), float(np.quantile(q, 0.9)))
     effects = (

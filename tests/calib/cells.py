@@ -28,7 +28,7 @@ NOISE = {"p": 0.03, "o": 1e-4, "l": 0.01}
 
 
 class Cell:
-    """A true robot in the world, whose readings become the rows of a data set."""
+    """Robot with true parameters in the world, whose readings become the rows of a data set."""
 
     def __init__(self, seed: int = 1, place: Array | None = None) -> None:
         self.rng = np.random.default_rng(seed)
@@ -56,10 +56,11 @@ class Cell:
         validation: int = 20,
         joints: Array | None = None,
     ) -> None:
-        """`n` calibration and some validation readings: `what` holds p for points, o for orientations, l for lengths.
+        """Add `n` calibration readings and `validation` validation readings.
 
-        joints: (n + validation, 6) rad, else drawn.
-        noise: one sigma of points, mm, of orientations, rad, and of lengths, mm, under these letters.
+        `what` contains p for points, o for orientations, l for lengths. `joints` (n + validation, 6) are in rad and
+        drawn at random if None. `noise` gives one sigma of points, mm, of orientations, rad, and of lengths, mm,
+        under these letters.
         """
         total, noise = n + validation, noise or {}
         joints = self.rng.uniform(RANGE[:, 0], RANGE[:, 1], (total, 6)) if joints is None else joints

@@ -1,7 +1,7 @@
-"""The kinematic chain a second time, by 4x4 matrices and plain loops: slow, complex numbers allowed.
+"""Second implementation of the kinematic chain, by 4x4 matrices and plain loops.
 
-With complex numbers a derivative is exact to the last digit: f'(x) = Im f(x + ih) / h. No line of it is shared with
-the chain under test.
+It is slow and takes complex numbers, with which a derivative is exact to the last digit: f'(x) = Im f(x + ih) / h.
+It shares no line with the chain under test.
 """
 
 from __future__ import annotations
@@ -47,7 +47,10 @@ def six(values: Mapping[str, Any], name: str, between: Matrix | None = None) -> 
 def chain(
     robot: Robot, joints: Any, add: Mapping[str, Any], target: Any = (0.0, 0.0, 0.0), station: Any = (0, 0, 0)
 ) -> Matrix:
-    """Frame of the target in the world, (4, 4), at model joints (N,) rad or mm with `add` on the slots."""
+    """Compute the frame of the target in the world, (4, 4).
+
+    The model joints (N,) are in rad or mm; `add` is added to the slots.
+    """
     about = shift("x", station[0]) @ shift("y", station[1]) @ shift("z", station[2])
     frame = about @ six(add, "frame") @ np.linalg.inv(about)
     thesis = robot.base == "thesis"

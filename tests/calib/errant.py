@@ -1,6 +1,6 @@
-"""A robot with the errors of a real arm, and where it really lands, written out by hand from the laws of the effects.
+"""Robot with the errors of a real arm, and its true landing from the laws of the effects.
 
-Nothing of `calib.compensate` and no regressor takes part in the landing.
+The laws are written out by hand: the landing uses no part of `calib.compensate` and no regressor.
 """
 
 from __future__ import annotations
@@ -44,7 +44,10 @@ EFFECTS = {
 
 
 def only_geometry(robot: Robot, seed: int) -> tuple[ModelStructure, Array]:
-    """The base model of a robot, its parameters drawn: tenths of a millimetre and hundredths of a degree."""
+    """Draw the base model of a robot with usual parameters.
+
+    The parameters are tenths of a millimetre and hundredths of a degree.
+    """
     rng = np.random.default_rng(seed)
     effects = base_model.build(DEFAULT_GROUPS, robot, ("main",), ({"T1": False},))
     model = ModelStructure(robot, effects, {"main": {"T1": (0.0, 0.0, 100.0)}})
@@ -84,7 +87,10 @@ def random_targets(n: int, seed: int) -> Array:
 
 
 def landing(model: ModelStructure, estimate: Array, joints: Array, target: Any = (0.0, 0.0, 0.0)) -> Array:
-    """(n, 4, 4) where the robot of `model` really lands at the conditions STATED, by the slow second chain."""
+    """Compute the true landing poses by the slow second chain, (n, 4, 4).
+
+    The conditions are those of `STATED`.
+    """
     value = dict(zip((p.name for p in model.parameters), estimate, strict=True))
     torques = gravity_torques(model.robot, joints)
     return np.array(

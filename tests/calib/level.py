@@ -1,4 +1,4 @@
-"""Machines of `tests.calib.machines`, how their controllers count, and random postures of them."""
+"""Random postures of the machines of `tests.calib.machines`, and their joint counting."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def built(name: str, folder: Path) -> tuple[Robot, str]:
 
 
 def random_postures(robot: Robot, coupling: str, n: int, seed: int) -> Array:
-    """(n, N) of the model, within the limits; the wrist of a palletizer at zero."""
+    """Draw model postures within the limits, (n, N); the wrist of a palletizer stays at zero."""
     low, high = np.array(robot.lower), np.array(robot.upper)
     counted = np.random.default_rng(seed).uniform(low, high, (n, robot.joints))
     return robot.model_angles(np.where(high - low < 1e-3, 0.0, counted), coupling)

@@ -1,7 +1,8 @@
-"""A UR5 driven through waypoints while a tracker follows it: both streams, each by its own clock, and the truth.
+"""Simulated UR5 that is driven through waypoints and followed by a tracker.
 
-Written a second time, by 4x4 matrices and the DH table of Khanesar et al. (2022): nothing of `calib` is in it. The
-joints are functions of true time, so both streams are exact but for what is put into them.
+Both streams have separate clocks, and the truth is returned as well. The code is independent of `calib`: it uses
+4x4 matrices and the DH table of Khanesar et al. (2022). The joints are functions of true time, so both streams are
+exact except for the errors that are added.
 """
 
 from __future__ import annotations
@@ -24,10 +25,20 @@ JOINT_STEP = 1e-5  # rad: what the encoders resolve
 
 @dataclass(frozen=True)
 class Moving:
-    """robot_time (n,), joints (n, 6) rad; tracker_time (k,), points (k, 3) mm; true_points (k, 3) without noise.
+    """Streams of a moving robot and of a tracker, and the truth.
 
-    offset: robot's less tracker's clock at the middle of the tracker's recording, s; rate: a ratio; waypoints (w, 6):
-    the joints at rest; legs: the order in which they are visited.
+    Attributes
+    ----------
+    robot_time, joints : arrays of shape (n,) and (n, 6)
+        Robot clock, s, and joints, rad.
+    tracker_time, points, true_points : arrays of shape (k,), (k, 3) and (k, 3)
+        Tracker clock, s, and points with and without noise, mm.
+    offset : float
+        Robot's clock less the tracker's at the middle of the tracker's recording, s.
+    rate : float
+        Rate as a ratio.
+    waypoints, legs
+        Joints at rest (w, 6), and the order in which they are visited.
     """
 
     robot_time: Array
@@ -42,7 +53,7 @@ class Moving:
 
 
 def tool_points(joints: Array, errors: Array, tool: tuple[float, float, float] = TOOL) -> Array:
-    """(n, 3) tool points in the base frame; errors (4, 6) of a, d, alpha, theta."""
+    """Compute tool points in the base frame, (n, 3); errors (4, 6) of a, d, alpha, theta."""
     point = np.broadcast_to(np.append(tool, 1.0), (len(joints), 4))[:, :, None]
     for k in range(5, -1, -1):
         a, d, alpha = A[k] + errors[0, k], D[k] + errors[1, k], ALPHA[k] + errors[2, k]
@@ -57,7 +68,7 @@ def tool_points(joints: Array, errors: Array, tool: tuple[float, float, float] =
 
 
 def path(waypoints: Array, legs: NDArray[np.int64], leg_s: float, rest_s: float, time: Array) -> Array:
-    """(n, 6) joints at true times (n,): rests at each waypoint, moves of the fifth order between."""
+    """Compute joints (n, 6) at true times (n,): rests, and moves of the fifth order between."""
     k = np.clip((time / leg_s).astype(int), 0, len(legs) - 2)
     u = np.clip((time - k * leg_s - 0.5 * rest_s) / (leg_s - rest_s), 0.0, 1.0)
     s = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
@@ -68,9 +79,10 @@ def path(waypoints: Array, legs: NDArray[np.int64], leg_s: float, rest_s: float,
 def sides(
     waypoints: Array, legs: NDArray[np.int64], leg_s: float, rest_s: float, time: Array, gap: Array
 ) -> Array:
-    """(n, 6) side of its gap (6,), rad, on which every joint lies at true times (n,), -1 to 1; 1 before the first leg.
+    """Return the side of its gap (6,), rad, on which every joint lies, (n, 6), -1 to 1.
 
-    A joint that turns back crosses its gap before the arm follows.
+    The times are true times (n,); before the first leg the side is 1. A joint that turns back crosses its gap
+    before the arm follows.
     """
     moves = np.sign(np.diff(waypoints[legs], axis=0))
     begun = np.clip(np.floor((time - 0.5 * rest_s) / leg_s).astype(int), -1, len(moves) - 1)
@@ -95,12 +107,22 @@ def simulate(
     gears_of: Callable[[np.random.Generator], Gears] | None = None,
     repeatability_rad: float = 0.0,
 ) -> Moving:
-    """The paper's set-up unless changed: 38 waypoints in 600 s, 125 Hz and 10 Hz, offset and rate different.
+    """Simulate the paper's set-up: 38 waypoints in 600 s at 125 Hz and 10 Hz.
 
-    waypoints: fewer than legs are visited again in turn. jump: from this true time on, s, the tracker's clock shows so
-    many s less. lag_s2_mm: the point comes late along its path by this times its speed squared, mm per (mm/s)^2.
-    gears_of: draws the gears of the arm; None for gears that are stiff and true. repeatability_rad: of a joint, by
-    which every move and the rest behind it are off.
+    The clocks differ in offset and rate.
+
+    Parameters
+    ----------
+    waypoints : int, optional
+        Number of waypoints; if fewer than legs, they are visited again in turn.
+    jump : tuple of float
+        True time, s, and the number of seconds that the tracker's clock shows less from then on.
+    lag_s2_mm : float
+        Lag of the point along its path over its speed squared, mm per (mm/s)^2.
+    gears_of : callable, optional
+        Draws the gears of the arm; None for stiff gears without errors.
+    repeatability_rad : float
+        Error of a joint that every move and the rest after it share.
     """
     rng = np.random.default_rng(seed)
     count = legs if waypoints is None else waypoints

@@ -1,8 +1,9 @@
-"""The published descriptions of the built-in arms, as chains of shifts, turns and axes: a second copy of every number.
+"""Published descriptions of the built-in arms as chains: a second copy of every number.
 
-A joint of a chain is a shift in mm, a turn (roll, pitch, yaw in deg, about fixed axes) and the axis that it turns about
-or slides along, in the frame that the joints before it have made. Sources: those of the robot files. Angles and slides
-are those of the description, which are the controller's but for `with_j2`.
+A chain consists of shifts, turns and axes. A joint is a shift in mm, a turn (roll, pitch, yaw in deg, about fixed
+axes) and the axis about which it turns or along which it slides. All are in the frame of the joints before it.
+Sources: those of the robot files. Angles and slides are those of the description, which are the controller's except
+for `with_j2`.
 """
 
 from __future__ import annotations
@@ -23,11 +24,20 @@ AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": 
 
 @dataclass(frozen=True)
 class Published:
-    """An arm as its description has it.
+    """Arm according to its published description.
 
-    flange: shift and turn behind the last joint; coupling: of the robot file, for angles that the controller counted;
-    with_j2: what of joint 2 the description adds to the controller's joint 3; slides: joints that slide;
-    masses: kg and centre of every link, mm, in the frame of its joint.
+    Attributes
+    ----------
+    flange
+        Shift and turn behind the last joint.
+    coupling
+        Coupling of the robot file, for angles that the controller counted.
+    with_j2
+        Share of joint 2 that the description adds to the controller's joint 3.
+    slides
+        Joints that slide.
+    masses
+        Mass, kg, and centre of every link, mm, in the frame of its joint.
     """
 
     joints: tuple[Joint, ...]
@@ -38,7 +48,10 @@ class Published:
     masses: Sequence[tuple[float, Triple]] = ()
 
     def frames(self, controller: Array) -> list[Array]:
-        """(4, 4) frames behind each joint, then the flange, at the controller's angles (N,), rad or mm."""
+        """Compute the frames (4, 4) behind each joint, then the flange.
+
+        The controller's angles (N,) are in rad or mm.
+        """
         counted = np.array(controller, dtype=np.float64)
         counted[2] += self.with_j2 * counted[1]
         pose, frames = np.eye(4), []

@@ -10,6 +10,9 @@ from calib.array import Array
 
 
 def least_singular_value(robot: Robot, joints: Array, tool: Array) -> Array:
-    """(n,) smallest over largest singular value of the scaled Jacobian, 0 at a singular pose."""
+    """Return the smallest over the largest singular value of the scaled Jacobian, (n,).
+
+    It is 0 at a singular pose.
+    """
     values = np.linalg.svd(nominal_jacobian(robot, joints, tool)[1], compute_uv=False)
     return values[:, -1] / values[:, 0]

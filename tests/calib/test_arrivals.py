@@ -1,4 +1,4 @@
-"""Sides of approach where a controller's joints are coupled: a model joint may stand still while two turn."""
+"""Test sides of approach for coupled joints: a model joint may rest while two turn."""
 
 from __future__ import annotations
 
@@ -53,7 +53,10 @@ def test_a_joint_that_two_turn_has_the_side_of_its_last_move(tmp_path: Path) -> 
 
 
 def test_a_file_without_arrivals_says_what_stood_in(tmp_path: Path) -> None:
-    """Sides from the order of rows are wrong where the robot went over other points: backlash is not found."""
+    """A file without arrivals states that the order of rows was used.
+
+    Sides from that order are wrong if the robot went over other points, and backlash is not found.
+    """
     told = write_data(tmp_path, n=40)
     assert read_dataset(told).arrivals_told
 

@@ -1,4 +1,7 @@
-"""Files that are none, or not text, or not the tables of a data set: refused by file and line."""
+"""Test that missing files, files that are not text, and other tables are refused.
+
+The refusal names file and line.
+"""
 
 from __future__ import annotations
 
@@ -66,7 +69,7 @@ def test_a_number_has_no_underscore(tmp_path: Path) -> None:
 
 
 def test_one_point_in_many_postures_is_none(tmp_path: Path) -> None:
-    """Whatever numbers an instrument shows when it sees nothing, or the last ones that it saw."""
+    """Any numbers that an instrument shows without a target, or its last ones, are refused."""
     for shown in ((-999.0, -999.0, -999.0), tuple(CAMPAIGN.rows[3][f"{axis}_mm"] for axis in "xyz")):
         rows = [dict(row) for row in CAMPAIGN.rows]
         for row in rows[4:7]:

@@ -1,5 +1,7 @@
-"""Bad input, refused. Every case of the bad-input list must name file, and line or key, and say what to do; the
-messages are checked by what an engineer would look for in them, not word by word.
+"""Test that bad input is refused.
+
+Every case of the bad-input list must name file, and line or key, and state a remedy. The messages are checked for
+the terms that an engineer would look for, not word by word.
 """
 
 from __future__ import annotations
@@ -241,7 +243,7 @@ def times(factor: float) -> Change:
 
 
 def joints(order: Sequence[int]) -> Change:
-    """The columns of the joints in another order; negative: with another sign."""
+    """Reorder the columns of the joints; a negative number also changes the sign."""
 
     def change(rows: list[Row], header: dict[str, Any]) -> None:
         for row in rows:
@@ -387,7 +389,7 @@ def test_a_length_measured_twice_is_no_copy(tmp_path: Path) -> None:
 
 
 def test_only_as_many_readings_as_parameters(tmp_path: Path) -> None:
-    """31 + beta parameters and 11 readings of three numbers: nothing is left to judge the fit by, but one number."""
+    """31 + beta parameters and 11 readings leave one number by which to judge the fit."""
     rows = [dict(row) for row in CAMPAIGN.rows if row["set"] == "calibration"][:11]
     data = read_dataset(write_files(tmp_path, rows, CAMPAIGN.header))
     result = identify(data)
@@ -395,7 +397,7 @@ def test_only_as_many_readings_as_parameters(tmp_path: Path) -> None:
 
 
 def test_a_series_that_was_only_validated_is_refused(tmp_path: Path) -> None:
-    """Where the base of a series stands, only its own calibration rows can tell."""
+    """The base of a series needs calibration rows of that series."""
     rows = [dict(row) for row in CAMPAIGN.rows]
     for row in rows:
         row["series"] = "night" if row["set"] == "validation" else "day"

@@ -1,5 +1,7 @@
-"""Models with carried terms, wherever a model is used. These would catch: a term that jumps at the border of what was
-measured or is used where nothing drives it, a U that does not grow there, and a watch that takes a term for news.
+"""Test models with carried terms in all their uses.
+
+These would catch: a term that jumps at the border of the measured range or is used without a driver, a U that does
+not grow there, and a watch that reports a term as a change.
 """
 
 from __future__ import annotations
@@ -64,8 +66,11 @@ def test_a_file_holds_carried_terms_with_covariance_and_range(
 def test_older_programs_and_fleet_servers_refuse_the_format(
     data: Dataset, moved: tuple[Dataset, IdentificationFit], tmp_path: Path
 ) -> None:
-    """Both compare the format: `load_model` before this change took `truepose-model/1` alone, and so did `rows_of` of a
-    fleet server, which reads no effects. A model without carried terms is still of that format."""
+    """Older programs and fleet servers refuse the format of a model with carried terms.
+
+    Both compare the format: `load_model` before this change took `truepose-model/1` alone, and so did `rows_of` of
+    a fleet server, which reads no effects. A model without carried terms is still of that format.
+    """
     for fitted, wanted in ((identify(data), FORMAT), (moved[1], WITH_CARRIED)):
         save_model(tmp_path / "model.json", fitted)
         assert json.loads((tmp_path / "model.json").read_text("utf-8"))["format"] == wanted
@@ -193,7 +198,7 @@ def as_saved_without(saved: CalibratedModel) -> CalibratedModel:
 
 
 def test_the_whole_model_corrects_without_a_time(saved: CalibratedModel) -> None:
-    """Also where nobody has taken out the terms first."""
+    """The whole model corrects without a time even if the terms are not removed first."""
     joints = np.radians([[10.0, -20.0, 0.0, 15.0, 40.0, 5.0]])
     assert correct(saved.model, saved.estimate, joints, saved.usual).good.all()
 
@@ -211,7 +216,7 @@ def test_bounds_hold_for_the_sum_of_named_and_carried(saved: CalibratedModel) ->
 def test_a_watch_after_calibration_is_quiet(
     moved: tuple[Dataset, IdentificationFit], saved: CalibratedModel
 ) -> None:
-    """The second half of the campaign measured again on a clock of its own: what is carried is no news."""
+    """A repeated second half of the campaign, on a separate clock, shows no change."""
     dataset, _ = moved
     rows = np.flatnonzero(dataset.usable)[-40:]
     conditions = dataset.conditions

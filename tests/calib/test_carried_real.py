@@ -50,7 +50,10 @@ def test_what_follows_time_is_left_out_and_what_follows_a_joint_is_used(
 def test_a_watch_on_its_own_clock_is_quiet_and_needs_the_carried_terms(
     case: tuple[Dataset, CalibratedModel],
 ) -> None:
-    """Twelve poses from the second half of the campaign, after the step, measured on a clock that starts at 0."""
+    """A watch of twelve poses after the step, on a clock that starts at 0, is quiet.
+
+    The poses are from the second half of the campaign.
+    """
     dataset, saved = case
     conditions, rng = dataset.conditions, np.random.default_rng(0)
     late = np.flatnonzero(dataset.usable & (conditions.time > np.quantile(conditions.time, 0.55)))

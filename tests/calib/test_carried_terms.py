@@ -1,4 +1,7 @@
-"""Carried terms: what left-out readings confirm is in the model, with its place and moment, and nothing else is."""
+"""Test that carried terms contain exactly what left-out readings confirm.
+
+Each has its place and moment.
+"""
 
 from __future__ import annotations
 
@@ -109,7 +112,10 @@ def test_without_times_only_an_order_is_claimed(clean: tuple[Dataset, DiagnosisF
 
 
 def test_rows_that_come_back_are_no_longer_left_out(clean: tuple[Dataset, DiagnosisFit]) -> None:
-    """A law within a few degrees of a joint, so large that its readings were rejected as gross errors."""
+    """Rows explained by a law within a few degrees of a joint are no longer left out.
+
+    The law is so large that its readings were rejected as gross errors.
+    """
     data = bent(clean, "theta3", Held("angle", 3, "window", 1.0 / 0.3, 0.2, -np.pi, np.pi), 4e-3)
     found = diagnose(data)
     assert found.back
@@ -176,7 +182,10 @@ def matrices(rows: int, widths: Sequence[int], count: int) -> tuple[np.ndarray, 
 
 
 def test_the_unit_of_a_term_decides_nothing() -> None:
-    """The cube of a torque has squares beyond single precision: its name was lost where columns were not scaled."""
+    """The unit of a term does not affect its choice.
+
+    The cube of a torque has squares beyond single precision, so its name was lost when columns were not scaled.
+    """
     rows, of_model = 200, np.linalg.qr(RNG.normal(size=(200, 3)))[0]
     columns = RNG.normal(size=(5, rows)).astype(np.float32)
     data = columns[3] + 0.3 * columns[1] + 0.1 * RNG.normal(size=rows)
@@ -194,7 +203,10 @@ def test_the_unit_of_a_term_decides_nothing() -> None:
 
 
 def test_a_pursuit_leaves_what_least_squares_leaves() -> None:
-    """With the model, and after every term, also on the rows that take no part."""
+    """A pursuit leaves the residual of least squares with the model and after every term.
+
+    This includes the rows that take no part.
+    """
     widths = np.array([1, 2, 1, 3, 2])
     columns, data = matrices(80, widths.tolist(), 3)
     other, other_data = matrices(20, widths.tolist(), 3)

@@ -1,6 +1,8 @@
-"""Certified problems: these would catch a wrong model, derivative, weight or standard error in any kind of reading,
-since their answers come from a second implementation in fifty digits that shares no line with the program; and they
-would catch a reference that is itself wrong, against vectors of the thesis's model, the truth, and its own files.
+"""Test certified problems.
+
+Their answers come from a second implementation in fifty digits that shares no line with the program. They would
+catch a wrong model, derivative, weight or standard error in any kind of reading. Vectors of the thesis's model, the
+truth, and the files of the reference would catch a wrong reference.
 """
 
 from __future__ import annotations
@@ -51,7 +53,7 @@ class TestProgram:
 
     @pytest.mark.parametrize("name", PROBLEMS)
     def test_ten_digits(self, name: str) -> None:
-        """Of every parameter, of every standard error and of the sum of squares."""
+        """Parameters, standard errors and the sum of squares agree to ten digits."""
         got = count(name)
         assert got.converged
         assert min(got.values.values()) >= 10.0, got.values
@@ -60,7 +62,10 @@ class TestProgram:
 
     @pytest.mark.parametrize("name", PROBLEMS)
     def test_identify_ends_there_too(self, name: str) -> None:
-        """With priors, robust weights and its own idea of when to stop (0.02 standard errors): nothing is left out."""
+        """`identify` agrees although it has priors, robust weights and an early stop.
+
+        It stops at 0.02 standard errors. No reading is left out.
+        """
         result = identify(read_dataset(FOLDER / f"{name}.csv"))
         rows = certified(name)
         assert (result.dropped, result.faulty_rows, result.relabelled_rows) == ((), (), ())
@@ -110,7 +115,7 @@ class TestReference:
 
     @pytest.mark.parametrize("name", PROBLEMS)
     def test_every_problem_has_a_map_of_its_uncertainty(self, name: str) -> None:
-        """Also where series have tool targets of their own."""
+        """Every problem has an uncertainty map, even if its series have separate tool targets."""
         found = uncertainty_map(identify(read_dataset(FOLDER / f"{name}.csv")))
         assert np.all(found.u > 0.0)
         assert np.all(np.isfinite(found.radius_95))

@@ -1,5 +1,7 @@
-"""Axes from circles. These would catch: an axis that points the wrong way, a base on the wrong side of d_1, a tool in
-another frame, sweeps that are missed or made up, gross errors that bend an axis, and a start that is of no use.
+"""Test axes from circles.
+
+These would catch: an axis that points the wrong way, a base on the wrong side of d_1, and a tool in another frame.
+They would also catch sweeps that are missed or made up, gross errors that bend an axis, and a useless start.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ RANGES = {1: (-60.0, 60.0), 2: (-30.0, 40.0), 5: (-70.0, 70.0), 6: (-150.0, 150.
 
 
 def sweeps(ranges: dict[int, tuple[float, float]], count: int = 7, home: Array = HOME) -> Array:
-    """(n, 6) joint angles, rad: one joint after the other, from low to high."""
+    """Sweep one joint after the other, from low to high; return (n, 6) joint angles, rad."""
     out = []
     for joint, (low, high) in ranges.items():
         part = np.tile(home, (count, 1))
@@ -59,7 +61,10 @@ class TestAxes:
         np.testing.assert_allclose(there, expected, rtol=0, atol=1e-7)
 
     def test_the_uncertainty_of_the_direction(self) -> None:
-        """Seven hundred circles: the angle between found and true axis, in standard uncertainties of two components."""
+        """The angle between found and true axis of 700 circles agrees with its uncertainty.
+
+        The uncertainty is the standard one of two components.
+        """
         ratios = []
         for seed in range(18):
             points, angles, _, direction, _ = self.circles(0.05, seed)
@@ -150,7 +155,10 @@ class TestFinding:
 
 
 def swept(name: str, tmp_path: Path, add: dict[str, float]) -> tuple[Dataset, Array]:
-    """Sweeps of a robot with slots `add`, somewhere in the world, with a tool of its own; the data set and the tool."""
+    """Simulate sweeps of a robot with slots `add` and an arbitrary tool, anywhere in the world.
+
+    Return the data set and the tool.
+    """
     robot = load_robot(name)
     cell = Cell(place=POSE)
     joints = sweeps(RANGES)
@@ -202,7 +210,10 @@ class TestStart:
 
 
 def long_tool(seed: int, folder: Path) -> tuple[Cell, Dataset]:
-    """Twelve poses and four sweeps of an arm of 580 mm whose tool hangs metres from where the header has it."""
+    """Simulate twelve poses and four sweeps of an arm of 580 mm.
+
+    Its tool is metres away from its place in the header.
+    """
     cell = Cell(seed, place=POSE)
     cell.targets["T1"] = cell.targets["T1"] + np.random.default_rng(seed).normal(0.0, 1700.0, 3)
     joints = sweeps(RANGES, 6)
@@ -214,7 +225,10 @@ def long_tool(seed: int, folder: Path) -> tuple[Cell, Dataset]:
 
 
 def test_a_long_unknown_tool_is_found_from_circles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two dozen arms: with the circles all come back; alignment and averaging alone lose at least one."""
+    """With the circles, the robots of 24 cells are found.
+
+    Without them, alignment and averaging lose at least one.
+    """
     lost = {True: 0, False: 0}
     cells = [long_tool(seed, tmp_path / str(seed)) for seed in range(24)]
     for circles in (True, False):
@@ -233,7 +247,10 @@ def test_a_long_unknown_tool_is_found_from_circles(tmp_path: Path, monkeypatch: 
 
 @pytest.mark.parametrize("swept_too", [True, False])
 def test_zeros_that_are_off_by_tens_of_degrees(swept_too: bool, tmp_path: Path) -> None:
-    """The misfit of a far start is no noise: it must not lend weight to the priors, which would hold the zeros."""
+    """The misfit of a far start is no noise and does not increase the weight of the priors.
+
+    Otherwise the priors would hold the zeros.
+    """
     cell = Cell(place=POSE)
     for joint, degrees in ((2, 25.0), (3, -30.0), (4, 20.0), (5, -35.0), (6, 30.0)):
         cell.add[f"theta{joint}"] = np.radians(degrees)

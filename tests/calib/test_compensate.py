@@ -1,7 +1,9 @@
-"""Compensation. These would catch: a correction applied the wrong way round or in the wrong frame, a base or tool
-that is left out or counted twice, instrument effects that leak into targets, conditions that are not rebuilt while
-the target moves, a branch or a limit that is not kept, singular targets that are driven, rows that influence each
-other, and targets judged by the very chain that made them (the landing is computed by another one).
+"""Test the compensation of joint targets.
+
+These would catch: a correction applied the wrong way round or in the wrong frame, a base or tool that is omitted or
+counted twice, and instrument effects that affect targets. They would also catch conditions that are not rebuilt
+while the target moves, a branch or a limit that is not kept, singular targets that are driven, and rows that
+influence each other. The landing is computed by another chain than the one that made the targets.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ from tests.calib.singular import least_singular_value
 
 
 def miss_of(model: ModelStructure, estimate: Array, wanted: Array, done: Correction) -> Array:
-    """(k,) mm between wanted and reached positions of the flange, for the targets that were corrected."""
+    """Return flange errors of corrected targets, (k,), mm, relative to their goals."""
     reached = landing(model, estimate, done.joints[done.good])
     return np.linalg.norm(reached[:, :3, 3] - wanted[done.good][:, :3, 3], axis=1)
 
@@ -187,7 +189,7 @@ def test_a_wild_model_is_refused_not_driven() -> None:
 
 
 def test_a_free_world_corrects_relative_to_its_own_base() -> None:
-    """Where the base was placed by the fit, the world is the tracker's: its pose must not enter the targets."""
+    """The base pose that a fit found in the tracker's world does not affect the targets."""
     model, estimate = real_robot(11)
     of_base = [model.index[f"base.{axis}"] for axis in ("x", "y", "z", "rx", "ry", "rz")]
     at_home = estimate.copy()

@@ -1,6 +1,8 @@
-"""Compensation of arms with other freedoms than six. These would catch: a target refused because the arm cannot tilt, a
-position that is given up for an orientation, what is left not said or said too small, a track that moves, an elbow that
-wanders, and limits that are no longer kept. The landing is computed by another chain.
+"""Test the compensation of arms with other than six degrees of freedom.
+
+These would catch: a target refused because the arm cannot tilt, a position that is sacrificed for an orientation,
+and a residual error that is not reported or reported too small. They would also catch a track that moves, an elbow
+that wanders, and limits that are no longer kept. The landing is computed by another chain.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ SIZES = {"alpha": 0.04, "beta": 0.03, "theta": 0.1, "a": 0.25, "d": 0.25}
 
 
 def errant(robot: Robot, seed: int) -> tuple[ModelStructure, Array, dict[str, float]]:
-    """A robot whose geometry and base are off by what is usual, and the same as changes of slots."""
+    """Draw a robot with usual errors of geometry and base; also return them as slot changes."""
     rng = np.random.default_rng(seed)
     effects = base_model.build(DEFAULT_GROUPS, robot, ("main",), ({"T1": False},))
     model = ModelStructure(robot, effects, {"main": {"T1": TOOL}})
@@ -42,7 +44,7 @@ def errant(robot: Robot, seed: int) -> tuple[ModelStructure, Array, dict[str, fl
 
 
 def landing(robot: Robot, joints: Array, slots: dict[str, float]) -> Array:
-    """(n, 4, 4) where the tool point lands, by the slow second chain."""
+    """Compute the landing poses of the tool point by the slow second chain, (n, 4, 4)."""
     return np.array([chain(robot, q, slots, target=TOOL).real for q in joints])
 
 
@@ -175,7 +177,7 @@ def test_limits_and_singular_postures_are_refused_as_before(tmp_path: Path) -> N
 
 
 def test_the_inverse_direction_is_the_inverse(tmp_path: Path) -> None:
-    """Within what the arm can do: there and back the tool point is where it was."""
+    """There and back, the tool point returns to its place, within the freedoms of the arm."""
     robot, coupling = built("scara", tmp_path)
     model, estimate, _ = errant(robot, 6)
     driven = random_postures(robot, coupling, 50, 6)

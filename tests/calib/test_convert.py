@@ -1,5 +1,7 @@
-"""Import of published measurements. These would catch: a layout, decimal comma, angle unit or Euler convention read
-wrongly, a hold-out that is not what it says, and foreign files that are taken for the published ones.
+"""Test the import of published measurements.
+
+These would catch: a layout, decimal comma, angle unit or Euler convention read wrongly, a hold-out that differs
+from its description, and foreign files that are taken for the published ones.
 """
 
 from __future__ import annotations
@@ -131,8 +133,11 @@ def poses_of(joints: np.ndarray, **more: list[str]) -> ConvertedTable:
 
 
 def test_what_is_held_out_unless_told() -> None:
-    """These would catch: a pose that is split because its joints were read back, readings that do not count counted,
-    and a path drawn point by point."""
+    """The default hold-out keeps poses whole.
+
+    These would catch: a pose that is split because its joints were read back, invalid readings that are counted,
+    and a path drawn point by point.
+    """
     rng = np.random.default_rng(2)
     poses = rng.uniform(-90.0, 90.0, (50, 2))
     read_back = np.repeat(poses, 3, axis=0) + rng.uniform(-0.02, 0.02, (150, 2))

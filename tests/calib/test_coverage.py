@@ -1,5 +1,7 @@
-"""Coverage, in short. These would catch standard errors and predicted uncertainties that are too small or too large: a
-prior that weighs twice, a declared uncertainty that is forgotten, a scale that is applied to the wrong part, a
+"""Test the coverage of intervals on few campaigns.
+
+These would catch standard errors and predicted uncertainties that are too small or too large. Causes are a prior
+that weighs twice, a declared uncertainty that is forgotten, a scale that is applied to the wrong part, or a
 Jacobian that is nearly right. `python -m tests.benchmarks coverage` does it with 300 campaigns of every kind.
 """
 

@@ -1,6 +1,8 @@
-"""Data sets, read. These would catch: a number that changes on its way through the files, a side or a previous pose
-taken from the wrong row, validation rows that count as calibration rows, rejected rows that take part, and any text
-that brings a traceback instead of a sentence.
+"""Test the reading of data sets.
+
+These would catch: a number that changes on its way through the files, a side or a previous pose taken from the
+wrong row, validation rows that count as calibration rows, and rejected rows that take part. They would also catch
+any text that causes a traceback instead of a message.
 """
 
 from __future__ import annotations
@@ -107,7 +109,10 @@ def test_joints_read_back_are_compared_with_those_commanded(off: float, said: st
 
 
 def test_a_point_at_the_origin_counts_where_the_header_says_so(tmp_path: Path) -> None:
-    """Of a frame that begins at the first point; trackers send the same when they see nothing."""
+    """A point at the origin counts if the header says that the frame begins there.
+
+    Such a frame begins at the first point. Trackers send the same values when they see nothing.
+    """
     rows = fresh()
     first = [float(rows[0][f"{axis}_mm"]) for axis in "xyz"]
     for row in rows:
@@ -122,7 +127,7 @@ def test_a_point_at_the_origin_counts_where_the_header_says_so(tmp_path: Path) -
 
 
 def test_sides_and_previous_poses_follow_the_order_in_time(tmp_path: Path) -> None:
-    """Recorded values win; else the row before in t_s counts, not the row above."""
+    """Recorded values win; otherwise the row before in t_s counts, not the row above."""
     rows = fresh()
     for row in rows:
         for k in range(1, 7):
@@ -167,7 +172,7 @@ def test_series_have_their_own_targets(tmp_path: Path) -> None:
 
 
 def attempt(path: Path) -> Dataset | DataError:
-    """The data set, or the refusal; whatever else is raised escapes and fails the test."""
+    """Return the data set or the refusal; any other exception escapes and fails the test."""
     try:
         return read_dataset(path)
     except DataError as error:

@@ -1,6 +1,7 @@
-"""Diagnosis from end to end on simulated campaigns whose hidden effects are known here alone. These would catch: an
-effect that is missed, misnamed or of the wrong size, claims on sets that lack nothing, validation rows that leak into
-a choice, a step dated wrongly, and silence that is sold as absence.
+"""Test the diagnosis from end to end on simulated campaigns with known hidden effects.
+
+These would catch: an effect that is missed, misnamed or of the wrong size, claims on complete sets, and validation
+rows that affect a choice. They would also catch a step dated wrongly, and a missing claim reported as absence.
 """
 
 from __future__ import annotations
@@ -212,7 +213,7 @@ def test_order_of_rows_does_not_matter(plain: tuple[Campaign, DiagnosisFit], tmp
 
 
 def test_validation_rows_choose_nothing(plain: tuple[Campaign, DiagnosisFit], tmp_path: Path) -> None:
-    """Wild validation measurements change the errors that are told and that nothing is attributed, nothing else."""
+    """Wild validation rows change only the reported errors, and that nothing is attributed."""
     campaign, tame = plain
     rows = [dict(row) for row in campaign.rows]
     rng = np.random.default_rng(0)
@@ -277,7 +278,11 @@ def test_a_narrow_range_confuses_once_and_twice_a_turn(tmp_path: Path) -> None:
     ],
 )
 def test_once_a_turn_of_joint_2_is_never_named_wrongly_as_certain(seed: int, tmp_path: Path) -> None:
-    """lambda is 234 and 133 here: the data show it, and they cannot tell it from a slope or a second harmonic."""
+    """A once-per-turn error of joint 2 is never named wrongly as certain.
+
+    lambda is 234 and 133 here. The data show the error, but cannot distinguish it from a slope or a second
+    harmonic.
+    """
     _, data = simulate(tmp_path, seed=seed, n=200, n_validation=50, effects=["periodic:j2:n1"])
     result = diagnose(data)
     candidates = result.effects[0].evidence.candidates

@@ -1,7 +1,8 @@
-"""A small fixed part of the judgement of the diagnosis (`python -m tests.benchmarks diagnosis`): sets whose effects the
-data can show, worked out before any diagnosis, and what must be said of them. These would catch: an effect that is
-missed or misnamed, a claim on a set that lacks nothing, a guess where no law explains what is there, an error that is
-made worse, and follow-up poses that settle nothing.
+"""Test a small fixed part of `python -m tests.benchmarks diagnosis`.
+
+The detectability of the effects is computed before any diagnosis. These would catch: an effect that is missed or
+misnamed, a claim on a complete set, and a name although no law explains the error. They would also catch an error
+that becomes larger, and follow-up poses that resolve nothing.
 """
 
 from __future__ import annotations
@@ -91,7 +92,10 @@ def test_an_ambiguous_start_is_settled_by_the_poses_asked_for() -> None:
 
 
 def test_lambda_gap_and_ideal_are_those_of_real_fits() -> None:
-    """Against fits on the exact chain: of noise-free readings, of these with the rival, of readings with the law."""
+    """Lambda, gap and ideal agree with fits on the exact chain.
+
+    The fits use noise-free readings, these with the rival, and readings with the law.
+    """
     draw = Draw("single", IRB, 801, ("periodic:j2:n4",))
     campaign = draw.campaign()
     data = load(campaign)

@@ -1,6 +1,8 @@
-"""Statements of a diagnosis about its own findings. These would catch: a moment of change that is dated inside held-out
-rows, an amplitude that is more certain than its time constant allows, advice that varies another quantity than the one
-concerned, noise declared too large without a remark, and warnings of numpy for residuals that are mostly zero.
+"""Test the statements of a diagnosis about its findings.
+
+These would catch: a moment of change that is dated inside held-out rows, an amplitude that is more certain than its
+time constant allows, and advice that varies another quantity than the one concerned. They would also catch noise
+declared too large without a remark, and warnings of numpy for residuals that are mostly zero.
 """
 
 from __future__ import annotations
@@ -81,7 +83,10 @@ def test_the_moment_of_a_step_lies_between_two_readings_of_the_fit(before: int, 
 
 
 def shaped(data: Dataset, effect: Effect) -> tuple[DiagnosedEffect, DiagnosedEffect]:
-    """A finding of an effect that is in the model, without and with the uncertainty of its shape."""
+    """Return a finding of an effect without and with the uncertainty of its shape.
+
+    The effect is in the model.
+    """
     base = identify(data)
     fitted = refit(data, base, (effect,))
     at = fitted.model.positions(effect)

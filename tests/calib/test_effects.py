@@ -1,6 +1,8 @@
-"""The library of effects and its conformance check. These would catch: an effect whose column is not the derivative
-of what it does, that acts at zero, whose unit or slot does not exist or that JSON changes; an owner that lets a
-correction leave it out or put it in wrongly; and a check that lets any of these through.
+"""Test the library of effects and its conformance check.
+
+These would catch: an effect whose column is not its derivative, that acts at zero, whose unit or slot does not
+exist or that JSON changes. They would also catch an owner with which a correction omits the effect or applies it
+wrongly, and a check that passes any of these.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ from tests.calib.campaigns import situation
 
 
 def some_effects(offer: Family) -> list[Effect]:
-    """The effects of an offer: all there are, or the first, a middle and the last of a scan."""
+    """List effects of an offer: all of them, or the first, a middle and the last of a scan."""
     if isinstance(offer, Candidate):
         return [offer.effect]
     assert isinstance(offer, Harmonics | Steps | Shapes)
@@ -104,7 +106,7 @@ def test_every_group_of_the_base_model_conforms(name: str) -> None:
 
 
 class TestCheckEffectRefuses:
-    """A check that nobody saw fail proves nothing."""
+    """A check proves nothing until it was seen to fail."""
 
     model, conditions = situation("abb-irb120")
     good = periodic(2, 3.0)
@@ -211,7 +213,7 @@ def test_regressors_survive_json(kind: str, joint: int, number: float, name: str
 
 
 def test_sizes_are_in_the_unit_that_is_shown() -> None:
-    """One deg of amplitude turns the joint by one deg, one mm of a step moves the tool by one mm."""
+    """Amplitudes are in the displayed unit: 1 deg turns the joint by 1 deg, 1 mm moves by 1 mm."""
     model, conditions = situation("abb-irb120")
     for effect, parameter, expected in (
         (backlash(4), "gap", 0.5 * np.radians(1.0) * conditions.side[:, 3]),

@@ -1,6 +1,7 @@
-"""Effects that a campaign of points from an upright arm never shows. These would catch: play that grows with the load
-told as something else, a leaning base whose first joint is never loaded, and a base ball out of place that bends the
-whole model instead of being named.
+"""Test effects that a campaign of points from an upright arm never shows.
+
+These would catch: play that grows with the load but is reported as another effect, a leaning base whose first joint
+is never loaded, and a displaced base ball that bends the whole model instead of being named.
 """
 
 from __future__ import annotations
@@ -34,7 +35,10 @@ def test_play_that_grows_with_the_load_is_named(tmp_path: Path) -> None:
 
 
 def test_a_leaning_base_loads_joint_1(tmp_path: Path) -> None:
-    """Gravity in the base as the header gives it: on a base that leans by 30 deg the gear of joint 1 yields as well."""
+    """On a base that leans by 30 deg, the gear of joint 1 yields as well.
+
+    Gravity is that of the base as stated in the header.
+    """
     campaign, upright = simulate(tmp_path / "upright", seed=13, n=120, n_validation=0, effects=[])
     lean = math.radians(30.0)
     gravity = [9.81 * math.sin(lean), 0.0, -9.81 * math.cos(lean)]

@@ -1,6 +1,8 @@
-"""What the library offers for the readings at hand. These would catch: an offer that depends on what was not recorded
-or cannot act, a kind or a joint that is left out, a parameter of the base model that is offered a second time, and a
-shape constant that follows the readings instead of staying with the effect.
+"""Test the offers of the library for given readings.
+
+These would catch: an offer that depends on data that was not recorded or cannot act, a kind or a joint that is left
+out, and a parameter of the base model that is offered a second time. They would also catch a shape constant that
+follows the readings instead of staying with the effect.
 """
 
 from __future__ import annotations
@@ -125,7 +127,10 @@ def test_what_the_base_model_has_is_not_offered_again(tmp_path: Path) -> None:
 
 
 def test_the_survey_knows_compliances_and_loads(tmp_path: Path) -> None:
-    """What a payload effect multiplies: estimates of the base model and of a compliance found since, in rad/(N.mm)."""
+    """A payload effect multiplies estimated compliances, in rad/(N.mm).
+
+    They come from the base model and from a compliance found since.
+    """
     campaign, data = simulate(
         tmp_path, seed=5, n=60, n_validation=0, effects=[], tool_mass_kg=1.5, tool_cog_mm=(10.0, 20.0, 80.0)
     )
@@ -162,7 +167,10 @@ def test_a_target_of_two_series_is_one_target() -> None:
 
 
 def test_shapes_stay_what_they_were_at_other_readings() -> None:
-    """The width of a dead zone and the mean temperature belong to the effect, not to the readings at hand."""
+    """Shape constants of an effect do not change with the readings.
+
+    Examples are the width of a dead zone and the mean temperature.
+    """
     model, conditions = situation("abb-irb120")
     few = conditions.take(np.arange(5))
     for label in ("dead_zone:j2", "thermal_joint:j3", "thermal_growth", "cubic_stiffness:j2"):

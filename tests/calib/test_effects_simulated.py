@@ -1,6 +1,8 @@
-"""Every law a second time: our effects against those of the simulator, which shares no line with them. These would
-catch: a moment about the wrong axis or origin, a bearing or pedestal that tilts about the wrong point, a sign, a unit,
-a torque of the wrong load, lengths that grow by the wrong share, and conditions that the files lost on their way.
+"""Test our effects against those of the simulator, which shares no line with them.
+
+These would catch: a moment about the wrong axis or origin, a bearing or pedestal that tilts about the wrong point,
+a sign, or a unit. They would also catch a torque of the wrong load, lengths that grow by the wrong share, and
+conditions that the files lost.
 """
 
 from __future__ import annotations
@@ -124,7 +126,7 @@ FIRST_ORDER = {
 
 
 def true_model(campaign: Campaign, data: Dataset) -> tuple[ModelStructure, Array]:
-    """A model of the data set with every number of the simulated arm, hidden effects apart, and those numbers."""
+    """Build the model of a data set with all numbers of the simulated arm except hidden effects."""
     g, model = campaign.world.geometry, base_model_of(data)
     robot = model.robot
     differences = {f"base.{axis}": v for axis, v in zip("xyz", g.base_mm, strict=True)}

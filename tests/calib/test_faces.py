@@ -1,4 +1,4 @@
-"""The faces of calib: every name they promise is there, and none hides a room."""
+"""Test the public interfaces of calib: every promised name exists and hides no subpackage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figures in which errors and uncertainties are told, on numbers that can be counted by hand."""
+"""Test the reported error and uncertainty measures on numbers that can be counted by hand."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Measurements as people export them (`tests.calib.exports`): read right, or refused with the right remedy.
+"""Test that exported measurements (`tests.calib.exports`) are read or refused correctly.
 
-These would catch: a separator, decimal, encoding, unit, convention, target or pairing read wrongly, a question that is
-guessed in place of asked, and a cell that is passed over in silence.
+These would catch: a separator, decimal, encoding, unit, convention, target or pairing read wrongly, a question that
+is guessed in place of asked, and a cell that is skipped in silence.
 """
 
 from __future__ import annotations
@@ -30,7 +30,13 @@ from tests.calib.machines import machine
 
 
 def converted_text(case: Case, folder: Path) -> tuple[str, str]:
-    """CSV and header of a case, the map kept in a file between proposing and converting. Raises DataError."""
+    """Convert a case; the map is kept in a file between proposal and conversion.
+
+    Raises
+    ------
+    DataError
+        The case is refused.
+    """
     files = case.write(folder)
     first = propose(files, {"robot": ROBOT, **{k: v for k, v in case.answers.items() if k == "robot"}})
     if first.missing:
@@ -79,7 +85,10 @@ def joints_of(case: Case) -> np.ndarray:
 
 @pytest.mark.parametrize(("answer", "off"), [("commanded", 0.0), ("read", 0.27)])
 def test_joints_that_were_read_back_elsewhere(answer: str, off: float, tmp_path: Path) -> None:
-    """They are used as answered, and what they differ by is reported whenever the map is used, and by a fit."""
+    """Joints read elsewhere are used as answered, and their difference is reported.
+
+    It is reported whenever the map is used, and by a fit.
+    """
     files = case_of("read_elsewhere").write(tmp_path)
     (question,) = propose(files, {"robot": ROBOT}).questions
     assert (question.choices, question.proposed) == (("commanded", "read"), "commanded")
@@ -105,7 +114,10 @@ def test_joints_that_were_read_back_alone(tmp_path: Path) -> None:
 
 
 def test_columns_without_names_are_asked_about_with_a_proposal(tmp_path: Path) -> None:
-    """Without a robot nothing decides; what is proposed is what the number of columns suggests."""
+    """Columns without names are asked about; their number gives the proposal.
+
+    Without a robot nothing is decided.
+    """
     files = case_of("nameless").write(tmp_path)
     questions = {question.key: question for question in propose(files, {}).questions}
     assert questions.keys() == {"columns", "robot"}
@@ -139,7 +151,7 @@ def test_sixteen_numbers_that_are_no_pose_are_no_matrix(tmp_path: Path) -> None:
 
 
 def test_a_wrong_convention_asks_for_nothing_else(tmp_path: Path) -> None:
-    """The unit of the points follows from the robot, whatever is answered about the orientations."""
+    """The unit of the points follows from the robot, for any answer about the orientations."""
     turns = Rotation.from_quat(TRUTH.turns, scalar_first=True)
     rows = np.column_stack([TRUTH.joints, TRUTH.points[:, 0], turns.as_euler("ZYZ", degrees=True)])
     head = [*(f"J{k} [deg]" for k in range(1, 7)), "X", "Y", "Z", *(f"{a} [deg]" for a in ("rx", "ry", "rz"))]
@@ -178,7 +190,10 @@ def test_a_point_at_the_origin_may_have_been_measured(tmp_path: Path) -> None:
     ids=["gap", "numbered", "stands", "zero"],
 )
 def test_a_joint_that_follows_others_needs_no_column(names: tuple[int, ...], tmp_path: Path) -> None:
-    """Rods hold the wrist of this robot level: no motor drives its joint 4, which no controller counts."""
+    """Joint 4 of a palletizer, held level by rods, needs no column.
+
+    No motor drives it, and no controller counts it.
+    """
     robot, rng = machine("palletizer", tmp_path), np.random.default_rng(5)
     counted = np.round(rng.uniform([-90, -30, 0, 0, -200], [90, 60, 70, 0, 200], (40, 5)), 3)
     model = robot.model_angles(counted * DEG, "rods")

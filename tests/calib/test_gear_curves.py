@@ -1,4 +1,4 @@
-"""Curves of gears: two joints err by thirty orders each, one of them by a single strong order besides."""
+"""Test curves of gears: two joints err by thirty orders, one with a single strong order."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ STRONG, STRONG_SIZE = (4, 70), 0.02
 
 @dataclass(frozen=True)
 class Gears:
-    """What was hidden, and what was found."""
+    """Hidden gear amplitudes, and the diagnosis of their readings."""
 
     amplitudes: dict[int, Array]  # joint -> (HIGHEST, 2) cos and sin, rad
     dataset: Dataset
     result: DiagnosisFit
 
     def curve(self, joint: int, angle: Array) -> Array:
-        """(n,) rad: the hidden curve without the strong order."""
+        """Return the hidden curve without the strong order, (n,), rad."""
         return curve_of(self.amplitudes[joint], angle)
 
 
 def curve_of(amplitudes: Array, angle: Array) -> Array:
-    """(n,) rad: orders 1 to HIGHEST of these amplitudes (HIGHEST, 2) over an angle (n,)."""
+    """Sum orders 1 to HIGHEST of amplitudes (HIGHEST, 2) over an angle (n,); rad."""
     waves = np.arange(1, HIGHEST + 1) * angle[:, None]
     cosine, sine = amplitudes.T
     return np.cos(waves) @ cosine + np.sin(waves) @ sine
@@ -80,7 +80,10 @@ def test_the_order_that_is_far_above_its_neighbours_has_a_name(gears: Gears) -> 
 
 @pytest.mark.parametrize("joint", JOINTS)
 def test_the_curve_is_that_of_the_gear_within_its_band(gears: Gears, joint: int) -> None:
-    """Free of its mean and of once and twice a turn, which the geometry of links can take over."""
+    """The found curve is that of the gear within its band.
+
+    Its mean and its first two orders per turn are removed, since the geometry of links can absorb these.
+    """
     curve = next(f for f in gears.result.effects if f.effect.label == f"gear_orders:j{joint}")
     conditions = gears.dataset.conditions.take(np.arange(300))
     angle = conditions.joints[:, joint - 1]
@@ -114,7 +117,10 @@ def test_a_saved_model_predicts_the_same(gears: Gears, tmp_path: Path) -> None:
 
 
 def test_blocks_leave_whole_poses_out(gears: Gears) -> None:
-    """Poses visited four times each: what a pose has of its own must not confirm a curve on its other visits."""
+    """Blocks leave whole poses out, so no pose error confirms a curve on its other visits.
+
+    Poses are visited four times each.
+    """
     conditions = gears.dataset.conditions
     joints = np.tile(conditions.joints[: len(conditions) // 4], (4, 1))
     visited = replace(conditions.take(np.arange(len(joints))), joints=joints)
@@ -146,7 +152,10 @@ def test_blocks_are_stretches_of_every_series(gears: Gears) -> None:
 
 
 def test_what_a_block_loses_is_what_a_fit_without_it_predicts(gears: Gears) -> None:
-    """The gain on left-out blocks from normal equations, against fits on the other blocks by plain least squares."""
+    """The gain on left-out blocks from normal equations agrees with fits without each block.
+
+    The fits on the other blocks are plain least squares.
+    """
     fitted = gears.result.base
     active = np.diag(fitted.covariance) > 0.0
     normal = NormalEquations.of(fitted.model, fitted.readings, fitted.estimate, active)
@@ -175,7 +184,11 @@ def test_most_of_a_curve_lies_between_the_orders_that_are_told() -> None:
 
 
 def test_what_the_next_step_of_a_fit_takes_is_no_candidates_gain(gears: Gears) -> None:
-    """A fit that stops short leaves what its own columns explain; candidates that are alike to them once seemed to."""
+    """The next step of an unfinished fit is no candidate's gain.
+
+    A fit that stops short leaves errors that its own columns explain. Similar candidates once seemed to explain
+    them.
+    """
     base = gears.result.base
     errors = 3.0 * base.standard_errors * np.random.default_rng(2).normal(size=len(base.estimate))
     short = replace(base, estimate=base.estimate + errors)

@@ -1,5 +1,7 @@
-"""What a header asks of the model. These would catch: a level that frees something else, a parameter that is held and
-moves, a prior that weighs on another one, and keys that are misspelt and passed over without a word.
+"""Test the influence of the header on the model.
+
+These would catch: a level that frees the wrong parameter, a held parameter that moves, a prior that affects another
+parameter, and misspelt keys that are skipped without a message.
 """
 
 from __future__ import annotations
@@ -92,7 +94,10 @@ class TestHeader:
         ],
     )
     def test_nothing_is_known_of_what_is_free(self, header: dict[str, Any], tmp_path: Path) -> None:
-        """Its start is a guess from the readings: held there, it would bias everything else without a word."""
+        """A free parameter without a nominal value cannot be held.
+
+        Its start is a guess from the readings; held there, it would bias everything else without a message.
+        """
         cell = Cell()
         cell.base_targets = {"B2": cell.base_targets["B2"]}
         cell.measure("pl", 60)
@@ -101,7 +106,7 @@ class TestHeader:
 
     @pytest.mark.parametrize("world", ["free", "nominal"])
     def test_a_tool_that_is_known_in_part(self, world: str, tmp_path: Path) -> None:
-        """Held or weighed it stays where the header has it, and is not replaced by a start from the readings."""
+        """A held or weighted tool keeps the header's position and takes no start from readings."""
         cell = Cell()
         cell.targets["T2"] = cell.targets["T2"] + [4.0, -3.0, 0.0]
         cell.measure("p", 80, ["T2"])
@@ -124,7 +129,7 @@ class TestHeader:
     ("given", "typed"), [("approach2", "aproach2"), ("status", "staus"), ("tool_target", "Tool_Target")]
 )
 def test_a_misspelt_column_is_refused(given: str, typed: str, tmp_path: Path) -> None:
-    """Else a rejected row enters the fit, or a side of approach is guessed."""
+    """Otherwise a rejected row would enter the fit, or a side of approach would be guessed."""
     path = _written(tmp_path, given, typed)
     with pytest.raises(DataError, match=f"line 1: column '{typed}' is not known. Did you mean '{given}'"):
         read_dataset(path)
@@ -139,7 +144,10 @@ def test_other_columns_are_kept(typed: str, tmp_path: Path) -> None:
 
 
 def _written(folder: Path, given: str, typed: str) -> Path:
-    """A campaign whose column `given` is headed `typed`; where it names another column too, that one is empty."""
+    """Write a campaign with the column `given` headed `typed`.
+
+    If `typed` names further columns, those are empty.
+    """
     path = Path(write_campaign(make_campaign(seed=3, n=60, n_validation=0, effects=[]), folder)["csv"])
     head, *rows = path.read_text(encoding="utf-8").splitlines()
     more = typed.count(",") * ","
@@ -151,7 +159,7 @@ def _written(folder: Path, given: str, typed: str) -> Path:
 
 @pytest.mark.parametrize(("given", "typed"), [("sigma_mm", "sigma"), ("kind", "kid"), ("robot", "robt")])
 def test_a_misspelt_key_that_must_be_there_is_named(given: str, typed: str, tmp_path: Path) -> None:
-    """Not told as missing, with the typed one unseen beside it."""
+    """The misspelt key is named instead of being reported as missing."""
     header = {"format": "truepose-dataset/1", "robot": "ur5", "noise": {"kind": "isotropic", "sigma_mm": 0.1}}
     noise = {typed if key == given else key: value for key, value in header["noise"].items()}
     table = {typed if key == given else key: value for key, value in (header | {"noise": noise}).items()}

@@ -1,4 +1,7 @@
-"""Held-out readings of another target or with a gross error are reported, and counted both ways."""
+"""Test held-out readings of another target or with a gross error: reported, counted twice.
+
+The error is counted with and without them.
+"""
 
 from __future__ import annotations
 

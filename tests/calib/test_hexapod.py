@@ -1,4 +1,4 @@
-"""The ballbar as a 6D instrument: the stances of the thesis, and trilateration undone by distances."""
+"""Test the ballbar as a 6D instrument: stances of the thesis, and inverted trilateration."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TOOL = 150.0 / np.sqrt(3.0) * np.column_stack([np.cos(THIRDS), np.sin(THIRDS), n
 
 
 def test_the_stances_of_the_thesis() -> None:
-    """144 poses, 72 of them with all legs on the side away from the flange (Nubiola 4.2)."""
+    """There are 144 poses, 72 with all legs away from the flange (Nubiola 4.2)."""
     found = stances(BASE, TOOL, 300.0)
     assert len(found.flange) == 144
     assert found.outward.sum() == 72
@@ -32,7 +32,10 @@ def test_the_stances_of_the_thesis() -> None:
 
 
 def test_pairs_that_hardly_differ() -> None:
-    """18 pairs of the 72 are closer than 30 deg and 50 mm, all 8.3 deg apart; 54 are left (Nubiola 4.2)."""
+    """Among the 72 poses, 18 pairs hardly differ, so that 54 poses are left (Nubiola 4.2).
+
+    The pairs are closer than 30 deg and 50 mm; all are 8.3 deg apart.
+    """
     found = stances(BASE, TOOL, 300.0)
     flange = found.flange[found.outward]
     centre = np.einsum("nij,j->ni", flange[:, :3, :3], TOOL.mean(axis=0)) + flange[:, :3, 3]

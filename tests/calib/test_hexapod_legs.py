@@ -1,6 +1,8 @@
-"""Poses solved from six legs, as a data set of points. These would catch: legs in another order, the wrong assembly
-mode, a frame beside that of the stated cups, sides of a triangle that are stated where they were measured, an
-uncertainty that is not the legs', and a leg under another label that passes for a pose.
+"""Test poses solved from six legs, as a data set of points.
+
+These would catch: legs in another order, the wrong assembly mode, a frame that differs from that of the stated
+cups, and sides of a triangle that are stated although they were measured. They would also catch an uncertainty that
+is not that of the legs, and a leg under another label that passes for a pose.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ SPANS = [span(*side) for side in SIDES]
 
 
 def true_points(names: list[tuple[int, str]]) -> np.ndarray:
-    """(n, 3) where the balls of the tool really were, by number of the visit and name."""
+    """Compute the true positions of tool balls, (n, 3), by number of the visit and name."""
     out = []
     for number, ball in names:
         visit = _VISITS[::3][number]
@@ -93,7 +95,10 @@ def test_five_legs_are_no_standing(tmp_path: Path) -> None:
 
 
 def test_legs_of_two_visits_of_a_pose_are_two_poses(tmp_path: Path) -> None:
-    """The arm comes to rest elsewhere: legs of one arrival mixed with those of another make a pose that never was."""
+    """Legs of two visits make two poses, since the arm comes to rest elsewhere.
+
+    Legs of one arrival mixed with those of another make a pose that never was.
+    """
     again = [row | {"visit": "1", "reading_id": f"{row['reading_id']}-again"} for row in LEGS[:6]]
     again = [row | {"length_mm": float(row["length_mm"]) + 0.02} for row in again]
     once = [row | {"visit": f"{k // 6 + 2}"} for k, row in enumerate(LEGS)]
@@ -119,7 +124,7 @@ def test_a_leg_taken_again_later_completes_its_pose(tmp_path: Path) -> None:
 
 
 def test_legs_taken_in_two_visits_are_solved_where_the_pose_is_whole_in_another_set(tmp_path: Path) -> None:
-    """Visited once to fit and once, with a leg taken again later, to judge: neither is lost for the other."""
+    """A pose visited once to fit and once to judge, with one leg repeated later, is kept twice."""
     fitted = [row | {"visit": "once", "set": "calibration"} for row in LEGS[:6]]
     held = [
         row | {"visit": "held", "set": "validation", "reading_id": f"{row['reading_id']}-held"}
@@ -144,7 +149,10 @@ def test_a_cup_without_a_position(tmp_path: Path) -> None:
 
 
 def test_joints_of_another_branch_are_no_pose(tmp_path: Path) -> None:
-    """Typed in with the wrist the other way round: a flip left out of one joint is no pose, a whole one no reading."""
+    """Joints typed in with the wrist flipped are no pose.
+
+    A flip that omits one joint is no pose; a whole flip is no reading.
+    """
     typed = np.array([[LEGS[0][f"j{k}_deg"] for k in range(1, 7)]])
     flange = forward(_CELL.robot.model, _CELL.robot.model_angles(typed))
     found = configurations(_CELL, flange)[0]

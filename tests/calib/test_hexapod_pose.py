@@ -1,5 +1,7 @@
-"""Direct kinematics of the ballbar hexapod. These would catch: a sign of an assembly mode exchanged, a length that goes
-to other balls than its name says, an uncertainty that leaves out the triangles, and a pose of legs that do not meet.
+"""Test the direct kinematics of the ballbar hexapod.
+
+These would catch: the sign of an assembly mode exchanged, a length that goes to other balls than its name states,
+an uncertainty that omits the triangles, and a pose of legs that do not meet.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ BALLS = {"b": ("B", "B"), "r": ("B", "T"), "t": ("T", "T")}
 
 
 def odd_lengths(n: int, seed: int = 1) -> NDArray[np.float64]:
-    """(n, 12) mm: hexapods of all sizes near that of the thesis."""
+    """Draw lengths (n, 12), mm, of hexapods of all sizes near that of the thesis."""
     return NOMINAL + np.random.default_rng(seed).uniform(-15.0, 15.0, (n, 12))
 
 
@@ -47,7 +49,10 @@ def test_the_vectors_of_the_thesis() -> None:
 
 
 def test_the_uncertainty_has_all_twelve_lengths_in_it() -> None:
-    """Table 3.1 with B2, t1 and t2 as they depend on each other: 3.359, 3.052, 2.886, 3.331 times sigma."""
+    """The uncertainty includes all twelve lengths, as in Table 3.1.
+
+    B2, t1 and t2 depend on each other: 3.359, 3.052, 2.886, 3.331 times sigma.
+    """
     full = json.loads((VECTORS / "table3_1.json").read_text("utf-8"))
     table = json.loads((VECTORS / "hexapod.json").read_text("utf-8"))
     modes = [[1, *full["solution_signs_s2_s3"][key]] for key in "1234"]
@@ -117,7 +122,10 @@ def test_covariance_is_that_of_lengths_changed_one_by_one() -> None:
 
 
 def test_a_stance_of_the_tool_is_found_again() -> None:
-    """The stances start from legs of one length; the first design of each labelling is a set of twelve lengths."""
+    """A stance of the tool is found again from legs of one length.
+
+    The first design of each labelling is a set of twelve lengths.
+    """
     found = stances(BASE, TOOL, 300.0)
     poses = solve_pose(NOMINAL)
     for flange, base, tool in zip(found.flange, found.base, found.tool, strict=True):

@@ -1,7 +1,8 @@
-"""Workbooks, exports, URDFs and histories that nobody would write: refused by name before they cost time or memory.
+"""Test that hostile workbooks, exports, URDFs and histories are refused quickly.
 
-These would catch: a workbook of kilobytes that becomes gigabytes of cells, one that is damaged and ends in a fault, a
-parser whose time grows with the square of a line (each text here would take it minutes), links that carry one another.
+They are refused by name before they cost time or memory. These would catch: a workbook of kilobytes that becomes
+gigabytes of cells, a damaged one that causes an internal error, and links that carry one another. They would also
+catch a parser whose time grows with the square of a line (each text here would take it minutes).
 """
 
 from __future__ import annotations
@@ -148,7 +149,10 @@ def test_a_workbook_that_is_none_is_refused(case: str, tmp_path: Path) -> None:
 
 
 def test_an_attribute_of_100_mb_costs_no_time(tmp_path: Path) -> None:
-    """It held a worker for minutes. Packed less well than it could be: its ratio does not give it away."""
+    """A large attribute is refused quickly; once it occupied a worker for minutes.
+
+    It is packed less well than it could be, so its compression ratio does not reveal it.
+    """
     value = random.Random(1).randbytes(50_000_000).hex()
     path = workbook(tmp_path, old="<worksheet", new=f'<worksheet a="{value}"')
     with pytest.raises(DataError, match="single text or attribute"):
@@ -281,7 +285,10 @@ def test_a_map_that_says_half_is_refused_by_its_key(text: str, words: str, tmp_p
 
 
 def fixed(count: int, parent: str = "") -> str:
-    """Links on one another by fixed joints; `parent`: that of the first joint, another than the first link."""
+    """Write links that are joined by fixed joints.
+
+    `parent` replaces the first link as parent of the first joint.
+    """
     links = "".join(f'<link name="a{i}"/>' for i in range(count + 1))
     joints = "".join(
         f'<joint name="j{i}" type="fixed"><parent link="{(parent if i == 0 else "") or f"a{i}"}"/>'

@@ -1,4 +1,4 @@
-"""Files that mean something else than they say are refused by the name of what they mean; odd ones are read."""
+"""Test that files with another meaning are refused by name, and that odd files are read."""
 
 from __future__ import annotations
 
@@ -58,7 +58,10 @@ def test_another_robot_of_the_library_is_named(tmp_path: Path) -> None:
 
 
 def files_of_arm(name: str, coupling: str) -> tuple[list[Row], dict[str, Any]]:
-    """20 poses of an arm in the box with errors of 0.5 mm and 0.05 deg in its table, as its controller counts."""
+    """Simulate 20 poses of an arm in the box, as its controller counts.
+
+    Its table has errors of 0.5 mm and 0.05 deg.
+    """
     robot, rng = load_robot(name), np.random.default_rng(5)
     joints = rng.uniform(robot.lower, robot.upper, (20, robot.joints))
     values = nominal_values(robot, robot.model_angles(joints, coupling))
@@ -97,14 +100,17 @@ def test_arms_that_are_nearly_alike_are_told_apart(
 
 
 def test_no_other_arm_is_suspected_of_what_the_right_one_misses_by(tmp_path: Path) -> None:
-    """A sweep of joint 4: the IRB 120 misses it by 0.9 mm, a KR 10 that is put where it fits best by 0.1 mm."""
+    """No other arm is suspected because it fits better in a narrow sweep.
+
+    In a sweep of joint 4, the IRB 120 misses by 0.9 mm; a KR 10 that is placed at its best fit misses by 0.1 mm.
+    """
     what, cell, header = next(islice(odd_sets(327), 326, None))
     assert what == "sweep of joint 4 alone"
     cell.dataset(tmp_path, **header)
 
 
 def test_a_robot_that_nothing_brings_near_its_readings_is_refused(tmp_path: Path) -> None:
-    """Points that were sorted apart from their joints: no single change explains it, no parameter mends it."""
+    """Points sorted apart from their joints are refused: no change or parameter explains them."""
     rows, header, table = copy.deepcopy(GOOD["abb-irb120"])
     points = sorted((row["x_mm"], row["y_mm"], row["z_mm"]) for row in rows)
     for row, (x, y, z) in zip(rows, points, strict=True):
@@ -115,7 +121,10 @@ def test_a_robot_that_nothing_brings_near_its_readings_is_refused(tmp_path: Path
 
 
 def test_a_robot_whose_lengths_would_be_others_is_refused(tmp_path: Path) -> None:
-    """A fit makes any arm of any other: one whose upper arm is 80 mm longer is not that of the file."""
+    """An arm with an upper arm 80 mm longer than in the file is refused.
+
+    A fit could turn any arm into any other.
+    """
     cell = Cell(1)
     cell.add["a3"] += 80.0
     cell.measure("p", 60, noise=NOISE, validation=0)
@@ -124,7 +133,10 @@ def test_a_robot_whose_lengths_would_be_others_is_refused(tmp_path: Path) -> Non
 
 
 def test_a_robot_far_from_its_zeros_is_placed_where_nothing_else_is_freed(tmp_path: Path) -> None:
-    """How far it is off is what was asked; with its zeros freed the same readings are explained."""
+    """The error of a robot far from its zeros is reported if its zeros are not freed.
+
+    With its zeros freed, the same readings are explained.
+    """
     rows, header, _ = copy.deepcopy(GOOD["abb-irb120"])
     for row in rows:
         row["j2_deg"] += 10.0
@@ -159,7 +171,10 @@ def test_a_joint_of_the_wrong_sign_shows_in_distances(tmp_path: Path) -> None:
 
 
 def test_base_and_unknown_tool_end_where_least_squares_does() -> None:
-    """A tool as long as the arm, seen in a narrow range of postures: alignment and averaging in turn crawl there."""
+    """Base and unknown tool agree with least squares for a long tool and a narrow range.
+
+    Alternating alignment and averaging converge slowly there.
+    """
     rng = np.random.default_rng(5)
     robot, tool = load_robot("abb-irb120"), np.array([40.0, -30.0, 600.0])
     middle = RANGE.mean(axis=1)
@@ -202,7 +217,10 @@ def test_rows_that_slipped_show_though_the_robot_stays_long_at_every_pose(tmp_pa
 
 
 def test_rows_that_slipped_by_less_than_the_nominal_robot_misses_are_named(tmp_path: Path) -> None:
-    """A path of steps of some millimetres: only the arm as it was made is nearer than the next row."""
+    """Rows that slipped along a path with steps of some millimetres are named.
+
+    Only the arm as built is nearer than the next row.
+    """
     header, steps = files_of_arm("ur10", "none")[1], 400
     robot, rng = load_robot("ur10"), np.random.default_rng(2)
     phase = np.linspace(0.0, 3.0, steps)[:, None] * np.array([1.0, 0.9, 1.1, 1.3, 1.2, 1.4])
@@ -225,7 +243,10 @@ def test_rows_that_slipped_by_less_than_the_nominal_robot_misses_are_named(tmp_p
 
 
 def test_a_mistake_is_named_where_the_tool_turns_in_a_few_points(tmp_path: Path) -> None:
-    """A ball in sockets 30 mm apart: of what readings and flange span, the nominal arm misses a twentieth."""
+    """A mistake is named for a ball in sockets 30 mm apart.
+
+    The nominal arm misses a twentieth of the span of readings and flange.
+    """
     robot, rng = load_robot("abb-irb120"), np.random.default_rng(8)
     tool, home = np.array([0.0, 0.0, 60.0]), np.radians([10.0, 20.0, -10.0, 30.0, 60.0, 0.0])
     at = forward(robot, home[None])[0]

@@ -1,5 +1,7 @@
-"""Identification. These would catch: a base model that cannot become the true robot, a prior that biases it, series
-that share what they must not, groups that cannot be chosen, and a start that finds no base.
+"""Test the identification.
+
+These would catch: a base model that cannot become the true robot, a prior that biases it, series that share the
+wrong parameters, groups that cannot be chosen, and a start that finds no base.
 """
 
 from __future__ import annotations
@@ -50,7 +52,10 @@ class TestWithoutNoise:
 
     @pytest.mark.parametrize("robot", sorted(ROBOTS))
     def test_the_true_robot_is_found_whatever_noise_is_declared(self, robot: str, tmp_path: Path) -> None:
-        """The usual declaration of a tracker, some 0.02 mm, on readings that have none: priors must not pull."""
+        """Priors do not bias a fit of readings without noise.
+
+        The declared noise is the usual one of a tracker, about 0.02 mm.
+        """
         campaign = make_campaign(robot, seed=5, n=80, n_validation=80, effects=[])
         points = true_points(campaign)
         rows = [dict(row) for row in campaign.rows]
@@ -170,7 +175,10 @@ class TestWithoutNoise:
             read_dataset(write_files(tmp_path / "2", rows, header))
 
     def test_another_robots_name_is_refused(self, tmp_path: Path) -> None:
-        """The same joints and points under another robot's name do not fit: nothing above passes by itself."""
+        """The same joints and points under another robot's name are refused.
+
+        This shows that the tests above can fail.
+        """
         campaign = make_campaign(seed=5, n=80, n_validation=20, effects=[])
         rows, header = exact(campaign)
         with pytest.raises(DataError, match='Set robot = "abb-irb120"'):
@@ -194,7 +202,7 @@ def test_groups_can_be_chosen(tmp_path: Path) -> None:
 
 
 def test_the_start_finds_any_base(tmp_path: Path) -> None:
-    """Kabsch start: exact where the robot is nominal, whatever the pose, with gross errors among the readings."""
+    """The Kabsch start is exact for a nominal robot at any pose, even with gross errors."""
     _, data = simulate(tmp_path, seed=2, n=60, n_validation=0, effects=[])
     flange = forward(data.header.robot, data.conditions.joints)
     targets = np.array([[0.0, 0.0, 125.0], [75.0, 93.675, 215.0], [150.0, 0.0, 125.0]])
@@ -213,7 +221,10 @@ def test_the_start_finds_any_base(tmp_path: Path) -> None:
 @pytest.mark.parametrize("share", [0.05, 0.12, 0.2])
 @pytest.mark.parametrize("kind", ["any way", "one way", "exchanged"])
 def test_a_fifth_of_gross_errors_does_no_harm(kind: str, share: float, tmp_path: Path) -> None:
-    """Scattered over the campaign: in any direction, all in one, or points that belong to other rows."""
+    """Gross errors of a fifth of the readings do no harm.
+
+    They are in any direction, all in one, or points that belong to other rows.
+    """
     _, clean = simulate(tmp_path, seed=3, n=120, n_validation=40, effects=[])
     rng = np.random.default_rng(7)
     rows = np.flatnonzero(clean.fit_rows)
@@ -245,7 +256,7 @@ def test_a_base_that_moved_late_is_no_crowd_of_gross_errors(share: float, tmp_pa
 
 @pytest.mark.parametrize("count", [0, 1, 2, len(GROUPS)])
 def test_any_groups_are_fitted(count: int, tmp_path: Path) -> None:
-    """Also none, and only those that are neither base nor tool, where both are known."""
+    """Any groups can be fitted: none at all, or without base and tool if both are known."""
     _, data = simulate(tmp_path, seed=4, n=60, n_validation=10, effects=[])
     for groups in combinations(GROUPS, count):
         found = identify(data, groups=groups)
@@ -255,7 +266,10 @@ def test_any_groups_are_fitted(count: int, tmp_path: Path) -> None:
 
 
 def test_series_can_share_one_tool(tmp_path: Path) -> None:
-    """A second series from another station, whose wrist hardly turned: its tool follows from the other one."""
+    """A second series whose wrist hardly turned takes its tool from the first.
+
+    It was measured from another station.
+    """
     campaign = make_campaign(seed=8, n=120, n_validation=40, effects=[])
     turn, rows = Rotation.from_rotvec([0.1, -0.4, 2.0]), []
     for i, row in enumerate(campaign.rows):

@@ -1,5 +1,7 @@
-"""The estimate and what is said of it. These would catch: redundancy that is not found or not named, an estimate that
-is not that of the documented cost, standard errors of the wrong size, and a chain that is walked twice.
+"""Test the estimate and its reported properties.
+
+These would catch: redundancy that is not found or not named, an estimate that does not minimise the documented
+cost, standard errors of the wrong size, and a chain that is evaluated twice.
 """
 
 from __future__ import annotations
@@ -56,7 +58,10 @@ def test_redundant_parameters_are_found_and_named(
 
 
 def test_what_stands_in_for_another_is_held_to_both_sizes(tmp_path: Path) -> None:
-    """d3 of an IRB 120 is d2 again, each usually 1 mm off: their sum is 1.41 mm off; nothing else is touched."""
+    """A parameter that replaces another has the prior scale of both.
+
+    d3 of an IRB 120 equals d2, each usually 1 mm off, so their sum is 1.41 mm off. No other parameter changes.
+    """
     _, data = simulate(tmp_path, "abb-irb120", seed=2, n=30, n_validation=0, effects=[])
     result = identify(data)
     assert [(d.name, [name for name, _ in d.stand_ins if name == "d2"]) for d in result.dropped] == [
@@ -137,7 +142,10 @@ def reference_problem(data: Dataset, result: IdentificationFit, *, drop: bool = 
 
 @pytest.mark.parametrize("robot", ["abb-irb120", "ur10"])
 def test_the_estimate_is_that_of_an_independent_program(robot: str, tmp_path: Path) -> None:
-    """scipy.optimize.least_squares on the documented cost: estimate to 1e-8, standard errors to 1e-6."""
+    """The estimate agrees with `scipy.optimize.least_squares` on the documented cost.
+
+    The estimate agrees to 1e-8, the standard errors to 1e-6.
+    """
     campaign = make_campaign(
         robot, seed=4, n=20, n_validation=0, effects=[], noise_declared_factor=1.4, repeatability_deg=0.0
     )
@@ -182,7 +190,7 @@ def test_the_estimate_is_that_of_an_independent_program(robot: str, tmp_path: Pa
 def test_no_chain_is_walked_twice_where_the_fit_stands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Clean readings: the start and every step of Gauss-Newton, each once, whoever else looks there."""
+    """The start and every step of Gauss-Newton evaluate the chain once, with clean readings."""
     _, data = simulate(tmp_path, seed=3, n=50, n_validation=0, effects=[], repeatability_deg=0.0)
     walked: list[bytes] = []
     frames = BoundModel.frames
@@ -199,7 +207,10 @@ def test_no_chain_is_walked_twice_where_the_fit_stands(
 
 
 def test_a_gear_softer_than_usual_is_not_held_to_the_usual_size(tmp_path: Path) -> None:
-    """Ten usual sizes: held to one, it came out several standard errors short, and effects were named for the rest."""
+    """A gear ten times softer than usual is not pulled to the usual size.
+
+    Otherwise it was several standard errors short, and effects were named for the rest.
+    """
     cell = Cell(1)
     cell.soft[5] = 1e-5
     cell.measure("p", 60, noise=NOISE, validation=0)
@@ -210,7 +221,7 @@ def test_a_gear_softer_than_usual_is_not_held_to_the_usual_size(tmp_path: Path) 
 
 
 def test_standard_errors_are_those_of_repetition(tmp_path: Path) -> None:
-    """Over many campaigns, parameters scatter about the truth as they say they do: squares sum to chi-square."""
+    """Parameters of many campaigns scatter about the truth as stated, by chi-square."""
     total, count = 0.0, 0
     for seed in range(100, 116):
         campaign, data = simulate(tmp_path / str(seed), seed=seed, n=60, n_validation=0, effects=[])

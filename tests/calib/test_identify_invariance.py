@@ -1,5 +1,7 @@
-"""What must not matter to identification. These would catch: gross errors that steer the fit, and results that depend
-on the order of rows, on names, on validation rows, or on where the world frame lies.
+"""Test that identification is independent of irrelevant input.
+
+These would catch: gross errors that affect the fit, and results that depend on the order of rows, on names, on
+validation rows, or on the position of the world frame.
 """
 
 from __future__ import annotations
@@ -22,7 +24,10 @@ POSE[:3, 3] = [1800.0, -2500.0, 400.0]
 
 
 class TestGrossErrors:
-    """5 % of the readings 2 mm off and 4 % with a wrong target name: found, each by its id, and harmless."""
+    """Gross errors are found, each by its id, and do not affect the fit.
+
+    5 % of the readings are 2 mm off, and 4 % have a wrong target name.
+    """
 
     @pytest.mark.parametrize("seed", [1, 2, 3])
     def test_they_are_found_and_do_not_steer(self, seed: int, tmp_path: Path) -> None:
@@ -59,7 +64,7 @@ class TestGrossErrors:
 
 
 class TestMetamorphic:
-    """What must not matter does not matter."""
+    """Irrelevant changes of the input do not affect the result."""
 
     campaign: Campaign = make_campaign(
         seed=9, n=60, n_validation=20, effects=[], gross_rows=2, swapped_rows=2

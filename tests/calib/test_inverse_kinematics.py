@@ -1,6 +1,8 @@
-"""Inverse kinematics in closed form. These would catch: a branch that is missed or named otherwise than
-`calib.validation.judge` names it, joints that do not stand in the pose, a pose out of reach or singular that is not
-said to be, a turn beyond a limit, a structure taken for one it is not, and rows that influence each other.
+"""Test inverse kinematics in closed form.
+
+These would catch: a branch that is missed or named otherwise than in `calib.validation.judge`, joints that do not
+reach the pose, and a pose out of reach or singular that is not reported as such. They would also catch a turn
+beyond a limit, a structure mistaken for another, and rows that influence each other.
 """
 
 from __future__ import annotations

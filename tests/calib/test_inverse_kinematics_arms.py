@@ -1,6 +1,8 @@
-"""Inverse kinematics of other arms than six axes with a wrist. These would catch: a branch that is missed or found
-twice, joints that do not stand in the pose, an order or sense of axes that is taken for another, a track that moves, an
-elbow that leaves its half-plane, and a pose that the arm cannot tilt to and is said to reach.
+"""Test inverse kinematics of other arms than six axes with a wrist.
+
+These would catch: a branch that is missed or found twice, joints that do not reach the pose, and a wrong order or
+sense of axes. They would also catch a track that moves, an elbow that leaves its half-plane, and a pose that the
+arm cannot tilt to but that is reported as reached.
 """
 
 from __future__ import annotations
@@ -65,7 +67,10 @@ def apart(robot: Robot, one: Array, other: Array) -> Array:
 
 
 def judged(robot: Robot, joints: Array, *, missed: float = 0.0) -> NDArray[np.bool_]:
-    """(n, B) the valid branches of the poses of `joints`; the pose's own is among them, and all of them stand in it."""
+    """Mask the valid branches of the poses of `joints`, (n, B).
+
+    All of them reach the pose, and the given joints are among them.
+    """
     poses = forward(robot, joints)
     found = inverse_kinematics(robot, poses, seed=joints)
     own = np.where(found.valid, apart(robot, found.joints, joints[:, None]), np.inf)
@@ -91,7 +96,10 @@ def test_no_branch_is_missed_and_every_solution_stands_in_the_pose(name: str, tm
 
 @pytest.mark.parametrize("robot", [CRX, XARM], ids=["crx", "xarm"])
 def test_a_wrist_that_is_not_in_a_point_is_searched_through(robot: Robot) -> None:
-    """A pair of branches that lie close together may be stepped over: one pose in a hundred at most."""
+    """A search finds the branches of a wrist whose axes do not meet.
+
+    It may miss a pair of branches that lie close together, for one pose in a hundred at most.
+    """
     joints = np.random.default_rng(1).uniform(-np.pi, np.pi, (300, 6))
     assert judged(robot, joints, missed=0.01).sum(axis=1).max() > 8
 
@@ -143,8 +151,10 @@ def test_a_track_stays_where_it_stands(tmp_path: Path) -> None:
 
 
 def test_the_elbow_stays_in_its_half_plane(tmp_path: Path) -> None:
-    """The posture that was taught, and a pose some way off: the elbow leaves its half-plane about the line from
-    shoulder to wrist by nothing, whichever branch."""
+    """For every branch, the elbow stays in its half-plane about the line from shoulder to wrist.
+
+    The poses are near the taught posture.
+    """
     robot, _ = built("seven", tmp_path)
     taught = random_postures(robot, "none", 200, 4)
     poses = forward(robot, taught + np.random.default_rng(5).uniform(-0.1, 0.1, taught.shape))
@@ -159,7 +169,7 @@ def test_the_elbow_stays_in_its_half_plane(tmp_path: Path) -> None:
 
 
 def _elbow(robot: Robot, joints: Array) -> Array:
-    """(n, 3) where axis 4 crosses axis 3, mm: 400 mm from the shoulder along axis 3."""
+    """Compute the crossing of axes 4 and 3, (n, 3), mm: 400 mm from the shoulder on axis 3."""
     first, second = joints[:, 0], joints[:, 1]
     along = [np.cos(first) * np.sin(second), np.sin(first) * np.sin(second), np.cos(second)]
     return np.array([0.0, 0.0, robot.d[0]]) + robot.d[2] * np.array(along).T

@@ -1,6 +1,8 @@
-"""Joints that slide beside joints that turn. These would catch: a slide that turns, mm taken for degrees, an external
-axis that shifts the numbers of the arm's joints, a key of another format that is ignored, parallel axes that count from
-another end in the other convention, and a DH number freed that no reading can show.
+"""Test sliding joints together with turning joints.
+
+These would catch: a slide that turns, mm taken for degrees, an external axis that shifts the numbers of the arm's
+joints, and a key of another format that is ignored. They would also catch parallel axes that count from another end
+in the other convention, and a DH number freed that no reading can show.
 """
 
 from __future__ import annotations
@@ -138,7 +140,7 @@ def test_what_a_robot_file_cannot_mean_is_refused_by_key(case: str, tmp_path: Pa
 
 
 def test_parallel_axes_count_alike_in_both_conventions(tmp_path: Path) -> None:
-    """The same twist of the same axis moves the same target of one machine that is written both ways."""
+    """The same twist of the same axis moves the same target in both conventions."""
     modified, standard = machine("scara", tmp_path), machine("scara-dh", tmp_path)
     joints = joints_of(modified.lower, modified.upper, 5)
     assert (modified.parallel_axes, standard.parallel_axes) == ((2, 3, 4), (1, 2, 3))
@@ -169,7 +171,7 @@ def test_parallel_axes_count_alike_in_both_conventions(tmp_path: Path) -> None:
 def test_numbers_that_shift_a_slide_across_are_not_freed(
     name: str, left_out: set[str], tmp_path: Path
 ) -> None:
-    """Those left out are made up for by those that stay, wherever the machine's numbers really are."""
+    """The remaining parameters absorb the numbers that are left out, for any true machine."""
     robot = machine(name, tmp_path)
     rng = np.random.default_rng(1)
     joints = rng.uniform(robot.lower, robot.upper, (200, robot.joints))

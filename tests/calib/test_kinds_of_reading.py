@@ -1,6 +1,7 @@
-"""Fits of every kind of reading. These would catch: poses, lengths and mixtures that do not come back to the robot that
-was measured, starts that miss a world lying anywhere, a declared uncertainty that is not used, and dropped parameters
-that should stand.
+"""Test fits of every kind of reading.
+
+These would catch: poses, lengths and mixtures that do not recover the measured robot, starts that fail in an
+arbitrary world frame, a declared uncertainty that is not used, and parameters that are dropped wrongly.
 """
 
 from __future__ import annotations
@@ -26,7 +27,10 @@ Array = NDArray[np.float64]
 
 
 def miss(cell: Cell, data: Dataset, result: IdentificationFit, *, aligned: bool = False) -> Array:
-    """(n,) distances from the truth, mm; aligned: behind a rigid motion, where the world has none of its own."""
+    """Return distances from the truth, (n,), mm.
+
+    If `aligned`, a rigid motion is removed first; this is needed if the world frame is undetermined.
+    """
     found, true = result.predict(data.conditions), np.array(cell.points)
     if aligned:
         rotation, translation = align(found, true, np.ones(len(true)))
@@ -108,7 +112,10 @@ class TestLengths:
 
     @pytest.mark.parametrize("given", ["free", {"B1": "free", "B2": "free", "B3": "free", "B4": "free"}])
     def test_unknown_base_targets(self, given: Any, tmp_path: Path) -> None:
-        """Then the world has no frame of its own: six numbers are dropped, and the robot comes back all the same."""
+        """Unknown base targets leave the world frame open, but the robot is recovered.
+
+        Six numbers are dropped.
+        """
         cell = Cell(place=POSE)
         cell.measure("l", 180)
         data = cell.dataset(tmp_path, base_targets=given)
@@ -134,7 +141,10 @@ class TestLengths:
         assert plain.noise_scale > 100.0, "without the zero nothing fits"
 
     def test_base_targets_known_within_an_uncertainty(self, tmp_path: Path) -> None:
-        """The lengths correct the base targets among each other; how all of them lie, only the declaration says."""
+        """Lengths correct the base targets relative to each other.
+
+        Their common position is known from the declaration alone.
+        """
         cell = Cell(place=POSE)
         declared = {b: (p + cell.rng.normal(0.0, 0.5, 3)).tolist() for b, p in cell.base_targets.items()}
         cell.measure("l", 240, noise=NOISE)
@@ -152,7 +162,7 @@ class TestLengths:
         assert result.degrees_of_freedom == pytest.approx(240 - (31 + 12) + 6, abs=1)
 
     def test_points_beside_the_lengths_locate_the_base_targets(self, tmp_path: Path) -> None:
-        """One reading with both: the tracker's world is then known, and unknown base targets are found in it."""
+        """Readings with point and length locate unknown base targets in the tracker's world."""
         cell = Cell(place=POSE)
         cell.measure("pl", 80)
         data = cell.dataset(tmp_path, base_targets="free")
@@ -167,7 +177,7 @@ class TestLengths:
 
 class TestMixed:
     def campaign(self, noise: Mapping[str, float] | None) -> Cell:
-        """One robot: points of a tracker, poses of a camera, lengths of a bar, and readings with several of them."""
+        """Measure one robot with tracker points, camera poses, bar lengths and mixed readings."""
         cell = Cell()
         cell.measure("p", 30, series="tracker", noise=noise)
         cell.measure("po", 20, ["T2"], series="camera", noise=noise)
@@ -199,7 +209,10 @@ class TestMixed:
         assert result.leverage.sum() == pytest.approx(np.sum(result.standard_errors > 0.0) - held, abs=0.2)
 
     def test_the_weight_of_every_reading_by_hand(self, tmp_path: Path) -> None:
-        """r' C^-1 r, C the instrument's block and the joints' repeatability by complex derivatives, no whitener."""
+        """The weight of every reading equals r' C^-1 r, computed without the whitener.
+
+        C is the instrument's block and the joints' repeatability by complex derivatives.
+        """
         cell = self.campaign(NOISE)
         noise = {"kind": "isotropic", "sigma_mm": 0.03, "rotation_mrad": 0.1, "length_mm": 0.01}
         data = cell.dataset(tmp_path, world="nominal", noise=noise | {"repeatability_deg": 0.01})
@@ -218,7 +231,10 @@ class TestMixed:
 
 
 def squared_by_hand(data: Dataset, row: int) -> float:
-    """Squared length of the whitened residual of one reading at the nominal robot, by a full covariance."""
+    """Compute the squared whitened residual of a reading at the nominal robot.
+
+    It uses the full covariance.
+    """
     c, header = data.conditions, data.header
     target = header.targets_of(c.series_names[c.series[row]])[c.target_names[c.target[row]]]
     pose = chain(ROBOT, c.joints[row], {}, target)
@@ -253,7 +269,10 @@ def squared_by_hand(data: Dataset, row: int) -> float:
 
 @pytest.mark.parametrize(("what", "n"), [("l", 200), ("po", 50), ("pl", 60)])
 def test_gross_errors_in_one_of_the_numbers(what: str, n: int, tmp_path: Path) -> None:
-    """A length read at the wrong base target, an orientation 1 deg off beside a good point: found, and harmless."""
+    """A length to the wrong base target or an orientation 1 deg off is found and harmless.
+
+    The point of the same reading is good.
+    """
     cell = Cell(place=POSE)
     cell.measure(what, n, noise=NOISE, validation=60)
     wrong = {"main-7", "main-19", "main-31"}

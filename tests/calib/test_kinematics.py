@@ -1,6 +1,8 @@
-"""The chain and the torques. These would catch: a wrong sign, order or convention of any elementary motion, the
-thesis's d_1 on the wrong side of the base rotations, a unit of the compliances, a torque about the wrong axis or of
-the wrong sign, a twist that is not the derivative of its slot, and rows of a batch that influence each other.
+"""Test the chain and the torques.
+
+These would catch: a wrong sign, order or convention of any elementary motion, the thesis's d_1 on the wrong side of
+the base rotations, and a unit of the compliances. They would also catch a torque about the wrong axis or of the
+wrong sign, a twist that is not the derivative of its slot, and rows of a batch that influence each other.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The fit against closed forms, on readings that are plain numbers.
+"""Test the fit against closed forms, on readings that are plain numbers.
 
-These would catch: a prior that pulls the wrong way or with the wrong worth, a step judged by half of the cost, a fit
-that says it has converged too soon or too late, standard errors of another noise.
+These would catch: a prior that pulls the wrong way or with the wrong weight, a step judged by half of the cost, a
+fit that reports convergence too soon or too late, standard errors of another noise.
 """
 
 from __future__ import annotations
@@ -43,7 +43,10 @@ def four(**of):
 @pytest.mark.parametrize("scale", [0.001, 0.4, 1.0, 3.0])
 @pytest.mark.parametrize("weighted", [False, True])
 def test_estimate_covariance_and_cost_are_those_of_the_normal_equations(scale: float, weighted: bool) -> None:
-    """A usual size weakens with the noise down to 1 %; a measurement and a distance never below their own worth."""
+    """Estimate, covariance and cost are those of the normal equations.
+
+    A prior scale weakens with the noise down to 1 %; a measurement and a distance never count less than declared.
+    """
     start = linear(four(spans=APART), MATRIX, READ, START)
     weights = np.linspace(0.2, 3.0, 8) if weighted else None
     every = np.ones(24) if weights is None else np.tile(weights, 3)
@@ -101,7 +104,10 @@ def test_standardised_residuals_reading_by_reading() -> None:
 
 
 def one(read: float, claimed: float, start: float, *, beside: float = 0.0):
-    """A reading of x itself, whose derivative is claimed to be something else; `beside`: a reading nothing explains."""
+    """Build a reading of x itself, whose claimed derivative may be wrong.
+
+    `beside` is a second reading that nothing explains.
+    """
     model = toy_model([parameter("x")])
     return toy(
         model,
@@ -130,7 +136,7 @@ ACTIVE = np.ones(1, dtype=bool)
 def test_converged_is_a_step_of_two_percent_of_the_standard_error(
     away: float, scale: float, steps: int
 ) -> None:
-    """Of noise that is no smaller than declared."""
+    """The fit converges at a step of 2 % of the standard error, for noise as declared or more."""
     found = solve(one(0.0, 1.0, away), ACTIVE, scale=scale)
     assert (found.ending, found.iterations) == (FitTermination.CONVERGED, steps)
 
@@ -146,7 +152,10 @@ def test_a_fit_takes_no_more_steps_than_it_may() -> None:
 
 
 def test_a_step_that_makes_it_worse_is_damped() -> None:
-    """Gauss-Newton on arctan from 2 overshoots to -3.5, where the error is larger; damped to its half it is better."""
+    """A step that increases the error is damped.
+
+    Gauss-Newton on arctan from 2 overshoots to -3.5, where the error is larger; half of the step reduces it.
+    """
     start = toy(
         toy_model([parameter("x")]),
         np.array([[0.0, 10.0]]),
@@ -162,7 +171,10 @@ def test_a_step_that_makes_it_worse_is_damped() -> None:
 
 
 def test_a_prior_alone_can_make_a_step_worth_while() -> None:
-    """The readings are content with the start; the way to the prior raises their share of the cost."""
+    """The prior alone can justify a step.
+
+    The start fits the readings; the step towards the prior raises their share of the cost.
+    """
     model = toy_model([parameter("x", 0.5)])
     found = solve(linear(model, np.ones((1, 1)), np.array([[8.0]]), np.array([8.0])), ACTIVE)
     assert found.ending is FitTermination.CONVERGED
@@ -181,7 +193,11 @@ def test_a_cost_that_is_the_same_is_no_reason_to_damp() -> None:
 
 
 def test_a_step_too_small_to_be_judged_is_taken() -> None:
-    """Uphill by the derivative's wrong sign: small beside the standard error, or beside the rounding of the cost."""
+    """A step too small to be judged is taken, even if it raises the cost.
+
+    The derivative has the wrong sign. The step is small compared with the standard error, or with the rounding of
+    the cost.
+    """
     small = solve(one(0.0, -1.0, 0.015), ACTIVE)
     assert (small.ending, small.estimate[0]) == (FitTermination.CONVERGED, pytest.approx(0.03))
     drowned = solve(one(0.0, -1.0, 80.0, beside=1e8), ACTIVE, max_iterations=1)

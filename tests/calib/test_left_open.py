@@ -1,7 +1,8 @@
-"""What a calibration left open: as a fit of everything at once has it, kept in the file, and no news to a watch.
+"""Test the unresolved part of a calibration: fitted jointly, saved, and expected by a watch.
 
-These would catch: small play of every joint, which no diagnosis claims, that the first watch takes for worn gears; a
-change that is counted twice, as change and as what was there before; a frame that is surer than the way it is set up.
+These would catch: small play of every joint, which no diagnosis claims, that the first watch takes for worn gears.
+They would also catch a change that is counted twice, as a change and as earlier scatter, and a frame that is more
+certain than its set-up.
 """
 
 from __future__ import annotations
@@ -144,7 +145,10 @@ def wavy(*sizes_deg: float) -> World:
 
 
 def test_what_moves_a_pose_as_a_whole_is_found_as_scatter(tmp_path: Path) -> None:
-    """Waves of every gear, by 17 poses and by 40, of which the parameters take on most and much: 0.005 deg."""
+    """Waves of every gear, 0.005 deg, are found as scatter by 17 and by 40 poses.
+
+    With 17 poses the parameters absorb most of them, with 40 much.
+    """
     for n, least, most in ((51, 0.7, 1.4), (120, 0.8, 1.25)):
         left = as_saved(identify(data_of(wavy(*[0.005] * 6), tmp_path, n, 1))).left_open
         assert left is not None
@@ -165,7 +169,10 @@ def test_every_joint_has_a_scatter_of_its_own(tmp_path: Path) -> None:
 
 
 def test_a_wave_of_one_cycle_is_known_and_no_scatter(tmp_path: Path) -> None:
-    """A wheel out of centre in joint 6, which one target of a watch shows as a lost zero of joint 5."""
+    """An eccentric wheel in joint 6 is identified and no scatter.
+
+    One target of a watch shows it as a lost zero of joint 5.
+    """
     world = worn({})
     world.effects = [world.draw_effect("periodic:j6:n1").with_values(A=0.012, B=0.009)]
     left = as_saved(identify(data_of(world, tmp_path, 102, 1))).left_open
@@ -191,7 +198,10 @@ def test_readings_that_the_fit_has_not_seen_show_what_it_took_on(tmp_path: Path)
 
 
 def test_readings_without_a_clock_are_judged(saved: CalibratedModel, tmp_path: Path) -> None:
-    """A drift of the calibration's instrument may have been left open; a watch by touch has no times."""
+    """A watch without times is judged even if a drift of the calibration is unresolved.
+
+    The drift is one of the instrument; a watch by touch has no times.
+    """
     watch = data_of(worn(WORN), tmp_path, 30, 9)
     nothing = np.full(len(watch), np.nan)
     watch = replace(watch, conditions=replace(watch.conditions, time=nothing, temperature=nothing))

@@ -1,6 +1,8 @@
-"""Machines that are no six turning joints, from their files to what they lack. These would catch: mm of a slide read as
-degrees, an effect of gears that is offered for a slide or one of slides for a gear, an effect of a track's arm that is
-called by the number of its link, a model file that forgets what a joint does, and a bench that reaches no floor.
+"""Test machines other than six turning joints, from their files to their errors.
+
+These would catch: mm of a slide read as degrees, an effect of gears offered for a slide or the reverse, and an
+effect of an arm on a track named by the link number. They would also catch a model file that forgets the kind of a
+joint, and a benchmark that reaches no floor.
 
 The floor itself, with all machines and seeds, is `python -m tests.benchmarks machines`.
 """

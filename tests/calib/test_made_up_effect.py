@@ -1,4 +1,7 @@
-"""A made-up effect is one file and one line of the library: diagnosis, follow-up and advice know it by themselves."""
+"""Test that a made-up effect needs one file and one line of the library.
+
+Diagnosis, follow-up and advice use it without further changes.
+"""
 
 from __future__ import annotations
 
@@ -85,7 +88,7 @@ def wobble(slot: str, joint: int, order: float) -> Effect:
 
 
 class Tuned:
-    """A family of a kind of its own: a warming-up of 300 s that is refined to 100 s, whatever was measured."""
+    """Family of a new kind: a warm-up of 300 s that is always refined to 100 s."""
 
     label = "warm_up"
 

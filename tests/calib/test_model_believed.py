@@ -1,5 +1,7 @@
-"""What a model file must not be believed. These would catch: a parameter that stands twice, a joint turned by 10 deg,
-another robot's name, wider limits, a number changed by hand, and shapes that end in a fault of our own.
+"""Test that forged model files are refused.
+
+These would catch: a parameter that is listed twice, a joint turned by 10 deg, another robot's name, wider limits, a
+number changed by hand, and shapes that cause an internal error.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def resealed(document: Document, path: Path) -> Path:
-    """The file of somebody who knows how: a hash is no signature."""
+    """Write a file with a matching hash, as an expert could: a hash is no signature."""
     document["content_sha256"] = content_hash(document)
     path.write_text(json.dumps(document), "utf-8")
     return path
@@ -182,7 +184,7 @@ def test_larger_corrections_are_taken_when_they_are_allowed(written: str, tmp_pa
 
 
 def test_a_robot_of_ones_own(written: str, tmp_path: Path) -> None:
-    """By its own name its table is believed, and a note says so; with its file the two must agree."""
+    """A custom robot's table is accepted by name, with a note; with its file both must agree."""
     document = json.loads(written)
     document["robot"] = document["robot_table"]["name"] = "plant7"
     path = resealed(document, tmp_path / "m.json")

@@ -1,5 +1,7 @@
-"""`MODEL.json`. These would catch: a model that predicts otherwise once it was saved, an effect or a unit lost on the
-way, and foreign or broken files that are taken for models.
+"""Test `MODEL.json`.
+
+These would catch: a model that predicts otherwise once it was saved, an effect or a unit lost on the way, and
+foreign or broken files that are taken for models.
 """
 
 from __future__ import annotations
@@ -97,7 +99,7 @@ def test_it_holds_the_robot_it_was_fitted_with(tmp_path: Path) -> None:
 
 
 def _weighed(dataset: Dataset, *loads: Load) -> Dataset:
-    """The readings as their file would be read with these loads in its header and none in its robot file."""
+    """Return the readings as read with these loads in the header and none in the robot file."""
     header = replace(dataset.header, loads=loads, robot=replace(dataset.header.robot, loads=()))
     there = statics(header.robot, dataset.conditions.joints, loads, header.gravity)
     return replace(

@@ -1,6 +1,8 @@
-"""A moving robot, aligned. These would catch: clocks that are found badly, a jump that is missed or invented, samples
-taken across a gap, standstills or waypoints miscounted, one waypoint on both sides of a hold-out, an uncertainty that
-is not that of the rows, and a stream that cannot be aligned but is.
+"""Test the alignment of a moving robot.
+
+These would catch: wrong clocks, a jump that is missed or invented, samples taken across a gap, stationary intervals
+or waypoints miscounted, and one waypoint on both sides of a hold-out. They would also catch an uncertainty that is
+not that of the rows, and a stream that cannot be aligned but is.
 """
 
 from __future__ import annotations
@@ -88,9 +90,10 @@ def test_a_clock_that_jumps_is_noticed(at: float, size: float) -> None:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_an_arm_that_bends_and_has_play_shifts_no_clock(seed: int) -> None:
-    """Few slow waypoints: with geometry alone the offset was up to 5 ms wrong, and a clock was said to jump.
+    """An arm that bends and has play shifts no clock.
 
-    Seven moves say little of how far moves differ by the robot's repeatability, so the rate is known to 4 ppm only.
+    With few slow waypoints and geometry alone, the offset was up to 5 ms wrong, and a clock was reported to jump.
+    Seven moves show little of the robot's repeatability, so the rate is known to 4 ppm only.
     """
     worn = partial(gears, waves_rad=2e-4, play_rad=1e-4)
     moving = simulate(seed, legs=8, duration=300.0, rest=5.0, robot_hz=50.0, gears_of=worn)
@@ -102,7 +105,10 @@ def test_an_arm_that_bends_and_has_play_shifts_no_clock(seed: int) -> None:
 
 
 def test_what_a_short_recording_does_not_show_of_the_arm_is_in_the_uncertainty() -> None:
-    """Six waypoints do not show play and gears: errors in units of what is stated were 2 without their usual sizes."""
+    """Six waypoints do not determine play and gears, so the uncertainty includes them.
+
+    Without their usual sizes, errors were twice the stated ones.
+    """
     worn = partial(gears, waves_rad=3e-4, play_rad=2e-4)
     in_u, stated = [], []
     for seed in range(1, 9):
@@ -115,7 +121,10 @@ def test_what_a_short_recording_does_not_show_of_the_arm_is_in_the_uncertainty()
 
 
 def test_what_moves_differ_by_is_in_the_uncertainty_of_the_clocks() -> None:
-    """Every move ends a little elsewhere: with blocks of time alone, the errors were 2 in units of what was stated."""
+    """The uncertainty of the clocks includes that every move ends a little elsewhere.
+
+    With blocks of time alone, the errors were twice the stated ones.
+    """
     in_u = []
     for seed in range(1, 13):
         moving = simulate(seed, legs=10, duration=55.0, rest=1.5, robot_hz=50.0, repeatability_rad=1e-4)
@@ -128,7 +137,10 @@ def test_what_moves_differ_by_is_in_the_uncertainty_of_the_clocks() -> None:
 
 
 def test_windows_that_show_other_moves_give_no_rate() -> None:
-    """Of a short recording most windows looked like another move: the rate began at 10 %, the fit ended metres away."""
+    """Windows that look like another move give no rate.
+
+    In a short recording most windows did: the rate began at 10 %, and the fit ended metres away.
+    """
     moving = simulate(21, legs=8, duration=120.0)
     found = aligned_of(moving)
     assert found.clocks.offset == pytest.approx(moving.offset, abs=0.5e-3)
@@ -137,7 +149,10 @@ def test_windows_that_show_other_moves_give_no_rate() -> None:
 
 @pytest.mark.parametrize(("who", "ahead"), [("robot", 3.0), ("robot", 3600.0), ("tracker", 3600.0)])
 def test_a_clock_that_was_set_forward_is_known_from_lost_samples(who: str, ahead: float) -> None:
-    """It leaves a gap in the times as a lost target does; its size may be longer than the recording."""
+    """A clock that was set forward is distinguished from lost samples.
+
+    It leaves a gap in the times as a lost target does; its size may be longer than the recording.
+    """
     moving = short(4, rest=1.5)
     if who == "robot":
         moving = replace(moving, robot_time=moving.robot_time + ahead * (moving.robot_time > 80.0))
@@ -194,7 +209,10 @@ def test_a_lag_is_seen_as_far_as_it_grows_with_speed() -> None:
 
 
 def test_what_bends_and_errs_with_the_pose_is_said_apart_from_what_moves() -> None:
-    """Of an arm that bends all of the nominal error is static, and the noise is left; a lag is none of it."""
+    """Static errors of a bending arm are separated from a lag.
+
+    All of its nominal error is static, and the noise is left; a lag is not static.
+    """
     for lag, left_mm in ((0.0, (0.0, 0.03)), (2e-5, (0.03, 0.1))):
         bands = by_speed(aligned_of(short(2, gears_of=gears, lag_s2_mm=lag)), 2.0)
         for band in bands:

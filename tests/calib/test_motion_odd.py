@@ -1,6 +1,8 @@
-"""Odd recordings of a moving robot. These would catch: a frozen point that spoils the start, files that mean something
-else than they say and are refused without a name, samples missing one by one that nobody counts, rounded times taken
-for a jump, a joint that wraps, and a sample written twice that stops everything.
+"""Test odd recordings of a moving robot.
+
+These would catch: a frozen point that spoils the start, files with another meaning that are refused without a name,
+and samples missing one by one without a count. They would also catch rounded times taken for a jump, a joint that
+wraps, and a sample written twice that stops everything.
 """
 
 from __future__ import annotations
@@ -46,7 +48,10 @@ def test_a_point_that_freezes_for_20_s_is_left_out(moving: Moving) -> None:
 
 
 def test_stretches_without_a_move_say_nothing_of_the_clocks() -> None:
-    """The robot rests most of the time; that its joints tremble in their last digit is no motion."""
+    """Intervals without a move give no information about the clocks.
+
+    The robot rests most of the time. Its joints tremble in their last digit, which is no motion.
+    """
     moving = simulate(6, legs=9, duration=240.0, rest=25.0, robot_hz=50.0)
     tremble = np.random.default_rng(1).integers(-1, 2, moving.joints.shape) * 1e-9
     joints = JointStream(moving.robot_time, moving.joints + tremble)

@@ -1,6 +1,7 @@
-"""Points, poses and distances as whitened rows. These would catch: a residual or a column that is not what an
-instrument would show, a covariance that is put together wrongly, rows that were not measured and count all the same,
-and a column that is not the derivative of the residual.
+"""Test points, poses and distances as whitened rows.
+
+These would catch: a residual or a column that differs from the instrument's reading, a covariance that is assembled
+wrongly, rows that count without being measured, and a column that is not the derivative of the residual.
 """
 
 from __future__ import annotations
@@ -26,7 +27,10 @@ Array = NDArray[np.float64]
 
 
 class Situation:
-    """A model with one parameter on every slot, away from nominal, and readings of which each lacks something."""
+    """Model with one parameter on every slot, away from nominal, and incomplete readings.
+
+    Each reading lacks some number.
+    """
 
     def __init__(self, name: str, seed: int = 3, n: int = 12) -> None:
         rng = np.random.default_rng(seed)
@@ -72,7 +76,7 @@ class Situation:
 @pytest.mark.parametrize("name", ["abb-irb120", "ur10"])
 class TestRows:
     def test_residuals_are_those_of_plain_matrices(self, name: str) -> None:
-        """Measured less predicted, whitened by the covariance of what was measured and of nothing else."""
+        """Residuals are measured less predicted, whitened by the covariance of the measured part."""
         s = Situation(name)
         got = s.residual(s.estimate).T
         add = dict(zip(s.slots, s.estimate, strict=True))
@@ -110,7 +114,10 @@ class TestRows:
             assert not got[i, ~seen].any()
 
     def test_columns_are_derivatives(self, name: str) -> None:
-        """Central differences of the residual, at orientations up to 2.8 rad off, for every slot there is."""
+        """Columns agree with central differences of the residual for every slot.
+
+        The orientations are up to 2.8 rad off.
+        """
         s = Situation(name)
         columns = s.observed.columns(s.design.frames(s.estimate), s.slots)
         assert columns.shape == (len(s.slots), 7, s.n)

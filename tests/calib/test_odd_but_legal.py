@@ -30,7 +30,10 @@ def test_one_target_on_the_axis_with_the_tool_freed_claims_nothing(seed: int, tm
 
 
 def test_clocks_of_two_series_may_both_start_at_zero(tmp_path: Path) -> None:
-    """Sides of approach come from the row before in the same series, whatever the other series' clock says."""
+    """Sides of approach come from the row before in the same series.
+
+    The clock of the other series does not matter.
+    """
     campaign = make_campaign(seed=3, n=200, n_validation=0, effects=["backlash:j4"], approach="direct")
     rows = [dict(row) for row in campaign.rows]
     for i, row in enumerate(rows):
@@ -48,7 +51,7 @@ def test_clocks_of_two_series_may_both_start_at_zero(tmp_path: Path) -> None:
 
 
 def test_a_nominal_world_may_be_turned(tmp_path: Path) -> None:
-    """The nominal robot is placed where it stands, however far the world frame is turned."""
+    """The nominal robot is placed at its position, for any rotation of the world frame."""
     campaign = make_campaign(seed=4, n=80, n_validation=20, effects=[])
     c, s = np.cos(2.5), np.sin(2.5)
     rows = [dict(row) for row in campaign.rows]
@@ -63,7 +66,10 @@ def test_a_nominal_world_may_be_turned(tmp_path: Path) -> None:
 
 
 def test_what_stands_in_for_others_may_go_as_far_as_all_of_them(tmp_path: Path) -> None:
-    """One joint alone moves: of some twenty parameters one is left, and it is held to the sizes of all of them."""
+    """If one joint moves, the remaining parameter has the prior scale of all others.
+
+    About twenty parameters are dropped.
+    """
     sweeps = [(what, cell) for what, cell, _ in islice(odd_sets(12), 12) if what.startswith("sweep")]
     assert [what[9:16] for what, _ in sweeps] == ["joint 3", "joint 1", "joint 1"]
     for _, cell in sweeps:

@@ -1,6 +1,8 @@
-"""Positions known to an uncertainty, and what a fit says of them. These would catch: one that is fitted as if it were
-exact or free, a cup out of place that nobody names or that accuses its neighbours, an alarm over cups as good as
-stated, a uncertainty by name that goes to another name, and one nobody stated that passes without a word.
+"""Test positions with an uncertainty, and their treatment by a fit.
+
+These would catch: a position that is fitted as if it were exact or free, a displaced cup that is not named or that
+accuses its neighbours, and an alarm over cups as good as stated. They would also catch an uncertainty that goes to
+another name, and one that is not stated and passes without a warning.
 """
 
 from __future__ import annotations
@@ -22,7 +24,10 @@ U_MM = 0.05
 
 
 class Declared:
-    """A cell with distances to four base targets, each declared beside where it is by a draw of `U_MM` per axis."""
+    """Cell with distances to four base targets.
+
+    Each declared position is off by a draw of `U_MM` per axis.
+    """
 
     def __init__(self, seed: int = 1) -> None:
         self.cell = Cell(seed, POSE)
@@ -103,7 +108,10 @@ def test_tool_targets_are_weighed_with_and_without_their_group(fit: list[str], t
 
 
 def test_a_cup_and_its_neighbour_that_explain_alike_are_both_named(tmp_path: Path) -> None:
-    """Three cups show the three sides of their triangle: a longer side may be either end's fault."""
+    """A cup and its neighbour that explain the readings alike are both named.
+
+    Three cups show the three sides of their triangle: either end may be the cause of a longer side.
+    """
     _, sets = data_sets(9, tmp_path, cups_u_mm=0.02)
     offsets = named(identify(sets["uncertain"]))
     doubted = {name: offset.judged.rivals for name, offset in offsets.items() if offset.judged.doubted}
@@ -118,7 +126,7 @@ def test_a_cup_and_its_neighbour_that_explain_alike_are_both_named(tmp_path: Pat
 
 
 def test_points_are_judged_by_the_frame_of_the_others() -> None:
-    """With one noise for all, that frame is the rigid fit to the others, and a point is as far off as it leaves it."""
+    """With one noise for all, a point is judged by the rigid fit to the others."""
     rng = np.random.default_rng(7)
     stated = rng.uniform(-500.0, 500.0, (4, 3))
     turn = Rotation.from_rotvec([0.4, -2.0, 1.1]).as_matrix()
@@ -175,10 +183,11 @@ def test_what_was_assumed_is_said(tmp_path: Path) -> None:
 
 
 def test_cups_out_of_place_cost_nothing_but_the_place_of_the_world(tmp_path: Path) -> None:
-    """The ballbar example with every cup 0.3 mm off (`python -m tests.benchmarks nests` judges twenty).
+    """Cups with a stated uncertainty cost little when they are displaced by 0.3 mm.
 
-    Taken for exact they bend the arm, and the diagnosis says that they, or the balls, are elsewhere; known to an
-    uncertainty, with their triangle measured or not, they cost next to nothing.
+    This is the ballbar example (`python -m tests.benchmarks nests` judges twenty). If the cups are taken as exact,
+    they bend the arm, and the diagnosis reports that they, or the balls, are elsewhere. With a stated uncertainty,
+    and their triangle measured or not, they cost next to nothing.
     """
     found = study(3, tmp_path)
     error_mm = {name: error for name, (_, error) in found.items()}

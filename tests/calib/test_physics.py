@@ -1,6 +1,8 @@
-"""What physics forbids, and what no reading can tell apart. These would catch: a gap below nothing that is named, a
-candidate that is ruled out although noise explains its sign, an equal column that is left out of the class for its
-label or its number of columns, and a certainty that nobody has.
+"""Test physical limits, and effects that no reading can distinguish.
+
+These would catch: a negative gap that is named, and a candidate that is ruled out although noise explains its sign.
+They would also catch an equal column that is left out of the class for its label or its number of columns, and a
+certainty without grounds.
 """
 
 from __future__ import annotations
@@ -61,7 +63,10 @@ def test_signs_and_lengths_tell_them_apart(label: str, approach: str, tmp_path: 
 
 
 def test_a_twin_with_another_number_of_columns_is_of_the_class() -> None:
-    """Where the tool never turns and has one target, a shift of the tool is one of the base, which has columns more."""
+    """A tool shift and a base shift are of one class although the base has more columns.
+
+    The tool never turns and has one target.
+    """
     world = World(seed=5, targets={"T1": (80.0, 60.0, 120.0)}, session=Session(160))
     shift = world.draw_effect("tool_shift")
     still = {name: 0.0 for name in shift.amplitudes if name.startswith("r")}

@@ -1,5 +1,7 @@
-"""Files of streams and points that other programs wrote. These would catch: a point's name taken for a coordinate or
-the other way round, an offset behind the coordinates taken for one, a date misread, a line that is no point but passes.
+"""Test files of streams and points from other programs.
+
+These would catch: a point's name taken for a coordinate or the reverse, an offset behind the coordinates taken for
+one, a date misread, and a line without a point that is accepted.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What robots of one type share: learnt without what each was held to, and a prior that the readings can overrule."""
+"""Test type priors: learned without earlier priors, and overruled by the readings."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def prior(kind: Type, folder: Path) -> TypePrior:
 
 
 def new_robot(kind: Type, seed: int = 3, /, **off: float) -> Dataset:
-    """A further robot of the type; off: spreads by which parameters of it lie beside the type."""
+    """Simulate a further robot of the type; `off` gives offsets of parameters in spreads."""
     return data_of(CELL, kind.robot(np.random.default_rng(seed), off), seed)[0]
 
 
@@ -51,7 +51,10 @@ def members_of(folder: Path) -> list[TypeMember]:
 
 
 def test_mean_and_spread_of_values_known_alike_are_those_of_the_books() -> None:
-    """Where all robots are known alike the mean is plain and the spread that of the values less their own errors."""
+    """With equally known robots, mean and spread are those of textbooks.
+
+    The mean is plain, and the spread is that of the values less their own errors.
+    """
     rng = np.random.default_rng(2)
     values, own = rng.normal(3.0, 1.0, (25, 2)), np.array([0.3, 0.4])
     precision = np.broadcast_to(np.diag(own**-2), (25, 2, 2))
@@ -67,7 +70,7 @@ def test_mean_and_spread_of_values_known_alike_are_those_of_the_books() -> None:
 
 
 def test_readings_that_leave_a_direction_open_still_tell_the_others() -> None:
-    """Half of the robots know the sum of two parameters only; the type's means come out all the same."""
+    """Means of the type are recovered if half of the robots know only a sum of two parameters."""
     rng = np.random.default_rng(5)
     truth = np.array([1.0, -2.0]) + 0.1 * rng.normal(size=(40, 2))
     rows = np.where(np.arange(40)[:, None, None] % 2, np.eye(2) * 50.0, np.array([[50.0, 50.0], [0.0, 0.0]]))
@@ -106,7 +109,7 @@ def test_a_type_comes_back_from_its_robots(kind: Type, folder: Path, prior: Type
 
 
 def test_a_robot_that_knew_the_type_teaches_what_its_readings_alone_say(kind: Type, prior: TypePrior) -> None:
-    """What a fit was held to is taken out again: learnt from, a prior does not confirm itself."""
+    """A prior does not confirm itself: it is removed from a robot before learning."""
     dataset = new_robot(kind)
     names = list(prior.shares)
     plain, beside = (

@@ -1,4 +1,4 @@
-"""A diagnosis that knows the type of its robot: sizes of effects, tries of the search, and no claim on a prior."""
+"""Test a diagnosis with a type prior: effect sizes, search tries, and no prior-only claim."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SPREAD = 0.004
 
 
 def prior_of(gap_deg: float, spread_deg: float = SPREAD) -> TypePrior:
-    """A type that has play in joint 4 in all of its 30 robots, and says nothing else."""
+    """Build a type with play in joint 4 of all its 30 robots as its only information."""
     robot = load_robot("abb-irb120")
     return TypePrior(
         robot=robot.name,
@@ -44,7 +44,7 @@ def prior_of(gap_deg: float, spread_deg: float = SPREAD) -> TypePrior:
 
 @dataclass(frozen=True)
 class Case:
-    """A robot with play in joint 4, diagnosed beside a type whose mean is a tenth above it."""
+    """Robot with play in joint 4, diagnosed with a type whose mean is a tenth above it."""
 
     dataset: Dataset
     centre_deg: float
@@ -118,7 +118,10 @@ def test_nothing_is_claimed_because_the_type_has_it(tmp_path: Path) -> None:
 
 
 def test_the_tries_of_a_search_add_up_to_one(case: Case) -> None:
-    """What the type makes likelier is taken from everything else: a search errs no more often."""
+    """The tries of a search keep their sum, so a search errs no more often.
+
+    An effect that the type makes likelier takes its share from all others.
+    """
     plain = identify(case.dataset)
     for expected in ((), prior_of(0.03).expected):
         fitted = replace(plain, model=replace(plain.model, expected=expected))

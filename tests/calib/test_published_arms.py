@@ -1,6 +1,8 @@
-"""The arms that come with the program. These would catch: a wrong digit in a DH table, an axis that turns the other way
-than the controller counts, a zero, a coupling, a flange that looks elsewhere, a mass in the wrong frame, an arm that
-cannot be inverted, and an arm without a published description.
+"""Test the built-in arms.
+
+These would catch: a wrong digit in a DH table, an axis that turns against the controller's count, a zero, a
+coupling, or a wrong direction of the flange. They would also catch a mass in the wrong frame, an arm that cannot be
+inverted, and an arm without a published description.
 """
 
 from __future__ import annotations
@@ -109,7 +111,10 @@ REACHES = {
 
 @pytest.mark.parametrize("name", REACHES)
 def test_the_arm_reaches_as_far_as_its_data_sheet_says(name: str) -> None:
-    """The farthest of a grid of postures in the plane of the arm, drawn closer and closer about the best."""
+    """The farthest posture in the plane of the arm agrees with the data sheet.
+
+    A grid of postures is drawn closer and closer about the best.
+    """
     what, figure, within = REACHES[name]
     robot, lower, upper = load_robot(name), np.array(load_robot(name).lower), np.array(load_robot(name).upper)
     moved = (1, 2) if what == "wrist" else (1, 2, 4)

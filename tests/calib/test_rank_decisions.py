@@ -1,7 +1,7 @@
-"""Which parameters the readings determine, on columns that are plain numbers.
+"""Test which parameters the readings determine, on columns that are plain numbers.
 
-These would catch: the wrong one of two that are confounded given up, a threshold that moved, a decision about the
-base model that an effect overturns, stand-ins with the wrong share.
+These would catch: the wrong one of two confounded parameters dropped, and a threshold that moved. They would also
+catch a decision about the base model that an effect overturns, and substitutes with the wrong share.
 """
 
 from __future__ import annotations
@@ -71,7 +71,10 @@ def test_the_most_strained_of_several_is_given_up() -> None:
 
 
 def test_strain_is_no_matter_where_nothing_has_a_usual_size() -> None:
-    """The third is a hundred times the difference of the first two, which are nearly parallel; a fourth has no part."""
+    """A third column, 100 times the difference of two nearly parallel ones, is kept.
+
+    A fourth column has no part in it.
+    """
     x, y, z = np.eye(6)[:3]  # exact, so that the share of what has no part is 0 and not nearly 0
     model = toy_model([parameter(name) for name in "abcd"])
     kept, _ = decided(model, x, x + 0.01 * y, z, y)
@@ -129,7 +132,10 @@ def test_a_measured_distance_determines() -> None:
 
 
 def test_the_six_heaviest_are_named_and_all_stand_in() -> None:
-    """Shares 1, 0.9 and so on; what has less than a twentieth of the largest share is not worth a word."""
+    """The six heaviest shares (1, 0.9 and so on) are named.
+
+    Shares below a twentieth of the largest one are not mentioned.
+    """
     model = toy_model([parameter(name) for name in "abcdefgh"] + [parameter("z", 1.0)])
     weights = np.array([0.4, 1.0, 0.5, 0.9, 0.8, 0.0, 0.7, 0.6])
     kept, gone = decided(model, *(2.0 * AXES[:, :8]).T, AXES[:, :8] @ weights)
@@ -148,7 +154,10 @@ def test_what_has_a_twentieth_of_the_largest_share_is_named() -> None:
 
 
 def test_what_was_settled_is_not_overturned() -> None:
-    """c asks a to go a hundred times its size: with the base model settled it goes itself; what was dropped is."""
+    """An effect that asks a base parameter to change by 100 times its size is dropped itself.
+
+    The base model is settled; its dropped parameters stay dropped.
+    """
     model = toy_model([parameter("a", 1.0), parameter("b", 1.0), parameter("c", 1.0, base=False)])
     columns = (AXES[:, 0], AXES[:, 1], 100.0 * AXES[:, 0])
     assert decided(model, *columns)[0] == ["b", "c"]

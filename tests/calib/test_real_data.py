@@ -1,6 +1,7 @@
-"""A part of the real measurements (UR10, series B, 600 of 1,495 poses, 20 % drawn at random and held out): what the
-simulator cannot tell, since nobody wrote it down beforehand. It would catch a start, a robust fit or a search that
-works on simulated campaigns alone.
+"""Test a part of the real measurements: UR10, series B, 600 of 1,495 poses.
+
+20 % are drawn at random and held out. These data have properties that no simulator contains. They would catch a
+start, a robust fit or a search that works on simulated campaigns alone.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The benchmark of real measurements fails if a figure is worse than the entered one, or if the data are absent."""
+"""Test that the benchmark of real measurements fails for worse results or absent data."""
 
 from __future__ import annotations
 

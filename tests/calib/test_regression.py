@@ -1,5 +1,8 @@
-"""MLS-SVR. These would catch: a solution that is not Xu's, or only at a small gamma; a choice that looks at what it is
-judged on; a regression that is asked where it knows nothing, or that speaks otherwise once it was saved.
+"""Test the regression MLS-SVR.
+
+These would catch: a solution that is not Xu's, or only at a small gamma, and a choice that uses the data by which
+it is judged. They would also catch a regression that is used where it has no data, and one that changes when it is
+saved.
 """
 
 from __future__ import annotations
@@ -85,7 +88,10 @@ def test_it_is_the_dual_solution_written_out(kernel: Kernel, gamma: float, share
 
 @pytest.mark.parametrize(("gamma", "near"), [(1e12, 1.0), (1e30, 1e-6), (1e300, 1e-6)])
 def test_any_gamma_ends_in_least_squares(gamma: float, near: float) -> None:
-    """With columns that depend on others, and one that is nearly a copy: where the dual has long failed."""
+    """Any gamma ends in least squares with dependent and nearly equal columns.
+
+    The dual fails long before that.
+    """
     features, outputs = samples()
     features = np.column_stack([features, features[:, 0] + features[:, 1], features[:, 2]])
     features = np.column_stack([features, features[:, 3] + near * features[:, 4] ** 2])
@@ -141,7 +147,7 @@ def test_groups_are_left_out_whole() -> None:
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    """30 waypoints with gears that err once a turn: something for a regression on residuals to find."""
+    """Simulate 30 waypoints with gears that err once per turn, for a regression on residuals."""
     return simulate(tmp_path_factory.mktemp("small"), 2, count=30, samples=90, waves=8e-4)
 
 
@@ -154,7 +160,7 @@ def compared(small: Dataset) -> RegressionComparison:
 
 
 def test_what_is_left_out_takes_no_part(small: Dataset, compared: RegressionComparison) -> None:
-    """Points of the first part moved by 2 mm: what is predicted there must not change by a bit."""
+    """Predictions of the left-out part do not change by a bit when its points move by 2 mm."""
     held = folds_of(compared.waypoint)[0]
     points = small.points.copy()
     points[compared.rows[held]] += (2.0, -1.0, 0.5)
@@ -180,7 +186,7 @@ def test_the_names_of_the_table(compared: RegressionComparison) -> None:
 
 
 def test_waypoints_are_standstills(small: Dataset) -> None:
-    """90 samples that creep, three at each of 30 waypoints."""
+    """Three samples that creep at each of 30 waypoints form one waypoint each."""
     waypoint = waypoints_of(small)
     np.testing.assert_array_equal(waypoint, np.repeat(np.arange(30), 3))
     assert np.unique(small.conditions.joints, axis=0).shape[0] == 90
@@ -217,7 +223,7 @@ def with_regression(data: Dataset, folder: Path, on: str = "residuals", features
 
 @pytest.mark.parametrize(("on", "features"), [("residuals", "turns"), ("positions", "tool-down")])
 def test_saved_and_corrected_with(on: str, features: str, small: Dataset, tmp_path: Path) -> None:
-    """What the file predicts is what was trained; corrected joints bring it to where the nominal arm would be."""
+    """The file predicts as trained, and corrected joints reach the nominal positions."""
     saved = load_model(with_regression(small, tmp_path, on, features))
     joints = small.conditions.joints[::9]
     done = correct(
@@ -265,7 +271,7 @@ def test_corrected_where_the_world_is_the_nominal_base(tmp_path: Path) -> None:
 
 
 def test_the_diagnosis_joins_the_table(small: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a diagnosis that finds nothing: the rows of level 2 once more, fitted anew in every part."""
+    """A diagnosis without effects repeats the rows of level 2, fitted again in every part."""
     monkeypatch.setattr(compare_module, "diagnose", lambda data: SimpleNamespace(final=identify(data)))
     found = compare(small, replace(PLAN, compare=False, diagnosed=True))
     by_name = {s.predictor.name: s for s in found.scored}
@@ -331,7 +337,7 @@ def test_a_regression_that_shifts_too_far_is_refused(model_text: str, tmp_path: 
 
 
 def test_one_reflector_on_the_last_axis(small: Dataset) -> None:
-    """Identified only where somebody says that the last zero is kept; by `regress` it is held."""
+    """One reflector suffices only if the last zero is kept; `regress` holds it."""
     with pytest.raises(DataError, match="hold = "):
         identify(small)
     found = identify(freeing(small, LEVEL_2))

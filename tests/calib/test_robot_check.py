@@ -1,6 +1,7 @@
-"""A robot file held against a handful of readings. These would catch: a usual mistake named wrong or not at all, a line
-to change that does not mend the file, and a good file that is accused. The benchmark `robot_check` counts over ten
-arms.
+"""Test the check of a robot file against a few readings.
+
+These would catch: a usual mistake named wrong or not at all, a proposed line that does not mend the file, and a
+good file that is accused. The benchmark `robot_check` counts over ten arms.
 """
 
 from __future__ import annotations
@@ -45,7 +46,10 @@ GOOD = (BUILT_IN / "ur10.toml").read_text("utf-8").replace('name = "ur10"', 'nam
 
 
 def readings(folder: Path, header: str = "", counted: np.ndarray | None = None) -> Path:
-    """20 readings of a real UR10 in a file; `counted` (6, 6): joints of the file = counted @ those of the arm."""
+    """Write 20 readings of a real UR10 to a file.
+
+    The joints of the file are `counted` (6, 6) times those of the arm.
+    """
     joints, which, points = readings_of(load_robot("ur10"), 3)
     shown = np.degrees(joints @ (np.eye(6) if counted is None else counted).T)
     names = [f"j{k}_deg" for k in range(1, 7)] + ["tool_target", "x_mm", "y_mm", "z_mm"]
@@ -96,7 +100,10 @@ def test_the_line_that_is_told_mends_the_file(old: str, new: str, header: str, t
 
 @pytest.mark.parametrize("several", [False, True])
 def test_the_joint_matrix_that_is_told_mends_the_counting(several: bool, tmp_path: Path) -> None:
-    """As on a Fanuc: joint 3 with joint 2; then with joints 3 to 6 in the other direction too."""
+    """The reported joint matrix corrects the counting of a Fanuc.
+
+    Joint 3 counts with joint 2; in the second case, joints 3 to 6 also count in the other direction.
+    """
     model = np.diag([1.0, 1.0, -1.0, -1.0, -1.0, -1.0]) if several else np.eye(6)
     model[2, 1] = -1.0
     data = readings(tmp_path, HEADER, np.linalg.inv(model))
@@ -138,7 +145,11 @@ def test_lines_are_found_in_the_right_table() -> None:
 
 
 def test_figures_of_an_arm_are_those_of_its_data_sheet() -> None:
-    """IRB 120: flange at [374, 0, 630] with all joints at zero; its wrist meets; reach 580 mm to the wrist."""
+    """The described dimensions of an IRB 120 are those of its data sheet.
+
+    The flange is at [374, 0, 630] with all joints at zero. The axes of its wrist meet; the reach is 580 mm to the
+    wrist.
+    """
     robot = load_robot("abb-irb120")
     found = described(robot, np.radians([0.0, 0.0, 0.0, 0.0, 30.0, 0.0]))
     np.testing.assert_allclose(found.postures["all zero"][1][:3, 3], [374.0, 0.0, 630.0], atol=1e-9)

@@ -1,5 +1,7 @@
-"""Robot files. These would catch: a built-in file that does not load or differs from the published numbers, a file
-of the user's own that is accepted although it lacks or garbles something, a refusal without file, key and remedy,
+"""Test robot files.
+
+These would catch: a built-in file that does not load or differs from the published numbers, and a custom file that
+is accepted although it lacks or garbles something. They would also catch a refusal without file, key and remedy,
 and a joint matrix that is applied the wrong way round.
 """
 

@@ -1,4 +1,4 @@
-"""The JSON schema of robot files is held against the reader: the same keys, the same files taken and refused."""
+"""Test that the JSON schema of robot files agrees with the reader, in keys and refusals."""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
-"""The search, by brute force. These would catch: sums of the Fourier transform that are not the sums, a projection
-that forgets the priors or a part of the model, gains that are not the fall of the residual, and an update on entering
-or leaving that is not what fitting anew would give.
+"""Test the search against brute force.
+
+These would catch: sums of the Fourier transform that are not the sums, a projection that omits the priors or a part
+of the model, and gains that are not the reduction of the residual. They would also catch an update on entering or
+leaving that differs from a new fit.
 """
 
 from __future__ import annotations
@@ -53,7 +55,7 @@ def test_fast_sums_are_the_sums(
 
 
 class Brute:
-    """The same questions, asked of the whole stacked matrix: J with its priors below it, and columns beside it."""
+    """Brute-force scores from the whole stacked matrix: J above its priors, with columns added."""
 
     def __init__(self, fitted: IdentificationFit, without: Effect | None = None) -> None:
         self.space = Space.of(fitted)
@@ -96,10 +98,10 @@ class Brute:
 
 @pytest.fixture(scope="module")
 def complete(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, IdentificationFit]:
-    """A base model fitted to readings that hide three effects: what is left is far from noise.
+    """Fit a base model to readings that hide three effects: the residual is far from noise.
 
-    Noise is declared twelve times too large, so that every noise scale is below 1 and the priors weigh the same in
-    the fit, in the space and in the brute force.
+    Noise is declared twelve times too large. Every noise scale is therefore below 1, and the priors weigh the same
+    in the fit, in the space and in the brute force.
     """
     _, data = simulate(
         tmp_path_factory.mktemp("scores"),
@@ -322,7 +324,7 @@ def test_evidence_counts_its_tries() -> None:
 def test_evidence_of_an_effect_is_the_same_inside_and_outside_the_model(
     complete: tuple[Dataset, IdentificationFit],
 ) -> None:
-    """What an effect of the model would score if it were taken out is what its covariance says it scores."""
+    """The score of an effect inside the model, from its covariance, equals that outside it."""
     data, fitted = complete
     effect = periodic(2, 7.0)
     outside = library(fitted, Space.of(fitted))
@@ -337,7 +339,7 @@ def test_evidence_of_an_effect_is_the_same_inside_and_outside_the_model(
 
 
 def test_the_chance_of_a_claim_is_that_of_the_f_test(tmp_path: Path) -> None:
-    """In noise alone, the smallest p-value of fixed candidates is uniform enough: half lie below one half."""
+    """In noise alone, p-values of fixed candidates are uniform enough: half are below one half."""
     chances = []
     for seed in range(200, 208):
         _, data = simulate(tmp_path / str(seed), seed=seed, n=60, n_validation=0, effects=[])

@@ -1,4 +1,7 @@
-"""Exchange, bound and indices on plain matrices: against brute force, recomputation and known optima."""
+"""Test exchange, bound and indices on plain matrices.
+
+They are compared with brute force, recomputation and known optima.
+"""
 
 from __future__ import annotations
 
@@ -129,7 +132,10 @@ def test_units_of_the_parameters_do_not_matter() -> None:
 
 
 def test_bound_of_quadratic_regression_is_the_textbook_one() -> None:
-    """1, x, x^2 on [-1, 1]: a third of the weight at -1, 0 and 1, det 4/27 (Fedorov 1972)."""
+    """The bound of quadratic regression puts a third of the weight at -1, 0 and 1.
+
+    The functions are 1, x, x^2 on [-1, 1], and det is 4/27 (Fedorov 1972).
+    """
     x = np.linspace(-1.0, 1.0, 201)
     blocks = PoseRows.of(np.stack([np.ones_like(x), x, x**2], axis=1)[:, None, :])
     best = optimum(blocks, 1e-4)

@@ -1,4 +1,4 @@
-"""Selection of real poses: what a candidate tells, what the list holds, what it will be worth."""
+"""Test the selection of real poses: gain of a candidate, content of the list, prediction."""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
-"""Distances between balls of one body, in which the arm takes no part. These would catch: a distance that enters the
-fit as if the arm had measured it, one that is read and not used, one with its sign or unit wrong in the derivative, a
-wrong bar or an impossible triangle that is fitted, and one that steers the positions without a word.
+"""Test distances between balls of one body, in which the arm takes no part.
+
+These would catch: a distance that enters the fit as if the arm had measured it, one that is read and not used, and
+one with its sign or unit wrong in the derivative. They would also catch a wrong bar or an impossible triangle that
+is fitted, and one that moves the positions without a warning.
 """
 
 from __future__ import annotations
@@ -47,7 +49,7 @@ def dataset(folder: Path, spans: Sequence[Row], legs: Sequence[Row] = LEGS, **mo
 
 
 def sides_mm(found: IdentificationFit) -> np.ndarray:
-    """(6,) how far the sides of the fitted triangles are from the true ones, mm."""
+    """Return the errors of the sides of the fitted triangles, (6,), mm."""
     offsets = {each.name: np.array(each.offset_mm) for each in offsets_of(found)}
     places = {**found.model.anchors, **found.model.targets["main"]}
     now = {name: np.array(places[name]) + off for name, off in offsets.items()}
@@ -128,7 +130,7 @@ def test_nothing_but_spans(tmp_path: Path) -> None:
 
 
 def test_base_balls_by_the_bar(tmp_path: Path) -> None:
-    """Laid over the stated ones, with the measured sides: what a cell file can take."""
+    """The base balls from the measured sides, fitted to the stated ones, suit a cell file."""
     said = by_the_bar(dataset(tmp_path, [span(*side) for side in SIDES]))
     found = {name: np.array(json.loads(place)) for name, place in re.findall(r"(B\d) = (\[[^\]]+\])", said)}
     for one, other in SIDES[:3]:

@@ -1,6 +1,8 @@
-"""Gravity's moments and the points that scale acts on. These would catch: a moment about another origin or in other
-axes than those in which a bearing tilts, an overturning moment of half the arm, a load whose torque is not linear in
-mass and centre, a validation reading that moves its own expected point, and a robot that is placed in the wrong world.
+"""Test the moments of gravity, and the points on which scale acts.
+
+These would catch: a moment about another origin or in other axes than those in which a bearing tilts, an
+overturning moment of half the arm, and a load whose torque is not linear in mass and centre. They would also catch
+a validation reading that moves its own expected point, and a robot that is placed in the wrong world.
 """
 
 from __future__ import annotations
@@ -77,7 +79,7 @@ def test_without_loads_nothing_pulls() -> None:
 
 
 class TestExpectedPoints:
-    """Where scale acts: the nominal robot in its place, which no reading moves by itself."""
+    """Scale acts on the nominal robot in its place, which no reading moves by itself."""
 
     campaign = make_campaign(seed=9, n=40, n_validation=20, effects=[])
 

@@ -1,4 +1,7 @@
-"""A tool that never turns: its place, that of the base and the last links cannot be told apart, and need not be."""
+"""Test a tool that never turns: its position and the base cannot be distinguished.
+
+The same holds for the last links, and they need not be distinguished.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,10 @@ HEADER = {
 
 
 def still(kind: str, n: int, rng: np.random.Generator) -> Array:
-    """(n, 6) joints, rad, by which the nominal tool keeps its direction: joint 5 takes back what 2 and 3 turn."""
+    """Draw joints (n, 6), rad, by which the nominal tool keeps its direction.
+
+    Joint 5 cancels the turns of joints 2 and 3.
+    """
     first = rng.uniform(-25.0, 25.0, n) * (kind != "plane")
     second, third = rng.uniform(-20.0, 30.0, n), rng.uniform(-25.0, 15.0, n)
     if kind == "line":

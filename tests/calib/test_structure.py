@@ -1,6 +1,8 @@
-"""What is left after the diagnosis, and how sure a claim may be. These would catch: a certainty beside a fit that noise
-does not explain, structure that is found where none is or told at the wrong place, readings of one pose that count as
-independent, a hold-out that splits a pose, and a promise of power that the diagnosis does not keep.
+"""Test the structure that remains after the diagnosis, and the certainty of its claims.
+
+These would catch: a certainty although noise does not explain the fit, structure that is found without cause or
+reported at the wrong place, and readings of one pose that count as independent. They would also catch a hold-out
+that splits a pose, and a promise of power that the diagnosis does not keep.
 """
 
 from __future__ import annotations
@@ -48,7 +50,7 @@ def a_space(folder: Path, n: int, seed: int = 1) -> Space:
 
 
 def with_residual(space: Space, errors: Array) -> Space:
-    """The space as if the readings had these errors (k, n), whitened, in place of their own."""
+    """Return the space as if the readings had the whitened errors (k, n)."""
     basis = space.basis_of_readings
     left = errors.ravel() - basis @ (basis.T @ errors.ravel())
     held = np.concatenate([left, np.zeros(len(space.held) - space.size)])
@@ -132,9 +134,12 @@ def test_no_certainty_where_noise_does_not_explain_what_is_left(tmp_path: Path) 
 def test_a_law_outside_the_library_has_no_spurious_names_beside_it(
     seed: int, name: str, where: str, acts_on: str
 ) -> None:
-    """Play that a load closes leaves errors of one joint, in which the best of thousands of waves looked sure; an arm
-    that follows the air with a lag leaves what lasts, beside which steps and a warm-up did: its growth without a lag is
-    withdrawn as well, since late air explains more."""
+    """A law outside the library causes no spurious names.
+
+    Play that a load closes leaves errors of one joint, in which the best of thousands of waves looked certain. An
+    arm that follows the air with a lag leaves lasting errors, for which steps and a warm-up looked certain. Its
+    growth without a lag is withdrawn as well, since late air explains more.
+    """
     result = diagnose(load(departing(seed).campaign()))
     assert [f.effect.label for f in result.effects] == [name] * bool(name)
     assert result.verdict == "unexplained"
@@ -168,7 +173,10 @@ def test_a_gain_counts_less_where_the_noise_lasts(space: Space) -> None:
 
 
 def test_chances_of_skewed_laws_are_those_of_counting() -> None:
-    """Sums of few squares: the log of p at the 99.9 % point of a million draws, from 1,000 of them."""
+    """The log of p for sums of few squares agrees with a count.
+
+    It is taken at the 99.9 % point of a million draws, from 1,000 of them.
+    """
     rng = np.random.default_rng(10)
     weights = np.array([1.0, 0.1, 0.1, 0.05])
     many = rng.normal(size=(1_000_000, 4)) ** 2 @ weights
@@ -198,7 +206,7 @@ def test_effects_stay_named_where_noise_is_larger_than_declared(tmp_path: Path) 
 
 
 def repeated(poses: int, visits: int, targets: int, seed: int, repeatability_deg: float) -> Space:
-    """The base model fitted to random poses, each visited so often, so many targets read in each visit."""
+    """Fit the base model to random poses with `visits` visits each and `targets` per visit."""
     world = World(
         "abb-irb120", seed, [], session=Session(poses * visits), repeatability_deg=repeatability_deg
     )
@@ -216,7 +224,7 @@ def repeated(poses: int, visits: int, targets: int, seed: int, repeatability_deg
 
 
 def test_readings_of_a_pose_are_not_independent() -> None:
-    """What depends on the pose alone, and no law describes, is no cause: its rows count once a pose."""
+    """An error that depends on the pose alone is no cause: its rows count once per pose."""
     space = repeated(40, 5, 1, 3, 0.0008)
     pose = space.fitted.readings.conditions.pose
     assert len(np.unique(pose)) == 40
@@ -239,7 +247,10 @@ def test_readings_of_a_pose_are_not_independent() -> None:
 
 
 def test_what_every_pose_has_of_its_own_is_no_effect() -> None:
-    """Six times the noise, shared by the visits of a pose: rows that count by themselves give it names."""
+    """An error of every pose, six times the noise and shared by its visits, is no effect.
+
+    If its rows counted individually, it would be given names.
+    """
     world = World("abb-irb120", 3, [], session=Session(200))
     rng = np.random.default_rng(3)
     drawn = [random_pose(world.robot, world.targets, rng) for _ in range(40)]
@@ -281,7 +292,7 @@ def test_chance_is_the_share_of_draws_and_goes_on_beyond_them() -> None:
 
 
 def test_repeats_say_how_large_the_noise_is() -> None:
-    """Noise larger than declared is no lack of fit where repeats show the same; an error of each pose is."""
+    """Noise above the declared one is no lack of fit if repeats show it; a pose error is."""
     space = repeated(40, 4, 1, 5, 0.0008)
     rng = np.random.default_rng(2)
     shape = space.residual.shape
@@ -323,8 +334,10 @@ def test_what_would_have_shown_does_show(tmp_path: Path) -> None:
 
 
 def test_the_size_promised_is_claimed_in_95_of_100(space: Space) -> None:
-    """Effects of one column on noise drawn anew, by the test that a claim passes; that noise happens to be larger along
-    some of them had cost three of a hundred."""
+    """Effects of the promised size pass the test of a claim in 95 of 100 draws of the noise.
+
+    Three of a hundred had been lost because noise happens to be larger along some of them.
+    """
     scores = Scores(offers(Survey(space.fitted.model.robot, space.fitted.readings.conditions)), space)
     promised = {v.label: v.size for v in visible(scores)}
     rng, claimed = np.random.default_rng(5), []

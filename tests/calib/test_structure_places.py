@@ -1,6 +1,8 @@
-"""Places of structure that no driver of the arm shows. These would catch: an error that each pose has at every visit
-told as noise, targets of one visit counted as independent, noise that one reading has from the next, a law that
-hides in the readings left out, and an effect claimed although left-out blocks lose by it.
+"""Test structure that no driver of the arm shows.
+
+These would catch: an error of each pose reported as noise, targets of one visit counted as independent, and noise
+that continues from one reading to the next. They would also catch a law that hides in the left-out readings, and an
+effect claimed although left-out blocks lose by it.
 """
 
 from __future__ import annotations
@@ -28,8 +30,10 @@ from tests.benchmarks.foreign_laws import LAWS
 
 
 def a_space(n: int, each: int, at_once: int, seed: int = 2, *, declared: bool = True) -> Space:
-    """The base model fitted to poses that were visited so often, so many targets at once; the repeatability of the
-    robot declared, or not."""
+    """Fit the base model to repeated visits.
+
+    Each pose has `each` visits with `at_once` targets. The repeatability of the robot is stated if `declared`.
+    """
     world = World("abb-irb120", seed, session=Session(n + 30))
     sets, readings = visits(world, n, 0, each, at_once, "varied", stream(seed, 1))
     rows = [row_of(world, i, s, reading) for i, (s, reading) in enumerate(zip(sets, readings, strict=True))]
@@ -40,7 +44,7 @@ def a_space(n: int, each: int, at_once: int, seed: int = 2, *, declared: bool = 
 
 
 def with_residual(space: Space, errors: Array) -> Space:
-    """The space as if the readings had these errors (k, n), whitened, in place of their own."""
+    """Return the space as if the readings had the whitened errors (k, n)."""
     basis = space.basis_of_readings
     left = errors.ravel() - basis @ (basis.T @ errors.ravel())
     return replace(space, residual=left.reshape(errors.shape))
@@ -75,8 +79,11 @@ def test_an_error_of_each_pose_is_a_place_of_its_own(visited: Space) -> None:
 
 
 def test_draws_share_between_poses_what_noise_does(visited: Space) -> None:
-    """Of forty poses the fit hides a third of what a pose has of its own: of the data no less than of its draws. Freed
-    of it the data alone had more between poses than any draw, and complete sets had structure."""
+    """Draws lose as much between poses as the data does.
+
+    With forty poses, the fit hides a third of the error of each pose, in the data and in its draws. When this
+    loss was removed on one side only, the data had more between poses than any draw, and complete sets had structure.
+    """
     rng = np.random.default_rng(6)
     k, n = visited.residual.shape
     pose = visited.fitted.readings.conditions.pose
@@ -91,8 +98,10 @@ def test_draws_share_between_poses_what_noise_does(visited: Space) -> None:
 
 
 def test_targets_of_one_visit_are_not_independent(at_once: Space) -> None:
-    """Each visit has an error that its three targets share, and nobody declared it: no lack of fit, and no error of
-    the pose."""
+    """An undeclared error that the three targets of a visit share is no lack of fit.
+
+    It is no error of the pose either.
+    """
     conditions = at_once.fitted.readings.conditions
     visit = np.unique(conditions.visit, return_inverse=True)[1]
     assert np.bincount(visit).tolist() == [3] * 50
@@ -132,7 +141,10 @@ def test_readings_left_out_that_lie_together_are_structure(single: Space) -> Non
 
 
 def test_a_law_that_hides_in_the_readings_left_out_is_not_complete() -> None:
-    """A floor that gives way under the largest moments alone: 28 readings of 1,000 are left out, all others fit."""
+    """A floor that yields under the largest moments only is not reported as complete.
+
+    28 of 1,000 readings are left out, and all others fit.
+    """
     result = diagnosis.diagnose(load(foreign_campaign("weak_floor", 400, 120_000)))
     assert len(result.final.faulty_rows) >= 4
     assert result.p_lack_of_fit > 1e-3
@@ -167,7 +179,10 @@ def test_an_effect_that_left_out_blocks_lose_by_is_not_claimed(monkeypatch: pyte
 
 @pytest.mark.parametrize("seed", [130_000, 130_005])
 def test_six_poses_visited_five_times_fit(seed: int) -> None:
-    """They have fewer numbers than the model has parameters: what was dropped once stood at nominal, ten times off."""
+    """Six poses visited five times fit to the noise.
+
+    They have fewer numbers than the model has parameters. Dropped parameters once stayed at nominal, ten times off.
+    """
     data = load(complete_campaign("5 visits a pose", 30, seed))
     found = identify(data)
     assert found.converged
@@ -176,7 +191,7 @@ def test_six_poses_visited_five_times_fit(seed: int) -> None:
 
 
 def test_twenty_laws_are_foreign() -> None:
-    """Each moves what it is said to move, and none is a law of the simulator's catalogue."""
+    """Each law moves its stated part, and none is in the simulator's catalogue."""
     assert len(LAWS) == 20
     world = World("abb-irb120", 5, session=Session(40))
     _, readings = visits(world, 24, 6, 2, 1, "varied", stream(5, 1))

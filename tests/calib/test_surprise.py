@@ -1,6 +1,8 @@
-"""What held-out readings say of a model, and the places of structure that only a history or a turning base has. These
-would catch: few readings told as extrapolation, a verdict that passes over held-out readings which contradict it, an
-effect told by how little of it is seen, and a memory of the move before the last that has no place.
+"""Test the held-out misfit of a model, and structure that only few conditions show.
+
+The conditions are a history of moves or a turning base. These would catch: few readings reported as extrapolation,
+a verdict that ignores contradicting held-out readings, an effect judged by its small visible part, and a dependence
+on the move before the last that has no place.
 """
 
 from __future__ import annotations
@@ -35,7 +37,10 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> list[Dataset]:
 
 
 def test_few_readings_are_no_surprise(few: list[Dataset]) -> None:
-    """The held-out error is far above what the fit leaves, and just what the parameters' uncertainty says."""
+    """A held-out error that agrees with the parameters' uncertainty is no misfit.
+
+    It is far above the residual of the fit.
+    """
     found = [surprise_of(data, identify(data)) for data in few]
     p = np.array([s.p_value for s in found if s is not None])
     assert len(p) == 12
@@ -124,7 +129,11 @@ d,4,T1,{at20},{at10},440,40,500
 
 
 def test_the_move_before_the_last_is_that_of_the_path(tmp_path: Path) -> None:
-    """From the pose before to where the last move began; where nothing lies between, the last move before."""
+    """The move before the last is that of the path.
+
+    It leads from the pose before to the start of the last move. If nothing lies between, it is the last move
+    before.
+    """
     names = {
         "joints": ",".join(f"j{k}_deg" for k in range(1, 7)),
         "previous": ",".join(f"prev{k}_deg" for k in range(1, 7)),

@@ -1,5 +1,7 @@
-"""Sweeps of single joints. These would catch: degrees for radians, a reversal of the wrong sign or halved, an error
-range that the reversal inflates, an axis compared with that of another joint, and sweeps made up where there are none.
+"""Test sweeps of single joints.
+
+These would catch: degrees for radians, a reversal of the wrong sign or halved, and an error range that the reversal
+inflates. They would also catch an axis compared with that of another joint, and sweeps found without cause.
 """
 
 from __future__ import annotations
@@ -44,7 +46,7 @@ def cell(step: float = 5.0) -> Cell:
 
 
 def drive(out: Cell, commanded: NDArray[np.float64], sides: NDArray[np.float64]) -> None:
-    """Readings at commanded angles (n, 6), deg, that the arm reaches from these sides with its errors."""
+    """Measure at commanded angles (n, 6), deg, reached from these sides with the arm's errors."""
     real = commanded.copy()
     for joint, gap in GAP.items():
         real[:, joint - 1] += 0.5 * gap * sides[:, joint - 1]
@@ -113,7 +115,10 @@ def test_no_sweep_is_refused(tmp_path: Path) -> None:
 
 
 def test_readings_from_many_sides_are_no_sweep(dataset: Dataset) -> None:
-    """What is left of it, once the other joints came from the same sides, would be a circle through two points."""
+    """Readings from many sides are no sweep.
+
+    Those with the other joints from the same sides would leave a circle through two points.
+    """
     bits = np.arange(len(dataset))[:, None] >> np.arange(6)
     mixed = np.where(bits & 1, 1.0, -1.0)
     with pytest.raises(DataError, match="came from the same sides"):

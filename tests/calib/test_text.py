@@ -1,5 +1,7 @@
-"""The readers of text, JSON, TOML and CSV. These would catch: a fault of our own instead of a refusal for numbers of
-hundreds of digits, deep nesting, long cells, devices and foreign encodings; and a key that is given twice.
+"""Test the readers of text, JSON, TOML and CSV.
+
+These would catch an internal error instead of a refusal: for numbers of hundreds of digits, deep nesting, long
+cells, devices and foreign encodings. They would also catch a key that is given twice.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Control charts and due dates: against printed examples, hand computation, and draws of steady parameters."""
+"""Test control charts and due dates.
+
+They are compared with printed examples, hand computation, and draws of steady parameters.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ LATE = START + timedelta(days=30)
 
 
 def checks(values: list[float], every: float = 100.0, u: float = 0.02, used: float = 0.0) -> list[Check]:
-    """Checks `every` so many days, `used` so many hours each time."""
+    """Build checks that are `every` days apart, after `used` further hours each."""
     return [
         Check(START + timedelta(days=every * i), v, u, used * i if used else None)
         for i, v in enumerate(values)
@@ -40,7 +43,10 @@ def test_centre_and_scatter_are_those_of_a_printed_example() -> None:
 
 
 def test_the_weighted_mean_is_that_of_a_printed_example() -> None:
-    """NIST/SEMATECH e-Handbook 6.3.2.4: weight 0.3, begun at 50, variance of the mean 0.3 / 1.7 of a value's."""
+    """The weighted mean agrees with NIST/SEMATECH e-Handbook 6.3.2.4.
+
+    The weight is 0.3, begun at 50; the variance of the mean is 0.3 / 1.7 of that of a value.
+    """
     values = "52 47 53 49.3 50.1 47 51 50.1 51.2 50.5 49.6 47.6 49.9 51.3 47.8 51.2 52.6 52.4 53.6 52.1"
     means = (
         "50.60 49.52 50.56 50.18 50.16 49.21 49.75 49.85 50.26 50.33 50.11 49.36 49.52 50.05 49.38 49.92 50.73 "
@@ -85,7 +91,10 @@ def test_a_value_less_sure_has_wider_limits() -> None:
 
 
 def test_a_sure_value_among_vague_ones_is_judged_by_what_the_centre_may_be_off() -> None:
-    """By hand: the centre of 0.1 and 0.3 is uncertain by sqrt(0.01^2 + 0.1^2) / 2, and so are both about it."""
+    """The centre of 0.1 and 0.3 is uncertain by sqrt(0.01^2 + 0.1^2) / 2, and so are both.
+
+    The values are computed by hand.
+    """
     history = [Check(START, 0.1, 0.02), Check(START + timedelta(days=9), 0.3, 0.2), Check(LATE, 0.2, 0.2)]
     chart = chart_of(history)
     between = chart.sigma**2 - (0.01**2 + 0.1**2) / 2.0
@@ -118,7 +127,7 @@ def test_early_checks_do_not_lengthen_the_interval() -> None:
 
 
 def test_drift_reaches_what_is_permitted_when_its_uncertainty_does() -> None:
-    """By hand: 2 + 0.01 t + 2 * 0.1 sqrt(1/3 + (t + 100)^2 / 20000) = 5 at t = 249.3."""
+    """2 + 0.01 t + 2 * 0.1 sqrt(1/3 + (t + 100)^2 / 20000) reaches 5 at t = 249.3, by hand."""
     assert days(DriftInterval(90.0, permitted=5.0), checks([0.0, 1.0, 2.0], u=0.2)) == pytest.approx(
         249.3, abs=0.1
     )
@@ -128,7 +137,10 @@ def test_drift_reaches_what_is_permitted_when_its_uncertainty_does() -> None:
 
 
 def test_what_values_scatter_about_their_line_counts() -> None:
-    """By hand: the line is 0, scatter^2 = 4 / 2, and 2 sqrt(2 (1/4 + (t + 150)^2 / 50000) + 1.99) = 6 at t = 253.4."""
+    """The scatter of values about their line counts.
+
+    By hand, the line is 0, scatter^2 = 4 / 2, and 2 sqrt(2 (1/4 + (t + 150)^2 / 50000) + 1.99) = 6 at t = 253.4.
+    """
     scattered = checks([1.0, -1.0, -1.0, 1.0], u=0.2)
     assert days(DriftInterval(90.0, permitted=6.0), scattered) == pytest.approx(253.4, abs=0.1)
 

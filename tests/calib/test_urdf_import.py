@@ -1,8 +1,10 @@
-"""Robot files out of URDFs. These would catch: a frame, unit or sign that is lost on the way to modified DH numbers,
-for any axes; a limit, a mass or a joint that follows another written wrong; and whatever a robot file cannot hold
-passed over.
+"""Test robot files from URDFs.
 
-The URDF is put together here by other code, from its XML, as ROS does.
+These would catch: a frame, unit or sign that is lost on the way to modified DH numbers, for any axes; a limit, a
+mass or a coupled joint written wrongly. They would also catch content that a robot file cannot hold and that is
+skipped.
+
+The URDF is built here by independent code, from its XML, as ROS does.
 """
 
 from __future__ import annotations
@@ -55,7 +57,10 @@ def six(*, flange: str = "") -> list[str]:
 
 
 def random_urdf(rng: np.random.Generator) -> str:
-    """A chain of 2 to 8 joints of every kind, with fixed ones between them, axes anywhere or along the frames."""
+    """Draw a chain of 2 to 8 joints of every kind, with fixed ones between them.
+
+    The axes are random or along the frames.
+    """
     joints, last = [], "link_0"
     for k in range(1, int(rng.integers(2, 9)) + 1):
         kind = str(rng.choice(["revolute", "revolute", "continuous", "prismatic"]))
@@ -73,7 +78,10 @@ def random_urdf(rng: np.random.Generator) -> str:
 
 
 def reached(text: str, joints: Array) -> Array:
-    """(n, 4, 4) last link in the first, mm: joints rad or mm, one column a joint that moves, in order of the file."""
+    """Compute the last link in the first, (n, 4, 4), mm.
+
+    `joints` are in rad or mm, one column per moving joint, in order of the file.
+    """
     pose, column = np.broadcast_to(np.eye(4), (len(joints), 4, 4)), 0
     for element in ET.fromstring(text).iter("joint"):
         at, axis = element.find("origin"), element.find("axis")
@@ -144,7 +152,10 @@ def test_rounded_quarters_are_meant_as_quarters_and_said(tmp_path: Path) -> None
 
 
 def test_axes_that_are_all_but_parallel_are_refused_by_name(tmp_path: Path) -> None:
-    """As in the URDF of one calibrated arm; a table of DH numbers goes by a normal that is kilometres away."""
+    """Axes that are nearly parallel are refused by name, as in a URDF of one calibrated arm.
+
+    A table of DH numbers would use a normal that is kilometres away.
+    """
     joints = six()
     joints[2] = joints[2].replace('rpy="0 0 0"', 'rpy="0.0001 0 0"')
     with pytest.raises(
@@ -167,7 +178,7 @@ def test_masses_pull_at_the_joints_as_in_the_urdf(tmp_path: Path) -> None:
 
 
 def test_masses_on_rigid_side_branches_pull_too(tmp_path: Path) -> None:
-    """The same bodies, once as links of their own beside the chain and once within the links that carry them."""
+    """Bodies as separate links next to the chain weigh as much as within their carriers."""
 
     def body(link: str, at: str, kg: float) -> str:
         return f'<link name="{link}"><inertial><origin xyz="{at}"/><mass value="{kg}"/></inertial></link>'

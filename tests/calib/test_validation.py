@@ -1,4 +1,7 @@
-"""Placing, judging, groups, hold-outs and the comparison of two calibrations, on simulated campaigns."""
+"""Test placing, judging, groups, hold-outs and the comparison of two calibrations.
+
+The campaigns are simulated.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +53,10 @@ def saved_of(found: IdentificationFit, path: Path) -> CalibratedModel:
 
 @pytest.fixture(scope="module")
 def night(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    """Two series of one robot in two frames, without noise; the target names are shared, their places are not."""
+    """Simulate two series of one robot in two frames, without noise.
+
+    The target names are shared, their positions are not.
+    """
     rows, header = exact(make_campaign(seed=5, n=120, n_validation=40, effects=[], repeatability_deg=0.0))
     later = copy.deepcopy(rows)
     move_rows(later, POSE)
@@ -341,7 +347,10 @@ class TestComparing:
 
 
 def test_distances_are_held_out_like_points() -> None:
-    """Without errors the distances of a fifth follow from those of the rest, to what the certified file rounds."""
+    """Without errors, distances of a fifth follow from those of the rest.
+
+    The tolerance is the rounding of the certified file.
+    """
     ballbar = Path(__file__).parents[1] / "certified" / "irb120_ballbar.csv"
     found = hold_outs(read_dataset(ballbar), folds=3)
     assert [each.kind for each in found] == ["random", "region", "time"]

@@ -1,5 +1,7 @@
-"""What a ballbar alone says of a model. These would catch: a sphere judged without its sign, legs of a hexapod that
-pass for a sphere, scatter of repeated distances that is not pooled, and a growth of error from another point.
+"""Test the validation of a model by a ballbar alone.
+
+These would catch: a sphere judged without its sign, legs of a hexapod that pass for a sphere, scatter of repeated
+distances that is not pooled, and a growth of error from another point.
 """
 
 from __future__ import annotations

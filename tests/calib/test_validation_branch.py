@@ -15,7 +15,10 @@ from calib.validation.judge import branches
 
 
 class TestBranches:
-    """By poses whose branch is plain to see, and by the sign of theta_5 and of the Jacobian's determinant."""
+    """Branches agree with obvious poses and with two signs.
+
+    The signs are those of theta_5 and of the Jacobian's determinant.
+    """
 
     @pytest.mark.parametrize("name", ["abb-irb120", "fanuc-lrmate200ic"])
     def test_anthropomorphic_arms(self, name: str) -> None:
@@ -66,7 +69,10 @@ class TestBranches:
 
 
 def _jacobian(name: str, joints: Array) -> Array:
-    """(n, 6, 6) by central differences of the nominal flange pose; metres and rad."""
+    """Compute the Jacobian of the nominal flange pose by central differences, (n, 6, 6).
+
+    Units are metres and rad.
+    """
     robot, h = load_robot(name), 1e-5
     out = np.zeros((len(joints), 6, 6))
     for k in range(6):

@@ -1,4 +1,7 @@
-"""All pairs: equal to the plain way for any tile, blind to rigid motions, accurate where points nearly coincide."""
+"""Test all pairs: equal to a plain loop for any tile, and independent of rigid motions.
+
+They are accurate for points that nearly coincide.
+"""
 
 from __future__ import annotations
 
@@ -95,7 +98,10 @@ def test_thousands_of_points_against_scipy_in_bounded_memory() -> None:
 
 @pytest.mark.parametrize("size", [0.0, 1e-4, 1.0, 1e4])
 def test_a_bracket_that_misses_is_set_anew(size: float) -> None:
-    """One point in twelve is off, in step with the sample's stride, so that the sample sees another distribution."""
+    """A bracket is set again if the sample sees another distribution.
+
+    One point in twelve is off, in step with the sample's stride.
+    """
     predicted = points_of(5, 2400)[1]
     measured = predicted.copy()
     measured[1::12] += size * np.random.default_rng(1).normal(0.0, 1.0, (200, 3))

@@ -1,7 +1,8 @@
-"""Readings of one visit, which share where the robot came to rest. These would catch: legs of one pose weighed as if
-the arm had come there anew for each, a covariance that differs from the dense one, uncertainties that promise too much,
-a single reading treated otherwise than before, one that does not belong and drags the others of its visit along, and
-visits that are no visits.
+"""Test readings of one visit, which share the rest position of the robot.
+
+These would catch: legs of one pose weighed as if the arm had arrived separately for each, a covariance that differs
+from the dense one, uncertainties that are too small, and a single reading treated otherwise than before. They would
+also catch a wrong reading that drags the others of its visit along, and visits that are no visits.
 """
 
 from __future__ import annotations
@@ -54,19 +55,19 @@ def fitted(legs: Dataset) -> IdentificationFit:
 
 
 def lengths_of(design: BoundModel, estimate: Array) -> Array:
-    """(n,) distances from tool balls to base balls, mm."""
+    """Compute distances from tool balls to base balls, (n,), mm."""
     frames = design.frames(estimate, ())
     return np.linalg.norm(frames.p - frames.anchor, axis=0)
 
 
 def differences(along: Any, size: float, at: Array) -> Array:
-    """(n, m) derivative of along(x) (n,) for x (m,), by central differences of a step."""
+    """Differentiate along(x) (n,) for x (m,) by central differences of a step; return (n, m)."""
     steps = size * np.eye(len(at))
     return np.column_stack([(along(at + step) - along(at - step)) / (2.0 * size) for step in steps])
 
 
 def by_joint(found: IdentificationFit, conditions: Conditions) -> Array:
-    """(n, N) derivative of the lengths by the angles at which the joints came to rest, of the nominal robot."""
+    """Differentiate the lengths of the nominal robot by the joint angles at rest, (n, N)."""
     nominal = np.zeros(len(found.estimate))
 
     def turned(by: Array) -> Array:
@@ -78,7 +79,10 @@ def by_joint(found: IdentificationFit, conditions: Conditions) -> Array:
 
 
 def test_the_fit_is_that_of_the_dense_covariance(legs: Dataset, fitted: IdentificationFit) -> None:
-    """Generalised least squares written out: C = S S' s^2 + sigma^2 I, blocks where poses are the same."""
+    """The fit equals generalised least squares with C = S S' s^2 + sigma^2 I.
+
+    Its blocks are the readings of one pose.
+    """
     conditions, noise = fitted.readings.conditions, legs.header.noise
     place = np.round(conditions.joints / 1e-9).astype(np.int64)
     same = np.all(place[:, None] == place[None], axis=2)
@@ -107,7 +111,10 @@ def drawn(n: int, k: int, visit: NDArray[np.int64], seed: int) -> VisitCovarianc
 
 @pytest.mark.parametrize("k", [1, 3, 7])
 def test_rows_of_a_visit_have_variance_one(k: int) -> None:
-    """Against dense matrices: visits of one to nine readings, not in order, some of which share nothing."""
+    """Whitened visits agree with dense matrices.
+
+    The visits have one to nine readings, not in order, and some share nothing.
+    """
     rng = np.random.default_rng(k)
     n = 40
     visit = rng.permutation(np.repeat(np.arange(9), [1, 1, 2, 3, 4, 5, 6, 9, 9]))
@@ -133,7 +140,10 @@ def test_rows_of_a_visit_have_variance_one(k: int) -> None:
 
 
 def test_a_reading_by_itself_is_whitened_as_ever(tmp_path: Path) -> None:
-    """One reading a visit: one triangle over the instrument's noise and the arm's, nothing shared."""
+    """One reading per visit has one triangle over both noises and shares nothing.
+
+    The noises are those of the instrument and of the arm.
+    """
     _, data = simulate(tmp_path, "abb-irb120", 3, 60, 10)
     assert len(np.unique(data.conditions.visit)) == len(data)
     found = identify(data)
@@ -152,8 +162,10 @@ def test_a_reading_by_itself_is_whitened_as_ever(tmp_path: Path) -> None:
 
 
 def normalised_errors(data: Dataset, found: IdentificationFit, count: int) -> Array:
-    """(count, v) errors of lengths of poses that took no part, over what the fit says of them, of so many campaigns;
-    arm, arrivals and readings are drawn as declared."""
+    """Return errors of held-out lengths over their stated uncertainty, (count, v).
+
+    In each of `count` campaigns, arm, arrivals and readings are drawn as declared.
+    """
     model, rng = found.model, np.random.default_rng(5)
     conditions = found.readings.conditions
     here, fresh = BoundModel(model, conditions), BoundModel(model, data.conditions.take(data.validation_rows))
@@ -181,7 +193,10 @@ def normalised_errors(data: Dataset, found: IdentificationFit, count: int) -> Ar
 
 
 def test_uncertainties_are_those_that_the_errors_have(legs: Dataset, fitted: IdentificationFit) -> None:
-    """Of 300 campaigns the mean square is 1.00 with a standard error of 0.03; of legs that are all alone 1.52."""
+    """Normalised errors of visits have mean square 1; legs taken as independent have more.
+
+    Over 300 campaigns the mean square is 1.00 with a standard error of 0.03, and 1.52 for independent legs.
+    """
     honest = np.mean(normalised_errors(legs, fitted, 60) ** 2)
     assert honest == pytest.approx(1.0, abs=0.15)
     apart = replace(legs, conditions=replace(legs.conditions, visit=np.arange(len(legs))))
@@ -206,7 +221,10 @@ def test_a_fit_by_parts_has_every_visit_in_one(
 
 
 def test_one_wrong_leg_is_left_out_alone(tmp_path: Path) -> None:
-    """An error of a millimetre shows in all legs of its visit once they are whitened together; one leg goes."""
+    """A single wrong leg is left out, although its error affects its whole visit.
+
+    An error of a millimetre shows in all legs of its visit once they are whitened together.
+    """
     rows = [dict(row) for row in LEGS]
     wrong = next(i for i, row in enumerate(rows) if row["set"] == "calibration" and i > 40)
     rows[wrong]["length_mm"] += 1.0
@@ -216,7 +234,10 @@ def test_one_wrong_leg_is_left_out_alone(tmp_path: Path) -> None:
 
 
 def stops(**given: Any) -> Conditions:
-    """Readings of one robot in the order given: pose numbers, and what else is not the same for all."""
+    """Build readings of one robot in the given order.
+
+    `pose` holds the pose numbers; other arguments replace the conditions that differ between readings.
+    """
     pose = np.array(given.pop("pose"))
     robot = load_robot("abb-irb120")
     n = len(pose)
@@ -276,7 +297,7 @@ def test_visits_as_recorded() -> None:
 
 
 def test_held_out_readings_part_visits_and_nothing_else(tmp_path: Path) -> None:
-    """A pose of validation between two visits of one pose keeps them apart; its measured values change nothing."""
+    """A validation pose separates two visits of one pose; its measured values change nothing."""
     rows = [dict(row) for row in LEGS]
     first = identify(read(tmp_path / "a", rows))
     for row in rows:
@@ -305,8 +326,11 @@ def targets(tmp_path_factory: pytest.TempPathFactory) -> Space:
 
 
 def test_candidates_are_whitened_as_the_model_is(targets: Space) -> None:
-    """Columns of the model's own effects, whose drives differ within a visit, as those that the fit has; and of every
-    offer what its scan says of a place as its columns do."""
+    """Candidate columns are whitened like those of the model.
+
+    Columns of the model's effects, whose drives differ within a visit, equal those of the fit. For every offer, the
+    scan of a place gives the same as its columns.
+    """
     model = targets.fitted.model
     assert targets.fitted.readings.observed.shared is not None
     for effect in model.effects:
@@ -329,7 +353,10 @@ def test_candidates_are_whitened_as_the_model_is(targets: Space) -> None:
 
 
 def test_structure_within_a_visit_is_looked_for_as_it_is_whitened(targets: Space) -> None:
-    """What a driver and a direction share with the residual, targets that differ in a visit too."""
+    """Correlations of drivers and directions with the residual use its whitening.
+
+    This includes targets that differ within a visit.
+    """
     rows = np.random.default_rng(3).normal(size=(targets.size, 2))
     pulled, driven = targets.pulled(rows), drivers(targets)
     assert "tool target" in driven

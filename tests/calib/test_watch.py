@@ -1,4 +1,4 @@
-"""The watch: chance, causes and their twins, updates, means, frames, and what is no watch of the baseline."""
+"""Test the watch: chance, causes and their aliases, updates, means, frames, wrong baselines."""
 
 from __future__ import annotations
 
@@ -156,7 +156,10 @@ def test_false_alarms_come_at_the_stated_rate(
 def test_the_error_of_the_baseline_is_in_the_spread(
     saved: CalibratedModel, measure: Callable[..., Dataset]
 ) -> None:
-    """Residuals of models drawn from the covariance, through the chain, are white beside the noise."""
+    """Whitened residuals include the error of the baseline.
+
+    Residuals of models drawn from the covariance, through the chain, are white together with the noise.
+    """
     data = measure()
     seen = WhitenedReadings.of(saved, data, lack=np.zeros(6))
     noise = np.random.default_rng(5)
@@ -191,7 +194,10 @@ def test_an_updated_model_sees_no_change(saved: CalibratedModel, measure: Callab
 def test_a_base_that_only_shifted_is_not_turned(
     saved: CalibratedModel, measure: Callable[..., Dataset]
 ) -> None:
-    """Elsewhere a turn that is only noise would move the robot by more than the shift is uncertain by."""
+    """A base that only shifted is not turned.
+
+    Otherwise a turn from noise would move a distant robot by more than the uncertainty of the shift.
+    """
     data = measure("base_shift", dx=0.1, dy=-0.05, dz=0.1)
     seen = WhitenedReadings.of(saved, data)
     cause = next(c for c, _ in judge(seen).causes if c.label == "base_shift")
@@ -399,7 +405,10 @@ def test_a_new_frame_hides_a_moved_base_and_nothing_else(
     "kind", [k for k in KINDS if k.name in ("poses, tool unknown", "distances")], ids=lambda kind: kind.name
 )
 def test_poses_and_distances_are_judged_as_points_are(kind: Kind) -> None:
-    """Measured by the second arm of the benchmarks; joint 3 stands 0.08 deg from where the file says."""
+    """Poses and distances are judged like points; joint 3 is 0.08 deg off.
+
+    The second arm of the benchmarks measures them.
+    """
     data = simulate(kind, 3).data
     baseline = as_saved(identify(data))
     status = np.full(len(data), "rejected:not visited")
@@ -416,7 +425,7 @@ def test_poses_and_distances_are_judged_as_points_are(kind: Kind) -> None:
 
 
 def test_the_evidence_is_the_bayes_factor_of_a_gaussian() -> None:
-    """log N(r; 0, 1 + A S^2 A') - log N(r; 0, 1), its determinant (the term of Occam) included."""
+    """The evidence is log N(r; 0, 1 + A S^2 A') - log N(r; 0, 1), with its determinant."""
     rng = np.random.default_rng(7)
     columns = rng.normal(size=(9, 3)) * [0.3, 1.0, 5.0]
     parameters = tuple(Parameter(f"made_up.p{k}", "mm", 1.0) for k in range(3))

@@ -1,4 +1,4 @@
-"""Check poses of other instruments, several visits, nests, and what it would take to see more."""
+"""Test watch plans: other instruments, several visits, nests, and better detection."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The warmth of the arm between watches: what upkeep updates, and what it refuses."""
+"""Test the warmth of the arm between watches: thermal updates, and their refusals."""
 
 from __future__ import annotations
 
@@ -54,7 +54,10 @@ def measured(
     count: int = 6,
     noise: float = 1.0,
 ) -> Dataset:
-    """A few poses of two targets as the model with a change has them, after some time; noise: over the declared."""
+    """Simulate a few poses of two targets from the model with a change, after some time.
+
+    `noise` is a multiple of the declared noise.
+    """
     rng = np.random.default_rng(seed)
     joints = rng.uniform(RANGE[:, 0], RANGE[:, 1], (count, ROBOT.joints))
     visits = PlannedVisits.of_points(joints, np.ones_like(joints), np.full(count, 5.0 * DEG), ("T2", "T3"))
@@ -107,8 +110,11 @@ def test_a_model_without_a_thermal_effect_says_which_would_be_needed(cold: Calib
 
 
 def test_a_warm_arm_and_a_drift_are_causes_that_pass(cold: CalibratedModel) -> None:
-    """A warm robot against a cold baseline is named as that, and updates nothing; nor does the instrument, which
-    drifts since the watch began and not since the robot was cold."""
+    """A warm arm or a drift is named as such and updates nothing.
+
+    The robot is warm and the baseline cold. The instrument drifts since the watch began, not since the robot was
+    cold.
+    """
     for change, values, label in (
         (arm_growth(ROBOT), [600e-6], "arm_growth"),
         (drift_translation(AFTER_S), [3.0 / 3600.0, -3.0 / 3600.0, 3.0 / 3600.0], "drift_translation"),

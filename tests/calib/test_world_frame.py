@@ -1,5 +1,7 @@
-"""The world frame. These would catch: a frame whose axes or handedness are wrong, a transform that is its own inverse,
-a fit that leaves more than it must, and a corrected triangle with other sides, or in another place, than the thesis's.
+"""Test the world frame.
+
+These would catch: a frame whose axes or handedness are wrong, a transform that is its own inverse, a fit with a
+larger residual than necessary, and a corrected triangle with other sides, or at another place, than in the thesis.
 """
 
 from __future__ import annotations
@@ -102,7 +104,10 @@ def test_the_corrected_triangle_has_the_sides_and_lies_closest(
 
 
 def test_the_world_of_three_base_points() -> None:
-    """Where the points and the bar agree it is the frame of the points; an error of a side moves no axis upwards."""
+    """If points and bar agree, the world is the frame of the points.
+
+    An error of a side moves no axis upwards.
+    """
     table = pose((0.02, -0.01, 1.2), (400.0, 150.0, -30.0))
     cups = np.array([[0.0, 0, 0], [300.0, 0, 0], [150.0, np.sqrt(300.0**2 - 150.0**2), 0]])
     touched = table.to_world(cups)  # robot's frame

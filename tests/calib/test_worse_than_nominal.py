@@ -1,4 +1,7 @@
-"""A model that is worse on held-out readings than the nominal robot in its place is saved by consent only."""
+"""Test that a model worse than the nominal robot is saved by consent only.
+
+Worse refers to the held-out readings and the nominal robot in its place.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Dataset, Diagno
 
 
 def worse(diagnosis: DiagnosisFit) -> DiagnosisFit:
-    """The same with a model that is said to miss by ten times as much as the nominal robot."""
+    """Return the diagnosis with a model error that is ten times that of the nominal robot."""
     nominal, faults = diagnosis.error_nominal, diagnosis.held_out_faults
     assert nominal is not None
     return replace(
@@ -63,7 +66,10 @@ def test_a_better_model_and_one_without_held_out_readings_are_saved(
 
 @pytest.mark.parametrize("command", ["identify", "diagnose"])
 def test_the_commands_ask_for_consent(command: str, tmp_path: Path) -> None:
-    """Held-out readings of another base position: whatever is fitted misses them, the nominal robot a little less."""
+    """The commands ask for consent if held-out readings are of another base position.
+
+    Any fit misses these; the nominal robot misses them a little less.
+    """
     campaign, _ = simulate(tmp_path, seed=3, n=70, n_validation=20, effects=[])
     rows = [dict(row) for row in campaign.rows]
     data = write_files(tmp_path, rows, campaign.header)

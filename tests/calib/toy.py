@@ -1,4 +1,4 @@
-"""Readings that are plain numbers, for the fit itself: no arm, no chain, a prediction that a test states."""
+"""Numeric readings for tests of the fit alone: no arm, no chain, a stated prediction."""
 
 from __future__ import annotations
 
@@ -15,12 +15,15 @@ from calib.model.observations import Observations
 
 
 def parameter(name: str, size: float | None = None, *, measured: bool = False, base: bool = True) -> Any:
-    """A parameter whose internal unit is that of its size; `base`: of the base model, not of an effect."""
+    """Build a parameter whose internal unit is that of its size.
+
+    If `base`, it belongs to the base model, otherwise to an effect.
+    """
     return SimpleNamespace(name=name, size=size, measured=measured, base=base)
 
 
 def toy_model(parameters: Sequence[Any], **of: Any) -> Any:
-    """What the fit asks of a model. of: spans, anchors."""
+    """Build the parts of a model that the fit uses; `of` gives spans and anchors."""
     effects = [
         SimpleNamespace(group="base model" if p.base else "joints", parameters=[p]) for p in parameters
     ]
@@ -44,7 +47,10 @@ def toy(
     estimate: Array,
     freedom: Sequence[int] | None = None,
 ) -> Linearisation:
-    """Readings (k, n) and their prediction; derivative: (k n, m), as the fit is told it, true or not."""
+    """Build readings (k, n) with their prediction.
+
+    `derivative` (k n, m) is the one that the fit uses, right or wrong.
+    """
     n = measured.shape[1]
     count = np.arange(n)
     observed = SimpleNamespace(
@@ -66,11 +72,14 @@ def toy(
 
 
 def linear(model: Any, matrix: Array, measured: Array, estimate: Array | None = None) -> Linearisation:
-    """Readings (k, n) whose prediction is matrix (k n, m) times the estimate, 0 where none is given."""
+    """Build readings (k, n) whose prediction is matrix (k n, m) times the estimate.
+
+    The start is 0 if no estimate is given.
+    """
     start = np.zeros(matrix.shape[1]) if estimate is None else estimate
     return toy(model, measured, lambda at: matrix @ at, lambda _at: matrix, start)
 
 
 def columns_of(model: Any, matrix: Array) -> Linearisation:
-    """One reading a row of a matrix (n, m); what was read does not matter."""
+    """Build one reading per row of a matrix (n, m); the measured values do not matter."""
     return linear(model, matrix, np.zeros((1, len(matrix))))

@@ -1,7 +1,7 @@
-"""A machine with errors of its own, computed by matrices that share no line with the chain under test (`chain.py`).
+"""Machine with random errors, computed by matrices that are independent of `chain.py`.
 
-Every DH number is off, it stands somewhere in the tracker's frame, its gears yield to gravity, and one thing is wrong
-that no base model has.
+It shares no line with the chain under test. Every DH number is off, the machine stands somewhere in the tracker's
+frame, its gears yield to gravity, and it has one error that no base model contains.
 """
 
 from __future__ import annotations
@@ -25,7 +25,11 @@ Wrong = Callable[[Robot, Array, Array], dict[str, Array]]
 
 @dataclass(frozen=True)
 class TrueMachine:
-    """What is off, by slot, rad or mm; how far gears yield, by slot of theta and joint, rad/(N.mm); what is wrong."""
+    """Machine with its errors.
+
+    `off` is by slot, rad or mm. `yields` is the compliance of the gears by joint, rad/(N.mm). `wrong` is the extra
+    error.
+    """
 
     robot: Robot
     off: dict[str, float]
@@ -46,7 +50,10 @@ class TrueMachine:
         return cls(robot, off, {k: 1e-9 * rng.uniform(0.2, 1.0) for k in turning}, wrong)
 
     def poses(self, joints: Array, side: Array, names: Sequence[str]) -> Array:
-        """(n, 4, 4) of tool targets by name, tracker's frame, at model joints (n, N) reached from sides (n, N)."""
+        """Compute the poses of tool targets in the tracker's frame, (n, 4, 4).
+
+        The model joints (n, N) are reached from sides (n, N).
+        """
         torque = gravity_torques(self.robot, joints)
         follows = self.wrong(self.robot, joints, side)
         for k, softness in self.yields.items():

@@ -1,4 +1,4 @@
-"""Saved models updated: in memory, as `truepose watch --update` writes them to a file, and to begin with."""
+"""Updated models: in memory as `truepose watch --update` writes them, and as a start."""
 
 from __future__ import annotations
 
@@ -21,8 +21,10 @@ def as_updated(saved: CalibratedModel, seen: WhitenedReadings, cause: Cause) -> 
 
 
 def save_warming(path: Path, fitted: IdentificationFit, std: float, alpha: float = 0.0) -> None:
-    """Write the model of a fit to which a growth while it warms up was added, 1/K of its end, with a standard deviation
-    that no readings of the fit gave it."""
+    """Write the model of a fit with an added growth during warm-up.
+
+    The growth is in 1/K of its end; its standard deviation comes from no reading of the fit.
+    """
     save_model(path, fitted)
     save_update(
         path,

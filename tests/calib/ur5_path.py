@@ -1,8 +1,10 @@
-"""The set-up of Khanesar et al. 2022, simulated: a UR5 whose tool points down and carries one reflector on the axis of
-joint 6, 38 waypoints, 209 near-static samples of a tracker. The arm is the second one of `tests.calib.chain`.
+"""Simulated set-up of Khanesar et al. 2022: a UR5, 38 waypoints and 209 tracker samples.
 
-Every joint stops beside where it says, anew at every waypoint: 38 errors, not 209. The size of that and of the arm's
-own errors is tuned to the floor and to the uncalibrated figure of the paper's Table 3.
+The tool points down and carries one reflector on the axis of joint 6; the samples are near-static. The arm is the
+second one of `tests.calib.chain`.
+
+Every joint stops with an error that is drawn once per waypoint: 38 errors, not 209. Their size and that of the
+arm's errors are tuned to the floor and to the uncalibrated result of the paper's Table 3.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ WORLD[:3, 3] = (2500.0, 300.0, -800.0)
 
 
 def waypoints(rng: np.random.Generator, count: int = WAYPOINTS) -> Array:
-    """(count, 6) joint angles, rad, with the tool pointing down."""
+    """Draw joint angles (count, 6), rad, with the tool pointing down."""
     q = np.empty((count, 6))
     q[:, 0] = rng.uniform(-1.0, 1.0, count)
     q[:, 1] = rng.uniform(-1.9, -1.1, count)
@@ -49,7 +51,10 @@ def waypoints(rng: np.random.Generator, count: int = WAYPOINTS) -> Array:
 def rows_of(
     seed: int, *, count: int = WAYPOINTS, samples: int = SAMPLES, waves: float = 0.0
 ) -> tuple[list[Row], dict[str, Any]]:
-    """Rows and header of a data set. waves: rad, a once-a-turn error of every joint's gear, which no level frees."""
+    """Simulate rows and header of a data set.
+
+    `waves`, rad, is a once-per-turn error of every joint's gear, which no level frees.
+    """
     rng = np.random.default_rng(seed)
     off = {f"{k}{i}": 1e-4 * rng.normal() for k in ("alpha", "theta") for i in range(1, 7)}
     off |= {f"{k}{i}": 0.1 * rng.normal() for k in ("a", "d") for i in range(1, 7)}
@@ -83,9 +88,10 @@ def rows_of(
 
 
 def _tuned(off: dict[str, float], asked: Array, real: Array, samples: NDArray[np.int64]) -> dict[str, float]:
-    """Errors of the arm, scaled until the nominal robot in its place is uncalibrated by the paper's figure.
+    """Scale the errors of the arm to the paper's uncalibrated result of the nominal robot.
 
-    asked, real: (n, 6) rad; samples: (n,) how many each waypoint has. The figure is one of the world's axes.
+    That result is for one of the world's axes. `asked` and `real` are joints (n, 6), rad; `samples` (n,) counts the
+    samples of each waypoint.
     """
     nominal = _points(asked, {})
 
@@ -101,7 +107,7 @@ def _tuned(off: dict[str, float], asked: Array, real: Array, samples: NDArray[np
 
 
 def _points(joints: Array, off: dict[str, float]) -> Array:
-    """(n, 3) places of the reflector in the base frame, mm."""
+    """Compute the positions of the reflector in the base frame, (n, 3), mm."""
     return np.array([chain(ROBOT, q, off, REFLECTOR).real[:3, 3] for q in joints])
 
 

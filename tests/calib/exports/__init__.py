@@ -1,4 +1,4 @@
-"""Measurements as people export them: one true campaign (`case`), written as texts and as workbooks."""
+"""Measurements as users export them: one true campaign (`case`) as texts and workbooks."""
 
 from tests.calib.exports import books, texts
 from tests.calib.exports.case import CASES, ROBOT, TRUTH, Case, N, outcome

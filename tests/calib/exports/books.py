@@ -1,4 +1,4 @@
-"""Exports as workbooks, and what people add to tables: means, notes, rows that are lost, other numbers."""
+"""Exports as workbooks, with common additions: means, notes, lost rows, other numbers."""
 
 from __future__ import annotations
 

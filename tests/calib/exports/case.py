@@ -1,8 +1,8 @@
-"""Measurements as people export them: one true campaign written in some forty ways, each with what must come of it.
+"""Measurements as users export them: one true campaign in about forty forms.
 
-The numbers are of a simulated robot with errors of its own, so that what is read can be held against what was true. The
-forms follow the descriptions of the programs' exports and spreadsheets as they come by mail; none is a maker's own
-file.
+Each form states its expected result. The numbers are of a simulated robot with random errors, so that the result
+can be compared with the truth. The forms follow the descriptions of the programs' exports and spreadsheets sent by
+mail; none is a maker's own file.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LEFT_OUT = 5  # a row that some files mark as not measured
 
 @dataclass(frozen=True)
 class Truth:
-    """joints (n, 6) deg; points (n, 3 targets, 3) mm; turns (n, 4) scalar first."""
+    """True joints (n, 6) deg, points (n, 3 targets, 3) mm and turns (n, 4), scalar first."""
 
     joints: Array
     points: Array
@@ -36,7 +36,10 @@ class Truth:
 
 
 def truth() -> Truth:
-    """The campaign: a placed robot, a turned tool, 0.3 mm of errors that no model has, rounded to what files hold."""
+    """Simulate the campaign, rounded to the digits of the files.
+
+    The robot is placed, the tool is turned, and errors of 0.3 mm are in no model.
+    """
     rng = np.random.default_rng(21)
     robot = load_robot(ROBOT)
     lower, upper = np.array(robot.lower) / DEG, np.array(robot.upper) / DEG
@@ -57,10 +60,29 @@ OWN = forward(load_robot(ROBOT), TRUTH.joints * DEG)[:, :3, 3]  # what the contr
 
 @dataclass(frozen=True)
 class Case:
-    """One export. write: makes the files; answers: what the person gives beside the robot; asks: keys of the questions
-    that must be put before; refuses: what the refusal must say, where it must be refused; targets: of the truth that
-    the files hold; within: of the points, mm; turned: whether orientations are there; lost, rejected: rows that are;
-    lost_rows: rows of which nothing comes."""
+    """Export with its expected questions and result.
+
+    Attributes
+    ----------
+    write
+        Writes the files.
+    answers
+        Answers of the user in addition to the robot.
+    asks
+        Keys of the questions that must be asked first.
+    refuses
+        Required text of the refusal, if the export must be refused.
+    targets
+        Targets of the truth that the files contain.
+    within
+        Tolerance of the points, mm.
+    turned
+        Whether there are orientations.
+    lost, rejected
+        Rows that are lost or rejected.
+    lost_rows
+        Rows that give no result.
+    """
 
     name: str
     shape: str
@@ -120,7 +142,7 @@ def angles(sequence: str) -> Array:
 
 
 def outcome(of: Case) -> str:
-    """What becomes of a case, as `docs/howto/exports.md` has it."""
+    """Describe the result of a case as in `docs/howto/exports.md`."""
     if of.refuses and not of.asks:
         return "refused"
     asked = f"asked: {', '.join(f'`{key}`' for key in of.asks)}" if of.asks else ""

@@ -1,4 +1,7 @@
-"""Exports as text: separators, units, turns in their many forms, targets, and joints and points in two files."""
+"""Exports as text: separators, units, turns in their many forms, targets, split files.
+
+Joints and points may be in two files.
+"""
 
 from __future__ import annotations
 
@@ -175,7 +178,7 @@ def groups(folder: Path) -> Path:
 
 
 def poses() -> np.ndarray:
-    """(N, 16) the measured poses as matrices, row by row."""
+    """Return the measured poses as matrices, row by row, (N, 16)."""
     out = np.tile(np.eye(4), (N, 1, 1))
     out[:, :3, :3] = Rotation.from_quat(Q, scalar_first=True).as_matrix()
     out[:, :3, 3] = P
