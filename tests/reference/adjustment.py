@@ -1,8 +1,11 @@
-"""Weighted least squares to the end: Gauss-Newton by QR, every derivative a central difference in fifty digits.
+"""Weighted least squares to convergence: Gauss-Newton by QR in fifty digits.
 
-minimise  sum over the readings of |L^-1 (measured - predicted(x))|^2,  L L' the declared covariance, no prior.
-A step of less than 10^-20 standard errors ends it. Standard errors are those of the declared noise: the roots of the
-diagonal of (J'J)^-1 at the minimum, J the whitened Jacobian there.
+Every derivative is a central difference. The cost is
+
+    sum over the readings of |L^-1 (measured - predicted(x))|^2,  L L' the declared covariance, no prior.
+
+A step of less than 10^-20 standard errors ends it. Standard errors are those of the declared noise: the roots of
+the diagonal of (J'J)^-1 at the minimum, J the whitened Jacobian there.
 """
 
 from __future__ import annotations
@@ -23,7 +26,10 @@ MAX_ITERATIONS = 30
 
 @dataclass(frozen=True)
 class Certified:
-    """The minimum: parameters by name, in their units; `condition` of the Jacobian with columns of equal length."""
+    """Minimum of a problem: parameters by name, in their units.
+
+    `condition` is that of the Jacobian with columns of equal length.
+    """
 
     estimate: Mapping[str, Decimal]
     standard_error: Mapping[str, Decimal]
@@ -35,7 +41,13 @@ class Certified:
 
 @precise
 def adjust(problem: Problem, start: Mapping[str, Decimal], converged: Decimal = CONVERGED) -> Certified:
-    """The estimate of a problem. Raises ArithmeticError where Gauss-Newton does not converge."""
+    """Estimate the parameters of a problem.
+
+    Raises
+    ------
+    ArithmeticError
+        Gauss-Newton does not converge.
+    """
     values = dict(start)
     names = [p.name for p in problem.parameters]
     lowers = [whitener(problem, reading) for reading in problem.readings]

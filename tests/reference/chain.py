@@ -1,13 +1,15 @@
-"""One pose at a time: the frame of the tool target in the world, and the torque of gravity, by 4x4 matrices.
+"""Frame of the tool target and torque of gravity for one pose, by 4x4 matrices.
 
-`add` holds what is added to the nominal robot, slot by slot, in rad and mm. World -> base -> links 1..6 -> target:
+The frame is in the world. `add` holds additions to the nominal robot, slot by slot, in rad and mm. World -> base ->
+links 1..6 -> target:
 
     modified DH   Rx(alpha) Ry(beta) Tx(a) Rz(theta) Tz(d); the first link with the base is
                   T(x, y, z + d_1) Rx Ry Rz(rz) Rz(theta_1)                       (Craig; Hayati; thesis, I.2)
     standard DH   Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta), behind T(x, y, z) Rx Ry Rz
     target        T(x, y, z) Rx Ry Rz at the flange
 
-Gravity turns joint i by c_i tau_i, tau_i = z_i . sum over the loads beyond it of (c - o_i) x m g, at nominal geometry.
+Gravity turns joint i by c_i tau_i, tau_i = z_i . sum over the loads beyond it of (c - o_i) x m g, at nominal
+geometry.
 """
 
 from __future__ import annotations
@@ -28,7 +30,10 @@ Add = Mapping[str, Decimal]
 
 @lru_cache(maxsize=20_000)
 def _product(*motions: tuple[str, int, Decimal]) -> Matrix:
-    """A row of elementary motions ("turn" or "shift", axis, amount) as one matrix, read only; zeros are left out."""
+    """Multiply elementary motions ("turn" or "shift", axis, amount) to one read-only matrix.
+
+    Zeros are left out.
+    """
     kinds = {"turn": turn, "shift": shift}
     out = reduce(matmul, [kinds[kind](axis, amount) for kind, axis, amount in motions if amount], identity(4))
     out.flags.writeable = False
@@ -43,7 +48,10 @@ def _six(add: Add, name: str, z: Decimal = ZERO) -> Matrix:
 
 
 def _link(arm: Arm, k: int, angle: Decimal, add: Add) -> tuple[Matrix, Matrix]:
-    """The matrices of link k: up to the axis of its joint, and behind it (with the turn itself)."""
+    """Compute the matrices of link k up to the axis of its joint and behind it.
+
+    The second one includes the turn itself.
+    """
     alpha = degrees(arm.number("alpha", k)) + add.get(f"alpha{k}", ZERO)
     a = arm.number("a", k) + add.get(f"a{k}", ZERO)
     theta = degrees(arm.number("theta", k)) + angle + add.get(f"theta{k}", ZERO)
@@ -55,7 +63,10 @@ def _link(arm: Arm, k: int, angle: Decimal, add: Add) -> tuple[Matrix, Matrix]:
 
 
 def target_frame(arm: Arm, angles: Sequence[Decimal], add: Add) -> Matrix:
-    """(4, 4) frame of the target in the world, at model angles, rad. `add` holds its place target.x, .y, .z."""
+    """Compute the world frame of the target (4, 4) at model angles, rad.
+
+    `add` contains its position as target.x, .y, .z.
+    """
     frame = _six(add, "base", arm.number("d", 1) if arm.modified else ZERO)
     for k, angle in enumerate(angles, start=1):
         ahead, behind = _link(arm, k, angle, add)

@@ -1,7 +1,8 @@
-"""Real numbers of fifty digits: sine, cosine, arc sine and 4x4 matrices of them, with nothing but the standard library.
+"""Real numbers of fifty digits: sine, cosine, arc sine and 4x4 matrices of them.
 
-A certified number must be right beyond what any program in double precision reaches, on every machine alike. Matrices
-are numpy arrays of `decimal.Decimal`; their products and sums are exact to the precision of the context.
+The code needs only the standard library. A certified number must be right beyond the digits of any program in
+double precision, on every machine alike. Matrices are numpy arrays of `decimal.Decimal`; their products and sums
+are exact to the precision of the context.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ def zeros(*shape: int) -> Matrix:
 
 
 def identity(n: int) -> Matrix:
-    """(n, n)"""
+    """Return the identity matrix, (n, n)."""
     out = zeros(n, n)
     for i in range(n):
         out[i, i] = Decimal(1)
@@ -93,7 +94,7 @@ def identity(n: int) -> Matrix:
 
 
 def diagonal(values: Sequence[Decimal]) -> Matrix:
-    """(n, n) with `values` on the diagonal."""
+    """Return a matrix (n, n) with `values` on the diagonal."""
     out = zeros(len(values), len(values))
     for i, value in enumerate(values):
         out[i, i] = value
@@ -128,7 +129,13 @@ def cross(u: Matrix, v: Matrix) -> Matrix:
 
 
 def rotation_vector(rotation: Matrix) -> Matrix:
-    """(3,) log of a rotation (3, 3) by less than a right angle, rad. Raises ValueError beyond."""
+    """Compute the log (3,) of a rotation (3, 3), rad.
+
+    Raises
+    ------
+    ValueError
+        The rotation is by a right angle or more.
+    """
     (a, b, c), (d, e, f), (g, h, i) = rotation
     if a + e + i <= 1:
         raise ValueError("a rotation by a right angle or more")
@@ -137,7 +144,7 @@ def rotation_vector(rotation: Matrix) -> Matrix:
 
 
 def rotation_of_quaternion(q: Matrix) -> Matrix:
-    """(3, 3) of a quaternion (4,), scalar first, of any length."""
+    """Compute the rotation (3, 3) of a quaternion (4,), scalar first, of any length."""
     w, x, y, z = q / norm(q)
     return np.array(
         [

@@ -1,7 +1,8 @@
-"""How the files of a certified problem are made: poses, a robot that is wrong, readings, and what is certified.
+"""Creation of the files of a certified problem: poses, true robot, readings, results.
 
-Every draw comes from a seed through the standard library and is rounded, so that a problem can be made again anywhere:
-poses to 0.001 deg, true values to four decimals, noise to six. What was measured has all the digits of a double.
+Every draw comes from a seed through the standard library and is rounded, so that a problem can be made again
+anywhere: poses to 0.001 deg, true values to four decimals, noise to six. Measured values have all the digits of a
+double.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ Row = dict[str, str]
 
 
 def make(name: str, folder: Path = FOLDER) -> Certified:
-    """Write the data of a problem into `folder`, solve it, and write what is certified beside it."""
+    """Write the data of a problem into `folder`, solve it, and write the result there as well."""
     problem, truth = write_data(name, folder)
     certified = adjust(problem, truth)
     _write_certified(PLANS[name], problem, truth, certified, folder / f"{name}.json")
@@ -42,7 +43,7 @@ def make(name: str, folder: Path = FOLDER) -> Certified:
 
 
 def write_data(name: str, folder: Path) -> tuple[Problem, dict[str, Decimal]]:
-    """NAME.csv and NAME.toml; returns the problem as read back from them, and the true parameters."""
+    """Write NAME.csv and NAME.toml; return the problem as read back, and the true parameters."""
     plan, dice = PLANS[name], random.Random(PLANS[name].seed)
     path = folder / f"{name}.csv"
     path.with_suffix(".toml").write_text(f"# {plan.title}\n{tomli_w.dumps(plan.header)}", encoding="utf-8")
@@ -90,7 +91,10 @@ def _write_certified(
 
 
 def _off(p: Parameter, dice: random.Random) -> Decimal:
-    """A true value: between half and the whole of the size, of either sign; compliances are positive."""
+    """Draw a true value between half and the whole of the scale, of either sign.
+
+    Compliances are positive.
+    """
     most = (OF_BASE if p.name.startswith("base") else SIZES)[p.unit]
     sign = 1.0 if p.unit.startswith("1e-6") else (1.0 if dice.random() < 0.5 else -1.0)
     return Decimal(f"{sign * dice.uniform(0.5, 1.0) * most:.4f}")
@@ -125,7 +129,10 @@ def _poses(plan: Plan, dice: random.Random) -> list[Row]:
 def _measured(
     plan: Plan, problem: Problem, reading: Reading, truth: Mapping[str, Decimal], dice: random.Random
 ) -> Row:
-    """What the instrument shows of the true robot: the noise is drawn from the declared covariance of the reading."""
+    """Simulate a reading of the true robot.
+
+    The noise is drawn from the declared covariance of the reading.
+    """
     kind = plan.series[reading.series][0]
     add = slots(problem, reading, truth)
     frame = target_frame(problem.arm, reading.angles, add)
@@ -156,7 +163,10 @@ def _text(value: Decimal) -> str:
 
 
 def _quaternion(rotation: Matrix) -> Matrix:
-    """(4,) scalar first: the longest row of the matrix 4 q q', which is the best conditioned."""
+    """Compute the quaternion (4,) of a rotation, scalar first.
+
+    It is the longest row of the matrix 4 q q', which is the best conditioned.
+    """
     (a, b, c), (d, e, f), (g, h, i) = rotation
     rows = np.array(
         [

@@ -1,7 +1,7 @@
-"""A data set (`NAME.csv`, `NAME.toml`) as the reference reads it, its parameters, residuals and weights.
+"""Data set (`NAME.csv`, `NAME.toml`) of the reference, with parameters, residuals, weights.
 
 Numbers become decimals from their text, without rounding. A reading is a list of rows: the point (3), the orientation
-as log(R_measured R') in the world (3), the distance to a base target (1), whichever were measured.
+as log(R_measured R') in the world (3), the distance to a base target (1), each if it was measured.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ UNITS = {"alpha": "deg", "theta": "deg", "beta": "deg", "c": "1e-6 rad/(N.mm)"}
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number to be found: its unit, and the slot on which a unit of it acts, where `series` and `target` allow."""
+    """Parameter to be identified, with its unit and the slot on which it acts.
+
+    It acts on readings that match `series` and `target`.
+    """
 
     name: str
     slot: str
@@ -37,7 +40,10 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Reading:
-    """One row of the file. angles: model angles, rad; measured quantities are None where there are none."""
+    """Row of the file.
+
+    `angles` are model angles, rad; quantities that were not measured are None.
+    """
 
     name: str
     series: str
@@ -53,7 +59,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Problem:
-    """What was measured and declared. Vectors mm, `noise` as in the header."""
+    """Measured and declared data of a problem; vectors in mm, `noise` as in the header."""
 
     arm: Arm
     readings: tuple[Reading, ...]
@@ -65,7 +71,10 @@ class Problem:
 
 @precise
 def read_problem(path: Path) -> Problem:
-    """The data set of `path` (the CSV); parameters of the header's groups less those that it holds as redundant."""
+    """Read the data set of `path` (the CSV).
+
+    Its parameters are those of the header's groups less those that the header holds as redundant.
+    """
     header = tomllib.loads(path.with_suffix(".toml").read_text("utf-8"), parse_float=Decimal)
     arm = ARMS[header["robot"]]
     with path.open(encoding="utf-8", newline="") as file:
@@ -162,7 +171,10 @@ def _unit(axis: str) -> str:
 
 
 def slots(problem: Problem, reading: Reading, values: Mapping[str, Decimal]) -> dict[str, Decimal]:
-    """What the parameters add to every slot for one reading, rad and mm; the nominal targets are in it."""
+    """Add up the parameters on every slot for one reading, rad and mm.
+
+    The nominal targets are included.
+    """
     nominal = problem.targets[reading.series][reading.target]
     add = {f"target.{axis}": nominal[k] for k, axis in enumerate("xyz")}
     if reading.base_target:
@@ -180,13 +192,13 @@ def slots(problem: Problem, reading: Reading, values: Mapping[str, Decimal]) -> 
 
 
 def distance(reading: Reading, add: Mapping[str, Decimal], frame: Matrix) -> Decimal:
-    """From the tool target to the base target, mm."""
+    """Compute the distance from the tool target to the base target, mm."""
     anchor = np.array([add[f"{reading.base_target}.{axis}"] for axis in "xyz"])
     return norm(frame[:3, 3] - anchor)
 
 
 def residual(problem: Problem, reading: Reading, values: Mapping[str, Decimal]) -> Matrix:
-    """(k,) measured less predicted: mm, rad, mm."""
+    """Compute measured less predicted values, (k,): mm, rad, mm."""
     add = slots(problem, reading, values)
     frame = target_frame(problem.arm, reading.angles, add)
     out: list[Decimal] = []

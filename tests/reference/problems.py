@@ -1,4 +1,4 @@
-"""The certified problems: which robot is measured with what, and what is to be found."""
+"""Certified problems: the robot, its measurements, and the parameters to identify."""
 
 from __future__ import annotations
 
@@ -29,10 +29,11 @@ TRACKER = {
 
 @dataclass(frozen=True)
 class Plan:
-    """How one problem is made.
+    """Recipe of one problem.
 
-    series: name -> (what is measured, how many readings); own: what [series.NAME] of the header says;
-    by_row: what is measured -> column of uncertainty -> between which values it is drawn.
+    `series` maps a name to the measured quantities and the number of readings. `own` is the content of
+    [series.NAME] of the header. `by_row` maps a measured quantity to its columns of uncertainty, with the range of
+    each draw.
     """
 
     title: str

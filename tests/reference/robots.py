@@ -1,7 +1,8 @@
-"""Nominal robots of the certified problems, typed from the sources a second time: degrees, mm, kg.
+"""Nominal robots of the certified problems, typed from the sources a second time.
 
-Sources: Nubiola, thesis, Annex I and sections 2.2 and 4 (ABB IRB 120, Fanuc LR Mate 200iC, both modified DH, d_1 ahead
-of the base rotations); the maker's published DH and dynamics tables (UR10, standard DH).
+Units are degrees, mm, kg. Sources: Nubiola, thesis, Annex I and sections 2.2 and 4 for the ABB IRB 120 and the
+Fanuc LR Mate 200iC (both modified DH, d_1 ahead of the base rotations). The UR10 follows the maker's published DH
+and dynamics tables (standard DH).
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ Load = tuple[int, str, tuple[str, str, str]]
 
 @dataclass(frozen=True)
 class Arm:
-    """Numbers as text, so that they become decimals without rounding. links: (alpha, a, theta, d)."""
+    """Table of an arm, as text, so that numbers become decimals without rounding.
+
+    `links` are rows of (alpha, a, theta, d).
+    """
 
     modified: bool
     links: tuple[Row, ...]

@@ -1,4 +1,4 @@
-"""The declared covariance of a reading: the instrument's, and the repeatability of the joints.
+"""Declared covariance of a reading: the instrument's, and the repeatability of the joints.
 
 A tracker's sigma is fixed + ppm x distance, along the beam to the measured point and across it; a row's own
 uncertainty overrides what the header declares.
@@ -18,9 +18,10 @@ STEP = Decimal("1e-16")  # of the central differences: their error is its square
 
 
 def whitener(problem: Problem, reading: Reading) -> Matrix:
-    """(k, k) L with L L' the declared covariance of a reading: the instrument's, and the repeatability of the joints.
+    """Compute L (k, k) with L L' the declared covariance of a reading.
 
-    The latter goes through the joint Jacobian of point, orientation and distance together, at the nominal robot.
+    It consists of the instrument's covariance and of the repeatability of the joints. The latter goes through the
+    joint Jacobian of point, orientation and distance together, at the nominal robot.
     """
     instrument = _instrument(problem, reading)
     repeatability = degrees(Decimal(problem.noise.get("repeatability_deg", 0)))
@@ -62,7 +63,10 @@ def _instrument(problem: Problem, reading: Reading) -> Matrix:
 
 
 def _joint_jacobian(problem: Problem, reading: Reading) -> Matrix:
-    """(k, N) change of every row for a unit turn of each joint, of the nominal robot, by central differences."""
+    """Differentiate every row by each joint of the nominal robot, (k, N).
+
+    The derivatives are central differences.
+    """
     zero = dict.fromkeys((p.name for p in problem.parameters), ZERO)
     add = slots(problem, reading, zero)
     columns = []
