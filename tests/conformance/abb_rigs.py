@@ -1,4 +1,4 @@
-"""Rigs of the ABB: open_abb with a stock server and with ours, and abb_driver with the proxy before either port."""
+"""Rigs of the ABB: open_abb, stock or custom server, and abb_driver with a proxied port."""
 
 from __future__ import annotations
 
@@ -29,14 +29,17 @@ FILE = CellFile(time_scale=SCALE, effects=("none",))
 
 
 def goal(i: int) -> tuple[float, ...]:
-    """A pose of its own for question i."""
+    """Return a distinct pose for question i."""
     return (10.0 + i % 70, 5.0 + i % 13, -(i % 29) - 1.0, i % 41 + 1.0, i % 17 + 1.0, -(i % 90) - 1.0)
 
 
 def gone(
     arm: AbbArm | AbbSimpleArm, cell: CellThread, goals: list[tuple[float, ...]], i: int
 ) -> list[tuple[Sequence[float], Sequence[float]]]:
-    """Go to the pose of question i: what was read on arrival and afterwards, each with what is right, deg."""
+    """Go to the pose of question i and return two readings, each with the right value, deg.
+
+    The first is read on arrival, the second afterwards.
+    """
     target = goal(i)
     goals.append(target)
     reached = arm.move_to(target).joints_deg
@@ -46,7 +49,7 @@ def gone(
 
 
 def abb_rig(stack: ExitStack, *, stock: bool) -> DriverRig:
-    """Question i: go to a pose of its own, and read it back."""
+    """Build the rig; question i goes to a distinct pose and reads it back."""
     cell = stack.enter_context(CellThread(FILE, stock=stock))
     proxy = stack.enter_context(FaultProxy(cell.port("abb"), device=cell.do))
     arm = AbbArm(f"tcp://127.0.0.1:{proxy.port}?background={cell.port('abb-background')}")
@@ -62,7 +65,10 @@ def abb_rig(stack: ExitStack, *, stock: bool) -> DriverRig:
 
 
 def abb_simple_rig(stack: ExitStack, *, proxied: str) -> DriverRig:
-    """Question i: go to a pose of its own, and read it back. Messages have no end mark and no sum."""
+    """Build the rig; question i goes to a distinct pose and reads it back.
+
+    Messages have no end mark and no checksum.
+    """
     cell = stack.enter_context(CellThread(FILE, devices=("abb-simple",)))
     proxy = stack.enter_context(FaultProxy(cell.port(proxied), device=cell.do))
     ports = {name: cell.port(name) for name in ("abb-simple", "abb-simple-state")} | {proxied: proxy.port}

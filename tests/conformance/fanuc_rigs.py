@@ -1,4 +1,4 @@
-"""Rigs of the Fanuc: MAPPDK with a stock server and with ours, Modbus with both register layouts."""
+"""Rigs of the Fanuc: MAPPDK, stock or custom server, and Modbus in both register layouts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ HASTY = replace(
 
 
 def fanuc_rig(stack: ExitStack, *, device: str, options: str = "", stock: bool = True) -> DriverRig:
-    """Question i: go to a pose of its own, and read it back. `stock`: of text alone."""
+    """Build the rig; question i goes to a distinct pose and reads it back.
+
+    With `stock`, the server is the one of text alone.
+    """
     cell = stack.enter_context(CellThread(CELL, stock=stock, devices=("fanuc",)))
     proxy = stack.enter_context(FaultProxy(cell.port(device), device=cell.do))
     arm = FanucArm(f"tcp://127.0.0.1:{proxy.port}?logger={cell.port('fanuc-logger')}{options}")

@@ -88,7 +88,10 @@ def emscon_rig(stack: ExitStack) -> DriverRig:
 
 
 def ctrack_rig(stack: ExitStack) -> DriverRig:
-    """Question i: one of six bodies; the miss is in mm and in tenths of a mrad, whichever is larger."""
+    """Build the rig; question i measures one of six bodies.
+
+    The miss is in mm or in tenths of a mrad, whichever is larger.
+    """
     cell, proxy = _cell(stack, "ctrack")
     meter = CTrack(f"tcp://127.0.0.1:{proxy.port}", heartbeat_s=None)
     stack.callback(meter.disconnect)
@@ -105,7 +108,10 @@ def ctrack_rig(stack: ExitStack) -> DriverRig:
 
 
 def ballbar_rig(stack: ExitStack, scheme: str) -> DriverRig:
-    """Question i: one of four base balls, at lengths that differ by 0.3 mm, a hundred times the tolerance."""
+    """Build the rig; question i measures one of four base balls.
+
+    Their lengths differ by 0.3 mm, a hundred times the tolerance.
+    """
     world = make_world(CellFile(effects=("none",)))
     place = np.array(world.true_point(ArmState((0.0,) * 6, (0.0,) * 6, (1,) * 6), "T1"))
     turns = [np.array([math.cos(a), math.sin(a), -1.0]) / math.sqrt(2.0) for a in (0.0, 1.0, 2.0, 3.0)]

@@ -1,7 +1,7 @@
-"""Every rig under every fault: how many answers were right, failed loudly, were wrong, and how long the slowest took.
+"""Every rig under every fault: right answers, loud failures, wrong answers, slowest time.
 
-Of damaged requests also how often the robot was sent where nobody asked it to go. A flipped bit (`flip`) cannot be seen
-where a protocol has no checksum and is read once: bracketed, and not counted.
+For damaged requests, unrequested moves of the robot are counted as well. A flipped bit (`flip`) cannot be detected
+if a protocol has no checksum and the answer is read once: such a cell is bracketed, and not counted.
 """
 
 from __future__ import annotations
@@ -30,7 +30,10 @@ STREAMS = ("abb-simple-state", "ur-realtime", "ur-rtde")  # a late package holds
 
 @dataclass(frozen=True)
 class Cell:
-    """One rig under one fault. `allowed_s`: what the deadlines of the driver allow one question."""
+    """Result of one rig under one fault.
+
+    `allowed_s` is the time that the deadlines of the driver allow for one question.
+    """
 
     rig: str
     fault: str
@@ -59,7 +62,10 @@ class Cell:
 
 
 def _hasty(name: str, fault: str) -> bool:
-    """Whether deadlines are short: where the fault costs one, or the run would take hours."""
+    """Return whether deadlines are short.
+
+    They are if the fault costs one deadline per question, or if the run would take hours.
+    """
     return (
         fault in REQUEST_FAULTS
         or LinkTimeout in CLASSES[fault]
@@ -76,7 +82,13 @@ def _restart(rig: DriverRig, name: str, fault: str, rate: float) -> None:
 
 
 def _right(rig: DriverRig, question: int) -> bool:
-    """Whether the answer is the truth, and the one to this question. Raises AcquisitionError."""
+    """Return whether the answer is true and belongs to this question.
+
+    Raises
+    ------
+    AcquisitionError
+        The question fails loudly.
+    """
     try:
         return rig.ask(question) <= rig.tolerance
     except AssertionError:  # a rig asserts that the answer names its question
@@ -111,7 +123,7 @@ def cell(name: str, fault: str, questions: int, rate: float) -> Cell:
 
 
 def cells(names: Sequence[str], questions: int, rate: float, jobs: int) -> Iterator[Cell]:
-    """All of them, as they end; every rig in a process of its own."""
+    """Yield the results of all rigs and faults as they end; every rig has a separate process."""
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         asked = [
             pool.submit(cell, name, fault, questions, rate)

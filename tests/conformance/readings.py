@@ -1,5 +1,6 @@
-"""Every driver with its simulator and no proxy between, ready to be read: for the benchmark of the overhead, and for
-wire logs.
+"""Every driver with its simulator and no proxy between, ready to be read.
+
+The benchmark of the overhead and wire logs use them.
 """
 
 from __future__ import annotations
@@ -33,7 +34,10 @@ PLAIN = CellFile(time_scale=SCALE, effects=("none",))
 
 @dataclass(frozen=True)
 class Bench:
-    """A driver, connected; `read` asks for one reading. `arm`: the same driver where it is a robot's."""
+    """Connected driver.
+
+    `read` requests one reading. `arm` is the same driver if it is that of a robot.
+    """
 
     read: Callable[[], object]
     arm: RobotArm | None = None
@@ -45,7 +49,10 @@ Setup = Callable[[ExitStack, WireSink | None], Bench]
 def robot(
     make: Callable[..., RobotArm], device: str, file: CellFile, options: str = "", *, stock: bool = False
 ) -> Setup:
-    """Reads the joints. `options`: of the address, with the ports of the cell by name."""
+    """Return a setup that reads the joints.
+
+    `options` belong to the address and contain the ports of the cell by name.
+    """
 
     def setup(stack: ExitStack, wire: WireSink | None) -> Bench:
         cell = stack.enter_context(CellThread(file, stock=stock, devices=(device.split("-modbus")[0],)))

@@ -66,7 +66,10 @@ def test_one_fault(named_rig: tuple[str, DriverRig], fault: str, pytestconfig: p
 
 
 def test_no_wrong_reading_in_many_questions(named_rig: tuple[str, DriverRig]) -> None:
-    """Questions under all faults together, at twice the usual rate; `make conformance` asks 400 for every one."""
+    """No answer is wrong under all faults together, at twice the usual rate.
+
+    `make conformance` asks 400 questions for every fault.
+    """
     name, rig = named_rig
     faults = [f for f in sorted(FAULTS) if (name, f) not in UNDETECTABLE and f not in ("delay", "drip")]
     many_questions(rig, faults, questions=MANY // 2, rate=0.06)
@@ -82,7 +85,10 @@ def ask_often(rig: DriverRig, first: int) -> None:
 
 
 def test_working_at_once_after_a_reboot(named_rig: tuple[str, DriverRig]) -> None:
-    """Without waiting for a deadline: those of a patient driver are longer. The best of three counts."""
+    """A rebooted device works at once, without a deadline; the best of three tries counts.
+
+    Deadlines of a patient driver are longer.
+    """
     _, rig = named_rig
     took_s = []
     for round_ in range(3):
@@ -101,7 +107,7 @@ def test_working_at_once_after_a_reboot(named_rig: tuple[str, DriverRig]) -> Non
 
 
 def test_a_clock_that_steps_costs_one_reading(named_rig: tuple[str, DriverRig]) -> None:
-    """Whoever does not reconnect is not refused for ever either."""
+    """A client that does not reconnect is not refused for ever either."""
     name, rig = named_rig
     if name in CLOCKED:
         clock_steps(rig)

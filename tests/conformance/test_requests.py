@@ -1,8 +1,9 @@
-"""Requests that are damaged on their way to the device: nothing wrong is recorded, and what is ours moves nothing.
+"""Test damaged requests: nothing wrong is recorded, and custom programs move nothing.
 
-A digit or a bit is changed, half of a request is lost or all of it, or it comes twice. Our own programs on the
-controllers show a target and wait for a go: the arm is never sent where nobody asked it to go. The others move on one
-request, so there the arm may go elsewhere; but no reading may say that it stands where it was asked to go.
+A digit or a bit is changed, half of a request is lost or all of it, or it comes twice. The project's programs on
+the controllers show a target and wait for a go, so the arm never moves to an unrequested target. Other programs
+move on one request, so there the arm may go elsewhere. No reading may then state that it has reached the requested
+target.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The suite that is installed: its promises hold for drivers of ours; a bad, a hanging and a dying driver are seen."""
+"""Test the installed suite: the project's drivers keep its promises.
+
+It detects a bad, a hanging and a dying driver.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,7 @@ ROOT = Path(__file__).parents[2]
 
 
 class Robot:
-    """The simulated ABB in the words of a bench."""
+    """Simulated ABB behind the interface of a bench."""
 
     def __init__(self, cell: CellThread) -> None:
         assert cell.cell is not None
@@ -140,7 +143,10 @@ NAMED = [
 
 @pytest.mark.parametrize(("bench", "text"), NAMED)
 def test_drivers_of_ours_keep_it(bench: RobotBench | InstrumentBench, text: str) -> None:
-    """Code that nobody wrote for the suite: what it asks is not more than the drivers' interfaces say."""
+    """Drivers that were not written for the suite keep it.
+
+    The suite therefore requires no more than the drivers' interfaces state.
+    """
     [promise] = [each for each in suite.promises_of(bench) if each.text == text]
     promise.act()
 
@@ -202,7 +208,10 @@ print(json.dumps({each.promise: [each.holds, each.seen] for each in found}))
 
 
 def test_a_bad_driver_of_another_package_is_seen(tmp_path: Path) -> None:
-    """The page's driver, which keeps every promise (tests/end_to_end/test_extending.py), spoiled in five places."""
+    """A bad driver of another package is detected.
+
+    It is the page's driver, which keeps every promise (tests/end_to_end/test_extending.py), spoiled in five places.
+    """
     files = {Path(block.file): block.text for block in sections()["A driver"] if block.file.endswith(".py")}
     modules = {path.stem: text for path, text in files.items()}
     for good, bad in WRONGS.items():

@@ -1,4 +1,4 @@
-"""What the simulated arms of the rigs truly did."""
+"""True motions of the simulated arms of the rigs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ SCALE = 5000.0  # a 20 deg move at 20 deg/s takes 0.2 ms
 def sent_elsewhere(
     cell: CellThread, goals: Sequence[Sequence[float]], within: float
 ) -> list[tuple[float, ...]]:
-    """Targets of moves that the simulated arm began, and that are none of `goals` (deg, model angles)."""
+    """List the targets of moves that the simulated arm began but that are none of `goals`.
+
+    Angles are model angles, deg.
+    """
     assert cell.cell is not None
     return [
         sent

@@ -1,4 +1,7 @@
-"""Rigs of the UR driver: RTDE behind the proxy, the real-time packet with its programs, and these programs alone."""
+"""Rigs of the UR driver: RTDE behind the proxy, the real-time packet, and programs alone.
+
+The real-time packet is used with its programs.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,10 @@ TOLERANCE_DEG = 0.008  # read-back in steps of 1e-5 rad; a wrong bit below 1e-4 
 
 
 def ur_rig(stack: ExitStack, proxied: str, feed: str) -> DriverRig:
-    """Question i: go to a pose of its own, and read it back. `proxied`: `rtde` or `realtime`, the port."""
+    """Build the rig; question i goes to a distinct pose and reads it back.
+
+    `proxied` is the port: `rtde` or `realtime`.
+    """
     file = CellFile(robot="ur5", time_scale=SCALE, effects=("none",))
     cell = stack.enter_context(CellThread(file, devices=("ur",)))
     device = "ur" if proxied == "rtde" else "ur-realtime"

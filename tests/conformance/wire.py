@@ -1,8 +1,8 @@
-"""`python -m tests.conformance.wire [NAME ...]`: what passes between driver and simulator, some lines of each protocol.
+"""`python -m tests.conformance.wire [NAME ...]`: sample traffic of each protocol.
 
-Robots connect, are armed, move and are read; instruments connect, are armed and measure. Columns: time (s), device,
-`>` to it, `<` from it or `!` opened and closed, data. Of a long conversation the beginning, the first lines of the
-move or of the reading, and the end are shown.
+The traffic passes between driver and simulator. Robots connect, are armed, move and are read; instruments connect,
+are armed and measure. Columns: time (s), device, `>` to it, `<` from it or `!` opened and closed, data. Of a long
+conversation, the program shows the beginning, the first lines of the move or of the reading, and the end.
 """
 
 from __future__ import annotations
@@ -23,7 +23,10 @@ GOAL_DEG = (10.5, -20.25, 15.0, -5.0, 30.0, 40.125)
 
 
 def log_of(name: str) -> tuple[list[str], int]:
-    """All lines of one protocol, times from the beginning on, and where the move or the last reading begins."""
+    """Return all lines of one protocol, and the first line of the move or last reading.
+
+    Times count from the beginning.
+    """
     begin = time.monotonic()
     stream = io.StringIO()
     with ExitStack() as stack:
@@ -48,7 +51,7 @@ def shown(line: str) -> str:
 
 
 def shortened(lines: list[str], middle: int) -> Iterator[str]:
-    """The beginning, from the middle on, and the end; one line says how many are left out."""
+    """Yield the beginning, the part from the middle on, and the end; count the omitted lines."""
     last = -1
     for i, line in enumerate(lines):
         if i < BEGINNING or 0 <= i - middle < MOVE or len(lines) - i <= END:
@@ -59,7 +62,7 @@ def shortened(lines: list[str], middle: int) -> Iterator[str]:
 
 
 def main() -> int:
-    """Print them."""
+    """Print the sample traffic of the named protocols."""
     logging.disable(
         logging.WARNING
     )  # every driver says that it is unverified on hardware; the page says it too
