@@ -1,7 +1,7 @@
-"""`python -m tests.fuzz [SECONDS [NAME]]`: spoiled files of every format in turn, until the time is over.
+"""`python -m tests.fuzz [SECONDS [NAME]]`: spoil files of every format in turn.
 
-Prints every fault once, with the seed that makes it again, and how many cases were tried; exit code 1 when there was
-one, or when a file took longer than `SLOW_S`.
+The program runs until the time is over. It prints every fault once, with the seed that reproduces it, and the
+number of cases. Exit code 1 if there was a fault, or if a file took longer than `SLOW_S`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SLOW_S = 10.0  # of processor time, for the examples' some kilobytes
 
 
 def fault_of(format_: Format, path: Path, seed: int) -> str:
-    """Where the reader of a file spoiled by `seed` fails, and how; empty where it does not."""
+    """Describe the fault of the reader for a file spoiled by `seed`; empty without a fault."""
     rng = Random(seed)
     path.write_bytes(rng.choice(format_.spoil)(format_.good, rng))
     begin = time.process_time()
@@ -48,7 +48,7 @@ def fault_of(format_: Format, path: Path, seed: int) -> str:
 
 
 def main() -> int:
-    """Run for the time asked for; 0 when nothing was found."""
+    """Run for the requested time; return 0 if nothing was found."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz")
     parser.add_argument("seconds", nargs="?", type=float, default=3600.0)
     parser.add_argument("name", nargs="?")

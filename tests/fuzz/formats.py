@@ -1,4 +1,4 @@
-"""Every file that people or other programs give us: a good example, how it is spoiled, and who reads it."""
+"""Every file format of users and other programs: good examples, mutations and readers."""
 
 from __future__ import annotations
 
@@ -61,7 +61,10 @@ ANYTHING: tuple[Mutation, ...] = (spoil_bytes, spoil_lines)
 
 @dataclass(frozen=True)
 class Format:
-    """`good`: the file of this name as it should be; `read` takes its path, and may raise errors of ours alone."""
+    """File format under test.
+
+    `good` is a correct file of this name. `read` takes its path and may raise the project's errors only.
+    """
 
     name: str
     good: bytes
@@ -70,7 +73,10 @@ class Format:
 
 
 def formats(folder: Path) -> dict[str, Format]:
-    """All formats by the name of their file; `folder` gets what stands beside them, all of it good."""
+    """Build all formats by the name of their file.
+
+    The good files that they need are written to `folder`.
+    """
     campaign = make_campaign(seed=3, n=40, n_validation=6, effects=[])
     data = write_files(folder, campaign.rows, campaign.header)
     dataset = read_dataset(data)
@@ -164,7 +170,7 @@ def _workbook(text: str) -> bytes:
 
 
 def _own(folder: Path, path: Path) -> object:
-    """What `truepose convert` does with a file that nobody has seen, and with one of a kind that has a map."""
+    """Run `truepose convert` on a file of unknown kind, and on one of a kind that has a map."""
     try:
         return converted(read_map(folder / "map.toml"), [path], "map.toml", folder)
     except DataError:
@@ -178,7 +184,7 @@ def _history() -> bytes:
 
 
 def _typed(path: Path) -> object:
-    """What the manual drivers make of what a person pastes."""
+    """Read pasted text like the manual drivers."""
     try:
         return typed_rows(path.read_bytes().decode("utf-8", "replace"), ("X", "Y", "Z"), "mm")
     except InvalidEntry as error:
@@ -186,7 +192,7 @@ def _typed(path: Path) -> object:
 
 
 def _corrected(saved: CalibratedModel, path: Path) -> object:
-    """What `truepose compensate` does with a program."""
+    """Run `truepose compensate` on a program."""
     known = KnownFrames()
     stated = StatedConditions(temperature_c=22.0, loads=saved.loads)
     return compensate(read_program(path, saved.model.robot, known), path, saved, stated, known)

@@ -140,7 +140,7 @@ def spoil_lines(data: bytes, rng: Random) -> bytes:
 
 
 def spoil_packed(data: bytes, rng: Random) -> bytes:
-    """An archive with one of its parts spoiled, packed anew."""
+    """Spoil one part of an archive and pack it again."""
     out = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as given, zipfile.ZipFile(out, "w") as packed:
         chosen = rng.choice(given.namelist())
@@ -151,7 +151,7 @@ def spoil_packed(data: bytes, rng: Random) -> bytes:
 
 
 def spoil_value(value: Any, rng: Random) -> Any:
-    """One value of a tree replaced, removed, doubled, renamed, or moved; in place where it can be."""
+    """Replace, remove, double, rename or move one value of a tree, in place if possible."""
     holders = [value]
     for each in holders:  # grows while it is walked
         inner = each.values() if isinstance(each, dict) else each

@@ -1,4 +1,7 @@
-"""Requests drawn from the OpenAPI document, and spoiled: paths, queries, headers, and bodies of JSON and forms."""
+"""Spoiled requests drawn from the OpenAPI document.
+
+Paths, queries, headers, and bodies of JSON and forms are spoiled.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,7 @@ EITHER = (("campaign", "campaign_id"), ("csv", "targets"))
 
 @dataclass(frozen=True)
 class Asked:
-    """One request, as the client takes it."""
+    """Request in the form that the client takes."""
 
     method: str
     path: str
@@ -43,7 +46,10 @@ class Asked:
 
 
 def draw(document: Mapping[str, Any], ids: tuple[str, ...], files: Mapping[str, bytes], rng: Random) -> Asked:
-    """A request to an operation of the OpenAPI document. ids: some that exist; files: good ones for forms."""
+    """Draw a request to an operation of the OpenAPI document.
+
+    `ids` are some that exist; `files` are good ones for forms.
+    """
     path = rng.choice(sorted(document["paths"]))
     method = rng.choice(sorted(document["paths"][path]))
     operation = document["paths"][path][method]

@@ -1,6 +1,7 @@
-"""Every file format, spoiled: what comes out of a reader is a value or an error of ours, never a fault.
+"""Test readers on spoiled files of every format: a value or a project error, never a fault.
 
-A short run by the seed in the suite, 100,000 cases a format by `make fuzz`. Warnings of the arithmetic are faults too.
+The suite runs a short part by the seed, `make fuzz` 100,000 cases per format. Warnings of the arithmetic are faults
+too.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Every request that the OpenAPI document knows, spoiled: an answer or a problem document, never a fault.
+"""Test spoiled requests of the OpenAPI document: an answer or a problem, never a fault.
 
-The service has the cell of an example and no devices: nothing that is sent here can move anything, and nobody waits
-for a connection. A short run by the seed in the suite, 100,000 requests by `make fuzz`.
+The service has the cell of an example and no devices: no request can move anything, and no test waits for a
+connection. The suite runs a short part by the seed, `make fuzz` 100,000 requests.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ DONE = "20260101-000000-0001"
 
 
 class Service:
-    """A service in this process, with a finished job of which the model is good."""
+    """Service in this process, with a finished job that has a good model."""
 
     def __init__(self, client: TestClient, files: dict[str, bytes]) -> None:
         self.client, self.files = client, files
