@@ -1,4 +1,4 @@
-"""What a simulated controller shows of an instant is what it was then, however late it is asked."""
+"""Test that a simulated controller shows the true state of an instant, even if read late."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ class Wall:
 
 
 def moved() -> tuple[Wall, CellClock, Servo]:
-    """An arm that was stopped on its way, sent on at once, and has stood for 100 s since it arrived."""
+    """Simulate an arm that was stopped on its way and sent on at once.
+
+    It has been at rest for 100 s since it arrived.
+    """
     wall = Wall()
     clock = CellClock(wall=wall)
     arm = ArmDevice(clock.now, LIMITS)
@@ -43,7 +46,7 @@ def moved() -> tuple[Wall, CellClock, Servo]:
 
 
 def seen(clock: CellClock, instants: np.ndarray, value: Callable[[], tuple[float, ...]]) -> np.ndarray:
-    """What `value` gave at each of the instants (n,): (n, 6)."""
+    """Read `value` at each of the instants (n,); return (n, 6)."""
     rows = []
     for at_s in instants:
         with clock.held(float(at_s)):

@@ -22,7 +22,10 @@ THESIS_ROBOTS = {"IRB120": IRB120, "LRMATE200iC": LRMATE200IC}
 
 
 def calibrated(robot_name: str, p31: list[float]) -> tuple[Geometry, list[float]]:
-    """Geometry and compliances of the 31 parameters: base, (alpha, a, theta, d) of links 2..6, c_2..c_6."""
+    """Return geometry and compliances from the 31 parameters.
+
+    These are base, (alpha, a, theta, d) of links 2..6, c_2..c_6.
+    """
     g = nominal_geometry(THESIS_ROBOTS[robot_name])
     g.base_mm, g.base_rad = p31[0:3], p31[3:6]
     for i in range(1, 6):

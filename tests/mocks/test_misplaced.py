@@ -1,5 +1,7 @@
-"""Where the simulators really have nests, cups and tool balls. These would catch: a cell whose truth is its own file,
-offsets that change with the seed's other draws, and a ballbar, tracker or camera that never sees them.
+"""Test the true positions of nests, cups and tool balls in the simulators.
+
+These would catch: a cell whose truth is its own file, offsets that change with the seed's other draws, and a
+ballbar, tracker or camera that never sees them.
 """
 
 from __future__ import annotations

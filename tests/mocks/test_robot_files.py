@@ -1,6 +1,6 @@
-"""Robots that the simulators read from robot files, held against the program's own reader and chain.
+"""Test the simulators' robots from robot files against the program's reader and chain.
 
-These would catch: a joint that slides and is turned, a zero or a coupling lost, limits of the wrong side.
+These would catch: a sliding joint that is turned, a zero or a coupling lost, limits of the wrong side.
 """
 
 from __future__ import annotations

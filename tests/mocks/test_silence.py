@@ -1,4 +1,7 @@
-"""The watchdog of a simulated controller barks at a client that is silent, and not because the machine is busy."""
+"""Test that the watchdog of a simulated controller triggers for a silent client only.
+
+A busy machine must not trigger it.
+"""
 
 from __future__ import annotations
 
