@@ -35,7 +35,7 @@ _TIME = re.compile(r"-?time \d+(?=\])|time \d+-")
 
 @contextmanager
 def busy_processes(count: int) -> Iterator[None]:
-    """So many processes that compute without end, until the block ends."""
+    """Run `count` processes that compute without end, until the block ends."""
     command = [sys.executable, "-c", "while True: pass"]
     burners = [subprocess.Popen(command) for _ in range(count)]
     try:
@@ -47,7 +47,10 @@ def busy_processes(count: int) -> Iterator[None]:
 
 
 def waiting_files() -> list[str]:
-    """Every file of tests that uses a thread, a socket, a process or a simulated device, or imports what does."""
+    """List all test files that wait for other threads or programs.
+
+    They use a thread, a socket, a process or a simulated device, or import a module that does.
+    """
     graph = grimp.build_graph("tests", cache_dir=None)
     files = {name: ROOT / (name.replace(".", "/") + ".py") for name in graph.modules}
     texts = {name: file.read_text("utf-8") for name, file in sorted(files.items()) if file.is_file()}
@@ -63,7 +66,7 @@ def waiting_files() -> list[str]:
 
 @dataclass(frozen=True)
 class Done:
-    """What came of one TEST: how often each of its tests failed, of how many runs in all."""
+    """Result of one TEST: how often each of its tests failed, of how many runs in all."""
 
     test: str
     times: int
@@ -73,7 +76,7 @@ class Done:
 
 
 def of_report(report: Path) -> tuple[Counter[str], int]:
-    """How often each test failed, and how many runs there were, of a JUnit report."""
+    """Count the failures of each test, and all runs, of a JUnit report."""
     failed: Counter[str] = Counter()
     cases = list(ElementTree.parse(report).iter("testcase"))
     for case in cases:
@@ -84,7 +87,13 @@ def of_report(report: Path) -> tuple[Counter[str], int]:
 
 
 def run(test: str, times: int, busy: int, jobs: int) -> Done:
-    """Run one TEST so many times. Raises RuntimeError when pytest could not."""
+    """Run one TEST `times` times.
+
+    Raises
+    ------
+    RuntimeError
+        Pytest could not run.
+    """
     with tempfile.TemporaryDirectory(prefix="truepose-steady-") as folder:
         report = Path(folder) / "report.xml"
         command = [sys.executable, "-m", "pytest", "-q", "-p", "tests.steady.repeat", "--repeat", str(times)]
@@ -97,7 +106,7 @@ def run(test: str, times: int, busy: int, jobs: int) -> Done:
 
 
 def logged(log: Path) -> list[Done]:
-    """What earlier sessions have run."""
+    """Read the results of earlier sessions."""
     lines = log.read_text(encoding="utf-8").splitlines() if log.exists() else []
     return [Done(**json.loads(line)) for line in lines]
 

@@ -1,6 +1,7 @@
-"""A pytest plugin: `-p tests.steady.cost` shows the processor time of each file, with that of the processes it started.
+"""Pytest plugin: `-p tests.steady.cost` shows the processor time of each file.
 
-Such as live on when the process that started them has ended, a browser's, are not counted.
+The time of the processes that it started is included. A process that outlives the process that started it, such as
+one of a browser, is not counted.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ def _spent() -> float:
 
 
 class Cost:
-    """What was spent from report to report, set-up and teardown included."""
+    """Processor time from report to report, set-up and teardown included."""
 
     def __init__(self) -> None:
         self._last = _spent()

@@ -1,4 +1,4 @@
-"""A pytest plugin: `--repeat 50` runs every chosen test so many times, each time as a case of its own."""
+"""Pytest plugin: `--repeat 50` runs every chosen test 50 times, each as a separate case."""
 
 from __future__ import annotations
 
