@@ -1,4 +1,4 @@
-"""Changes to the arms in the box, and to how they are told apart."""
+"""Changes to the built-in arms, and to the code that distinguishes them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Changes to the rest of the mathematics: arms, data, effects, compensation, validation, regression."""
+"""Changes to other mathematics: arms, data, effects, compensation, validation, regression."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One change that breaks the program: which text of which file becomes what, and which tests should notice."""
+"""Change that breaks the program: file, old and new text, and the tests that should notice."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ ROOT = Path(__file__).parents[2]
 
 @dataclass(frozen=True)
 class Change:
-    """`old` stands exactly once in `file`; `breaks`: what goes wrong then; `tests`: addresses for pytest.
+    """Seeded fault.
 
-    `survives`: why no test can notice; empty where one must.
+    `old` occurs exactly once in `file`. `breaks` states the resulting fault, `tests` the addresses for pytest.
+    `survives` states why no test can notice it; it is empty if a test must notice it.
     """
 
     file: str
@@ -28,7 +29,7 @@ class Change:
         return f"{self.file}: {self.breaks}"
 
     def stale(self, root: Path = ROOT) -> str:
-        """Why the change cannot be made any more; empty where it can."""
+        """Return why the change can no longer be made, or an empty text if it can."""
         path = root / self.file
         if not path.is_file():
             return f"there is no {self.file}"
@@ -39,7 +40,13 @@ class Change:
         return f"there is no {missing[0]}" if missing else ""
 
     def apply(self, root: Path) -> None:
-        """Make the change in a copy. Raises ValueError when it is stale."""
+        """Make the change in a copy.
+
+        Raises
+        ------
+        ValueError
+            The change is stale.
+        """
         if why := self.stale(root):
             raise ValueError(why)
         path = root / self.file

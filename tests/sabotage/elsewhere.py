@@ -1,4 +1,4 @@
-"""Changes in corners that the other lists do not visit: prompts, loops, files of other programs, saved models."""
+"""Changes outside of the other lists: prompts, loops, foreign files, saved models."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Changes to the diagnosis of many robots, and to the way on which their documents come together."""
+"""Changes to the diagnosis of many robots, and to the collection of their documents."""
 
 from __future__ import annotations
 

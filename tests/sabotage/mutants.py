@@ -180,7 +180,7 @@ def mutants(target: Target) -> list[Change]:
 
 
 def _changes(tree: ast.Module) -> Iterator[tuple[ast.expr | ast.stmt, str]]:
-    """What is replaced, and by which text."""
+    """Yield each replaced node and its new text."""
     for node in _meant(tree):
         if isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in COMPARISONS:
             yield node, _with(node, ops=[COMPARISONS[type(node.ops[0])]()])
@@ -199,7 +199,7 @@ def _changes(tree: ast.Module) -> Iterator[tuple[ast.expr | ast.stmt, str]]:
 
 
 def _meant(node: ast.AST) -> Iterator[ast.AST]:
-    """The nodes below that say what is done: no words, no types, no decorators."""
+    """Yield the nodes below that state an action: no words, no types, no decorators."""
     for name, value in ast.iter_fields(node):
         if name in ("annotation", "returns", "decorator_list", "type_params"):
             continue
@@ -219,7 +219,10 @@ def _says_nothing(node: ast.AST) -> bool:
 
 
 def _of_words(node: ast.BinOp) -> bool:
-    """Words are put together: any other operator would end in a TypeError, which is no test of the tests."""
+    """Return whether words are concatenated.
+
+    Any other operator would end in a TypeError, which is no test of the tests.
+    """
     held = [side.value if isinstance(side, ast.Constant) else side for side in (node.left, node.right)]
     return any(isinstance(side, str | bytes | ast.JoinedStr) for side in held)
 
@@ -232,14 +235,14 @@ def _with(node: ast.expr, **fields: object) -> str:
 
 
 def _offset(source: str, line: int, column: int) -> int:
-    """Where a node begins: its columns count bytes."""
+    """Return the position of a node in the text; columns of nodes count bytes."""
     lines = source.splitlines(keepends=True)
     before = lines[line - 1].encode()[:column].decode()
     return sum(map(len, lines[: line - 1])) + len(before)
 
 
 def main() -> int:
-    """Try what was chosen, print what survived and the score of every file; 0 where each is good enough."""
+    """Try the chosen changes and print survivors and scores; return 0 if every file is good."""
     parser = argparse.ArgumentParser(prog="python -m tests.sabotage.mutants", description=__doc__)
     parser.add_argument("--sample", type=int, default=0, help="so many of a file; 0: all")
     parser.add_argument("--seed", type=int, default=1)

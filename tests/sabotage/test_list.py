@@ -1,4 +1,4 @@
-"""The list of sabotage keeps up with the program: every change can still be made, and its tests are there."""
+"""Test that every seeded fault can still be made, and that its tests exist."""
 
 from __future__ import annotations
 

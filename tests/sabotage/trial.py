@@ -27,7 +27,11 @@ _SOME_FAILED, _NO_FAULT = 1, 0
 
 @dataclass(frozen=True)
 class Verdict:
-    """`outcome`: killed, survived, stale or broken (the tests could not run); `by`: what noticed, or why not."""
+    """Result of a trial.
+
+    `outcome` is killed, survived, stale or broken (the tests could not run). `by` is the test that noticed, or the
+    reason.
+    """
 
     change: Change
     outcome: str
@@ -104,10 +108,10 @@ def _tried(change: Change, copy: Path) -> Verdict:
 
 
 def _run(command: list[str], folder: Path, environment: dict[str, str]) -> tuple[int | None, str]:
-    """The exit code, None where the time was over, and all that was said.
+    """Return the exit code and the whole output; the code is None if the time was over.
 
-    It is written to a file and not to a pipe: a simulator that a hung test leaves behind would keep the pipe open.
-    Whatever is left behind is ended.
+    The output is written to a file and not to a pipe: a simulator that a hung test leaves behind would keep the
+    pipe open. Any process left behind is ended.
     """
     with TemporaryFile() as output:
         process = subprocess.Popen(

@@ -1,4 +1,4 @@
-"""Changes to what is watched between calibrations, and to when the next is due."""
+"""Changes to the watch between calibrations, and to the next due date."""
 
 from __future__ import annotations
 
