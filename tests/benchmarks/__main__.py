@@ -1,9 +1,9 @@
-"""`python -m tests.benchmarks [NAME [COUNT]]`: the figures we are held to.
+"""`python -m tests.benchmarks [NAME [COUNT]]`: results that the program must reach.
 
 `real_data` takes names of data sets instead of a count, and `--enter`.
 
-Without a name all but the demos and the peers run. Every figure is a ratio within one run, or a count over seeded
-campaigns, so that it means the same on any machine. Exit code 1 when one is missed.
+Without a name all but the demos and the peers run. Every result is a ratio within one run, or a count over seeded
+campaigns, so that it means the same on any machine. Exit code 1 if one is missed.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ APART = ("campaign", "demo", "fleet_kills", "outbox", "path", "peers", "real_dat
 
 
 def main() -> int:
-    """Run what was asked for; 0 when every figure is reached."""
+    """Run the requested benchmarks; return 0 if every result is reached."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description="Ratios and counts")
     parser.add_argument("name", nargs="?", choices=tuple(BENCHMARKS))
     parser.add_argument(

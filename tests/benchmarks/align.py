@@ -1,4 +1,4 @@
-"""Benchmark of the clocks of a moving robot and of a tracker, on simulated recordings.
+"""Benchmark of the alignment of robot and tracker clocks, on simulated recordings.
 
 The recordings follow the paper's set-up: 38 waypoints in 600 s, 75,000 samples of the robot, 6,000 of the tracker.
 The time from the two files to the data set is measured as well. The same is repeated for arms that bend and that
@@ -96,8 +96,8 @@ def _of_arms(count: int, path: str, arm: str) -> bool:
 def _errors(moving: Moving) -> tuple[float, float, float, float, bool, float]:
     """Return the errors of the fitted clocks.
 
-    The items are errors of offset and rate, the step, the offset's error in standard errors, whether a step is
-    detected, fitted or named, and the rate's error in standard errors.
+    The first items are the errors of offset and rate, the step, and the offset's error in standard errors. Then
+    follow whether a step is detected, fitted or named, and the rate's error in standard errors.
     """
     found: Aligned = align(
         load_robot("ur5"),

@@ -1,6 +1,7 @@
-"""Planning with clearance: moves through a cell with a post, and how long 400 poses take to be drawn and checked.
+"""Benchmark of planning with clearance: moves past a post, and the time of 400 poses.
 
-Held to: no move that fine sampling finds touching passes for clear, and none that passes by 2 mm is refused.
+The time is that to draw and check the poses. No move that touches according to fine sampling may pass for clear,
+and none that passes at 2 mm may be refused.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Time of a call: the least of some tries, in seconds of processor time, which a busy machine disturbs least."""
+"""Time of a call: the least processor time of some tries, s.
+
+A busy machine disturbs this measure least.
+"""
 
 from __future__ import annotations
 

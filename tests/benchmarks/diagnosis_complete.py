@@ -1,8 +1,8 @@
 """Benchmark of false alarms in complete sets, in every design in which readings are alike.
 
-An alarm is any verdict but `complete`. The designs are: poses visited once with one target each; five visits per
-pose; repeatability five times the instrument's noise; three targets read in every visit, which share its
-repeatability. The last design combines all of these. Every alarm is printed with its seed.
+An alarm is any verdict but `complete`. In the first design, poses are visited once with one target each. The others
+have five visits per pose, repeatability of five times the instrument's noise, or three targets read in every visit,
+which share its repeatability. The last design combines all of these. Every alarm is printed with its seed.
 """
 
 from __future__ import annotations

@@ -1,16 +1,16 @@
 """Detectability of the hidden effects of a data set, from the simulator's truth alone.
 
-It is computed before any diagnosis. With J the whitened Jacobian of the base model, and of the true columns of all
-other hidden effects, P the projection on the complement of J, and X beta the whitened displacement that an effect
-causes without noise:
+It is computed before any diagnosis. J is the whitened Jacobian of the base model, and of the true columns of all
+other hidden effects. P is the projection on the complement of J. X beta is the whitened displacement that an effect
+causes without noise. Then:
 
     lambda = |P X beta|^2                  what the data can show of it;
     gap    = lambda - max over rivals      what its best rival in the library, at its best place, does not explain;
     ideal  = held-out error of the fit with the true columns of all effects added.
 
 The Jacobian is taken at the fit of the same readings without the hidden effects. An effect with several amplitudes
-has one true column each. Rivals are all other labels, and periodic errors with every whole order. Half an order
-fits like any slope over a joint, so it is no rival.
+has one true column each. Rivals are all other labels, and periodic errors with every whole order. Half an order is
+no rival, since it fits like any slope over a joint.
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ class Spent:
     def on_two_processors(self) -> float:
         """Return the time that these processes take on two free processors, s.
 
-        Nothing is assumed to wait for a disk.
+        It is that of work without any wait for a disk.
         """
         return max(*self.workers_s, (sum(self.workers_s) + self.tally.overhead_s) / 2.0, 0.0)
 
@@ -68,7 +68,10 @@ class Spent:
 
 
 def run(count: int = 64, readings: int = READINGS) -> bool:
-    """Measure and print; return whether two workers are fast enough and the scheduler cheap enough."""
+    """Measure and print; return whether both limits are met.
+
+    Two workers must be fast enough, and the scheduler cheap enough.
+    """
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         write_sets(root / "data", count, readings)

@@ -1,8 +1,8 @@
 """Benchmark of identification against the least error that the noise allows.
 
 The error is taken against the truth, without its noise. At the measured poses, a fit of p parameters to n points
-cannot do better than sigma sqrt(3) sqrt(p / 3n) on average, for any poses. At held-out poses, the floor follows
-from the poses of the readings: the bound of Cramer and Rao, trace(G (J'J)^-1 G') with J and G differences of the
+cannot do better than sigma sqrt(3) sqrt(p / 3n) on average, for any poses. At held-out poses, the floor depends on
+the poses of the readings. It is the bound of Cramer and Rao, trace(G (J'J)^-1 G'), with J and G differences of the
 second arm at the truth.
 """
 

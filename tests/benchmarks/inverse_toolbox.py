@@ -1,6 +1,8 @@
-"""Runs in an environment of its own: roboticstoolbox's numerical solver on the poses of a case, one after the other.
+"""Numerical solver of roboticstoolbox on the poses of a case, one after the other.
 
-python inverse_toolbox.py ANSWER.json CASE.json
+It runs in a separate environment:
+
+    python inverse_toolbox.py ANSWER.json CASE.json
 """
 # pyright: reportMissingImports=false
 
@@ -18,7 +20,10 @@ TRIES = 3
 
 
 def main(answer: str, case: str) -> None:
-    """Seconds of processor time a pose, the least of some tries, and the share of poses that were reached."""
+    """Write the time per pose and the share of poses that were reached.
+
+    The time is the least processor time of some tries, s.
+    """
     table = json.loads(Path(case).read_text(encoding="utf-8"))
     link = RevoluteMDH if table["convention"] == "mdh" else RevoluteDH
     rows = zip(table["alpha"], table["a"], table["theta"], table["d"], strict=True)

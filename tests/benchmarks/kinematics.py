@@ -1,4 +1,7 @@
-"""Kinematics of 10,000 configurations at once against the same function called one by one: at least 100 times."""
+"""Benchmark of the kinematics of 10,000 configurations at once: 100 times as fast or more.
+
+The reference is the same function called one by one.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""`python -m tests.benchmarks.outbox_sender OUTBOX PORT TOKEN`: sends until nothing waits, on a clock that jumps."""
+"""`python -m tests.benchmarks.outbox_sender OUTBOX PORT TOKEN`: send all waiting documents.
+
+The clock jumps instead of waiting.
+"""
 
 from __future__ import annotations
 

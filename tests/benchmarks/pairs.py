@@ -1,8 +1,9 @@
-"""Distance error over all pairs of 9,905 points: time against scipy's pdist, and peak memory.
+"""Benchmark of the distance error over all pairs of 9,905 points: time and peak memory.
 
-The plain way makes two vectors of 49,049,560 distances (785 MB) and takes their difference; ours gives mean, standard
-deviation, RMS, 95 % and maximum on the way. Told beside it: the ratio to one pdist call, which makes no difference at
-all. Elapsed time counts, since ours runs on all processors; on a machine that is busy with other work it says little.
+The time is compared with scipy's pdist. The plain way makes two vectors of 49,049,560 distances (785 MB) and takes
+their difference; ours computes mean, standard deviation, RMS, 95 % and maximum on the way. The ratio to one pdist
+call, which computes no difference at all, is printed as well. Elapsed time counts, since ours runs on all
+processors; on a machine that is busy with other work it means little.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
-"""The time until `truepose --help` has answered and `truepose serve` is ready, by the processor time of the process.
+"""Benchmark of start-up: processor time of `truepose --help` and of `truepose serve`.
 
-The shortest of some tries: what else runs on the machine lengthens processor time, too.
+The time of `serve` ends when it is ready.
+
+The shortest of some tries counts, since other load of the machine lengthens processor time, too.
 """
 
 from __future__ import annotations

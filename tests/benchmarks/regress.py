@@ -1,8 +1,9 @@
-"""Regression against identification on the set-up of Khanesar et al. 2022, simulated (`tests.calib.ur5_path`).
+"""Benchmark of regression against identification on the simulated set-up of a paper.
 
-The uncalibrated error is tuned to the paper's 71.9 um; the scatter of the stops, once for all sets, to its 20.9 um.
-Figures are medians over the sets (mean absolute error, mean of the axes), with the least and the largest, and between
-which the middle half of the sets lies: sets differ in how much of their arm's errors the products can follow.
+The set-up is that of Khanesar et al. 2022 (`tests.calib.ur5_path`). The uncalibrated error is tuned to the paper's
+71.9 um; the scatter of the stops, once for all sets, to its 20.9 um. Results are medians over the sets (mean
+absolute error, mean of the axes), with the least, the largest, and the range of the middle half of the sets. Sets
+differ in how much of their arm's errors the products can follow.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ _POSITIONS = "MLS-SVR on positions"
 
 
 def run(count: int = 40) -> bool:
-    """Print the figures of `count` sets; whether the wanted ones are reached."""
+    """Print the results of `count` sets; return whether the limits are met."""
     begin = time.process_time()
     found = [_compared(seed) for seed in range(count)]
     spent = (time.process_time() - begin) / count

@@ -1,9 +1,9 @@
-"""Pose selection: efficiency against the continuous bound, and time against one decomposition a candidate.
+"""Benchmark of pose selection: efficiency against the continuous bound, and time.
 
-5000 candidates of an IRB 120 within the ranges of Nubiola 2.5.2, isotropic noise, 31 parameters; measured with one
-target off the axis of joint 6, or with three. Efficiency is (det / det of the bound)^(1/m), the square of the ratio of
-O1. The naive exchange takes the singular values of the whole Jacobian for
-every candidate that could take a place, as the thesis describes it.
+The reference time is one decomposition per candidate. 5000 candidates of an IRB 120 are within the ranges of
+Nubiola 2.5.2, with isotropic noise and 31 parameters; they are measured with one target off the axis of joint 6, or
+with three. Efficiency is (det / det of the bound)^(1/m), the square of the ratio of O1. The naive exchange takes
+the singular values of the whole Jacobian for every candidate that could take a place, as the thesis describes it.
 """
 
 from __future__ import annotations
@@ -86,7 +86,10 @@ def _updates(blocks: PoseRows) -> float:
 
 
 def _naive(rows: Array, sample: int = 100) -> float:
-    """Seconds for the same with the singular values of every candidate's Jacobian; a sample, scaled up."""
+    """Time the naive exchange, with the singular values of every candidate's Jacobian, s.
+
+    A sample is timed and scaled up.
+    """
     kept = np.delete(np.arange(38), 5)
     trials = np.stack([rows[[*kept, j]].reshape(-1, rows.shape[2]) for j in range(38, 38 + sample)])
     return seconds(lambda: np.linalg.svd(trials, compute_uv=False), 3) * len(rows) / sample

@@ -1,4 +1,6 @@
-"""`python -m tests.benchmarks.stop_cell CELL.toml`: a simulated cell whose back door also says when the arm was halted.
+"""`python -m tests.benchmarks.stop_cell CELL.toml`: simulated cell that reports its halts.
+
+Its back door returns the time at which the arm was halted:
 
 {"do": "halted"} -> {"ok": true, "at_s": 1234.5}     on the steady clock, which all programs of a computer share
 """
@@ -16,7 +18,7 @@ from mocks.cell_file import read_cell
 
 
 def main(file: Path) -> None:
-    """Serve until told to end."""
+    """Serve until the end is requested."""
     cell = Cell(read_cell(file), devices=("abb", "faro"))
     halt, halted = cell.arm.halt, [0.0]
 

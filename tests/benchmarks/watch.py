@@ -139,10 +139,10 @@ Row = tuple[str, bool, bool, bool, bool]
 
 
 def run(count: int = 100) -> bool:
-    """Print the results of `count` watches of each change, and of `UNCHANGED` times as many without one.
+    """Print the results of `count` watches of each change, and of further unchanged watches.
 
-    There are `WATCHES` watches per arm. The visits chosen by the plan are judged. The series with one reading at
-    each pose is only printed.
+    Without a change there are `UNCHANGED` times as many, with `WATCHES` watches per arm. The visits chosen by the
+    plan are judged. The series with one reading at each pose is only printed.
     """
     reached = _told(*_counted(count, None))
     print("with one reading at each pose:", flush=True)

@@ -9,6 +9,6 @@ from tests.benchmarks.peers import identification, selection
 
 
 def run() -> bool:
-    """Print every row; whether all are as wanted."""
+    """Print every row; return whether all limits are met."""
     reached = identification.run()
     return selection.run() and reached

@@ -1,8 +1,9 @@
-"""Identification from the same readings by every package: seconds in ratios to ours, and the error at fresh poses.
+"""Benchmark of identification by every package: time ratios, and error at fresh poses.
 
-Base, links and one target off axis 6 are unknown; the truth has DH errors only ("dh"), or axes 2 and 3 are 0.13 deg
-from parallel as well ("beta"). Ours includes all it does for any data set: a start, what is not identifiable,
-robust weights, outliers, covariance. Whether the error is what noise allows is asked over several campaigns.
+All packages use the same readings. Base, links and one target off axis 6 are unknown; the truth has DH errors only
+("dh"), or axes 2 and 3 are 0.13 deg from parallel as well ("beta"). Ours includes all it does for any data set: a
+start, redundancy, robust weights, outliers, covariance. Several campaigns show whether the error is the one that
+noise allows.
 """
 
 from __future__ import annotations
@@ -51,7 +52,10 @@ def ours(readings: Readings) -> tuple[float, Array]:
 
 
 def at_the_bound(count: int) -> bool:
-    """RMS of our error at fresh poses over campaigns, to that which no estimate without bias can be below."""
+    """Compare our RMS error at fresh poses with the bound of estimates without bias.
+
+    The RMS is taken over campaigns.
+    """
     squares, bounds = [], []
     for seed in range(1, CAMPAIGNS + 1):
         arm = true_arm(seed, twisted=True)
@@ -70,7 +74,7 @@ def at_the_bound(count: int) -> bool:
 
 
 def printed(name: str, value: str, wanted: str, reached: bool) -> bool:
-    """One row of the table; whether it is as wanted."""
+    """Print one row of the table; return whether its limit is met."""
     line(name, value, wanted, reached)
     return reached
 

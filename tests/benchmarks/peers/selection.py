@@ -1,6 +1,7 @@
-"""Selection of 50 of N poses against figaroh's Detmax, on the information matrices of figaroh's own regressor.
+"""Benchmark of the selection of 50 of N poses against figaroh's Detmax.
 
-Wanted: log det as high or higher, in a thirtieth of the time or less.
+Both use the information matrices of figaroh's own regressor. Our log det must be as high or higher, in a thirtieth
+of the time or less.
 """
 
 from __future__ import annotations

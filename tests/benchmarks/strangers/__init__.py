@@ -1,4 +1,7 @@
-"""Arms, laws and campaigns of somebody else: nothing of their physics is shared with the program or the simulators."""
+"""Independent arms, laws and campaigns.
+
+Their physics shares nothing with the program or the simulators.
+"""
 
 from tests.benchmarks.strangers.bench import run
 

@@ -1,4 +1,4 @@
-"""`python -m tests.benchmarks.strangers PART [SEEDS [FIRST]]`: one part of the bench, from any first seed."""
+"""`python -m tests.benchmarks.strangers PART [SEEDS [FIRST]]`: one part from any first seed."""
 
 from __future__ import annotations
 

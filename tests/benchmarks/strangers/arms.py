@@ -251,5 +251,5 @@ FLAT = own_arm(
 
 
 def arms() -> tuple[Arm, ...]:
-    """Return all arms of these benchmarks."""
+    """Return every arm of these benchmarks."""
     return (*(library_arm(name) for name in LIBRARY), TALL, TABLETOP, REDUNDANT, FLAT)

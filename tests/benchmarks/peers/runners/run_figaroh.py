@@ -1,6 +1,6 @@
-"""figaroh: its structural method, with the cost function of its documentation and with the plainest there is.
+"""Runner of figaroh: its structural method, with the documented and the plainest cost.
 
-Timed are the choice of the identifiable parameters and the optimisation; not its statistics, nor its report.
+The choice of the identifiable parameters and the optimisation are timed, but not its statistics, nor its report.
 """
 # pyright: reportMissingImports=false
 
@@ -16,7 +16,7 @@ from figaroh_arm import Documented, Plain, calibration_of, predict
 
 
 def solver(kind: type[Any]) -> Callable[[Case], Callable[[], Predict]]:
-    """What solves with one of the cost functions."""
+    """Return a solver that uses one of the cost functions."""
 
     def prepare(case: Case) -> Callable[[], Predict]:
         with tempfile.TemporaryDirectory() as folder:

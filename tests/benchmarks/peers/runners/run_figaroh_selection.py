@@ -1,6 +1,7 @@
-"""figaroh's Detmax: so many of the candidate poses of a case, on its own information matrices.
+"""Runner of figaroh's Detmax: select candidate poses of a case by its information matrices.
 
-Writes beside the answer ROWS.npz with the rows (N, 3, m) of its regressor, from which those matrices come.
+It also writes ROWS.npz, next to the answer, with the rows (N, 3, m) of its regressor, from which those matrices
+come.
 """
 # pyright: reportMissingImports=false
 

@@ -1,6 +1,7 @@
-"""Runner of pybotics: `optimize_accuracy` of its examples, and a residual of three components.
+"""Runner of pybotics: `optimize_accuracy` as in its examples, and a vector residual.
 
-Base pose, the modified DH numbers of links 2 to 6 and the tool's position are free; it has no beta.
+The vector residual has three components per reading. Base pose, the modified DH numbers of links 2 to 6 and the
+tool's position are free; it has no beta.
 """
 # pyright: reportMissingImports=false
 

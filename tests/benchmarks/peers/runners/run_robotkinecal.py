@@ -1,4 +1,7 @@
-"""robotkinecal: product of exponentials, four numbers a joint, and the target's position; the base is among them."""
+"""Runner of robotkinecal: product of exponentials, four numbers per joint.
+
+The target's position is free as well, and the base is among the numbers.
+"""
 # pyright: reportMissingImports=false
 
 from __future__ import annotations
