@@ -1,4 +1,7 @@
-"""Cells of the examples on a bench for `truepose doctor`: simulators in this process, and what was sent to them."""
+"""Cells of the examples on a bench for `truepose doctor`.
+
+The simulators run in this process; the requests that they received are recorded.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ EXAMPLES = sorted(path.parent.name for path in (ROOT / "examples").glob("*/cell.
 
 @dataclass
 class Bench:
-    """The cell of an example in this process, and its cell file with the addresses of its simulators."""
+    """Cell of an example in this process, with the addresses of its simulators in its cell file."""
 
     simulators: CellThread
     file: Path
@@ -42,7 +45,7 @@ class Bench:
 
 @contextmanager
 def bench(example: str, folder: Path, robot_driver: str = "", instrument_driver: str = "") -> Iterator[Bench]:
-    """`robot_driver`, `instrument_driver`: others than the example's."""
+    """Set up the cell of an example in a folder, with other drivers for robot or instrument if they are named."""
     file = folder / "cell.toml"
     shutil.copy(ROOT / "examples" / example / "cell.toml", file)
     text = file.read_text("utf-8")
@@ -61,7 +64,7 @@ def bench(example: str, folder: Path, robot_driver: str = "", instrument_driver:
 
 @dataclass
 class Requests:
-    """What was sent to each device."""
+    """Requests that were sent to each device."""
 
     sent: list[tuple[str, bytes]] = field(default_factory=list)
 

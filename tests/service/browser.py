@@ -1,5 +1,6 @@
-"""A browser without a window, driven over the Chrome DevTools Protocol: evaluate, type, take a picture.
+"""A browser without a window, driven over the Chrome DevTools Protocol.
 
+It evaluates scripts, types text and takes pictures.
 Source: https://chromedevtools.github.io/devtools-protocol/ and RFC 6455 for the frames, of which one client that
 sends and reads short texts needs little.
 """
@@ -42,9 +43,10 @@ PATIENT = """
 
 
 class Page:
-    """One tab. `told`: what the browser had to say by itself, a violated policy for instance.
+    """One tab of the browser.
 
-    patient: whether what is loaded waits longer for its service than for a person's sake.
+    `told` lists the messages of the browser itself, a violated policy for instance. A `patient` page waits longer for
+    its service than a page for a person would.
     """
 
     def __init__(self, address: str, *, patient: bool = True) -> None:
@@ -102,17 +104,17 @@ class Page:
         return self._in.read(size)
 
     def value(self, script: str) -> Any:
-        """Of an expression, awaited."""
+        """Evaluate an expression, await it and return its value."""
         got = self.do("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
         assert "exceptionDetails" not in got, got
         return got["result"].get("value")
 
     def text(self, selector: str) -> str:
-        """Of the first such element; empty where there is none (yet)."""
+        """Return the text of the first such element; an empty text if no such element exists (yet)."""
         return self.value(f"document.querySelector({json.dumps(selector)})?.textContent ?? ''")
 
     def press(self, key: str, *, held: bool = False) -> None:
-        """A key, to whatever has the focus; `held`: one that has been down for a while, and repeats."""
+        """Press a key in the element that has the focus; a key that is `held` has been down for a while and repeats."""
         codes = {"Escape": 27, "Enter": 13, "Tab": 9}
         extra = {"text": "\r"} if key == "Enter" else {}
         for kind in ("keyDown", "keyUp"):
@@ -127,7 +129,7 @@ class Page:
             )
 
     def click(self, selector: str) -> None:
-        """On the first such element, which is there."""
+        """Click on the first such element, which must exist."""
         self.value(f"document.querySelector({json.dumps(selector)}).click()")
 
     def type(self, text: str) -> None:
@@ -137,7 +139,7 @@ class Page:
         file.write_bytes(base64.b64decode(self.do("Page.captureScreenshot")["data"]))
 
     def width(self, pixels: int) -> None:
-        """How wide the window is."""
+        """Set the width of the window in pixels."""
         size = {"width": pixels, "height": 900, "deviceScaleFactor": 1, "mobile": False}
         self.do("Emulation.setDeviceMetricsOverride", **size)
 

@@ -1,4 +1,4 @@
-"""What several test modules of the service begin with."""
+"""Fixtures that several test modules of the service share."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ def impatience(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def window(service: Served, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    """A browser at the module's `service`, the page in its first tab; every tab has a token of its own."""
+    """Open the page of the module's `service` in a browser.
+
+    Every tab has a separate token.
+    """
     with browser(f"{service.url}/", tmp_path_factory.mktemp("browser") / "profile") as page:
         yield page
 

@@ -1,6 +1,7 @@
-"""The history of three robots over two years, as a cell writes it: calibrations and watches by simulated readings.
+"""History of three robots over two years: calibrations and watches by simulated readings.
 
-One moved its base and wears, one is as it was, one lost the zero of a joint and was calibrated anew.
+It has the form in which a cell writes it. One robot moved its base and wears, one did not change, and one lost the
+zero of a joint and was calibrated again.
 """
 
 from __future__ import annotations
@@ -27,8 +28,11 @@ FIT, JUDGED, CHECKED = 70, 30, 12  # readings of a calibration, held out, of a w
 
 @dataclass(frozen=True)
 class Life:
-    """A robot. days: with None for a calibration, or, for a watch, by what its points (mm along y) and joint 4 (deg)
-    differ by then."""
+    """History of one robot.
+
+    `days` holds None for a calibration, and for a watch the differences by that day: of the points (mm along y) and of
+    joint 4 (deg).
+    """
 
     serial: str
     seed: int

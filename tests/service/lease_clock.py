@@ -1,4 +1,7 @@
-"""A clock for leases that only goes when it is told to: a lapse in a test takes no time and comes when it is due."""
+"""A clock for leases that advances only when a test advances it.
+
+A lapse then takes no time in a test and comes exactly when it is due.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,7 @@ class LeaseClock:
         return True
 
     def pass_by(self, seconds: float) -> None:
-        """So many seconds pass, once somebody waits for them."""
+        """Advance the clock by some seconds, as soon as a thread waits for it."""
         with self._changed:
             assert self._changed.wait_for(lambda: self._waiting, PATIENCE_S), "nobody waits"
             self._now += seconds

@@ -1,4 +1,4 @@
-"""Programs of KUKA, Yaskawa and Staubli, written from the descriptions of the formats around joints that are known."""
+"""Programs of KUKA, Yaskawa and Staubli with known joints, written from the descriptions of the formats."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def a_model(maker: str) -> CalibratedModel:
 
 
 def matrix(frame: Sequence[float]) -> np.ndarray:
-    """(4, 4) of x, y, z (mm) and turns about the fixed x, y and z axes (deg)."""
+    """Return the matrix (4, 4) of x, y, z (mm) and turns about the fixed x, y and z axes (deg)."""
     out = np.eye(4)
     out[:3, :3], out[:3, 3] = Rotation.from_euler("xyz", frame[3:], degrees=True).as_matrix(), frame[:3]
     return out

@@ -22,7 +22,7 @@ ARMED = "document.querySelector('#confirm').getAttribute('aria-disabled') === 'f
 
 
 def entered(page: Page) -> bool:
-    """Whether the desk is open; the token is given again where the service was too slow for the page."""
+    """Report whether the desk is open; enter the token again if the service was too slow for the page."""
     if page.value("document.querySelector('#desk').hidden && document.querySelector('#token').value === ''"):
         page.value("document.querySelector('#token').focus()")
         page.type(TOKEN)
@@ -39,7 +39,10 @@ def enter(page: Page) -> None:
 
 @contextmanager
 def at_the_page(folder: Path) -> Iterator[tuple[Served, Page]]:
-    """A service whose cell has one SMR, and a page at it that has been entered, as impatient as for a person."""
+    """Open the page of a service whose cell has one SMR, and enter it.
+
+    The page is as impatient as it is for a person.
+    """
     cell = cell_file(folder, time_scale=40.0, one_smr=True)
     with (
         served(folder / "record", "--cell", str(cell), "--simulate") as service,

@@ -1,4 +1,4 @@
-"""Cells and data sets whose robot is in a file of the user's own: an arm of the library under another name."""
+"""Cells and data sets with a custom robot file: an arm of the library under another name."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NAME = "die-grüne-6"
 
 
 def own_cell(folder: Path, example: str, robot: str) -> Path:
-    """The cell of an example, its robot as a file beside it."""
+    """Write the cell of an example, with its robot as a file in the same folder."""
     folder.mkdir(parents=True, exist_ok=True)
     text = (BUILT_IN / f"{robot}.toml").read_text("utf-8")
     (folder / "own.toml").write_text(text.replace(f'name = "{robot}"', f'name = "{NAME}"'), "utf-8")

@@ -1,4 +1,4 @@
-"""Small programs of every dialect, written from the grammars, and models of robots to correct them with."""
+"""Small programs of every dialect, written from the grammars, and robot models to correct them with."""
 
 from __future__ import annotations
 
@@ -115,7 +115,10 @@ COUPLING = {"fanuc-lrmate200ic": "fanuc-j23"}
 
 
 def model_of(name: str, seed: int = 3, scale: float = 1.0) -> CalibratedModel:
-    """The base model of a robot, tenths of a millimetre and hundredths of a degree wrong, times `scale`."""
+    """Return the base model of a robot with errors of tenths of a millimetre and hundredths of a degree.
+
+    The errors are multiplied by `scale`.
+    """
     robot = load_robot(name)
     model, estimate = only_geometry(robot, seed)
     return CalibratedModel(
@@ -131,7 +134,10 @@ def model_of(name: str, seed: int = 3, scale: float = 1.0) -> CalibratedModel:
 
 
 def real_flange(saved: CalibratedModel, joints: Array) -> Array:
-    """(4, 4) where the flange of the real robot stands at model angles (6,), rad, by the slow second chain."""
+    """Calculate the pose of the real robot's flange, shape (4, 4), with the slow second chain.
+
+    `joints` are model angles of shape (6,), rad.
+    """
     add: dict[str, float] = {}
     torque = gravity_torques(saved.model.robot, joints[None])[0]
     for parameter, value in zip(saved.model.parameters, saved.estimate, strict=True):

@@ -1,4 +1,4 @@
-"""An arm that is on its way until it is stopped: a test can be in mid-motion for as long as it likes."""
+"""An arm that moves until it is stopped, so that a test can stay in mid-motion as long as it needs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tests.acquisition.fakes import Bench, FakeArm
 
 
 class SlowArm(FakeArm):
-    """Moves until it is stopped."""
+    """Arm that moves until it is stopped."""
 
     def __init__(self, bench: Bench) -> None:
         super().__init__(bench)

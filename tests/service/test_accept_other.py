@@ -1,4 +1,7 @@
-"""Another robot at the address of a run: refused by the service, and accepted by its serial number with a reason."""
+"""Another robot at the address of a run.
+
+The service refuses it, and accepts it by its serial number with a reason.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Acceptance: limits held to with guard bands, the same verdict in HTML, JSON and exit code."""
+"""Acceptance: limits with guard bands, the same verdict in HTML, JSON and exit code."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def held(dataset: Dataset, limits: AcceptanceLimits) -> AcceptanceResult:
-    """The nominal robot in its place, held to limits."""
+    """Place the nominal robot and judge it by the limits."""
     nominal, placed = place_nominal(dataset, base_model_of(dataset))
     return decide(limits, dataset, dataset.validation_rows, nominal, placed, "nominal")
 

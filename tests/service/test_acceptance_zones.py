@@ -1,7 +1,7 @@
-"""Acceptance zone by zone: a verdict for every box of the base frame, in HTML, JSON, certificate and exit code.
+"""Acceptance by zone: a verdict for every box of the base frame, in HTML, JSON, certificate and exit code.
 
-These would catch: a zone judged by readings outside it, an empty zone that passes, a zone that is not met and does not
-count, boxes taken in the world frame, and a misspelled limit that passes for none.
+These would catch: a zone judged by readings outside it, an empty zone that passes, and a zone that is not met but does
+not count. They would also catch boxes taken in the world frame, and a misspelled limit that passes for none.
 """
 
 from __future__ import annotations

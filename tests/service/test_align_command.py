@@ -1,4 +1,7 @@
-"""`truepose align` and the same over HTTP: from two files to a data set that `identify` reads, and what is refused."""
+"""`truepose align`, at the command line and over HTTP: from two files to a data set for `identify`.
+
+Refusals are tested too.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +78,7 @@ def test_two_streams_become_a_data_set(
 def test_the_uncertainty_of_the_instrument_is_the_least_of_a_row(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As told, or as the header beside the stream has it; what is assumed is said."""
+    """The uncertainty comes from the option, or else from the header of the stream; an assumed value is reported."""
     stated, tracker = "The instrument's uncertainty is not stated", tmp_path / "tracker.toml"
     for name in ("robot.csv", "tracker.csv"):
         (tmp_path / name).write_bytes((folder / name).read_bytes())

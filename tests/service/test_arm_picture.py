@@ -1,7 +1,7 @@
 """The picture of an arm that `truepose robot check` draws.
 
-These would catch: a word that stands on another, a length that the robot file does not hold, a line that ends elsewhere
-than at the flange, and the length of a slide written as if it were the arm's.
+These would catch: words that overlap, a length that is not in the robot file, and a line that does not end at the
+flange. They would also catch the length of a slide written as if it were the arm's.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def arms(folder: Path) -> list[Robot]:
 
 
 def views(robot: Robot, joints: np.ndarray) -> list[list[tuple[float, float, float, str]]]:
-    """Of each of the four views its words: x of the middle, y, size, text."""
+    """Return the words of each of the four views: x of the middle, y, size, text."""
     drawn = arm_svg(robot, joints, robot.name).split("<g transform")[1:]
     return [[(float(x), float(y), float(s), t) for x, y, s, t in _TEXT.findall(view)] for view in drawn]
 

@@ -1,5 +1,7 @@
-"""A ballbar's data set on the command line. These would catch: a sphere test that is not in table, JSON or report, two
-models that cannot be set side by side on distances alone, and legs that cannot be turned into points.
+"""A ballbar's data set on the command line.
+
+These would catch: a sphere test that is missing from table, JSON or report, and two models that cannot be compared on
+distances alone. They would also catch legs that cannot be turned into points.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from tests.calib.test_validation_ballbar import SPHERE
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with legs.csv, and two models of it: m.json, and one.json that lacks the compliances."""
+    """Return a folder with legs.csv and two models of it: m.json, and one.json without compliances."""
     out = tmp_path_factory.mktemp("ballbar")
     cell, visits = example()
     truth = truth_of(cell, 2)

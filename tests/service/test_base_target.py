@@ -1,4 +1,7 @@
-"""A base ball out of place, from the file to the report: a picture must not ask how far the tool moves by it."""
+"""A displaced base ball, from the file to the report.
+
+Its picture must not ask how far the ball moves the tool.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
-"""`truepose campaign` as a person meets it: what is refused before anything moves, prompts that no pipe can answer,
-progress on a terminal, the event log, and an instrument that is moved.
+"""`truepose campaign` as a person uses it.
+
+Refusals before anything moves, prompts that no pipe can answer, progress on a terminal, the event log, and an
+instrument that is moved.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ Output = pytest.CaptureFixture[str]
 
 
 def events_of(record: Path) -> int:
-    """How much has happened."""
+    """Return the number of events in a record."""
     store = RecordStore.open(record, writer=False)
     try:
         return store.version
@@ -50,7 +52,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def again(measured: Path, tmp_path: Path) -> tuple[Path, list[str]]:
-    """A copy of it, and the words that would run it once more."""
+    """Return a copy of the measured record, and the words that would run its campaign again."""
     shutil.copytree(measured, tmp_path, dirs_exist_ok=True)
     record = tmp_path / "record"
     words = ["run", str(tmp_path / "cell.toml"), str(tmp_path / "campaign.toml"), "--record", str(record)]
@@ -133,7 +135,7 @@ def test_a_record_of_a_newer_version_is_left_alone(
 
 @contextmanager
 def bound_by_permissions() -> Iterator[None]:
-    """Root may write everywhere; not while it lacks CAP_DAC_OVERRIDE. Whoever is not root changes nothing."""
+    """Take CAP_DAC_OVERRIDE from root, who could otherwise write everywhere; change nothing for other users."""
     libc = ctypes.CDLL(None, use_errno=True)
     header = (ctypes.c_uint32 * 2)(0x20080522, 0)  # _LINUX_CAPABILITY_VERSION_3, this thread
     before = (ctypes.c_uint32 * 6)()  # twice: effective, permitted, inheritable
@@ -148,7 +150,7 @@ def bound_by_permissions() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def paused(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The record of a campaign that asked for an operator, and nobody was there."""
+    """Return the record of a campaign that needed an operator when no operator was present."""
     folder = tmp_path_factory.mktemp("paused")
     assert main(["campaign", "run", *files(folder, one_smr=True), "--simulate"]) == 4
     return folder / "record"
@@ -267,7 +269,7 @@ def test_the_event_log_is_json_lines(measured: Path, tmp_path: Path, capsys: Out
 def test_a_new_station_is_noted_while_it_is_paused_and_refused_while_it_runs(
     tmp_path: Path, capsys: Output
 ) -> None:
-    """It runs for as long as nobody answers its question."""
+    """The campaign keeps running until its question is answered."""
     record, (master, slave) = str(tmp_path / "record"), pty.openpty()
     words = ["campaign", "run", *files(tmp_path, one_smr=True), "--simulate"]
     with started(*words, stdin=slave) as process:

@@ -1,4 +1,4 @@
-"""`truepose campaign`, `mock` and `serve` as a shell sees them: exit codes, streams, Ctrl-C, no operator."""
+"""`truepose campaign`, `mock` and `serve` in a shell: exit codes, streams, Ctrl-C, no operator."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def files(
 
 @contextmanager
 def started(*arguments: str, stdin: int = subprocess.DEVNULL) -> Iterator[subprocess.Popen[str]]:
-    """`truepose` in a process of its own, killed when the block ends."""
+    """Run `truepose` in a separate process and kill it when the block ends."""
     with subprocess.Popen(
         [sys.executable, "-m", "service.cli", *arguments],
         stdin=stdin,
@@ -155,7 +155,7 @@ def test_a_real_cell_that_does_not_answer_ends_with_4(
 
 @pytest.mark.parametrize(("times", "state"), [(1, "paused"), (2, "stopped")])
 def test_ctrl_c_pauses_twice_stops_and_it_can_go_on(tmp_path: Path, times: int, state: str) -> None:
-    """The robot settles for two minutes of real time where the second Ctrl-C is to come before the pause."""
+    """If the second Ctrl-C must come before the pause, the robot settles for two minutes of real time."""
     scale, settle_s, count = (1.0, 120.0, 8) if times == 2 else (50.0, 0.5, 40)
     arguments = files(tmp_path, count=count, time_scale=scale, settle_s=settle_s)
     record = tmp_path / "record"
@@ -186,7 +186,7 @@ def test_ctrl_c_pauses_twice_stops_and_it_can_go_on(tmp_path: Path, times: int, 
 
 
 def in_record(record: Path, query: str) -> list[tuple[object, ...]]:
-    """What a query finds in the record of a campaign that another process runs."""
+    """Query the record of a campaign that another process runs."""
     with closing(sqlite3.connect(f"file:{record / 'record.sqlite3'}?mode=ro", uri=True)) as database:
         return database.execute(query).fetchall()
 
@@ -219,7 +219,10 @@ def test_mock_forwards_lines_and_signals(tmp_path: Path) -> None:
 
 
 def test_mock_speaks_the_dialect_that_is_named() -> None:
-    """A stock Fanuc, as fanucpy moves one, without a cell file; a wrong name lists the right ones."""
+    """A stock Fanuc, as fanucpy moves it, needs no cell file.
+
+    A wrong dialect name lists the right ones.
+    """
     with started("mock", "fanuc", "--dialect", "mappdk") as process:
         assert process.stdout is not None
         ends = {end["device"]: end for end in (json.loads(process.stdout.readline()) for _ in range(5))}
@@ -265,7 +268,7 @@ def test_serving_a_network_without_a_token_is_refused(
 def test_what_is_no_address_is_not_listened_on(
     host: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Even with a token: the system takes an empty host, or 0, for every address of the computer."""
+    """Not even with a token: the system takes an empty host, or 0, for every address of the computer."""
     monkeypatch.setenv("TRUEPOSE_TOKEN", "a-token-of-sixteen-or-more")
     assert main(["serve", "--host", host, "--port", "1", "--record", "/dev/null/x"]) == 2
     assert "--host" in capsys.readouterr().err

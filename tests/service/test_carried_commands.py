@@ -1,4 +1,7 @@
-"""Commands that take a model with carried terms: what is left out is said with its cost, and both models are judged."""
+"""Commands that take a model with carried terms.
+
+They report the omitted terms with their cost, and judge both models.
+"""
 
 from __future__ import annotations
 

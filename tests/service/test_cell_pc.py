@@ -1,8 +1,8 @@
-"""The pages for a cell PC, run as somebody would who copies them; and the client for Python.
+"""The pages for a cell PC, run as a person would who copies them, and the client for Python.
 
-These would catch: a page whose requests the service does not know, a campaign that does not come to its end by one of
-them, a lease that lapses in spite of its heartbeat, an order that waits for the network, and a request that is sent
-twice and done twice.
+These would catch: a page whose requests the service does not know, a campaign that does not reach its end with such a
+page, and a lease that lapses in spite of its heartbeat. They would also catch an order that waits for the network, and
+a request that is sent twice and done twice.
 """
 
 from __future__ import annotations
@@ -130,7 +130,10 @@ PROJECT = (
 
 
 def compiled(program: Path) -> list[str | Path]:
-    """The command that runs a program in C# 5, by Mono or .NET; skips where neither is there, with all it needs."""
+    """Return the command that runs a program in C# 5 with Mono or .NET.
+
+    Skip the test if neither is installed with all that the program needs.
+    """
     folder, mcs, mono, dotnet = program.parent, *(shutil.which(name) for name in ("mcs", "mono", "dotnet"))
     if mcs and mono:
         given = ["-langversion:5", "-warnaserror", f"-out:{folder / 'page.exe'}"]
@@ -190,7 +193,7 @@ def test_what_is_asked_again_with_its_key_is_done_once(service: Served) -> None:
 
 
 def test_a_stop_returns_before_it_is_heard() -> None:
-    """Of a service that takes the connection and never says a word."""
+    """A stop returns even if the service takes the connection and never answers."""
     with socket.create_server(("127.0.0.1", 0)) as silent:
         cell = Client(f"http://127.0.0.1:{silent.getsockname()[1]}", TOKEN, timeout_s=PATIENCE_S)
         heard = cell.stop("x")

@@ -1,7 +1,8 @@
-"""The digital calibration certificate: what it says, and that its elements stand as the schema has them.
+"""The digital calibration certificate: its content, and the order of its elements by the schema.
 
-These would catch: a figure that differs from the report's, a certificate without a date or with an invented one, markup
-out of a name, a simulated campaign that passes for a real one. `tests/counterparts/test_dcc.py` has others read it.
+These would catch: a value that differs from the report's, a certificate without a date or with an invented one, and
+markup created from a name. They would also catch a simulated campaign that passes for a real one.
+Independent readers read it in `tests/counterparts/test_dcc.py`.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ DCC, SI = "{https://ptb.de/dcc}", "{https://ptb.de/si}"
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a diagnosis by the command line: out.xml, out.json, out.html, out.model.json."""
+    """Diagnose at the command line, and return the folder of out.xml, out.json, out.html and out.model.json."""
     folder = tmp_path_factory.mktemp("certificate")
     (folder / "about.toml").write_text(ABOUT, "utf-8")
     data = write_measured(folder)

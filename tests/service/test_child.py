@@ -1,7 +1,7 @@
-"""A child is waited for while signals are heard: `truepose mock` and the guard of the simulators.
+"""Wait for a child process while signals are handled: `truepose mock` and the guard of the simulators.
 
 This would catch a plain `wait()`: Python runs a handler only once the call is interrupted, and a signal that comes as
-it begins interrupts nothing. Nor does one that another thread is given, which can be had at will.
+it begins interrupts nothing. Nor does one that another thread receives, and a test can produce that at any time.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`truepose compensate`: exit codes, what is written and what is not, conditions, and the document for programs."""
+"""`truepose compensate`: exit codes, files that it writes or refuses to write, conditions, and its JSON."""
 
 from __future__ import annotations
 

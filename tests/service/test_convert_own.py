@@ -1,7 +1,7 @@
-"""`truepose convert` with files of a user's own.
+"""`truepose convert` with custom files.
 
-These would catch: an open question passed over without a terminal, a map or a data set that is written although it
-was refused, and an answer that is taken for nothing.
+These would catch: an open question that is skipped without a terminal, and a map or a data set that is written although
+it was refused. They would also catch an answer that is ignored.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""One damaged record among others: the service starts, lists it with what can be saved, and runs everything else.
+"""One damaged record among others.
 
-These would catch: a service that does not start, a list that fails or leaves the run out, a refusal that names no
+The service starts, lists the record with the part that can be saved, and runs everything else.
+These would catch: a service that does not start, a list that fails or leaves the run out, and a refusal that names no
 rescue.
 """
 

@@ -1,4 +1,4 @@
-"""`truepose demo` as a person starts it: over sockets, in a process of its own, to its end or to Ctrl-C."""
+"""`truepose demo` in a separate process, over sockets, to its end or to Ctrl-C."""
 
 from __future__ import annotations
 

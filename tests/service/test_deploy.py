@@ -1,4 +1,4 @@
-"""The files of `deploy/`: command lines that the program takes, a unit that systemd takes, an untested script."""
+"""The files of `deploy/`: command lines that the program accepts, a unit that systemd accepts, an untested script."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ DEPLOY = Path(__file__).parents[2] / "deploy"
 
 
 def taken(words: list[str]) -> dict[str, Any]:
-    """What the program makes of the words behind `truepose`. It raises for an option that it does not have."""
+    """Return the options that the program reads from the words after `truepose`.
+
+    An option that the program does not have raises an error.
+    """
     name, *arguments = words
     return load(name).make_context(name, arguments).params
 

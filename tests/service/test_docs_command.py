@@ -1,4 +1,4 @@
-"""`truepose docs`: where the pages are, one of them in the terminal, the site in the browser."""
+"""`truepose docs`: the place of the pages, one page in the terminal, the site in the browser."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""`truepose doctor` as a shell sees it: healthy examples, a sick one, wrong files; and that it only looks."""
+"""`truepose doctor` in a shell: healthy examples, a sick one, wrong files.
+
+It must change nothing on the devices.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What `truepose doctor` finds in sick cells, device by device: codes, exit codes, and what stays examined."""
+"""Findings of `truepose doctor` in sick cells, device by device.
+
+Codes, exit codes, and the checks that are done in spite of a fault.
+"""
 
 from __future__ import annotations
 
@@ -167,7 +170,7 @@ def test_bodies_that_the_camera_does_not_know(tmp_path: Path) -> None:
 
 
 def test_a_joint_matrix_that_cannot_be_right(tmp_path: Path) -> None:
-    """A robot that stands where no robot of this kind can stand."""
+    """The robot reports a position outside its joint limits."""
     with bench("irb120_faro", tmp_path) as faro:
         assert faro.simulators.cell is not None
         arm = faro.simulators.cell.arm
@@ -197,7 +200,7 @@ def test_another_client_has_the_instrument(faro: Bench) -> None:
 
 
 def test_unplugged_in_the_middle(faro: Bench) -> None:
-    """After greeting and clock nothing comes any more; what was found before stays, and the robot is examined."""
+    """After greeting and clock no more answers come; earlier findings stay, and the robot is examined."""
     with FaultProxy(faro.simulators.port("faro"), boundary=b"\n") as proxy:
         faro.rewrite(faro.simulators.url("faro"), f"tcp://127.0.0.1:{proxy.port}")
         proxy.spoil("close", after=2, times=None)
@@ -337,7 +340,7 @@ def clock(
 
 
 def test_rate_and_its_uncertainty() -> None:
-    """10 ms between question and answer on both sides leave 2 % of half a second open."""
+    """Two answers within 10 ms each leave 2 % of half a second uncertain."""
     first, second = ClockReading(100.0, 0.0, 0.01, 0.0), ClockReading(100.5, 0.5, 0.51, 0.0)
     rate, spread = rate_of(first, second)
     assert rate == pytest.approx(1.0)
@@ -412,7 +415,7 @@ def test_nothing_is_said_of_wires_that_see_everything(faro: Bench) -> None:
 
 @pytest.mark.parametrize("driver", ["faro", "leica"])
 def test_weather_is_asked_for_where_status_lacks_it(tmp_path: Path, driver: str) -> None:
-    """As docs/bridge.md allows: STATUS may tell the state alone."""
+    """STATUS may report the state alone, as docs/bridge.md allows."""
     with bench("irb120_faro", tmp_path, instrument_driver=driver) as made:
         made.simulators.do("status_weather", on=False)
         found = made.examine()

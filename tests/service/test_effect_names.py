@@ -1,7 +1,7 @@
-"""What effects are called before readers, and that a class is called by all its members.
+"""Names of effects for readers, and names of a class of effects by all its members.
 
-These would catch: an effect of the library that only experts can name, one rival of several in a headline as if it were
-certain, and a name that loses the joint or the order it belongs to.
+These would catch: an effect of the library with a name for experts only, and one rival of several in a headline as if
+it were certain. They would also catch a name that loses its joint or its order.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The service ends with heavy work in hand: promptly, its run paused, no process left behind.
+"""The service ends during heavy work: promptly, with its run paused, and with no process left behind.
 
-These would catch: a service that computes to the end of a dry run before it ends, worker processes that outlive it,
-also where it was killed and could see to nothing, and clients that are never answered.
+These would catch: a service that finishes a dry run before it ends, and clients that are never answered. They would
+also catch worker processes that outlive the service, even if it was killed and could not end them.
 """
 
 from __future__ import annotations

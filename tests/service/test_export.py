@@ -1,6 +1,8 @@
-"""`truepose export`. These would catch: a frame or a unit written wrong, an effect claimed that the format cannot hold,
-one left out that it can, and an error that is not the file's own. Every file is read back here by other code, put
-together as its reader would, and compared with the slow second chain.
+"""`truepose export`, read back by independent code.
+
+These would catch: a frame or a unit written wrong, an effect claimed that the format cannot hold, and one omitted that
+it can. They would also catch a stated error that is not that of the file. Other code reads every file, assembles it
+as its reader would, and compares it with the slow second chain.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from tests.service.slow_arm import SlowArm
 
 
 class HeldWorkers(Workers):
-    """A worker that is busy until it is let go, and then may refuse."""
+    """Worker that is busy until it is released, and then may refuse."""
 
     def __init__(self) -> None:
         super().__init__(1, waiting=0)

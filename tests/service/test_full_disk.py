@@ -1,5 +1,7 @@
-"""A service whose disk is full, and jobs that end in a refusal. These would catch: a fault of its own where somebody
-has to make room, a place among the waiting jobs that is never free again, a refusal of one job that ends all others.
+"""A service whose disk is full, and jobs that end in a refusal.
+
+These would catch: an internal error when a person has to free disk space, a place among the waiting jobs that is never
+free again, and a refusal of one job that ends all others.
 """
 
 from __future__ import annotations
@@ -47,7 +49,7 @@ def test_a_job_that_cannot_be_kept_waits_nowhere(tmp_path: Path, monkeypatch: py
 
 
 class FullWorkers:
-    """What a worker answers whose disk is full."""
+    """Workers whose disk is full."""
 
     def call(self, *_: object) -> None:
         raise StorageError("problem.json: No space left on device")

@@ -1,4 +1,7 @@
-"""What was let go on is never shown as it rested: who waits for its next pause would take the old one for it."""
+"""A continued run is never shown as it was at rest.
+
+A client that waits for the next pause would take the old pause for it.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ def test_a_run_that_was_resumed_is_shown_when_it_goes_on(
         return devices_of(bench)
 
     def slowly(_: Path) -> Future[Forecast]:
-        """A run that does not begin as long as nobody has asked how it is."""
+        """Return a run that does not begin until its state has been requested."""
         asked.wait(PATIENCE_S)
         return Future()
 
@@ -66,7 +69,7 @@ def test_a_run_that_was_resumed_is_shown_when_it_goes_on(
 
 @pytest.mark.skipif(os.name != "posix", reason="elsewhere an open file cannot be taken away")
 def test_a_run_whose_folder_is_gone_is_found_paused_and_stopped(tmp_path: Path) -> None:
-    """It goes on in memory, and whoever wants to stop it is not told that there is no such run."""
+    """The run continues in memory, so a request to stop it must not be answered with "no such run"."""
     cell = a_cell()
     bench = Bench(cell)
     told: list[dict[str, Any]] = []

@@ -1,4 +1,7 @@
-"""The help of every command fits a terminal of 80 and of 60 columns, no line is cut, and none waits for numerics."""
+"""The help of every command.
+
+It fits a terminal of 80 and of 60 columns, no line is cut, and no help waits for the import of numerics.
+"""
 
 from __future__ import annotations
 

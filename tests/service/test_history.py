@@ -1,4 +1,7 @@
-"""`truepose history` and `truepose fleet migrate`: what is put in comes back as tables, JSON, pictures, exit codes."""
+"""`truepose history` and `truepose fleet migrate`.
+
+Stored documents are returned as tables, JSON, pictures and exit codes.
+"""
 
 from __future__ import annotations
 
@@ -119,7 +122,7 @@ def test_what_is_put_in_is_shown_in_the_order_of_time(
 def test_a_document_is_known_by_its_format_wherever_that_is(
     ask: Callable[..., tuple[int, dict[str, Any]]], write: Callable[..., Path]
 ) -> None:
-    """Other programs write the members in an order of their own."""
+    """Other programs write the members in another order."""
     table = watch_of(0.4)
     late = {"notes": ["a sentence" * 100]} | {k: v for k, v in table.items() if k != "format"}
     file = write("v.json", late | {"format": table["format"]})
@@ -186,7 +189,7 @@ def error_at(store: FleetStore, robot: RobotKey, day: float, value: float) -> No
 
 
 def test_those_that_are_due_first_come_first(address: str) -> None:
-    """By the staircase: good checks make the interval longer, a bad one shorter."""
+    """Good checks make the interval of the staircase longer, and a bad one makes it shorter."""
     good, bad, never = (RobotKey(serial, "irb120") for serial in ("1", "2", "3"))
     way, now = Staircase(100.0, permitted=0.3), BEGAN + timedelta(days=101)
     with FleetStore.open(address) as store:
@@ -211,7 +214,7 @@ def test_those_that_are_due_first_come_first(address: str) -> None:
 
 
 def test_what_has_changed_is_due_now_until_it_is_calibrated(address: str) -> None:
-    """Whatever the errors say of the next date, in the list of the command line and in that of the service."""
+    """It is due regardless of the date that follows from the errors, at the command line and in the service."""
     way, now = Staircase(100.0, permitted=0.3), BEGAN + timedelta(days=20)
     asked = DueDateRequest(permitted_mm=None)
     with FleetStore.open(address) as store:

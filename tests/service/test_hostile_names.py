@@ -1,9 +1,10 @@
-"""Names that would be markup, a formula, a template or mathematics elsewhere stay names in everything that is written.
+"""Names that would be markup, a formula, a template or mathematics elsewhere stay names in every file.
 
-Every field that a person or a device fills gets a hostile text of its own at once: robot, maker, instrument, devices
-with serial numbers and reasons, operators, targets, series, readings, wires, zones, laboratory, the file itself.
-These would catch: an element or attribute that comes out of a name, JSON that ends its script element, XML that does
-not parse, a picture that fails on a dollar sign, and a cell that a spreadsheet works out.
+Every field that a person or a device fills gets a separate hostile text at the same time: robot, maker, instrument,
+devices with serial numbers and reasons, operators, targets, series, readings, wires, zones, laboratory, the file.
+
+These would catch: an element or attribute created from a name, JSON that ends its script element, and XML that does
+not parse. They would also catch a picture that fails on a dollar sign, and a cell that a spreadsheet calculates.
 """
 
 from __future__ import annotations

@@ -1,5 +1,7 @@
-"""Bodies of JSON over HTTP. These would catch: a fault of our own for a body that only JSON can say, a body of which
-two values of `dry_run` make one that moves a robot, and a route that reads its body in another way.
+"""Bodies of JSON over HTTP.
+
+These would catch: an internal error for a body that only JSON can express, and a body in which two values of `dry_run`
+make one that moves a robot. They would also catch a route that reads its body in another way.
 """
 
 from __future__ import annotations
@@ -85,7 +87,10 @@ def test_nothing_that_is_sent_is_expanded(client: TestClient, encoding: str) -> 
 
 
 def test_every_route_reads_its_body_so(client: TestClient) -> None:
-    """A key twice is refused; thousands of errors, which hold up the loop of events, are not described one by one."""
+    """A repeated key is refused.
+
+    Thousands of errors are not described one by one, because that would hold up the event loop.
+    """
     thousands = json.dumps({f"k{number}": 0 for number in range(4000)}).encode()
     asked = 0
     for method, where, _ in taking_json(client):
@@ -101,7 +106,7 @@ def test_every_route_reads_its_body_so(client: TestClient) -> None:
 
 
 def test_a_list_is_refused_for_its_first_wrong_value(client: TestClient) -> None:
-    """In every list of every request: to describe each of 100,000 wrong values holds up the loop of events."""
+    """A description of each of 100,000 wrong values would hold up the event loop, in every list of every request."""
     lists = 0
     for method, where, schema in taking_json(client):
         for key, described in schema.get("properties", {}).items():
@@ -114,7 +119,10 @@ def test_a_list_is_refused_for_its_first_wrong_value(client: TestClient) -> None
 
 
 def taking_json(client: TestClient) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Method, path and schema of every route that takes JSON, told by the OpenAPI document: tomorrow's too."""
+    """Yield method, path and schema of every route that takes JSON.
+
+    The OpenAPI document lists them, so future routes are included.
+    """
     document = client.get("/openapi.json").json()
     for path, item in document["paths"].items():
         for method, operation in item.items():

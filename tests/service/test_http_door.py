@@ -1,5 +1,7 @@
-"""The door of the server. These would catch: connections that send nothing and keep a stop from being heard, a client
-that is known and loses its place to a stranger, and a log that fills the disk.
+"""The door of the server, which limits its connections.
+
+These would catch: connections that send nothing and keep a stop from being received, and a known client that loses its
+place to an unknown one. They would also catch a log that fills the disk.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ UNREAD = b"GET /openapi.json HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n" * 8
 
 
 def guest(*, known: bool = False, asked: bool = False, streams: bool = False) -> Any:
-    """Somebody at the door, who notes whether the connection was closed."""
+    """Return a connection at the door that records whether it was closed."""
     made = SimpleNamespace(known=known, asked=asked, streams=streams, since_s=0.0, gone=False)
     made.transport = SimpleNamespace(abort=lambda: setattr(made, "gone", True))
     # as objects, not by what they hold
@@ -45,7 +47,7 @@ def guest(*, known: bool = False, asked: bool = False, streams: bool = False) ->
 
 
 class Watch:
-    """A clock that stands until it is moved on."""
+    """Clock that only a test advances."""
 
     def __init__(self) -> None:
         self.now_s = 0.0
@@ -107,7 +109,10 @@ def test_many_closed_connections_are_one_line(caplog: pytest.LogCaptureFixture) 
 
 
 class Wire:
-    """The transport of a connection: what is read is given to the connection by hand, what is written is gone."""
+    """Transport of a connection.
+
+    The test gives the received bytes to the connection, and the sent bytes are discarded.
+    """
 
     def __init__(self) -> None:
         self.closing = False
@@ -166,7 +171,7 @@ def test_who_has_a_token_is_read_before_the_endless_pieces_of_strangers() -> Non
 
 
 def test_the_next_request_of_a_connection_waits_for_no_stranger() -> None:
-    """Where nothing came behind the first one: it was queued behind a thousand half headers, for 0.2 s."""
+    """If nothing followed the first request, the next one waited 0.2 s behind a thousand half headers."""
     read: list[str] = []
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
@@ -189,7 +194,7 @@ def test_the_next_request_of_a_connection_waits_for_no_stranger() -> None:
 
 @pytest.mark.parametrize("token", ["wrong", TOKEN])
 def test_of_many_requests_that_came_at_once_one_is_begun_in_a_turn(token: str) -> None:
-    """Twenty strangers, or twenty that pipeline: what they ask is not one long turn of the loop."""
+    """Requests of twenty unknown clients, or twenty pipelined requests, must not make one long turn of the loop."""
     asked = 0
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
@@ -215,7 +220,10 @@ def test_of_many_requests_that_came_at_once_one_is_begun_in_a_turn(token: str) -
 
 @pytest.mark.parametrize(("method", "ended"), [("GET", ["cancelled"]), ("POST", [])])
 def test_who_asks_and_goes_leaves_nothing_that_waits(method: str, ended: list[str]) -> None:
-    """A thousand who look and go, each with a task that waits, fill the memory; an order is carried out."""
+    """A thousand such clients, each with a waiting task, would fill the memory.
+
+    An order is carried out nevertheless.
+    """
     told: list[str] = []
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
@@ -273,7 +281,7 @@ def test_a_service_with_few_files_answers_beside_hundreds_of_connections(sent: b
 
 
 def test_what_lies_in_the_folder_of_the_user_is_not_executed(tmp_path: Path) -> None:
-    """Modules of the names of ours, beside the user's files; the workers are processes of their own."""
+    """Modules with our names are next to the user's files; the workers are separate processes."""
     for name in ("fleet", "mocks", "calib", "acquisition", "drivers", "service", "truepose"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('executed')\n", "utf-8")
     with served(tmp_path / "record", folder=tmp_path) as service:

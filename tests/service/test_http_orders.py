@@ -1,7 +1,7 @@
-"""What the command line can, asked by HTTP: programs, exports, validations, selections, examinations, deletions.
+"""The functions of the command line over HTTP.
 
-These would catch: an answer that differs from the command's, a program whose bytes are not given back, a deletion that
-leaves no trail or takes what is in use.
+Programs, exports, validations, selections, examinations and deletions. These would catch: an answer that differs from
+the command's, a program whose bytes are not returned, and a deletion that leaves no trail or removes a thing in use.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Here:
         self.model = self.done("/identifications", dataset_id=self.dataset)["id"]
 
     def done(self, path: str, **asked: Any) -> dict[str, Any]:
-        """A job, asked for and waited for."""
+        """Request a job and wait for its end."""
         answer = self.client.post(path, json=asked)
         assert answer.status_code == 202, answer.text
         where = answer.headers["location"].removeprefix("/api/v1")

@@ -1,8 +1,8 @@
 """Plans, scenes, prices, and poses again or left out, by HTTP.
 
-These would catch: a picture of another cell, a dry run without its path, a pose that moves the robot without the
-lease, one that is measured again and lost, a price that says leaving poses out makes predictions better, and a campaign
-file that names a path or a wrong key without saying where.
+These would catch: a picture of another cell, a dry run without its path, and a pose that moves the robot without the
+lease. They would also catch a pose that is measured again and lost, and a price that says leaving poses out makes
+predictions better. A campaign file with a path or a wrong key must be refused with the place of the fault.
 """
 
 from __future__ import annotations

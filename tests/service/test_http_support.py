@@ -1,4 +1,7 @@
-"""How the tests start the service: in a process of its own, on a free port, with a client that has its token."""
+"""Start the service for the tests.
+
+It runs in a separate process, on a free port, with a client that has its token.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,10 @@ MEDIA_TYPE = "application/problem+json"
 
 @dataclass
 class Served:
-    """A running service. `client` has the operator's token and begins with the prefix of the API, `anybody` neither."""
+    """Running service.
+
+    `client` has the operator's token and begins with the prefix of the API, `anybody` neither.
+    """
 
     process: subprocess.Popen[str]
     url: str
@@ -54,7 +60,7 @@ class Served:
         return self.client.post("/runs", json={"campaign": campaign, "dry_run": False}).json()["id"]
 
     def lease(self, holder: str = "anna", seconds: float = 300.0) -> dict[str, Any]:
-        """Take the lease, or prolong it where it is this holder's; the client sends its secret from now on."""
+        """Take the lease, or prolong it if this holder has it; the client sends its secret from now on."""
         held = self.client.get("/cell").json()["lease"]
         if held is None or held["holder"] != holder:
             self.client.headers.pop("Lease-Id", None)
@@ -65,7 +71,7 @@ class Served:
         return answer.json()
 
     def free(self) -> None:
-        """Take the lease from whoever holds it, which rests what runs for them, and give it back."""
+        """Take the lease from its holder, which pauses the holder's runs, and give it back."""
         because = {"holder": "the tests", "reason": "this one has ended"}
         taken = self.client.post("/cell/lease/takeover", json=because).json()
         self.client.delete("/cell/lease", headers={"Lease-Id": taken["lease_id"]})
@@ -73,9 +79,9 @@ class Served:
 
 
 def lasting_port() -> int:
-    """A port that is free, below those that the system gives to whoever asks for any one.
+    """Return a free port below those that the system assigns to a process that requests any port.
 
-    A service that has ended can come back on it: no other test has been given it meanwhile.
+    A service that has ended can come back on it, because no other test has been given it meanwhile.
     """
     while True:
         with socket.socket() as free, suppress(OSError):
@@ -87,9 +93,10 @@ def lasting_port() -> int:
 def served(
     record: Path, *options: str, files: int | None = None, folder: Path | None = None
 ) -> Iterator[Served]:
-    """`truepose serve --record RECORD ...`, in a folder, until the block ends.
+    """Run `truepose serve --record RECORD ...` in a folder until the block ends.
 
-    files: how many it may open; then its log goes to `record.log`, beside the record."""
+    `files` limits how many files it may open; then its log goes to `record.log`, in the same folder as the record.
+    """
     command = [
         sys.executable,
         "-P",

@@ -1,4 +1,4 @@
-"""Targets corrected over HTTP: the same numbers as on the command line, and refusals that name the target."""
+"""Targets corrected over HTTP: the same numbers as on the command line, refusals that name the target."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 @pytest.fixture(scope="module")
 def path(service: Served, data: Path) -> str:
-    """Of the targets of a model with backlash in joint 4."""
+    """Return the path of the targets of a model with backlash in joint 4."""
     files = {"csv": data.read_bytes(), "toml": data.with_suffix(".toml").read_bytes()}
     dataset = service.client.post("/datasets", files=files).json()["id"]
     job = service.client.post("/diagnoses", json={"dataset_id": dataset}).json()["id"]

@@ -1,7 +1,8 @@
-"""A holder who falls silent: the robot comes to rest, the run is paused, and the next holder goes on with it.
+"""A silent lease holder: the robot stops, the run is paused, and the next holder continues it.
 
-These would catch: a second move after the lapse, a reading that is lost or taken without its approach, a lapse that
-ends the run for good, a prompt that keeps waiting for somebody who has gone, and a stop that asks for the lease.
+These would catch: a second move after the lapse, a reading that is lost or taken without its approach, and a lapse that
+ends the run for good. They would also catch a prompt that waits for a person who has gone, and a stop that requires
+the lease.
 """
 
 from __future__ import annotations
@@ -31,7 +32,10 @@ def a_run(folder: Path, **cell: object) -> Iterator[tuple[Bench, Run]]:
 
 
 def lapse_at(bench: Bench, clock: LeaseClock, run: Run, call: int) -> None:
-    """While this call to a device is under way the holder falls silent; it returns when everybody knows."""
+    """Let the lease lapse during this call to a device.
+
+    The call returns when the run knows of it.
+    """
 
     def fall_silent() -> None:
         clock.pass_by(SECONDS + 1.0)
@@ -95,7 +99,7 @@ def test_a_question_is_not_put_to_somebody_who_has_gone(tmp_path: Path) -> None:
 
 
 def test_a_lapse_while_a_pause_waits_for_its_reading_is_at_once(tmp_path: Path) -> None:
-    """Paused on the way to the approach point: without the lapse the robot would still go to the pose."""
+    """The run is paused on the way to the approach point; without the lapse, the robot would still go to the pose."""
     with a_run(tmp_path) as (bench, run):
         clock = LeaseClock()
 

@@ -1,4 +1,4 @@
-"""Orders to a closed loop between its runs, where nothing moves and nothing else would hear them; and its end."""
+"""Orders to a closed loop between its runs, when no run is there to hear them; and its end."""
 
 from __future__ import annotations
 

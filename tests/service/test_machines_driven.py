@@ -1,6 +1,8 @@
-"""A SCARA and an arm on a track from readings to corrected targets, driven on simulated machines that share no line
-with the program. These would catch: a model whose base or tool is put elsewhere by slides, mm of a table read as deg, a
-flange that lands where the tool should, what an arm cannot tilt left unsaid, and a track that a table cannot hold.
+"""A SCARA and an arm on a track, from readings to corrected targets.
+
+They drive on simulated machines that share no line with the program. These would catch: a model whose base or tool is
+displaced by slides, mm of a table read as deg, and a flange that lands at the place of the tool. They would also catch
+an unreported tilt that the arm cannot make, and a track that a table cannot hold.
 
 All machines, with more readings, are `python -m tests.benchmarks machines`.
 """
@@ -63,7 +65,7 @@ def test_an_arm_on_a_track_lands_within_the_floor(folder: Path) -> None:
 def test_the_command_lets_a_tool_land(
     saved: Path, scara: tuple[Simulated, truepose.Model], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The true machine is asked without noise: what is left is the scatter of the fit."""
+    """The true machine has no noise here, so the remaining error is the scatter of the fit."""
     made, model = scara
     robot, names = made.truth.robot, ["T1"] * len(ROWS)
     taught = np.array(ROWS) * robot.joint_units

@@ -1,4 +1,7 @@
-"""What a person reads off a pendant and an instrument, typed on the page: checked, kept, once for one key."""
+"""Readings of a pendant and an instrument that a person types on the page.
+
+They are checked, kept, and stored once for one key.
+"""
 
 from __future__ import annotations
 

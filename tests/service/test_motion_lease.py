@@ -1,8 +1,9 @@
-"""The motion lease: its secret is given once, every motion needs it, and it is taken from somebody on purpose only.
+"""The motion lease.
 
-These would catch: a secret for whoever knows the holder's name, a lease that anybody gives back, a run that moves
-without the secret while another holds the lease, a route that moves and asks for nothing, a lease granted anew to a
-request that came too late, and a takeover that leaves no trace.
+Its secret is given once, every motion needs it, and it is taken from its holder on purpose only. These would catch: a
+secret for anyone who knows the holder's name, a lease that another client gives back, and a run that moves without the
+secret while another holds the lease. They would also catch a route that moves without the lease, a lease granted
+again to a request that came too late, and a takeover that leaves no trace.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 
 def take(service: Served, holder: str, lease_id: str = "", **headers: str) -> httpx2.Response:
-    """As a client that knows no secret but the one given here."""
+    """Take the lease as a client that knows only the secret that is given here."""
     sent = headers | ({"Lease-Id": lease_id} if lease_id else {})
     return service.client.post("/cell/lease", json={"holder": holder, "seconds": 120.0}, headers=sent)
 

@@ -1,7 +1,8 @@
-"""The OpenAPI document as a programmer of a cell PC meets it, and whether it says what the program does.
+"""The OpenAPI document, compared with the program, for the programmer of a cell PC.
 
-These would catch: a field or parameter without words, unit or example; a free object where a type is known; a list of
-states, verdicts or events that the program has outgrown; a campaign that the schema refuses and the reader takes.
+These would catch: a field or parameter without description, unit or example, and a free object although its type is
+known. They would also catch an outdated list of states, verdicts or events, and a campaign that the schema refuses but
+the reader accepts.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ def test_every_field_and_parameter_is_described_with_an_example(document: dict[s
 
 
 def test_it_says_the_rules_of_the_cell_pc_itself(document: dict[str, Any]) -> None:
-    """Whoever has the description alone knows of heartbeat, keys, long poll and stop as readers of docs/cell-pc do."""
+    """The description alone explains heartbeat, keys, long poll and stop as docs/cell-pc does."""
     rules = re.findall(r"^\d\. \*\*(.*?)\.\*\*", (ROOT / "docs/cell-pc/README.md").read_text("utf-8"), re.M)
     told = document["info"]["description"]
     assert len(rules) == 5
@@ -136,7 +137,7 @@ def test_states_verdicts_and_kinds_are_enumerations(document: dict[str, Any]) ->
 
 
 def test_the_kinds_of_events_are_those_that_the_program_writes() -> None:
-    """Read from its source: the first word that is given to whoever notes an event."""
+    """The kinds are read from the source: the first word in each call that notes an event."""
     written = {"deferred", "skipped"}  # by `Store.mark`, which has them from its caller
     for file in (ROOT / "acquisition").rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text("utf-8"))):
@@ -177,7 +178,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_results_are_as_described(data: Path, tmp_path: Path) -> None:
-    """Every member that the schema demands is there, of its type; and none is there that it does not name."""
+    """Every member that the schema demands exists with its type, and every existing member is in the schema."""
     from calib.text import read_json
 
     done = {
@@ -220,7 +221,7 @@ def unnamed(model: Any, where: str = "") -> set[str]:
 
 
 def test_examples_of_requests_can_be_sent(document: dict[str, Any]) -> None:
-    """What the page of the description offers to send is what the service takes."""
+    """The service accepts the requests that the page of the description offers to send."""
     for model in (requests.NewRun, requests.NewLoop, requests.TargetsToCorrect):
         (example,) = document["components"]["schemas"][model.__name__]["examples"]
         model.model_validate(example)
@@ -252,7 +253,7 @@ def test_the_document_is_made_once_and_not_in_the_loop_of_events(tmp_path: Path)
 
 
 def test_who_does_not_read_the_document_is_sent_its_beginning_only(tmp_path: Path) -> None:
-    """Written whole, it would lie in memory once for every stranger, and making the copies holds up the loop."""
+    """Written whole, the document would be in memory once per client, and the copies would hold up the loop."""
     app = create_app(ServiceSettings(tmp_path, Tokens("o", "v")))
     sent = list[bytes]()
 

@@ -1,7 +1,8 @@
-"""The operator page: what it may do, and a person at it, in a real browser without a window.
+"""The operator page: its permissions, and a person at it, in a real browser without a window.
 
-These would catch: a page that loads or sends anything elsewhere, a script its own policy forbids, a token that outlives
-the window, a prompt that a stray Enter answers, a reason that is lost, and a stop that needs the mouse or the lease.
+These would catch: a page that loads or sends anything elsewhere, a script its own policy forbids, and a token that
+outlives the window. They would also catch a prompt that a stray Enter answers, a reason that is lost, and a stop that
+needs the mouse or the lease.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 @pytest.fixture(autouse=True)
 def nobody_holds_the_lease(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Afterwards, whatever came of the test: the service is that of all."""
+    """Free the lease after each test, even a failed one, because the tests share the service."""
     service = request.getfixturevalue("service") if "service" in request.fixturenames else None
     yield
     if service is not None:
@@ -155,7 +156,7 @@ def test_a_person_at_the_page(service: Served, tmp_path: Path) -> None:
 
 
 def goes_on_when_loaded_again(service: Served, page: Page) -> None:
-    """The page keeps the secret of its lease, and goes on prolonging it."""
+    """The page keeps the secret of its lease, and continues to prolong it."""
     page.value("window.isOld = true")
     page.do("Page.reload")
     until(lambda: page.value("!window.isOld && document.readyState === 'complete'"))

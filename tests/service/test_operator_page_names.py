@@ -1,7 +1,7 @@
-"""The operator page with hostile names and gloved fingers: markup in everything that a person may call something.
+"""The operator page with hostile names and gloved fingers: markup in every name that a person may give.
 
-These would catch: a name that becomes markup in any view, a program that only a shell can correct, a
-deletion by a single touch or without its reason, and a second touch that answers the next prompt.
+These would catch: a name that becomes markup in any view, and a program that only a shell can correct. They would also
+catch a deletion by a single touch or without its reason, and a second touch that answers the next prompt.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 @pytest.fixture(autouse=True)
 def nobody_holds_the_lease(service: Served) -> Iterator[None]:
-    """Afterwards, whatever came of the test: the service is that of all."""
+    """Free the lease after each test, even a failed one, because the tests share the service."""
     yield
     service.free()
 
@@ -61,7 +61,7 @@ def nothing_ran(page: Page) -> None:
 
 
 def result_of(service: Served, folder: Path) -> tuple[str, str]:
-    """The ids of a data set with a hostile name and of an identification that had limits to meet."""
+    """Return the ids of a data set with a hostile name and an identification with acceptance limits."""
     data = write_data(folder, n=40)
     files = {"csv": data.read_bytes(), "toml": data.with_suffix(".toml").read_bytes()}
     dataset = service.client.post("/datasets", files=files, data={"name": HOSTILE}).json()["id"]

@@ -1,7 +1,7 @@
-"""What a run gave, on the operator page and by the list behind it.
+"""Results of a run, on the operator page and in the list behind it.
 
-These would catch: a run that ends in nothing to click, a link that a token cannot follow, results of another data set,
-and a viewer who is offered what only an operator may.
+These would catch: a run that ends without a result to click, a link that a token cannot follow, and results of another
+data set. They would also catch a viewer who is offered an action of the operator.
 """
 
 from __future__ import annotations

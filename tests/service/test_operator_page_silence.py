@@ -1,8 +1,8 @@
 """The operator page when the service does not answer.
 
-These would catch: a page that shows the past as the present, a Confirm that looks alive without a service, a lease that
-is still "yours", a notice that hides Stop, a page that has to be loaded again when the service is back, and a view that
-is empty because it was opened meanwhile.
+These would catch: a page that shows the past as the present, a Confirm that looks alive without a service, and a lease
+that is still "yours". They would also catch a notice that hides Stop, a page that has to be loaded again when the
+service is back, and a view that is empty because it was opened meanwhile.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def shown(page: Page, selector: str) -> bool:
 
 
 def on_top(page: Page, selector: str) -> bool:
-    """Whether a click in the middle of it would reach it."""
+    """Report whether a click in the middle of an element would reach it."""
     return page.value(
         f"(() => {{ const it = document.querySelector('{selector}'), box = it.getBoundingClientRect();"
         " return it.contains(document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2)); })()"

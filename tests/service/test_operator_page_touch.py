@@ -1,8 +1,8 @@
 """The operator page under a finger, and over a slow line.
 
-These would catch: a page that swallows a tap (a handler of touches, an overlay, a `touch-action` that waits), a link a
-finger cannot follow, a question that a tap answers before it can have been read, and a page that takes a slow service
-for a dead one, or a late stop for one that was heard.
+These would catch: a page that swallows a tap (a handler of touches, an overlay, a `touch-action` that waits), and a
+link a finger cannot follow. They would also catch a question that a tap answers before it can have been read, a page
+that takes a slow service for a dead one, and a late stop shown as one that was received.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def asked(folder: Path) -> Iterator[tuple[Served, Page, str]]:
 
 
 def tap(page: Page, selector: str) -> None:
-    """A finger in the middle of it, down and up: what follows from that is the browser's and the page's.
+    """Put a finger in the middle of an element, down and up, and leave the rest to browser and page.
 
     `Input.synthesizeTapGesture` gives no click in a browser without a window, not even on a page of one button.
     """

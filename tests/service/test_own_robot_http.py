@@ -1,4 +1,4 @@
-"""A service whose cell has a robot in a file of the user's own: its jobs have that file, wherever they work.
+"""A service whose cell has a custom robot file: its jobs have that file in every process.
 
 These would catch: a job that refuses such a robot, or leaves the cell out where a diagnosis proposes what to measure.
 """

@@ -1,4 +1,4 @@
-"""The modules of the page by themselves, and what the service says where several things went wrong.
+"""The modules of the page alone, and the service's message after several faults.
 
 These would catch: an event or an answer without words, a reason that hides the emergency stop or says a thing twice,
 and a drift that counts readings which were measured again.
@@ -35,7 +35,10 @@ DRIFTS = "const { counted, driftsOf } = await of('counted'); return driftsOf(cou
 
 
 def in_modules(body: str, given: Sequence[object]) -> Any:
-    """What a function body of JavaScript returns: `given` is there, and `of(name)`, a module of the page."""
+    """Run a function body of JavaScript and return its result.
+
+    The body sees the values `given`, and `of(name)`, which loads a module of the page.
+    """
     with as_modules() as folder:
         done = call_node(  # that of pyright
             *("--input-type=module", "-", folder.as_uri(), json.dumps(given)),
@@ -75,7 +78,7 @@ def test_the_emergency_stop_is_said_first_and_nothing_twice() -> None:
 
 
 def test_drift_counts_no_reading_that_was_measured_again() -> None:
-    """As `acquisition.record.readings` does: what was read while the arm warmed up is neither nought nor drift."""
+    """As in `acquisition.record.readings`, readings during the warm-up count neither as the zero nor as drift."""
     cold, warm, later = (
         {"pose": n, "set": "reference", "target": "T1", "world_mm": [0.1 * n, 0, 0]} for n in (1, 2, 4)
     )

@@ -1,5 +1,7 @@
-"""The search of placements over HTTP. These would catch: a search that is done twice for one key, an order that is
-refused only after it was waited for, and a refusal of the worker that nobody can read.
+"""The search of placements over HTTP.
+
+These would catch: a search that is done twice for one key, an order that is refused only after a wait, and a refusal
+of the worker that is not readable.
 """
 
 from __future__ import annotations

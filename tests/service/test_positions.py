@@ -1,4 +1,4 @@
-"""Positions known to an uncertainty as people and programs are told of them: terminal, JSON and report."""
+"""Positions with a stated uncertainty, as terminal, JSON and report show them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What lets the service hear a stop at once while its workers compute: who stands back, what is not looked through."""
+"""Priorities that let the service receive a stop at once while its workers compute.
+
+Workers have a lower priority, and the objects that stay are not searched by the garbage collector.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from service.worker import PATIENT
 
 @contextmanager
 def a_worker() -> Iterator[int]:
-    """Its process."""
+    """Start a worker and yield the id of its process."""
     workers = Workers(1, waiting=0)
     try:
         yield workers.call(os.getpid)
@@ -35,7 +38,7 @@ def test_a_worker_stands_back_in_its_session() -> None:
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows knows no such thing")
 def test_a_worker_shares_the_session_of_the_service_and_not_its_ctrl_c() -> None:
-    """Linux shares the processors out between sessions: in one of its own a worker would be nice to nobody."""
+    """Linux shares the processors out between sessions; in a separate one, a worker's niceness would have no effect."""
     with a_worker() as pid:
         assert os.getsid(pid) == os.getsid(0)
         assert os.getpgid(pid) == pid != os.getpgrp()

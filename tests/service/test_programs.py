@@ -1,6 +1,8 @@
-"""Programs of every dialect. These would catch: a tool, a frame, a unit or a turn applied the wrong way, a target
-that is corrected though nobody knows where it is, text that changes beside the numbers, and figures that are not
-those of the written file. What the robot does with a corrected file is computed here a second time, by hand.
+"""Programs of every dialect.
+
+These would catch: a tool, a frame, a unit or a turn applied the wrong way, and a target that is corrected although its
+position is unknown. They would also catch text that changes next to the numbers, and results that are not those of the
+written file. The motion of the robot with a corrected file is calculated here a second time, independently.
 """
 
 from __future__ import annotations
@@ -47,7 +49,10 @@ def frame(x: float, y: float, z: float, rotation: Rotation) -> Array:
 
 
 def lands(saved: CalibratedModel, flange: Array, seed: Sequence[float], tool: Array) -> Array:
-    """Where the real tool lands when the controller is sent a flange pose: its own joints, then the real chain."""
+    """Calculate the pose of the real tool after the controller is sent a flange pose.
+
+    The controller calculates nominal joint angles, and the real chain moves them.
+    """
     near = saved.model.robot.model_angles(np.radians([seed]), saved.coupling)
     joints = nominal_inverse(saved.model.robot, flange[None], near, np.zeros(3))
     np.testing.assert_allclose(forward(saved.model.robot, joints)[0], flange, atol=1e-6)
@@ -198,7 +203,10 @@ def test_urscript_waypoints_land_where_they_say(tmp_path: Path) -> None:
 
 
 def _lands_like(saved: CalibratedModel, flange: Array, home: Sequence[float], tool: Array) -> Array:
-    """The controller goes to the solution nearest to `home`: a far start for Newton, so by small steps."""
+    """Calculate the pose of the tool after the controller chooses the solution nearest to `home`.
+
+    `home` is a far start for Newton's method, so the flange approaches in small steps.
+    """
     robot = saved.model.robot
     joints = np.array([home])
     begin = forward(robot, joints)[0]

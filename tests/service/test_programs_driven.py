@@ -1,6 +1,8 @@
-"""Corrected programs driven by a simulated robot whose errors nobody told the program: the error that remains is the
-one that the model's uncertainty predicts, and a fraction of what it was. The robot's world shares no line with the
-code under test; this would catch any correction that is only consistent with itself.
+"""Corrected programs driven by a simulated robot whose errors the program does not know.
+
+The remaining error is the one that the model's uncertainty predicts, and a fraction of the error without correction.
+The robot's world shares no line with the code under test; this would catch any correction that is only consistent with
+itself.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ TARGETS = 40
 
 @pytest.fixture(scope="module")
 def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Path]:
-    """A simulated campaign with hidden backlash, and the model that the diagnosis made of it."""
+    """Simulate a campaign with hidden backlash, and return it with the model file of its diagnosis."""
     folder = tmp_path_factory.mktemp("driven")
     campaign = make_campaign(seed=11, n=150, n_validation=60, effects=["backlash:j4"], size=6.0)
     data = write_campaign(campaign, folder)["csv"]
@@ -41,7 +43,7 @@ def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Path]
 
 
 def driven(campaign: Campaign, joints_deg: Array) -> Array:
-    """(n, 3) where T2 really comes to stand, every joint arriving from below."""
+    """Return the true points of T2, shape (n, 3), if every joint arrives from below."""
     points = []
     for q in joints_deg:
         state = ArmState(tuple(q), tuple(q - 5.0), (1,) * 6)
@@ -50,7 +52,7 @@ def driven(campaign: Campaign, joints_deg: Array) -> Array:
 
 
 def wanted(campaign: Campaign, joints_deg: Array) -> Array:
-    """(n, 3) where the programmer meant T2 to be: the nominal robot's place."""
+    """Return the points of T2 that the programmer meant, shape (n, 3): those of the nominal robot."""
     return np.array(
         [campaign.world.nominal_point(ArmState(tuple(q), tuple(q), (1,) * 6), "T2") for q in joints_deg]
     )
@@ -65,7 +67,7 @@ def goals(campaign: Campaign) -> Array:
 
 
 def predicted_rms(saved: CalibratedModel, joints_deg: Array) -> float:
-    """What the model's uncertainty leaves, mm RMS."""
+    """Calculate the error that the model's uncertainty leaves, mm RMS."""
     stated = StatedConditions(temperature_c=22.0, time_s=0.0, loads=saved.loads, gravity=saved.gravity)
     at = conditions_at(saved.model, np.radians(joints_deg), stated, "T2")
     _, covariance = predict_with_covariance(saved.model, saved.estimate, saved.covariance, at)

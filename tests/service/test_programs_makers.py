@@ -1,6 +1,8 @@
-"""Programs of KUKA, Yaskawa and Staubli: read as the joints they were written from, back byte for byte, and corrected
-to the joints that the model asks for. These would catch an angle convention or a tool on the wrong side, a posture that
-is guessed, a number outside of targets that changes, and a comment that is taken for a target.
+"""Programs of KUKA, Yaskawa and Staubli.
+
+They are read as the joints they were written from, written back byte for byte, and corrected to the joints that the
+model requires. These would catch an angle convention or a tool on the wrong side, and a posture that is guessed. They
+would also catch a number outside of targets that changes, and a comment that is taken for a target.
 """
 
 from __future__ import annotations
@@ -166,8 +168,10 @@ def test_another_file_is_refused(tmp_path: Path, name: str, text: str) -> None:
 
 @pytest.mark.parametrize(("axis_4", "changes"), [(0.0, False), (-0.01, True)])
 def test_a_sign_that_changes_is_written_into_turn(tmp_path: Path, axis_4: float, changes: bool) -> None:
-    """Axis 4 stands at zero or just below: T says the sign of what is sent, and keeps no bit of before; axis 3 is not
-    taken over."""
+    """Axis 4 is at zero or just below.
+
+    T gives the signs of the axes that are sent, without bits of the old value; axis 3 has no such change.
+    """
     joints = (12.0, -15.0, 20.0, axis_4, 45.0, -60.0)
     text = f"DEFDAT A\nDECL E6POS P1={{{kuka_pos(joints)}}}\nENDDAT\n"
     known = KnownFrames(named_frames("--tool", ["0,0,0,0,0,0"]), named_frames("--frame", ["0,0,0,0,0,0"]))

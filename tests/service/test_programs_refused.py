@@ -1,4 +1,4 @@
-"""Programs, tables and frames that cannot be read or corrected: refused with their line and the reason."""
+"""Programs, tables and frames that cannot be read or corrected are refused with line and reason."""
 
 from __future__ import annotations
 
@@ -344,7 +344,7 @@ OTHERWISE = {
 
 
 def corrected_as_written(tmp_path: Path, text: str) -> Compensation:
-    """By the reader, and with the model, of whoever wrote the text."""
+    """Correct a text with the reader and the model of its dialect."""
     name, robot = {
         RAPID[:10]: ("a.mod", "abb-irb120"), LS[:10]: ("a.ls", "fanuc-lrmate200ic"), SCRIPT[:10]: ("a.script", "ur5"),
     }.get(text[:10], ("a.src" if text[:10] == SRC[:10] else "a.jbi", ""))  # fmt: skip
@@ -533,7 +533,7 @@ def test_what_leaves_a_fanuc_position_as_it_is_refuses_nothing(tmp_path: Path) -
 
 
 def test_a_target_that_an_unknown_instruction_drives_to_as_well_is_refused(tmp_path: Path) -> None:
-    """Of two motions one is read: what is corrected for its tool would be wrong for the tool of the other."""
+    """Only one of the two motions is read: a correction for its tool would be wrong for the tool of the other."""
     text = rapid(P1, USE.replace("ENDPROC", "IF TRUE THEN\nWeldAt p1,tGun;\nENDIF\nENDPROC"))
     (refused,) = corrected(tmp_path, "a.mod", text, model_of("abb-irb120")).of(REFUSED)
     assert "'WeldAt' (line 6)" in refused.why

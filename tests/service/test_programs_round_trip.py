@@ -1,6 +1,7 @@
-"""Round trips: programs drawn from the grammars, and odd ones by hand, come back byte for byte when nothing is
-corrected, and change in nothing but the numbers of their targets when something is. These would catch a lexer that
-swallows or reorders text, a line end or an encoding that changes, and a target that is overlooked.
+"""Round trips of programs drawn from the grammars, and of odd ones by hand.
+
+They come back byte for byte when nothing is corrected; otherwise only the numbers of their targets change. These would
+catch a lexer that swallows or reorders text, a line end or an encoding that changes, and a target that is overlooked.
 """
 
 from __future__ import annotations
@@ -32,7 +33,10 @@ def skeleton(text: str) -> str:
 
 
 def round_trip(folder: Path, name: str, data: bytes) -> None:
-    """Read and write back: the same bytes; read and correct: the same skeleton, every target corrected or empty."""
+    """Check that reading and writing give the same bytes, and that a correction changes only numbers.
+
+    Every target must be corrected or empty.
+    """
     path, out = folder / name, folder / f"out_{name}"
     path.write_bytes(data)
     saved = {".mod": IRB, ".ls": LR_MATE, ".script": UR5, ".csv": IRB}[path.suffix]
@@ -59,7 +63,10 @@ NUMBERS = ("{:.3f}", "{:g}", "{:.6f}", "{:.1f}")
 
 @st.composite
 def rapid_modules(draw: st.DrawFn) -> tuple[str, int]:
-    """A module and how many targets it holds: named, in arrays, in place; comments, cases, blanks, continued lines."""
+    """Draw a module and the number of its targets.
+
+    Targets are named, in arrays or in place, with comments, cases, blanks and continued lines.
+    """
     count = 0
     declared, moved = [], []
     for i in range(draw(st.integers(1, 5))):
@@ -91,7 +98,7 @@ def rapid_modules(draw: st.DrawFn) -> tuple[str, int]:
 
 @st.composite
 def ls_programs(draw: st.DrawFn) -> tuple[str, int]:
-    """A listing and how many positions it holds: with and without comments, groups, tabs, leading zeros."""
+    """Draw a listing and the number of its positions, with comments, groups, tabs and leading zeros."""
     positions = []
     for number in range(1, draw(st.integers(2, 6))):
         values = draw(counted)

@@ -1,4 +1,4 @@
-"""Bad input: every refusal is one sentence that names file and line or key, exit code 2, without a traceback."""
+"""Refusals of bad input: one sentence that names file and line or key, exit code 2, no traceback."""
 
 from __future__ import annotations
 

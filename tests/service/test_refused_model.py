@@ -1,4 +1,7 @@
-"""Readings that a fit left out, and fits that did not converge: everything is told, and only the model is refused."""
+"""Readings that a fit left out, and fits that did not converge.
+
+Everything is reported, and only the model is refused.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What people are told when the service cannot do all that they ask: too many jobs, a device that did not stop."""
+"""Messages for people when the service cannot do what they request.
+
+Too many jobs, or a device that did not stop.
+"""
 
 from __future__ import annotations
 

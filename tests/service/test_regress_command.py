@@ -1,4 +1,4 @@
-"""`truepose regress`: its table, its document, its report, its model, and what `compensate` then does and refuses."""
+"""`truepose regress`: its table, document, report and model, and the use of that model in `compensate`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ MODELS = [
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """data.csv of 30 waypoints with gears that err once a turn; o.json, m.json and r.html of its comparison."""
+    """Return a folder with data.csv and the outputs of its comparison: o.json, m.json and r.html.
+
+    The 30 waypoints are of gears with one error wave per turn.
+    """
     folder = tmp_path_factory.mktemp("regress")
     rows, header = rows_of(2, count=30, samples=90, waves=8e-4)
     data = write_files(folder, rows, header)
@@ -59,7 +62,10 @@ def test_the_document_holds_the_table(document: dict[str, Any]) -> None:
 
 
 def test_the_findings_are_worked_out(document: dict[str, Any]) -> None:
-    """With gears that err: the regression on residuals gains; on positions a turned wrist is millimetres away."""
+    """With gear errors, the regression on residuals gains.
+
+    The regression on positions is millimetres away for a turned wrist.
+    """
     table = {row["name"]: row["by_waypoint"]["mae"]["mean"] for row in document["table_um"]}
     assert table[MODELS[3]] < table["level 2"] < table[MODELS[1]]
     turned = {each["name"]: each for each in document["turned_wrist"]}
@@ -112,7 +118,7 @@ def test_targets_inside_are_corrected_with_it_and_outside_refused_by_name(
 
 
 def test_the_correction_contains_the_regression(folder: Path, tmp_path: Path) -> None:
-    """Without its table the same model corrects otherwise."""
+    """The same model corrects differently without its regression table."""
     saved = load_model(folder / "m.json")
     assert saved.regression is not None
     inside = np.degrees(saved.regression.joints[::30]).tolist()
@@ -160,7 +166,7 @@ def test_an_arm_of_another_structure(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_over_http(folder: Path, tmp_path: Path) -> None:
-    """The same comparison in a worker of the service; what cannot be asked is refused before it waits for one."""
+    """A worker of the service makes the same comparison; a wrong request is refused before it waits for one."""
     with served(tmp_path / "record") as service:
         files = {f"{kind}": (folder / f"data.{kind}").read_bytes() for kind in ("csv", "toml")}
         kept = service.client.post("/datasets", files=files).json()

@@ -1,4 +1,4 @@
-"""The ladder at the head of a report: every model once, with what each step takes away."""
+"""The ladder at the head of a report: every model once, with the error that each step removes."""
 
 from __future__ import annotations
 

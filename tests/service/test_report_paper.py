@@ -1,4 +1,4 @@
-"""A report as a paper: its number, when and by whom it was measured, hashes, and where to sign."""
+"""A report as a document: its number, date and operator of the measurement, hashes, place to sign."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Pictures of the report: every label of the library over what drives it, structure where it lives, advice for each.
+"""Pictures of the report.
 
-These would catch: a kind of effect without a picture that convinces, an axis or a sign that does not belong to the law
-that is drawn, and structure drawn in the wrong place.
+Every label of the library has a picture over its driving quantity; residual structure is drawn in its place, with
+advice. These would catch: a kind of effect without a convincing picture, an axis or a sign that does not belong to the
+drawn law, and structure drawn in the wrong place.
 """
 
 from __future__ import annotations
@@ -64,7 +65,10 @@ WITHOUT = {  # what the default base model holds already -> the groups without i
 
 
 def proposed(label: str, survey: Survey) -> Effect:
-    """The effect of a label as the library offers it, scanned constants near those of the simulation."""
+    """Return the effect of a label as the library offers it.
+
+    Scanned constants are near those of the simulation.
+    """
     for offer in offers(survey):
         if isinstance(offer, Candidate) and offer.label == label:
             return offer.effect
@@ -94,7 +98,10 @@ def _lines(names: str) -> str:
 
 
 def slope(panel: PlotPanel) -> float:
-    """Of the dots against the lines, each side of approach on its own line: 1 where readings follow the law."""
+    """Fit the slope of the dots against the lines, with a separate line per side of approach.
+
+    The slope is 1 if the readings follow the law.
+    """
     top = bottom = 0.0
     for x, y, side in panel.lines:
         mine = panel.clear & ~panel.held
@@ -148,7 +155,10 @@ def test_the_curve_of_a_gear_is_drawn_over_a_turn_with_its_band(tmp_path: Path) 
 
 
 def test_a_law_with_two_sides_has_a_line_for_each_wherever_it_acts(tmp_path: Path) -> None:
-    """A lash on another slot than a joint's angle: no kind of the library has it, only the regressor says it."""
+    """A lash acts on another slot than a joint's angle.
+
+    No kind of the library has such a lash, so only the regressor states its two sides.
+    """
     dataset = read_dataset(write_data(tmp_path, effects=("backlash:j4",), n=150))
     base = identify(dataset)
     lash = effect(
@@ -167,7 +177,7 @@ def test_a_law_with_two_sides_has_a_line_for_each_wherever_it_acts(tmp_path: Pat
 
 
 def test_the_error_without_an_effect_is_that_of_the_base_model(tmp_path: Path) -> None:
-    """To first order: leaving one effect out of the fit must give what a fit without it gives."""
+    """A fit without the effect must give the same error, to first order."""
     data = write_data(tmp_path, effects=("periodic:j2:n3", "backlash:j5"), n=200)
     dataset = read_dataset(data)
     base = identify(dataset)
@@ -226,7 +236,7 @@ def test_structure_is_drawn_where_it_lives(where: str, sample: tuple[Dataset, Pl
 
 
 def test_structure_on_an_axis_with_a_name_is_drawn_on_that_axis(sample: tuple[Dataset, PlotSample]) -> None:
-    """An arm on a track: joint 1 is its second axis, and what acts on the track is no error of an angle."""
+    """On an arm on a track, joint 1 is the second axis, and an effect of the track is no error of an angle."""
     dataset, drawn = sample
     named = {"axis_names": ("e1", "j1", "j2", "j3", "j4", "j5"), "unit_names": ("mm", *["deg"] * 5)}
     parts = tuple(replace(part, conditions=replace(part.conditions, **named)) for part in drawn.parts)

@@ -1,7 +1,8 @@
-"""The instrument is moved while a campaign is under way: nothing is measured in the old frame from the new station.
+"""The instrument is moved during a campaign.
 
-These would catch: a pose measured before the nests are, nests measured without asking for the instrument to be set up,
-a station that is not counted, an order given twice for one key, and readings of before that are turned anew.
+Nothing is measured in the old frame from the new station. These would catch: a pose measured before the nests are,
+nests measured without a request to set up the instrument, and a station that is not counted. They would also catch an
+order given twice for one key, and earlier readings that are transformed again.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ def a_run(folder: Path) -> Iterator[tuple[Bench, Run]]:
 
 
 def worlds(run: Run) -> dict[tuple[str, str], list[float]]:
-    """Where the good readings of poses lie."""
+    """Return the world positions of the good readings of poses, by pose name and target."""
     return {
         (event.data["name"], event.data["target"]): event.data["world_mm"]
         for event in run.events()

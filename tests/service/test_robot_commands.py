@@ -1,5 +1,7 @@
-"""`truepose robot`. These would catch: a file that is written over, a question that a script waits at, an answer that
-is no number taken as one, a mistake told with exit code 0, and a picture that is no picture.
+"""`truepose robot`.
+
+These would catch: a file that is written over, a question that stops a script, and an answer taken as a number that is
+none. They would also catch a mistake reported with exit code 0, and a picture that is no picture.
 """
 
 from __future__ import annotations

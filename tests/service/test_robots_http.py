@@ -1,8 +1,8 @@
 """The history of robots and watches over HTTP.
 
-These would catch: a robot, parameter or document that is not there and is answered with anything but a problem; two
-contents for one thing of which one is lost; a verdict on another robot; a store that is away and takes results, or the
-rest of the service, with it; a result that no schema describes.
+These would catch: an unknown robot, parameter or document that is not answered with a problem, two contents for one
+thing of which one is lost, and a verdict on another robot. They would also catch an unreachable store that loses
+results or stops the rest of the service, and a result that no schema describes.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def document(table: dict[str, Any], day: str, serial: str = SERIAL, robot: str =
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Thirty readings of a robot, and the model of a calibration of it beside them."""
+    """Write thirty readings of a robot, with the model of a calibration of it in the same folder."""
     folder = tmp_path_factory.mktemp("watched")
     whole = write_data(folder, effects=(), n=90)
     sign(whole.with_suffix(".toml"), SERIAL, "2026-03-02")
@@ -102,7 +102,7 @@ def test_what_is_sent_is_listed_and_what_contradicts_is_told(service: Served) ->
 
 
 def test_a_data_set_is_sent_as_its_two_files(service: Served, data: Path, tmp_path: Path) -> None:
-    """Of a robot in a file of one's own, which is in the header; a path there would open a file of the service's."""
+    """The header holds the custom robot file; a path there would open a file of the service."""
     csv = tmp_path / "data.csv"
     for suffix in (".csv", ".toml"):
         shutil.copy(data.with_suffix(suffix), csv.with_suffix(suffix))

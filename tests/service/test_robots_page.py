@@ -1,7 +1,8 @@
-"""The views Robots, Robot and Watch with a keyboard, and when the service has gone.
+"""The views Robots, Robot and Watch with a keyboard, and without a running service.
 
-These would catch: a robot that only a mouse reaches, a serial number that becomes markup, a run that does not enter the
-history by itself, a verdict that is looked for in vain, and a list that looks alive while nobody answers.
+These would catch: a robot that only a mouse reaches, a serial number that becomes markup, and a run that is not added
+to the history automatically. They would also catch a missing verdict, and a list that looks alive although no service
+answers.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Two tokens: who looks on may stop and nothing else that changes anything; and where the tokens are kept.
+"""Two tokens, and the files where they are kept.
 
-These would catch: a viewer who moves a robot or takes its lease, one who cannot stop it, a route added later that is
-open to viewers by oversight, a file of tokens that others can read or that outlives its service, and a token in a file
-that others could read already.
+A viewer may stop the robot, but change nothing. These would catch: a viewer who moves a robot or takes its lease, one
+who cannot stop it, and a route added later that is open to viewers by oversight. They would also catch a file of
+tokens that others can read or that outlives its service, and a token in a file that others could read already.
 """
 
 from __future__ import annotations

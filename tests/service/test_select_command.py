@@ -1,4 +1,4 @@
-"""`truepose select`: the list of poses, the document, and what is refused."""
+"""`truepose select`: the list of poses, the document, and its refusals."""
 
 from __future__ import annotations
 
@@ -129,7 +129,10 @@ def test_poses_of_a_ballbar_are_not_chosen(tmp_path: Path, capsys: pytest.Captur
 def test_a_robot_that_counts_otherwise_is_judged_by_its_model_angles(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Joint 3 of a Fanuc counts from the horizontal: the list has its angles, the figures those of the model."""
+    """Joint 3 of a Fanuc counts from the horizontal.
+
+    The list has the robot's angles, but the results are those of the model angles.
+    """
     text = CELL.read_text("utf-8").replace('"abb-irb120"', '"fanuc-lrmate200ic"').replace('"abb"', '"fanuc"')
     (tmp_path / "cell.toml").write_text(text.replace("[-80, 70]", "[-120, 60]"), "utf-8")
     judged: list[Candidates] = []

@@ -1,6 +1,7 @@
-"""SIMULATED by every way from a record to a program. This would catch an end that passes for a real robot's.
+"""The SIMULATED label on every way from a record to a program.
 
-A corrected program is the one file without the label: nothing but its numbers may change. It is said beside it.
+These would catch an output that passes for a real robot's. A corrected program is the one file without the label,
+because only its numbers may change; the label is printed with it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
-"""Statements of a diagnosis in terminal, report, JSON and Python. These would catch: advice as if an unknown cause were
-known, effects below their uncertainty stated as found, tool and base values that count from a hidden start, and a
-verdict whose sentence is in some presentations only.
+"""Statements of a diagnosis in terminal, report, JSON and Python.
+
+These would catch: advice as if an unknown cause were known, and effects below their uncertainty stated as found. They
+would also catch tool and base values that count from a hidden start, and a verdict whose sentence is missing from some
+presentations.
 """
 
 from __future__ import annotations
@@ -209,7 +211,7 @@ def with_tool(data: Path) -> IdentificationFit:
 
 
 def test_absolute_values_predict_what_the_model_predicts(data: Path) -> None:
-    """Put into a model without starts, they give the same points: nothing is left in a hidden start."""
+    """In a model without start values, they give the same points, so no value is left in a hidden start."""
     found = with_tool(data)
     model, conditions = found.model, found.readings.conditions
     zero = {s: dict.fromkeys(targets, (0.0, 0.0, 0.0)) for s, targets in model.targets.items()}

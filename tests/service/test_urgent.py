@@ -1,8 +1,8 @@
-"""What must never wait, while everything that may is full: orders to the robot, its lease, status, answers, health.
+"""Urgent requests on a full service: orders to the robot, its lease, status, answers, health.
 
-The threads are held by events, not by time. These would catch: a stop that shares the threads of ordinary requests, or
-of clients that wait, on any part of its way (the service object, the order itself, the refusal of a wrong one), and
-a burst of requests that all take their turn before it.
+They never wait, while all other requests may. The threads are held by events, not by time. These would catch a stop
+that shares the threads of ordinary requests, or of clients that wait, on any part of its way (the service object, the
+order itself, the refusal of a wrong one). They would also catch a burst of requests that are all served before it.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Held:
                 await asyncio.sleep(0.01)
 
     async def until(self, path: str, member: str, wanted: Callable[[Any], bool]) -> Any:
-        """The member of a document once it is as wanted."""
+        """Poll a document until one of its members satisfies a condition, and return that member."""
         async with asyncio.timeout(PATIENCE_S):
             while not wanted(found := (await self.client.get(path)).json()[member]):
                 await asyncio.sleep(0.01)
@@ -70,7 +70,10 @@ class Held:
 def in_held_service(
     folder: Path, monkeypatch: pytest.MonkeyPatch, scene: Callable[[Held], Awaitable[None]]
 ) -> None:
-    """Play a scene on a service in whose cell the arm moves until it is stopped, and one SMR is seated by hand."""
+    """Play a scene on a held service.
+
+    In its cell, the arm moves until it is stopped, and one SMR is seated by hand.
+    """
     bench = Bench(a_cell(instrument__one_smr=True))
     arm, released = SlowArm(bench), threading.Event()
 

@@ -1,4 +1,4 @@
-"""`truepose validate`: its tables and its JSON, and what it refuses."""
+"""`truepose validate`: its tables, its JSON and its refusals."""
 
 from __future__ import annotations
 

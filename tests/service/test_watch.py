@@ -1,4 +1,4 @@
-"""`truepose watch`: the plan is a campaign, the verdict an exit code, a history one line a watch."""
+"""`truepose watch`: the plan is a campaign, the verdict an exit code, and a history has a line per watch."""
 
 from __future__ import annotations
 
@@ -236,7 +236,7 @@ def motions(record: Path) -> int:
 def test_a_watch_is_driven_exported_and_judged(
     model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """On a simulated cell whose robot is not the one of the model: it must not pass."""
+    """The robot of the simulated cell is not that of the model, so it must not pass."""
     campaign, record, verdict = tmp_path / "watch.toml", tmp_path / "record", tmp_path / "v.json"
     asked = ["--poses", "4", "--from", "30", "--visits", "1", "--readings", "2"]
     plan = ["watch", "plan", str(model), str(CELL), "--out", str(campaign), *asked]

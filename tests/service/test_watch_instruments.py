@@ -1,4 +1,4 @@
-"""Watches by other readings, at the command line: touched balls, legs, the warmth of the arm."""
+"""Watches by other readings, at the command line: touched balls, legs, the temperature of the arm."""
 
 from __future__ import annotations
 
@@ -132,7 +132,10 @@ def test_the_warmth_of_the_day_is_updated_and_the_clock_is_asked_for(
 
 
 def test_a_ballbar_takes_stances_that_the_model_brings_within_its_stroke() -> None:
-    """A baseline by another arm's distances has other balls: refused by name, before anything is drawn for long."""
+    """A baseline by another arm's distances has other balls.
+
+    It is refused by name, before a long search.
+    """
     cell = a_cell(**BALLBAR)
     other = as_saved(identify(simulate(KINDS[3], 1).data))
     question = WatchPlanRequest(6, 100, ("T1",), 5.0, False, 0.01, 1)

@@ -1,7 +1,7 @@
-"""What is told of a service to those who watch it: to people at its start, to Prometheus, to a log.
+"""Status of a service for observers: for people at its start, for Prometheus, in a log.
 
-These would catch: a start that only programs can read, measures without the token, a label that a stranger chooses, a
-secret or a reason in a log, two lines where somebody put an end of line into a path.
+These would catch: a start that only programs can read, metrics without the token, and a label that a foreign client
+chooses. They would also catch a secret or a reason in a log, and a second line if a path holds a line end.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def test_people_are_told_where_to_open_the_page(tmp_path: Path) -> None:
 
 
 def measured(text: str) -> dict[str, float]:
-    """By name and labels."""
+    """Return the samples of a text by name and labels."""
     return {
         f"{sample.name}{sorted(sample.labels.items())}": sample.value
         for family in text_string_to_metric_families(text)

@@ -1,4 +1,4 @@
-"""Numbers in words: rounding by the uncertainty, and JSON that never holds NaN."""
+"""Numbers as text: rounding by the uncertainty, and JSON that never holds NaN."""
 
 from __future__ import annotations
 

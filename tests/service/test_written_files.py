@@ -1,5 +1,8 @@
-"""What commands may replace. These would catch: a command that writes over a file that somebody made, over the file
-that lies beside what it writes, or over its own file that was edited since; and one that cannot be run twice."""
+"""Files that commands may replace.
+
+These would catch: a command that writes over a file of a person, over the companion file of its output, or over its own
+output after it was edited. They would also catch a command that cannot be run twice.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +65,7 @@ def test_only_what_a_command_has_written_is_replaced(name: str, data: Path, tmp_
 def test_what_another_command_wrote_is_kept(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A model is no place for a table of results, nor a data set for a report, though a command wrote both."""
+    """A model is no place for a table of results, nor a data set for a report, although a command wrote both."""
     model, table = tmp_path / "m.json", tmp_path / "dh.csv"
     assert main(["identify", f"{data}", "--model", f"{model}"]) == 0
     assert main(["export", f"{model}", "--as", "dh-csv", f"{table}"]) == 0
@@ -101,7 +104,7 @@ def test_a_protected_file_or_folder_is_refused_before_the_work(
 def test_the_file_of_the_robot_is_no_header(
     command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Of `--robot kr10.toml` and `kr10.csv` the header would be the file of the robot, also with --overwrite."""
+    """With `--robot kr10.toml` and `kr10.csv`, the header would be the robot file, even with --overwrite."""
     monkeypatch.chdir(tmp_path)
     for name in ("in.csv", "t.csv", "kr10.toml"):
         (tmp_path / name).write_text("mine\n", "utf-8")
@@ -111,7 +114,10 @@ def test_the_file_of_the_robot_is_no_header(
 
 
 def test_what_is_only_added_to_and_what_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A history may come from anywhere, as it keeps its lines; no option lets a command write over what it reads."""
+    """A history may come from anywhere, because its lines are kept.
+
+    No option lets a command write over its input.
+    """
     monkeypatch.setattr(written, "overwriting", False)  # an earlier command here may have been allowed to
     history, read = tmp_path / "history.jsonl", tmp_path / "data.csv"
     history.touch()
@@ -139,7 +145,7 @@ def test_what_was_changed_in_the_folder_of_a_demo_is_kept(tmp_path: Path) -> Non
 
 
 def test_the_file_beside_the_one_that_is_written_is_kept(tmp_path: Path) -> None:
-    """A data set is two files: beside kinds.csv lies kinds.toml, which may be the cell file of somebody."""
+    """A data set has two files: next to kinds.csv is kinds.toml, which may be a cell file of the user."""
     cell = tmp_path / "kinds.toml"
     cell.write_text("mine\n", "utf-8")
     with pytest.raises(DataError, match=r"header of OUT.csv .*kinds\.toml: is there already"):

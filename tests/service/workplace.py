@@ -1,4 +1,4 @@
-"""A person at the operator page with a keyboard alone, and what is looked at in every view."""
+"""A person at the operator page with a keyboard alone, and the checks of every view."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def enter_on(page: Page, selector: str) -> None:
 
 
 def open_view(page: Page, view: str) -> None:
-    """By its link, with the keyboard."""
+    """Open a view by its link, with the keyboard."""
     tab_to(page, f"nav a[href='#/{view}']")
     page.press("Enter")
     until(lambda: page.value("document.querySelector('nav [aria-current]')?.hash") == f"#/{view}")
@@ -80,7 +80,7 @@ def outlives_another_view(page: Page) -> None:
 
 
 def reachable(page: Page, selector: str) -> bool:
-    """Whether a click in the middle of it would reach it."""
+    """Report whether a click in the middle of an element would reach it."""
     return page.value(
         f"(() => {{ const it = document.querySelector({json.dumps(selector)}), box = it.getBoundingClientRect();"
         " return it.contains(document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2)); })()"
@@ -88,7 +88,7 @@ def reachable(page: Page, selector: str) -> bool:
 
 
 def audit(page: Page) -> None:
-    """The view as it is: axe has nothing to say, a telephone shows it whole, fingers hit it, Stop is in reach."""
+    """Check the current view: axe finds nothing, it fits a telephone, fingers hit it, Stop is in reach."""
     if not page.value("typeof axe === 'object'"):
         page.do("Runtime.evaluate", expression=AXE.read_text("utf-8"))
     where = page.value("location.hash")
