@@ -1,4 +1,7 @@
-"""Distances of an arm by search instead of by formula, at many instants of a move instead of over all of it."""
+"""Reference distances of an arm.
+
+They are found by search instead of by formula, and at many instants of a move instead of over the whole move.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,10 @@ _INVERSE_GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
 def far_from_box(line: Array, low: Sequence[float], high: Sequence[float]) -> float:
-    """mm between a line (2, 3) and a box, by golden section: the distance is convex along the line."""
+    """Calculate the distance between a line (2, 3) and a box, mm, by golden section.
+
+    The distance is convex along the line.
+    """
 
     def far(share: float) -> float:
         place = line[0] + share * (line[1] - line[0])
@@ -28,7 +34,7 @@ def far_from_box(line: Array, low: Sequence[float], high: Sequence[float]) -> fl
 
 
 def far_from_line(line: Sequence[Array], other: Sequence[Array]) -> float:
-    """mm between two lines, by projecting from one to the other and back until nothing changes much."""
+    """Calculate the distance between two lines, mm, by golden section over projections."""
     u, v = line[1] - line[0], other[1] - other[0]
     best = np.inf
     for share in np.linspace(0.0, 1.0, 101):
@@ -50,9 +56,10 @@ def _to_point(place: Array, start: Array, along: Array) -> float:
 
 
 def looked_at(cell: Cell, start: Array, goal: Array, looks: int) -> tuple[float, float]:
-    """Least distance, mm, that is seen at so many instants of a move, and how much any point moves between two looks.
+    """Return the least distance, mm, over a number of instants of a move.
 
-    Points every few millimetres along the capsules; what the cell exempts is left out.
+    The second value is the largest motion of any point between two instants, mm. Points are every few millimetres along
+    the capsules; exempted pairs of the cell are left out.
     """
     room = cell.clearance
     share = np.linspace(0.0, 1.0, looks)[:, None]

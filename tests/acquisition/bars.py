@@ -1,4 +1,4 @@
-"""Campaigns with a ballbar on fakes, for all tests of what a ballbar measures."""
+"""Campaigns with a ballbar on fakes, for all tests of a ballbar."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -53,7 +53,7 @@ class Bar:
         return [dict(event.data) for event in self.events if event.kind == kind]
 
     def crash_at(self, call: int) -> None:
-        """Run until the program ends in this call of a device, and open the record anew."""
+        """Run until the program ends in this call of a device, and open the record again."""
 
         def crash() -> None:
             self.run._store.database._connection.close()
@@ -68,7 +68,10 @@ class Bar:
 
 @contextmanager
 def made(kind: Callable[..., Any], folder: Path, **usual: Any) -> Iterator[Callable[..., Any]]:
-    """A maker of campaigns of `kind`, each with a folder of its own; their records are closed in the end."""
+    """Yield a factory of campaigns of `kind`, each with a separate folder.
+
+    The factory's records are closed in the end.
+    """
     all_made: list[Bar] = []
 
     def make(*answers: Answer, **options: Any) -> Any:

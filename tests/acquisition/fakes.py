@@ -1,4 +1,4 @@
-"""Fakes for the sequencer: devices that remember what they did, a clock that jumps, a small campaign.
+"""Fakes for the sequencer: devices that log calls, a clock that jumps, a small campaign.
 
 Faults are ordered by the number of the device call at which they happen, over all devices together.
 """
@@ -140,7 +140,10 @@ class Shot:
 
 @dataclass
 class Bench:
-    """The world of the fakes. `faults`: device call number -> what happens there."""
+    """World of the fakes.
+
+    `faults` gives, for the number of a device call, the event that happens in it.
+    """
 
     cell: Cell
     faults: dict[int, Callable[[], None]] = field(default_factory=dict)
@@ -345,7 +348,7 @@ class FakeBar(FakeMeter):
 
 
 class SeatingOperator:
-    """Does what the prompt says, then gives the answers it was told to, CONFIRM when none are left."""
+    """Operator who follows the prompt and gives the listed answers, then CONFIRM."""
 
     def __init__(self, bench: Bench, answers: Sequence[Answer] = ()) -> None:
         self.bench = bench

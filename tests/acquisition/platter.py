@@ -1,8 +1,8 @@
-"""A disk that can lose its power: SQLite on a VFS that writes down every write, sync and deletion it asks for.
+"""A disk that can lose its power: SQLite on a VFS that logs every write, sync and deletion.
 
-What a disk holds after a cut is then a matter of arithmetic: of a file everything up to its last sync, and of what
-was written after that any subset of sectors, in any order (`Platter.cut`). `connect` stands in for
-`sqlite3.connect`, so that the record's own code runs on this disk. Source: the crash tests of SQLite itself
+The content of a disk after a power cut is then a matter of arithmetic. Of a file it is everything up to the last sync,
+and of the later writes any subset of sectors, in any order (`Platter.cut`). `connect` stands in for
+`sqlite3.connect`, so that the record's code runs on this disk. Source: the crash tests of SQLite itself
 (sqlite.org/testing.html, 3.3 crash testing), which do the same below a modified VFS.
 """
 
@@ -26,9 +26,10 @@ Mark = tuple[Any, ...]
 
 @dataclass(frozen=True)
 class Op:
-    """One order to the disk (`write`, `truncate`, `sync`, `delete`), or `commit`: SQLite said that it is durable.
+    """One order to the disk: `write`, `truncate`, `sync`, `delete` or `commit`.
 
-    for_good: of a deletion, that the folder is synced after it.
+    After `commit`, SQLite has reported the transaction as durable. A deletion is `for_good` if the folder is synced
+    after it.
     """
 
     kind: str
@@ -41,7 +42,10 @@ class Op:
 
 @dataclass
 class Disk:
-    """The orders so far. `before`: called with every order about to be given; may raise in the disk's place."""
+    """Log of the orders so far.
+
+    `before` is called with every order before it is logged, and may raise an error in the disk's place.
+    """
 
     ops: list[Op] = field(default_factory=list)
     before: Callable[[Op], None] = lambda op: None
@@ -71,7 +75,7 @@ class _File(apsw.VFSFile):
         super().xSync(flags)
 
     def excepthook(self, etype: Any, evalue: Any, etraceback: Any) -> bool:
-        """A failing disk is no matter where SQLite goes on without (a checkpoint that can wait)."""
+        """Ignore a failing disk if SQLite continues without it (a checkpoint that can wait)."""
         return True
 
 
@@ -89,7 +93,7 @@ class _Vfs(apsw.VFS):
 
 
 class _Row(tuple[Any, ...]):
-    """As `sqlite3.Row`: by place and by name."""
+    """Row with values by place and by name, like `sqlite3.Row`."""
 
     names: tuple[str, ...]
 
@@ -128,7 +132,7 @@ class _Cursor:
 
 
 class Connection:
-    """As much of `sqlite3.Connection` as a record uses."""
+    """Subset of `sqlite3.Connection` that a record uses."""
 
     row_factory: object = None
 
@@ -183,7 +187,7 @@ def mark_of(ask: Callable[[str], Any], marks: Sequence[str] = MARK) -> Mark:
 def connect(
     disk: Disk, rewrite: Callable[[str], str] = lambda sql: sql, marks: Sequence[str] = MARK
 ) -> Callable[..., Connection]:
-    """A stand-in for `sqlite3.connect`. `rewrite`: changes a statement on its way."""
+    """Return a stand-in for `sqlite3.connect`, which passes each statement through `rewrite`."""
     vfs = _Vfs(f"platter-{uuid.uuid4().hex}", disk)
 
     def opened(place: str, **_: Any) -> Connection:
@@ -194,7 +198,7 @@ def connect(
 
 @dataclass
 class Platter:
-    """What is safe on the disk, and what was written since the last sync of each file."""
+    """Safe content of the disk, and the orders since the last sync of each file."""
 
     safe: dict[str, bytes] = field(default_factory=dict)
     loose: dict[str, list[Op]] = field(default_factory=dict)
@@ -214,13 +218,16 @@ class Platter:
             self._sync_folder()
 
     def _sync_folder(self) -> None:
-        """SQLite syncs the folder with the first sync of a new journal; what was deleted stays deleted then."""
+        """Make all deletions so far permanent.
+
+        SQLite syncs the folder with the first sync of a new journal.
+        """
         for name in [name for name, ops in self.loose.items() if any(op.kind == "delete" for op in ops)]:
             self.safe.pop(name, None)
             del self.loose[name]
 
     def cut(self, chance: random.Random) -> dict[str, bytes]:
-        """The files after a power cut: nothing of what was loose, all of it, or any sectors of it."""
+        """Return the files after a power cut, with none, all or any sectors of the unsynced writes."""
         share = chance.choice((0.0, 1.0, chance.random()))
         out = {}
         for name in {*self.safe, *self.loose}:

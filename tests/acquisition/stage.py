@@ -1,4 +1,4 @@
-"""A run on fakes: what the tests of the sequencer set up."""
+"""A run on fakes for the tests of the sequencer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.acquisition.fakes import Bench, JumpingClock, SeatingOperator, a_camp
 
 
 def fill_disk(store: RecordStore) -> None:
-    """No more room in the file of a record: what is added next is refused."""
+    """Fill the file of a record, so that the next addition is refused."""
     count = store.database.query("PRAGMA page_count")[0][0]
     store.database.script(f"PRAGMA max_page_count = {count}")
     with suppress(StorageError):

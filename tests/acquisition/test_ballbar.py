@@ -1,4 +1,7 @@
-"""A ballbar campaign: hands and robot take turns, the zero is kept, and what was out of stroke comes again."""
+"""A ballbar campaign.
+
+Operator and robot take turns, the zero is kept, and positions out of stroke come again.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
-"""What goes wrong with a ballbar in a reading. These would catch: a reading lost with the radio, or taken twice,
-an empty battery that ends the campaign, and an arm that leaves its pose for either with the bar on.
+"""Faults of a ballbar during a reading.
+
+These would catch: a reading lost with the radio, or taken twice, an empty battery that ends the campaign, and an arm
+that leaves its pose for either with the bar on.
 """
 
 from __future__ import annotations

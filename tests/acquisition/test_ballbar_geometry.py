@@ -1,5 +1,7 @@
-"""The triangles of the balls measured in a campaign. These would catch: an arm that moves for them, a bar that is not
-the one that fits, a zero of another bar, a distance that goes to the data set as a leg, and one taken anew on resuming.
+"""The triangles of the balls measured in a campaign.
+
+These would catch: an arm that moves for them, a bar that is not the one that fits, and a zero of another bar. They
+would also catch a distance that goes to the data set as a leg, and one measured again on resuming.
 """
 
 from __future__ import annotations
@@ -123,7 +125,7 @@ def test_resuming_takes_none_of_them_again(bars: Any) -> None:
 
 
 def when(bar: Bar, words: str, happens: Callable[[], None], times: int = 1) -> None:
-    """Something happens while a person is asked this for the so-manieth time."""
+    """Let something happen when a prompt with these words is shown for the `times`-th time."""
     ask, seen = bar.operator.ask, []
 
     def asked(prompt: Prompt) -> Answer:
@@ -258,7 +260,7 @@ def test_a_prompt_shows_the_pose_and_the_balls_that_it_is_about(bars: Any) -> No
 def test_a_distance_that_is_sent_again_is_not_the_next_one(
     bars: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A bridge that has lost its bar and goes on with what it heard last, under a new time, is within the stroke."""
+    """The last value that a bridge without its bar repeats with a new time is within the stroke."""
     measure = FakeBar.measure
     sent: list[LengthReading] = []
 

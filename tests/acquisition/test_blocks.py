@@ -1,4 +1,4 @@
-"""Kinds of blocks: what every plan keeps to, and that those who read the rows recognise them."""
+"""Kinds of blocks: the rules that every plan keeps, and readers that recognise the rows."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ def test_a_seed_makes_one_plan() -> None:
 
 @pytest.mark.parametrize("one_smr", [False, True])
 def test_targets_are_read_again_while_the_robot_rests(*, one_smr: bool) -> None:
-    """With one SMR as well: a person moves it no more often."""
+    """A person moves a single SMR no more often than without repeated readings."""
     cell = a_cell(instrument__one_smr=one_smr)
     block = {"kind": "poses", "count": 2, "targets": ["T1", "T2"], "readings": 3}
     visits = [v for v in make_plan(cell, a_campaign(block=[block])) if v.kind == "pose"]

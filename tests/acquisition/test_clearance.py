@@ -1,8 +1,8 @@
-"""Clearance of straight moves in joint space, against very fine sampling with distances written a second time.
+"""Clearance of straight moves in joint space, compared with very fine sampling.
 
-These would catch: a thin post between two looks, an arm without thickness, a bound of the bend that is too small, a
-distance to a box that forgets its edges and corners, a mounting that hides a real obstacle, and moves that pass at a
-margin and are refused.
+The distances of the sampling are written independently. These would catch: a thin post between two looks, an arm
+without thickness, and a bound of the bend that is too small. They would also catch a distance to a box that forgets its
+edges and corners, a mounting that hides a real obstacle, and moves that pass at a margin and are refused.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def clear_postures(cell: Cell, count: int, seed: int = 0) -> Array:
 def test_no_move_that_touches_is_clear_and_none_that_passes_is_refused(
     fixture: dict[str, Any], model: str
 ) -> None:
-    """30 moves between clear postures, each looked at 800 times."""
+    """Thirty moves between clear postures are sampled at 800 instants each."""
     limits = {} if model == "abb-irb120" else {"robot__limits_deg": None}
     cell = cell_with(fixture, robot__model=model, **limits)
     postures = clear_postures(cell, 60)
@@ -72,7 +72,7 @@ def test_no_move_that_touches_is_clear_and_none_that_passes_is_refused(
 
 
 def test_a_post_of_100_mm_is_grazed_by_no_move_that_passes_for_clear() -> None:
-    """One of 120 straight ways grazed it while the arm was a line that was looked at every few degrees."""
+    """One of 120 moves grazed it when the arm was a line, sampled every few degrees."""
     cell = cell_with(POST)
     postures = clear_postures(cell, 240, seed=1)
     clear = cell.clearance.clear_between(postures[0::2], postures[1::2])
@@ -82,7 +82,10 @@ def test_a_post_of_100_mm_is_grazed_by_no_move_that_passes_for_clear() -> None:
 
 
 def test_a_rod_of_30_mm_does_not_slip_between_two_looks() -> None:
-    """A horizontal bar in the way of the wrist as joint 1 turns past: 50 moves, the rod always struck in the middle."""
+    """A horizontal bar is in the way of the wrist as joint 1 turns past.
+
+    In 50 moves, the rod is always struck in the middle.
+    """
     tip = cell_with().clearance.arm.lines(np.zeros((1, 6)))[0, 4, 0]  # of the wrist, straight ahead
     rod = {
         "name": "rod",
@@ -100,10 +103,10 @@ def test_a_rod_of_30_mm_does_not_slip_between_two_looks() -> None:
 
 @pytest.mark.parametrize(("depth_mm", "touches"), [(2.0, True), (-NEAREST_MM - 0.2, False)])
 def test_the_bow_of_a_path_is_within_its_bound_and_the_bound_is_close(depth_mm: float, touches: bool) -> None:
-    """The stretched arm turns about joint 1 past a flat wall that its circle just enters, at three tenths of the move.
+    """The stretched arm turns about joint 1 past a flat wall that its circle just enters.
 
-    Where the halves of the move begin and end the arm is 15 mm and more from the wall: with half of the bound, or
-    none, the chord between them would prove the first half clear.
+    It enters at three tenths of the move. At the ends of both halves of the move, the arm is 15 mm and more from the
+    wall. With half of the bound, or none, the chord between them would prove the first half clear.
     """
     only = {"tool__targets": {"T1": [0.0, 0.0, 125.0]}, "robot__table_z_mm": -900.0}
     arm = cell_with(**only).clearance.arm
@@ -135,7 +138,10 @@ def test_the_capsules_are_where_the_simulators_links_are(model: str) -> None:
 
 
 def test_bends_are_bounds() -> None:
-    """Second differences along random moves; where one joint turns alone, the bound is nearly reached."""
+    """Second differences along random moves stay within the bound.
+
+    If one joint turns alone, the bound is nearly reached.
+    """
     share = np.linspace(0.0, 1.0, 201)[:, None]
     for model in ("abb-irb120", "fanuc-lrmate200ic", "ur5", "ur10"):
         arm = cell_with(robot__model=model, robot__limits_deg=None).clearance.arm
@@ -183,7 +189,10 @@ point = st.tuples(coordinate, coordinate, coordinate)
 @given(st.lists(st.tuples(point, point), min_size=1, max_size=6))
 @settings(max_examples=60, deadline=None)
 def test_lines_to_a_box(ends: list[tuple[tuple[float, ...], tuple[float, ...]]]) -> None:
-    """Against a search along the line; also lines through the box, points, and lines along an axis."""
+    """The result equals a search along the line.
+
+    Lines through the box, points, and lines along an axis are included.
+    """
     low, high = (-50.0, -80.0, -10.0), (60.0, 20.0, 90.0)
     lines = np.array([*ends, *[(a, a) for a, _ in ends], *[(a, (a[0], a[1], b[2])) for a, b in ends]])
     towards = Box("box", low, high).towards(lines)
@@ -221,7 +230,10 @@ def test_a_post_has_a_radius_and_round_ends() -> None:
 
 
 def test_the_arm_has_its_thickness() -> None:
-    """A box 10 mm below the forearm's skin is not touched, one 10 mm within is, though no centre line is near."""
+    """A box 10 mm below the forearm's skin is not touched, and a box 10 mm within is.
+
+    No centre line is near the box.
+    """
     arm = cell_with().clearance.arm
     i = [capsule.name for capsule in arm.capsules].index("forearm")
     line, radius = arm.lines(np.zeros((1, 6)))[0, i], arm.radii[i]
@@ -262,7 +274,7 @@ def test_the_foot_may_touch_what_it_stands_on_and_nothing_else_may() -> None:
 
 
 def test_a_ceiling_over_everything_is_no_mounting() -> None:
-    """What the links from the elbow on touch everywhere refuses every posture; it is not taken for the foot."""
+    """It is not taken for the foot, so the links from the elbow on make it refuse every posture."""
     cell = cell_with(robot__table_z_mm=5000.0)
     assert not cell.clearance.clear_at(np.zeros((1, 6)))[0]
 

@@ -1,4 +1,4 @@
-"""What the instrument saw is checked against what it was asked for, and devices are met before the warm-up."""
+"""Check of readings against the requested target, and of devices before the warm-up."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def stages(tmp_path: Path) -> Iterator[Callable[..., Stage]]:
 
 
 class Clumsy(SeatingOperator):
-    """Seats the SMR in T2 the first time that T1 is asked for."""
+    """Operator who seats the SMR in T2 at the first prompt for T1."""
 
     def ask(self, prompt: Prompt) -> Answer:
         if prompt.text.startswith("Seat the SMR in T1"):
@@ -73,7 +73,10 @@ def test_an_smr_in_the_wrong_nest_is_told(stages: Callable[..., Stage]) -> None:
 def test_a_point_that_is_sent_again_is_not_the_next_one(
     stages: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Steps of a sweep are smaller than what a target may be off: only its last digit tells a bridge that repeats."""
+    """Steps of a sweep are smaller than the tolerance of a target.
+
+    Only its last digit shows a bridge that repeats its point.
+    """
     block = {
         "kind": "sweep",
         "joint": 1,
@@ -102,7 +105,10 @@ def test_a_point_that_is_sent_again_is_not_the_next_one(
 def test_a_target_that_is_not_where_its_neighbours_say_is_asked_about_every_time(
     stages: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An SMR of another size in one of two targets: within what the nominal robot may miss, and good to the tracker."""
+    """An SMR of another size is in one of two targets.
+
+    The error is within the tolerance of the nominal robot, and the tracker reports a good point.
+    """
     stage = stages(block=[{"kind": "poses", "count": 5, "select": "random", "targets": ["T1", "T2"]}])
     measure, seen = FakeMeter.measure, []
 
@@ -135,7 +141,7 @@ def test_a_target_that_is_not_where_its_neighbours_say_is_asked_about_every_time
 def test_a_body_turns_with_the_robot(
     stages: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch, wrong: str
 ) -> None:
-    """The points are good; the turns of a bridge with another convention are not, nor is one that lags behind."""
+    """The points are good, but the turns of another convention, or of a delayed bridge, are not."""
     stage = stages()
     measure = FakeMeter.measure
     before: list[Rotation] = [Rotation.from_rotvec([0.0, 0.0, 0.0])]

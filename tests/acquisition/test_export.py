@@ -1,4 +1,7 @@
-"""What leaves a record: readings that count, those that do not and why, where the instrument stood, what happened."""
+"""Content of an exported record.
+
+Readings that count, those that do not and why, places of the instrument, and events.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,10 @@ BLOCKS = [{"set": "calibration", "count": 12, "targets": ["T1", "T2"]}]
 
 
 def measured(folder: Path, *, redo: bool = False, move: bool = False, accuracy: str = "unknown") -> Path:
-    """A finished record; with `redo` the reading before T2 was measured again, with `move` the tracker moved."""
+    """Return a finished record.
+
+    With `redo`, the reading before T2 was measured again; with `move`, the tracker moved.
+    """
     bench, clock = Bench(a_cell(instrument__one_smr=redo, robot__absolute_accuracy=accuracy)), JumpingClock()
     answers = [Answer.CONFIRM] * 4 + [Answer.REDO] if redo else []
     with closing(Run.create(folder, bench.cell, a_campaign(block=BLOCKS), simulated=True)) as run:

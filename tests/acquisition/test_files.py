@@ -1,4 +1,4 @@
-"""Cell and campaign files: what is believed, and what is refused by file and key."""
+"""Cell and campaign files: accepted values, and refusals by file and key."""
 
 from __future__ import annotations
 
@@ -163,7 +163,10 @@ _MANY = 5000
     ],
 )
 def test_a_campaign_with_thousands_of_errors_describes_few(wrong: dict[str, Any]) -> None:
-    """Describing them all holds the interpreter for a second, and the stop of a robot waits as long."""
+    """A description of all errors holds the interpreter for a second.
+
+    The stop of a robot would wait as long.
+    """
     table = {"format": "truepose-campaign/1", **wrong}
     with pytest.raises(ValidationError) as every:
         CampaignTable.model_validate(table)

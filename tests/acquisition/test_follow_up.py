@@ -1,5 +1,7 @@
-"""Follow-up poses as a campaign of a cell. These would catch: a pose that the cell refuses, a side, a target or a
-length of approach that gets lost between choice and campaign file, and a file that cannot be read back.
+"""Follow-up poses as a campaign of a cell.
+
+These would catch: a pose that the cell refuses, and a file that cannot be read back. They would also catch a side, a
+target or a length of approach that is lost between choice and campaign file.
 """
 
 from __future__ import annotations

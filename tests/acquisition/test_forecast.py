@@ -1,4 +1,7 @@
-"""How long a campaign takes: counted by hand for a few moves, and scaled by how it really comes on."""
+"""Forecast of a campaign's duration.
+
+It is counted by hand for a few moves, and scaled by the actual progress.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +74,7 @@ def test_what_is_left_scales_with_how_it_came_on(
 
 
 def test_a_path_that_is_driven_again_has_its_own_time_left() -> None:
-    """What an attempt that failed took is not taken off what the next one needs."""
+    """The time of a failed attempt is not subtracted from the time of the next attempt."""
     forecast = Forecast(0.0, np.array([600.0, 10.0]))
     assert forecast.seconds_left(0, 0, 900.0, 0.25) == pytest.approx(460.0)
     assert forecast.seconds_left(0, 0, 100.0) == pytest.approx(510.0)

@@ -1,4 +1,7 @@
-"""Gates in mid-campaign: the arm warms up, the nests are checked, the instrument is set up anew, the arm settles."""
+"""Gates during a campaign.
+
+The arm warms up, the nests are checked, the instrument is set up again, the arm settles.
+"""
 
 from __future__ import annotations
 
@@ -182,7 +185,7 @@ def test_a_check_in_mid_visit_waits_for_its_end(make: Callable[..., Stage]) -> N
 def test_an_instrument_that_moved_unseen_is_known_at_the_end(
     make: Callable[..., Stage], answer: Answer, driver: str
 ) -> None:
-    """This would catch: a tracker that locked on again 0.8 mm off after the last look at the nests."""
+    """This would catch a tracker that locked on again 0.8 mm off after the last check of nests."""
     aims = 3 * (driver == "emscon")  # a person, once
     stage = make(*[Answer.CONFIRM] * aims, answer, driver=driver, nest_check={"every": 100, "limit_mm": 0.05})
 
@@ -202,7 +205,7 @@ def test_an_instrument_that_moved_unseen_is_known_at_the_end(
 def test_moved_nests_are_asked_about_again_where_the_question_was_cut_off(
     make: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch, retaken: int
 ) -> None:
-    """This would catch: readings of an instrument that had moved, kept because nobody was there to say so."""
+    """This would catch readings of a moved instrument, kept because no operator was there."""
     stage = make(Answer.REDO, nest_check={"every": 100, "limit_mm": 0.05})
     answers = stage.operator.ask
 
@@ -241,7 +244,7 @@ def test_a_nest_beyond_the_limit_is_for_a_person_to_judge(make: Callable[..., St
 
 
 def test_slow_creep_of_a_nest_adds_up(make: Callable[..., Stage]) -> None:
-    """Within what noise explains each time, so that the frame stays; the limit counts from the frame."""
+    """Each step is within the noise, so that the frame stays; the limit counts from the frame."""
     stage = make(nest_check={"every": 1, "limit_mm": 0.025}, block=[{"count": 4, "targets": ["T1"]}])
 
     def push(event: Event) -> None:

@@ -1,5 +1,7 @@
-"""In which branches of the arm the stances of the legs are taken. These would catch: flip and noflip that do not take
-turns, a branch that the block does not name, and poses to judge by that a fit has seen.
+"""Arm branches of the stances of the legs.
+
+These would catch: flip and noflip that do not take turns, a branch that the block does not name, and validation poses
+that were used in the fit.
 """
 
 from __future__ import annotations

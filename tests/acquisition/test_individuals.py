@@ -1,7 +1,8 @@
-"""The robot of a record is one robot: what happens when another one answers, of robot or instrument.
+"""The robot of a record is one robot: behaviour when another robot or instrument answers.
 
-These would catch: a resumed campaign, a reconnect or a verification that takes whatever answers; an acceptance of any
-serial number, or without a reason; readings of two robots or two instruments as one series.
+These would catch: a resumed campaign, a reconnect or a verification that takes any device that answers. They would also
+catch an acceptance of any serial number, or without a reason, and readings of two robots or two instruments as one
+series.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ def half_done(make: Callable[..., Stage]) -> Stage:
 
 
 def refused(stage: Stage, role: str, outcome: ExecutionOutcome) -> None:
-    """Nothing was armed or moved since the log was cleared, and the run says why."""
+    """Assert that nothing was armed or moved, and that the run gives the reason."""
     assert outcome.state.value == "paused"
     assert isinstance(outcome.error, OtherIndividual)
     assert outcome.exit_code == 5
@@ -189,8 +190,10 @@ def test_another_model_is_another_device_and_new_software_is_not(make: Callable[
 
 
 def test_the_robot_of_a_model_is_needed_in_every_program(make: Callable[..., Stage]) -> None:
-    """The robot is needed as `watch run` asks for it; `campaign resume` finds it in the record, and accepting another
-    is no help."""
+    """The robot is required by `watch run`.
+
+    `campaign resume` finds that requirement in the record, and accepting another robot does not help.
+    """
     stage = make(block=BLOCKS)
     stage.run.need(Individual.of("robot", stage.bench.who["robot"]))
     exchange(stage, "robot")
@@ -208,7 +211,10 @@ def test_the_robot_of_a_model_is_needed_in_every_program(make: Callable[..., Sta
 
 @pytest.mark.parametrize("simulated", [False, True])
 def test_a_campaign_names_the_one_robot_that_it_is_for(make: Callable[..., Stage], simulated: bool) -> None:
-    """The plan of a watch carries the robot of its baseline, by whatever way it is run; a rehearsal takes any."""
+    """The plan of a watch names the robot of its baseline, and every way of running checks it.
+
+    A rehearsal takes any robot.
+    """
     stage = make(block=BLOCKS)
     stage.run.close()
     campaign = a_campaign(block=BLOCKS, robot={"model": "IRB 120", "serial": "12"})

@@ -75,7 +75,10 @@ class Ordered:
 
 
 def test_ctrl_c_is_heard_while_the_main_thread_sleeps() -> None:
-    """Another thread gets the signal, as if it had come just before the main one began its wait: that sleeps on."""
+    """Another thread gets the signal just before the main thread begins its wait.
+
+    The main thread then sleeps on, because no signal interrupts it.
+    """
     run, sleeper = Ordered(), threading.main_thread().ident
     assert sleeper is not None
 

@@ -1,7 +1,8 @@
-"""Anything at any device call, in any order: nothing is lost, nothing is doubled, nothing without its approach.
+"""Random events at any device call, in any order.
 
-Hypothesis plays operator, bad luck and power cut. A crash closes the record's connection in the middle of
-whatever is going on, as the end of the process would; the fakes remember the truth.
+No reading is lost, none is doubled, and none is taken without its approach. Hypothesis plays operator, faults and power
+cut. A crash closes the record's connection in the middle of any action, as the end of the process would; the fakes
+remember the truth.
 `TRUEPOSE_MACHINE_EXAMPLES` sets how many campaigns (40; 100 in `make long`).
 """
 
@@ -72,7 +73,10 @@ ANSWERS = (*Answer, "pause", "stop", "crash", "nobody")
 
 
 class Person(SeatingOperator):
-    """May do something else before the answer is given; whether it still counts then is the desk's affair."""
+    """Operator who may act before the answer is given.
+
+    The desk decides whether the answer still counts then.
+    """
 
     def __init__(self, bench: Bench, answers: list[Answer | str], do: Callable[[str], None]) -> None:
         super().__init__(bench)
@@ -119,7 +123,7 @@ class CampaignMachine(RuleBasedStateMachine):
                 shutil.rmtree(self.folder)
 
     def _comes_to_its_end(self) -> None:
-        """Whatever happened, a person who only confirms brings it to its end."""
+        """Bring the campaign to its end with a person who only confirms, after any events."""
         while self.run.status().state not in ("succeeded", "failed"):
             self.execute([], [])
             self.the_record_is_true()

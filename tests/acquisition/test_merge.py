@@ -1,5 +1,7 @@
-"""Several campaigns as one data set. These would catch: ids that meet, a clock that starts anew, points left in the
-frame of nests measured again, rows that change their set, and campaigns of two cells poured together.
+"""Several campaigns as one data set.
+
+These would catch: ids that meet, a clock that restarts, and points left in the frame of nests measured again. They
+would also catch rows that change their set, and campaigns of two cells merged.
 """
 
 from __future__ import annotations

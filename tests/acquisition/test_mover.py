@@ -1,7 +1,7 @@
-"""Who moves the robot: one campaign at a time, however its address is written, and whichever of its addresses is used.
+"""Lock on the robot: one campaign at a time moves it, under every form of its address.
 
-These would catch: a lock on the text of the url, a lock that does not know the robot behind a second address, a lock
-that is kept after the campaign.
+The same holds for every one of its addresses. These would catch: a lock on the text of the url, a lock that does not
+know the robot behind a second address, and a lock that is kept after the campaign.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def test_who_holds_the_robot_is_told(tmp_path: Path) -> None:
 
 
 def test_a_service_that_sees_other_folders_locks_the_same_robot(tmp_path: Path) -> None:
-    """Its temporary folder is its own (`PrivateTmp`), its files are its own (`UMask`), and so is its home."""
+    """The service has separate temporary files (`PrivateTmp`), permissions (`UMask`) and home."""
     url = f"tcp://{tmp_path.name}:5001"
     own = {"TMPDIR": str(tmp_path), "HOME": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
     with another(url, env=os.environ | own, umask=0o077) as other:

@@ -1,4 +1,4 @@
-"""Nests that disagree, that have moved, that noise alone moves: what becomes of the world frame."""
+"""The world frame for nests that are inconsistent, have moved, or vary by noise alone."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_wrong_nest_and_nobody_there(stage: Stage) -> None:
 
 
 def paused_and_pushed(stage: Stage, by_mm: list[float]) -> WorldFrame:
-    """The world frame of a run that was paused and is resumed; meanwhile the tracker is elsewhere."""
+    """Pause and resume a run, move the tracker meanwhile, and return the world frame of before."""
     stage.bench.faults[10] = stage.run.pause
     stage.execute()
     before = stage.run._store.world
@@ -95,7 +95,7 @@ def test_nests_within_the_noise_leave_the_world_as_it_is(stage: Stage) -> None:
 
 
 def test_a_small_real_move_is_not_swallowed(stage: Stage) -> None:
-    """0.15 mm: five times the noise of a nest, and less than the 0.2 mm that were once let pass."""
+    """The move of 0.15 mm is five times the noise of a nest, and below the old limit of 0.2 mm."""
     paused_and_pushed(stage, [0.15, 0.0, 0.0])
     outcome = stage.execute()
     assert outcome.reason == "The instrument was moved: its readings come from 2 stations."
@@ -104,7 +104,10 @@ def test_a_small_real_move_is_not_swallowed(stage: Stage) -> None:
 
 
 def test_nests_are_all_seen_from_one_station(stage: Stage) -> None:
-    """Paused after the first nest; the tracker is pushed by less than the distances between nests would tell."""
+    """The run is paused after the first nest, and the tracker is pushed.
+
+    The push is too small to show in the distances between nests.
+    """
     stage.bench.faults[5] = stage.run.pause
     assert stage.execute().state.value == "paused"
     stage.bench.tracker.origin[:] += [0.6, 0.6, 0.0]

@@ -1,4 +1,7 @@
-"""What people order and answer while a campaign runs: pause, stop, redo, skip, and prompts from anywhere."""
+"""Orders and answers of people during a campaign.
+
+Pause, stop, redo, skip, and prompts from anywhere.
+"""
 
 from __future__ import annotations
 
@@ -171,7 +174,10 @@ def test_skip_with_a_reason(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("order", "raised"), [("stop", Stopping), ("rest", Pausing)])
 def test_an_order_ends_the_settling_it_comes_in(order: str, raised: type[Exception]) -> None:
-    """The clock says whether what it waits with was woken: nobody may wait for the robot to settle after a stop."""
+    """The clock reports whether its wait was interrupted.
+
+    No stop may wait until the robot has settled.
+    """
     woken: list[bool] = []
 
     class During(JumpingClock):

@@ -1,7 +1,7 @@
-"""A cell with a robot file of its own: what a record and a data set need of it, where the file is not.
+"""A cell with a custom robot file: the data of it that a record and a data set carry.
 
-These would catch: a record that nobody can go on with elsewhere, a data set whose robot nobody knows, a file that
-passes for a robot of the library.
+They must work without the file. These would catch: a record that cannot be continued on another computer, a data set
+whose robot is unknown, and a file that passes for a robot of the library.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BY_HAND = {"robot__driver": "manual", "robot__limits_deg": None, "robot__url": N
 
 
 def written(folder: Path, robot: str, **values: object) -> Path:
-    """A cell file, its robot file in a folder beside it."""
+    """Write a cell file, with its robot file in a subfolder."""
     (folder / "robots").mkdir()
     (folder / "robots" / "own.toml").write_text(robot, encoding="utf-8")
     path = folder / "cell.toml"

@@ -1,8 +1,8 @@
-"""A path that is left in its middle: by a pause, a stop, a crash, a link that breaks.
+"""A path that is interrupted by a pause, a stop, a crash, or a broken link.
 
-Each move of the fake arm brings samples of both streams and ends when they were read, so it is known what the record
-has to hold: every sample up to the last motion, under an attempt that does not count; and the next attempt, which does,
-from the first waypoint to the last.
+Each move of the fake arm brings samples of both streams and ends when they were read, so the correct content of the
+record is known. It is every sample up to the last motion, under an attempt that does not count. The next attempt, which
+does count, goes from the first waypoint to the last.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Streamed:
         self.sent: list[list[Sample]] = []  # of each stream
 
     def send(self) -> None:
-        """Samples that are read before this returns; none where nobody streams."""
+        """Send samples that are read before this returns; send none if no one streams."""
         coming = self._coming
         if coming is None:
             return
@@ -75,7 +75,10 @@ class Streamed:
 
 
 class StreamingArm(FakeArm):
-    """Its moves bring samples of both devices; `at[n]` happens in the n-th of them within a path."""
+    """Arm whose moves bring samples of both devices.
+
+    `at[n]` happens in the n-th move within a path.
+    """
 
     def __init__(self, bench: Bench, streams: Sequence[Streamed], at: dict[int, Callable[[], None]]) -> None:
         super().__init__(bench)
@@ -126,7 +129,7 @@ class Scene:
         return self.run.execute(devices, JumpingClock(), on_event)
 
     def attempts(self) -> list[tuple[int, str, str]]:
-        """Those at the path: number, status, error."""
+        """Return the attempts at the path: number, status, error."""
         rows = self.run._store.database.query(
             "SELECT id, status, error FROM attempt WHERE id IN (SELECT attempt FROM chunk) ORDER BY id"
         )
@@ -141,7 +144,10 @@ def scene(tmp_path: Path) -> Iterator[Scene]:
 
 
 def holds(scene: Scene, *attempts: tuple[str, str]) -> None:
-    """The record has these attempts at the path, status and error of each, and every sample that was sent in them."""
+    """Assert that the record has these attempts at the path, and every sample that was sent.
+
+    Each attempt is given by status and error.
+    """
     assert [(status, error) for _, status, error in scene.attempts()] == list(attempts)
     for number, (attempt, _, _) in enumerate(scene.attempts()):
         for role, streamed in zip(ROLES, scene.streams, strict=True):
@@ -158,7 +164,10 @@ def left(after: int) -> tuple[str, str]:
 
 
 def goes_on(scene: Scene, *before: tuple[str, str]) -> None:
-    """Nothing moves before somebody says so; then the whole path is driven again, and is what is exported."""
+    """Assert that only a resumed run moves, and that it drives the whole path again.
+
+    The second drive is the one that is exported.
+    """
     moved = scene.bench.log.count("move")
     with pytest.raises(NotResumed):
         scene.execute()

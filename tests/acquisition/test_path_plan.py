@@ -1,4 +1,4 @@
-"""Paths before the first motion: what is refused, in words, and what is counted as lost."""
+"""Paths before the first motion: refusals as text, and samples that count as lost."""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
-"""Placements of the base balls. These would catch: balls turned the wrong way, stances of other balls than the moved
-ones, cups left behind or fixtures carried off, a leg through the arm, and an uncertainty of lengths not measured.
+"""Placements of the base balls.
+
+These would catch: balls turned the wrong way, stances of other balls than the moved ones, and cups left behind or
+fixtures carried off. They would also catch a leg through the arm, and an uncertainty of lengths that are not measured.
 """
 
 from __future__ import annotations
@@ -48,7 +50,7 @@ def test_the_balls_turn_about_their_middle(cell: Cell) -> None:
 
 
 def test_every_configuration_holds_its_six_legs(cell: Cell) -> None:
-    """Forward kinematics of what was found, against the balls where they are then."""
+    """Forward kinematics of the found poses gives the leg lengths to the moved balls."""
     six = hexapod(cell)
     (found,) = six.survey([MOVED])
     assert found.poses > 40

@@ -36,7 +36,7 @@ def test_nests_come_first_and_the_plan_is_checked() -> None:
 
 
 def lengths_of(**settings: Any) -> list[float]:
-    """How far away the last move of every pose starts, deg."""
+    """Return the distance of the last approach of every pose, deg."""
     visits = poses_of(make_plan(a_cell(), a_campaign(**settings)))
     return [round(abs(v.joints_deg[0] - v.approach_deg[0]), 4) for v in visits]
 
@@ -56,7 +56,7 @@ def test_last_moves_to_drawn_poses_are_of_many_lengths(select: str) -> None:
 
 
 def test_lengths_leave_poses_and_sides_as_they_are() -> None:
-    """A longer way may rule a pose out, no more: what is drawn stays drawn."""
+    """A longer approach may rule a pose out, but the drawn poses stay the same."""
     block = [{"count": 200}]
     varied, fixed = (
         {v.joints_deg: v.sides for v in poses_of(make_plan(a_cell(), a_campaign(approach=a, block=block)))}

@@ -1,5 +1,7 @@
-"""How well a cell knows its positions, from the cell file to the data set. These would catch: an uncertainty that is
-misread, lost or given to another name, a cup exported as exact that nobody vouched for, and old records refused.
+"""Uncertainty of a cell's positions, from the cell file to the data set.
+
+These would catch: an uncertainty that is misread, lost or given to another name. They would also catch an unverified
+cup exported as exact, and old records refused.
 """
 
 from __future__ import annotations

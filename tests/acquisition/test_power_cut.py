@@ -1,7 +1,8 @@
-"""Power cuts below SQLite: after every commit and within every write no commit is lost and no record is damaged.
+"""Power cuts below SQLite, after every commit and within every write.
 
-A campaign on fakes runs over a disk that writes down what SQLite asks of it (`platter`). Then the power is cut on
-paper, hundreds of times, and what is left of the files is opened as a person would open it the next morning.
+No commit is lost, and no record is damaged. A campaign on fakes runs over a disk that logs the orders of SQLite
+(`platter`). Then the power is cut on paper, hundreds of times, and the remaining files are opened as a person would
+open them the next morning.
 `TRUEPOSE_CUTS` sets how often between commits (300).
 """
 
@@ -30,7 +31,10 @@ MEMORY = Path("/dev/shm")
 
 @pytest.fixture
 def folder() -> Iterator[Path]:
-    """In memory where there is one: the disk is on paper here, a real one need not be waited for."""
+    """Yield a folder in memory if possible.
+
+    The disk is simulated here, so the test need not wait for a real one.
+    """
     with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as name:
         yield Path(name)
 
@@ -44,7 +48,7 @@ def on(disk: Disk, rewrite: Callable[[str], str] = lambda sql: sql) -> Iterator[
 
 
 def a_long_campaign(folder: Path) -> None:
-    """Some seventy poses with faults, prompts, a pause and a resume among them."""
+    """Run a campaign of about seventy poses with faults, prompts, a pause and a resume."""
     bench = Bench(a_cell(instrument__one_smr=True))
     clock = JumpingClock()
     blocks = [{"set": "calibration", "count": 30, "targets": ["T1", "T2", "T3"]}]
@@ -66,7 +70,10 @@ def fault_of(number: int) -> Callable[[], None]:
 
 
 def after_the_cut(files: dict[str, bytes], folder: Path) -> tuple[Mark, str] | None:
-    """What the record holds, and its state once it is opened; None where it never came into being."""
+    """Return the content of the record and its state after opening.
+
+    The result is None if the record never came into being.
+    """
     folder.mkdir()
     for name, content in files.items():
         (folder / name).write_bytes(content)
@@ -122,7 +129,7 @@ def test_no_commit_is_lost_by_a_power_cut(folder: Path) -> None:
 
 @pytest.mark.whole
 def test_without_syncs_commits_are_lost(folder: Path) -> None:
-    """The disk of this test does forget: with NORMAL instead of FULL, the same cuts lose commits."""
+    """The disk of this test does lose data: the same cuts lose commits with NORMAL, not FULL."""
     disk = Disk()
     with on(disk, lambda sql: sql.replace("synchronous = FULL", "synchronous = NORMAL")):
         a_long_campaign(folder / "record")

@@ -1,4 +1,7 @@
-"""Low priority is said. This would catch: a session at nice 19 that looks like any other."""
+"""Low priority is reported.
+
+This would catch a session at nice 19 that looks like any other.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A record that is opened, by one owner or beside it: an old version, a newer one, a full disk, what is open."""
+"""Opening a record, as its owner or as a second reader.
+
+An old version, a newer one, a full disk, and the list of open records.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,10 @@ def test_one_owner_and_readers_beside_it(tmp_path: Path) -> None:
 
 
 def test_a_run_whose_program_was_killed_is_not_shown_as_running(tmp_path: Path) -> None:
-    """Else somebody waits beside an arm for a campaign that nobody runs any more. Looking changes nothing."""
+    """Otherwise a person would wait at an arm for a campaign that no program runs any more.
+
+    Reading the status changes nothing.
+    """
     store = new_store(tmp_path)
     store.start()
     assert read_status(tmp_path).state == "running"
@@ -59,8 +65,11 @@ def test_a_file_is_no_record(tmp_path: Path) -> None:
 def test_what_is_written_after_a_look_by_the_same_program_survives(
     tmp_path: Path, look: Callable[[Path], object]
 ) -> None:
-    """A file that a process closes takes all locks of the process on it along. Whoever read the record next then seemed
-    to be the last user of the journal and took it away: what the run wrote from there on was lost with the run."""
+    """A process that closes a file releases all locks of the process on it.
+
+    The next reader of the record then seemed to be the last user of the journal and removed it. All later entries of
+    the run were lost with the run.
+    """
     store = new_store(tmp_path)
     look(tmp_path)
     assert "after the look" not in seen_by_another_process(tmp_path)
@@ -81,7 +90,7 @@ def test_the_hash_of_a_record_is_that_of_its_file_once_it_is_closed(tmp_path: Pa
 
 
 def seen_by_another_process(folder: Path) -> str:
-    """The kinds of the events that are there: what a killed process would leave behind."""
+    """Return the kinds of the stored events, as after the end of a killed process."""
     asked = "import sqlite3, sys; print(sqlite3.connect(sys.argv[1]).execute('SELECT kind FROM event').fetchall())"
     command = [sys.executable, "-c", asked, str(folder / FILE)]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout

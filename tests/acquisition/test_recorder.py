@@ -1,5 +1,8 @@
-"""The recorder of streams. It would catch: a device that disarmed itself while its stream was closed, because another
-error was on its way, and that nobody arms again; the next attempt would be lost too."""
+"""The recorder of streams.
+
+It would catch a device that disarmed itself while its stream was closed because of another error, and that is not armed
+again. The next attempt would be lost too.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ from tests.acquisition.fakes import a_cell
 
 
 class Streaming:
-    """A device whose stream gives nothing; `fails`: closing it does not come to an end."""
+    """Device whose stream gives nothing; with `fails`, closing the stream does not end."""
 
     can_stop = True
 

@@ -1,7 +1,8 @@
-"""Files of records as disks, people and other programs leave them: refused by name, and saved as far as they go.
+"""Damaged files of records, after faults of disks, people and other programs.
 
-These would catch: a traceback, a record that is written to, a reading that is saved wrong, one that is lost though it
-can be read, and a foreign file that is taken away.
+They are refused by name, and saved if they are readable. These would catch: a traceback, a record that is written to,
+and a reading that is saved wrong. They would also catch a readable reading that is lost, and a foreign file that is
+removed.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def put(files: Files, folder: Path) -> Path:
 
 
 def page_of(record: Path, table: str) -> int:
-    """Where a leaf of a table is in the file, by a value that stands in it."""
+    """Find the page of a leaf of a table in the file, by a value in the leaf."""
     column = {"attempt": "began_utc", "event": "utc"}[table]
     with closing(sqlite3.connect(record / FILE)) as db:
         rows = db.execute(f"SELECT {column} FROM {table} ORDER BY id").fetchall()
@@ -153,7 +154,7 @@ def test_it_is_refused_by_name_and_left_as_it_is(record: Path, damage: str, tmp_
 
 
 def contents(record: Path) -> Files:
-    """Without what readers put beside a file."""
+    """Return the contents of the files, without the files that readers add."""
     return {
         p.name: p.read_bytes()
         for p in record.iterdir()
@@ -231,7 +232,10 @@ def test_a_rescued_campaign_goes_on(record: Path, tmp_path: Path) -> None:
 
 
 def test_the_journal_of_another_record(record: Path, whole: Files, tmp_path: Path) -> None:
-    """A journal is replayed whatever it belongs to: what comes of it must not be taken for readings of this record."""
+    """A journal is replayed even if it belongs to another record.
+
+    Its readings must not be taken for readings of this record.
+    """
     other = make(tmp_path / "other", seed=9)
     with closing(sqlite3.connect(other / FILE, isolation_level=None)) as db:
         db.execute("PRAGMA wal_autocheckpoint = 0")

@@ -1,7 +1,7 @@
 """One number changed inside the file of a record, in a way that SQLite does not see.
 
-These would catch: a checksum that leaves a column out, one that is not looked at on export, resume, verification or
-merge, one that holds for a row of another record, and older records that can no longer be read.
+These would catch: a checksum that leaves a column out, one that is not checked on export, resume, verification or
+merge, and one that holds for a row of another record. They would also catch older records that can no longer be read.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def record(measured: dict[str, bytes], tmp_path: Path) -> Path:
 
 
 def change(record: Path, sql: str) -> None:
-    """As a disk would: no trigger has a say."""
+    """Change the record like a faulty disk, without any trigger."""
     with closing(sqlite3.connect(record / FILE, isolation_level=None)) as db:
         for trigger in TRIGGERS:
             db.execute(f"DROP TRIGGER {trigger}")
@@ -96,7 +96,7 @@ def test_a_double_flipped_on_the_disk(record: Path) -> None:
 
 
 def test_every_column_is_covered(record: Path) -> None:
-    """Each value of a reading, its arrival, its plan, its devices and its campaign, changed alone."""
+    """Change each value of a reading, its arrival, its plan, its devices and its campaign alone."""
     with closing(sqlite3.connect(record / FILE)) as db:
         db.row_factory = sqlite3.Row
         reading = dict(db.execute(f"SELECT * FROM attempt WHERE id = ({READING})").fetchone())
@@ -171,14 +171,14 @@ def test_a_status_that_cannot_be_told_is_refused(record: Path, sql: str, words: 
 
 
 def test_a_planned_pose_that_was_changed_is_not_driven_to(record: Path) -> None:
-    """The plan was checked when the record was made; nobody would check it again."""
+    """The plan was checked when the record was created, and would not be checked again."""
     change(record, "UPDATE pose SET joints_deg = '[1.0,2.0,3.0,4.0,5.0,6.0]' WHERE status = 'planned'")
     with pytest.raises(DamagedRecord, match="planned reading"):
         Run.open(record)
 
 
 def test_a_row_of_another_record(record: Path, tmp_path: Path) -> None:
-    """The journal of another record beside a file may bring its pages in, which are sound in themselves."""
+    """The journal of another record in the same folder may bring in its pages, which are valid."""
     change(record, "UPDATE campaign SET id = 'another'")
     with pytest.raises(DamagedRecord):
         Run.open(record)

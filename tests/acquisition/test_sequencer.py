@@ -1,4 +1,4 @@
-"""What the sequencer does about every class of error, about people, and in which order it does its work."""
+"""The sequencer's reactions to every class of error and to people, and its order of work."""
 
 from __future__ import annotations
 
@@ -76,7 +76,10 @@ def test_the_record_knows_of_a_move_before_the_robot_makes_it(
 def test_a_robot_that_is_read_back_elsewhere_is_approached_anew(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whatever its driver believes: no reading is filed under angles that the robot does not read back."""
+    """No reading is stored under angles that the robot does not read back.
+
+    The belief of its driver does not matter.
+    """
     move = FakeArm.move_to
 
     def elsewhere(arm: FakeArm, joints_deg: Sequence[float]) -> JointReading:
@@ -98,7 +101,7 @@ def test_a_robot_that_is_read_back_elsewhere_is_approached_anew(
 def test_a_robot_that_moves_by_itself_before_its_reading_is_taken(
     stage: Stage, monkeypatch: pytest.MonkeyPatch, meanwhile: str
 ) -> None:
-    """A brake that slips, a person who jogs it: the point would be filed under angles where the arm no longer is."""
+    """A brake that slips or a person who jogs the arm would give a point under wrong angles."""
     device, verb = (FakeArm, "move_to") if meanwhile == "settles" else (FakeMeter, "measure")
     act = getattr(device, verb)
     begun = "move" if meanwhile == "settles" else "measure T"
@@ -205,7 +208,7 @@ def test_nothing_measurable_is_a_failure(stage: Stage) -> None:
 
 
 def test_an_arm_that_is_seen_nowhere_is_not_driven_on(stage: Stage) -> None:
-    """Another robot file, a coupling left out: every check of clearance is then about an arm that is not there."""
+    """A wrong robot file or a missing coupling makes every clearance check wrong."""
     stage.bench.hidden = {"T1", "T2", "T3"}
     stage.operator = TerminalOperator(io.StringIO())  # nobody is there
     outcome = stage.execute()
@@ -321,7 +324,7 @@ def test_two_executions_at_once_are_refused(stage: Stage) -> None:
 
 
 def test_a_prompt_voids_the_approach(stage: Stage) -> None:
-    """The second target of a visit is refused; whoever put it in order stood beside the robot."""
+    """The second target of a visit is refused, and a person at the robot has corrected it."""
     stage.fail(11, WrongMode("not ready"))
     assert stage.execute().state.value == "succeeded"
     assert stage.bench.log[10:15] == ["measure T2", "arm meter", "move", "move", "measure T2"]

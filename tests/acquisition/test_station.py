@@ -1,4 +1,7 @@
-"""Whether the instrument was moved, from nests measured twice: false alarms as rare as stated, real moves seen."""
+"""Detection of a moved instrument, from nests measured twice.
+
+False alarms are as rare as stated, and real moves are detected.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,10 @@ NOISE = NoiseFigures()
 def measured(
     rng: np.random.Generator, shift: tuple[float, ...] = (0.0, 0.0, 0.0)
 ) -> dict[str, tuple[float, ...]]:
-    """The nests with the noise of a tracker: along the beam and, larger, across it; and of the seat."""
+    """Return the nests with the noise of a tracker and of the seat.
+
+    The noise along the beam is smaller than across it.
+    """
     out = {}
     for name, place in NESTS.items():
         point = np.array(place)
@@ -38,18 +44,24 @@ def share_moved(shift_mm: float, tries: int) -> float:
 
 
 def test_noise_alone_moves_nothing() -> None:
-    """Binomial: 4000 tries at 1 in 1000 give 4 +- 2; more than 12 has a chance of 3e-4."""
+    """Binomial counts of 4000 tries at 1 in 1000 are 4 +- 2; more than 12 has a chance of 3e-4."""
     assert 0 < share_moved(0.0, 4000) * 4000 <= 4000 * FALSE_ALARM + 8
 
 
 def test_what_would_shift_the_world_beyond_the_noise_is_seen() -> None:
-    """Half of all shifts of 0.1 mm and nearly all of 0.15 mm, with a tracker of 25 um across the beam."""
+    """Half of all shifts of 0.1 mm and nearly all of 0.15 mm are detected.
+
+    The tracker has 25 um across the beam.
+    """
     assert share_moved(0.10, 500) > 0.5
     assert share_moved(0.15, 500) > 0.97
 
 
 def test_a_change_in_figures() -> None:
-    """One nest 0.3 mm further along the beam: T = 0.3^2 / 2 (range^2 + seat^2); chi-squared, 3 d.o.f.: 16.266."""
+    """One nest is 0.3 mm further along the beam, so T = 0.3^2 / 2 (range^2 + seat^2).
+
+    Chi-squared with 3 d.o.f. gives 16.266.
+    """
     moved = moved_by({"N1": (1000.0, 0.0, 0.0)}, {"N1": (1000.3, 0.0, 0.0)}, NOISE)
     assert moved is not None
     variance = 2.0 * ((0.010 + 2e-6 * 1000.0) ** 2 + SEAT_MM**2)

@@ -1,7 +1,8 @@
-"""A stop while a link is down: it says which device it did not reach, and stops everything else.
+"""A stop while a link is down.
 
-These would catch: a stop that answers "nothing to complain of" while the robot goes on, an instrument that waits for
-the robot to be given up, and a complaint about a robot that nobody has set moving.
+It names the device that it did not reach, and stops everything else. These would catch: a stop that answers "nothing to
+complain of" while the robot moves on, and an instrument that waits until the robot is abandoned. They would also catch
+a complaint about a robot that no one has set moving.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class FarArm(FakeArm):
 
 
 class ReachingArm(FakeArm):
-    """It is connected anew to be stopped, as a controller whose link may be broken is."""
+    """Arm that is connected again to be stopped, like a controller whose link may be broken."""
 
     held = False
 
@@ -90,7 +91,7 @@ def test_a_stop_while_the_robot_is_not_reached_says_so(
 
 
 def test_a_pause_after_a_link_broke_in_a_move_halts_the_robot(stage: Stage) -> None:
-    """Nobody looks after that move any more: without an order it would go on to its end, behind a paused campaign."""
+    """No check follows that move: without an order, it would end in a paused campaign."""
     devices, arm, _ = far(stage, LinkTimeout("no answer", device="arm"))
 
     def pull_the_cable_and_pause() -> None:

@@ -1,5 +1,8 @@
-"""Disk full, disk broken, record locked, two programs on one record or one robot, a calendar that jumps: the
-campaign pauses with a reason and nothing that was acknowledged is lost."""
+"""Faults of storage and ownership during a campaign.
+
+Disk full, disk broken, record locked, two programs on one record or one robot, a calendar that jumps. The campaign
+pauses with a reason, and nothing that was acknowledged is lost.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ ROOT = Path(__file__).parents[2]
 
 
 class Stage:
-    """A run on fakes that writes down what it was told."""
+    """Run on fakes that records its notifications."""
 
     def __init__(self, folder: Path, *, simulated: bool = True, url: str = "tcp://127.0.0.1:5000") -> None:
         self.folder = folder
@@ -174,7 +177,7 @@ def test_a_second_program_is_refused_before_any_device(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("call", range(5, 17))
 def test_a_record_taken_past_its_lock(tmp_path: Path, call: int) -> None:
-    """A network disk without locks: whoever came first pauses, and not one reading is doubled or lost."""
+    """A network disk may have no locks: the first program pauses, no reading is doubled or lost."""
     stage = Stage(tmp_path)
     others: list[Run] = []
 
@@ -298,7 +301,10 @@ def _journal_cut(folder: Path) -> None:
 def test_a_record_that_is_taken_away_under_a_run_pauses_it(
     tmp_path: Path, harm: Callable[[Path], None], after: int
 ) -> None:
-    """No reading is acknowledged into a file that is no longer there; the run can still be asked and stopped."""
+    """No reading is acknowledged into a missing file.
+
+    The run can still be queried and stopped.
+    """
     stage = Stage(tmp_path / "record")
     read = 0
 

@@ -1,4 +1,7 @@
-"""The record: states, append-only attempts, one good reading a pose, one owner, what a crash leaves behind."""
+"""The record: states, append-only attempts, one good reading per pose, one owner.
+
+The state that a crash leaves behind is tested too.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The record at its edges: who owns it, who is woken, what is noted beside what is done, what replaces what.
+"""Edge cases of the record: its owner, waking of waiters, notes with actions, replacement.
 
-Each of these was asked for by a small change of `acquisition/record/store.py` that nothing had noticed
+Each of these tests was required by a small change of `acquisition/record/store.py` that no test had noticed
 (tests/sabotage/mutants.py).
 """
 
@@ -36,7 +36,7 @@ def last(store: RecordStore) -> tuple[str, dict]:
 
 
 def test_a_record_that_another_program_took_over_is_not_written(store: RecordStore) -> None:
-    """Whoever opens a file by other means than ours, or on a network drive whose locks do not hold."""
+    """The other program may bypass the lock, or the locks of a network drive may not work."""
     store.add_event("mine")
     with store.database.transaction() as db:
         db.execute("UPDATE campaign SET owner = 'somebody else'")

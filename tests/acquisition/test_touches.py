@@ -1,6 +1,8 @@
-"""Cups of the base taught by the robot. These would catch: an arm that is armed while a person jogs it, a touch of
-another cup or by another ball that is believed, one that the sides of the triangle contradict, poses that stay planned
-for where the cups are not, and a data set that has the cups elsewhere than the poses.
+"""Cups of the base taught by the robot.
+
+These would catch: an arm that is armed while a person jogs it, a touch of another cup or by another ball that is
+accepted, and one that the sides of the triangle contradict. They would also catch poses that stay planned for wrong
+places of the cups, and a data set with other places of the cups than the poses.
 """
 
 from __future__ import annotations
@@ -30,7 +32,10 @@ CUPS = ("B1", "B2", "B3")
 
 
 class FakeHands:
-    """Bring a ball of the real arm into a cup. `mistakes`: by cup, what is done the first time: (ball, cup, mm off)."""
+    """Operator who brings a ball of the real arm into a cup.
+
+    `mistakes` gives, by cup, the touch of the first time as (ball, cup, mm off).
+    """
 
     def __init__(self, bench: Bench, arm: FakeArm, mistakes: dict[str, tuple[str, str, float]]) -> None:
         self.bench, self.arm, self.mistakes = bench, arm, dict(mistakes)

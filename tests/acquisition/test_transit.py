@@ -1,4 +1,8 @@
-"""Ways between stands: never through the table, always one for what the program draws, else a person is asked."""
+"""Ways between poses.
+
+They never go through the table. Between poses that the program draws, a way is always found; otherwise, a person
+is asked.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +55,7 @@ def buried() -> tuple[float, ...]:
 
 
 def lowest(start: tuple[float, ...], goal: tuple[float, ...]) -> float:
-    """Of arm and tool, finely along the straight way, mm."""
+    """Return the lowest point of arm and tool, sampled finely along the straight way, mm."""
     share = np.linspace(0.0, 1.0, 2000)[:, None]
     path = np.array(start) + share * (np.array(goal) - np.array(start))
     return float(lowest_of(CELL, path).min())
@@ -108,7 +112,10 @@ def test_a_parked_robot_may_rise_but_not_sink() -> None:
 
 
 def test_a_tool_does_not_leave_the_table_through_its_lowest_point() -> None:
-    """The tool hangs 5 mm too low, 20 deg before it points straight down: up it may go, through the bottom not."""
+    """The tool is 5 mm too low, 20 deg before it points straight down.
+
+    It may move up, but not through the lowest point.
+    """
     only = {"T1": [0.0, 0.0, 125.0]}
     start = np.array([[0.0, 0.0, 0.0, 0.0, 70.0, 0.0]])
     low = float(lowest_of(a_cell(tool__targets=only), start)[0])
@@ -188,14 +195,14 @@ def test_a_robot_with_no_way_out_is_jogged_by_a_person(tmp_path: Path) -> None:
 
 
 def test_ends_count() -> None:
-    """A way that ends in the table is none, whatever lies before."""
+    """A way that ends in the table is refused, even if the rest is clear."""
     low = np.array([[0.0, 110.0, 0.0, 0.0, 0.0, 0.0]])
     assert not clear_moves(CELL, np.zeros((1, 6)), low)[0]
     assert clear_moves(CELL, np.zeros((0, 6)), np.zeros((0, 6))).shape == (0,)
 
 
 def test_out_of_a_box_there_is_no_way() -> None:
-    """What stands in a box may touch it already: nobody but a person knows where to."""
+    """A tool in a box may touch it already, and only a person knows the way out."""
     cell = a_cell(robot__keep_out=[[[-600.0, -900.0, 300.0], [900.0, -200.0, 900.0]]])
     inside = (-50.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     assert not is_allowed(cell, np.array([inside]))[0]

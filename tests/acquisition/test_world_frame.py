@@ -46,7 +46,7 @@ def test_origin_x_and_normal() -> None:
 
 
 def test_only_direction_matters_of_the_second_and_third_nest() -> None:
-    """3-2-1: an error of N2 along x, or of N3 within the plane, does not turn the frame."""
+    """The 3-2-1 rule ignores an error of N2 along x, or of N3 within the plane."""
     off = dict(NESTS) | {"N2": (600.4, 0.0, 0.0), "N3": (0.3, 600.2, 0.0)}
     found = from_nests(off, NESTS)
     assert found.rotation == pytest.approx(np.eye(3), abs=1e-12)

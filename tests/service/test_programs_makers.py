@@ -170,7 +170,8 @@ def test_another_file_is_refused(tmp_path: Path, name: str, text: str) -> None:
 def test_a_sign_that_changes_is_written_into_turn(tmp_path: Path, axis_4: float, changes: bool) -> None:
     """Axis 4 is at zero or just below.
 
-    T gives the signs of the axes that are sent, without bits of the old value; axis 3 has no such change.
+    T then gives the signs of all axes that are sent, without bits of the old value. Axes 3 and 5 must keep their sign,
+    because S, which stays as it is, would change with it.
     """
     joints = (12.0, -15.0, 20.0, axis_4, 45.0, -60.0)
     text = f"DEFDAT A\nDECL E6POS P1={{{kuka_pos(joints)}}}\nENDDAT\n"
