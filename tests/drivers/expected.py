@@ -1,4 +1,4 @@
-"""Golden conversations, byte for byte with their terminators, and the two ends to play them against.
+"""Golden conversations, byte for byte with their terminators, and two ends to play them.
 
 `ExpectedDevice` is a scripted device for a driver: it fails on a request that is not the next one and on
 pairs left over. `converse` is a scripted client for a simulator.
@@ -20,7 +20,10 @@ _FLOAT = re.compile(rb"=-?\d+(?:\.\d+)?(?:e-?\d+)?(?= |$)")
 
 
 def shapes(reply: bytes) -> bytes:
-    """MBP/1 lines without their sums and with every number as `=0`: what two bridges must have in common."""
+    """Reduce MBP/1 lines to the part that two bridges must have in common.
+
+    Checksums are removed and every number becomes `=0`.
+    """
     return b"\n".join(_FLOAT.sub(b"=0", re.sub(rb"\*[0-9A-F]{4}$", b"", line)) for line in reply.splitlines())
 
 

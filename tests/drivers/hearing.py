@@ -1,4 +1,4 @@
-"""A link whose device gives answers chosen by the test, whatever it is asked, and hangs up."""
+"""A link whose device gives answers chosen by the test to any request, and hangs up."""
 
 from __future__ import annotations
 

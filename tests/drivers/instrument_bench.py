@@ -1,4 +1,4 @@
-"""Every instrument driver on its simulator: what the tests that all of them pass need to know of each."""
+"""Every instrument driver on its simulator, with the properties that common tests need."""
 
 from __future__ import annotations
 
@@ -28,17 +28,18 @@ FACING = (-20.0, 0.0, 0.0, 0.0, 30.0, 0.0)
 
 
 def truth(device: LeicaDevice, name: str) -> tuple[float, ...]:
-    """Where a target is, in the frame of the simulated tracker, mm."""
+    """Return the position of a target in the frame of the simulated tracker, mm."""
     return tuple(float(v) for v in device.to_tracker(device.true_world(name)))
 
 
 @dataclass(frozen=True)
 class Bench:
-    """One driver.
+    """One driver, with its simulator and the properties that common tests need.
 
-    `identity`: maker, serial number, whether simulated (emScon does not say); `busy`: its simulator is in the middle of
-    a reading; `odd`: the order that makes the next reading odd; `state`: the one that sets its state; `loss`: the one
-    that voids a pending reading; `pointed`: no name goes over the wire, the beam is pointed at a place.
+    `identity` holds maker, serial number, and whether the device is simulated (emScon does not state it). `busy`
+    returns whether the simulator is in the middle of a reading. The order `odd` makes the next reading odd, `state`
+    sets the state, and the order in `loss` voids a pending reading with the given error. If `pointed`, no name goes
+    over the wire, and the beam is pointed at a place.
     """
 
     driver: str
@@ -54,7 +55,7 @@ class Bench:
     file: CellFile = field(default_factory=lambda: CellFile(effects=("none",)))
 
     def cell(self, time_scale: float) -> CellThread:
-        """Its simulator alone."""
+        """Return its simulator alone."""
         return CellThread(replace(self.file, time_scale=time_scale), devices=(self.driver,))
 
     def open(self, url: str, **options: Any) -> Any:
@@ -76,7 +77,7 @@ class Bench:
         return meter.measure("T1", samples=samples, **self.asked)
 
     def read(self, pairs: Sequence[Pair], target: str, samples: int = 10) -> Any:
-        """What the driver reads in a golden conversation."""
+        """Read a target with the driver in a golden conversation."""
         with ExpectedDevice(pairs) as device:
             meter = self.open(f"tcp://127.0.0.1:{device.port}")
             try:

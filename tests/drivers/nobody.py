@@ -1,4 +1,4 @@
-"""An address at which nobody listens."""
+"""An address on which no program listens."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def nobody_listens() -> Iterator[int]:
-    """
-    A port of this machine that refuses connections until the block ends.
+    """Yield a port of this machine that refuses connections until the block ends.
 
-    It stays bound meanwhile. A port that was merely free a moment ago is soon somebody else's, who then
-    answers, and whoever connects to a free one may even be given it as its own end.
+    It stays bound meanwhile. A port that was only free a moment ago may soon belong to another program, which then
+    answers. A client that connects to a free port may even get it as the port of its own end.
     """
     with socket.socket() as held:
         held.bind(("127.0.0.1", 0))

@@ -1,4 +1,4 @@
-"""Every robot driver on every wire that it speaks, over its simulator, for tests of what all of them do alike."""
+"""Every robot driver on every wire, over its simulator, for tests of the common behaviour."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -10,8 +10,11 @@ from mocks.cell_file import CellFile
 
 @dataclass(frozen=True)
 class Bench:
-    """One driver on one wire. `patient`: waits that a busy machine keeps; `quick`: for an end of a move that is to fail
-    by them; `hasty`: for a connection that is; `identity`: maker, model and dialect that it has to name."""
+    """One driver on one wire.
+
+    A busy machine keeps the deadlines in `patient`. The end of a move must fail with `quick`, and a connection with
+    `hasty`. `identity` holds the maker, model and dialect that the driver must report.
+    """
 
     driver: str
     device: str

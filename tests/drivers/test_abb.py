@@ -1,4 +1,4 @@
-"""The ABB driver against the simulated controller: motion, stop, modes, limits, a second client."""
+"""The ABB driver on the simulated controller: motion, stop, modes, limits, a second client."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_watchdog_stops_the_robot_when_the_program_is_gone(slow: CellThread) -> 
 
 
 def test_controller_stops_by_itself(slow: CellThread) -> None:
-    """T_ROB1 reports that it was stopped; neither an emergency stop nor a stop of ours was the reason."""
+    """T_ROB1 reports that it was stopped, without an emergency stop and without our stop."""
     arm = connected(slow)
     arm.arm()
     move = under_way(arm, FAR, slow)
@@ -145,7 +145,7 @@ def test_stock_reads_back_rounded_and_moves_exactly(stock: CellThread) -> None:
 
 
 def test_a_first_trial_moves_at_reduced_speed(fast: CellThread) -> None:
-    """In manual mode at reduced speed the robot moves while the enabling device holds the motors on."""
+    """The robot moves at reduced speed while the enabling device holds the motors on."""
     fast.do("mode", mode="manual")
     arm = connected(fast, speed_mm_s=500.0, speed_deg_s=20.0)
     arm.arm()

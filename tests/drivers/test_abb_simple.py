@@ -1,4 +1,7 @@
-"""The driver for abb_driver against the simulated controller: motion, stop, modes, limits, a second client."""
+"""The driver for abb_driver on the simulated controller.
+
+Motion, stop, modes, limits, a second client.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Messages of simple_message fed with anything: only ProtocolError comes out, and what was written reads back."""
+"""Arbitrary messages of simple_message.
+
+The parser raises only ProtocolError, and reads written messages back.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Golden conversation of abb_driver's simple_message, played against the driver and against the simulator.
+"""Golden conversation of abb_driver's simple_message, with the driver and the simulator.
 
-Written by hand from the layout of the messages. Parts of pi as float32: 45 deg 3f490fdb, 90 deg 3fc90fdb; 1.5 is
-3fc00000; an axis that is not there, 9e9 mm in the controller, is 9e6 m, 4b095440. Everything low byte first.
+Written by hand from the layout of the messages. Parts of pi as float32 are 45 deg 3f490fdb and 90 deg 3fc90fdb; 1.5 is
+3fc00000. A missing axis, 9e9 mm in the controller, is 9e6 m, 4b095440. All values have the low byte first.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def test_simulator() -> None:
 
 
 def pushed(cell: CellThread, state: bytes) -> bool:
-    """Whether the simulator comes to push exactly this."""
+    """Report whether the simulator pushes exactly this state at some time."""
     with socket.create_connection(("127.0.0.1", cell.port("abb-simple-state")), timeout=PATIENCE_S) as client:
         got = b""
         while state not in got and len(got) < 1000 * len(state):
@@ -147,7 +147,7 @@ def pushed(cell: CellThread, state: bytes) -> bool:
 
 
 def test_external_axes_are_told_to_stay_where_three_states_say_they_are() -> None:
-    """One state in six has one bit of an external axis wrong: it is never the one that is sent back."""
+    """One state in six has one wrong bit of an external axis, and is never sent back."""
     wrong = AT_HERE[:44] + bytes([AT_HERE[44] ^ 0x40]) + AT_HERE[45:]
     with Pusher(wrong + 5 * AT_HERE) as pusher, ExpectedDevice(moving(pusher)) as device:
         arm = arm_at(device, pusher)
@@ -165,7 +165,10 @@ def with_a_byte(state: bytes, at: int, byte: int) -> bytes:
 def test_two_damaged_states_in_a_row_that_agree_are_not_where_the_robot_is(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """-45 deg without one of two bits of its exponent is -1e-8 deg or -2e-18 deg: to the driver both are 0."""
+    """Two corrupted states read joint 2 as -1e-8 deg and -2e-18 deg; to the driver, both are 0.
+
+    Each is -45 deg without one of two bits of its exponent.
+    """
     top_of_joint_2 = 20 + 4 + 3
     damaged = [with_a_byte(AT_THERE, top_of_joint_2, byte) for byte in (0xAF, 0x9F)]
     assert max(abs(parse_state(each).joints_deg[1]) for each in damaged) < 0.002

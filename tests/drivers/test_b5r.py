@@ -1,4 +1,4 @@
-"""Ballbar results: what a file says, what it lacks, and that anything else is refused by name."""
+"""Ballbar results: values of a file, missing values, and refusals of other files by name."""
 
 from __future__ import annotations
 

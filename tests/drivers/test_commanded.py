@@ -1,4 +1,7 @@
-"""What was commanded is what the robot did: shown back before a move, and read back to its resolution after it."""
+"""Comparison of commanded and actual motion of the robot.
+
+Targets are shown back before a move, and read back to their resolution after it.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +73,7 @@ CONFIRMED = {"abb-calsrv", "fanuc-cal", "fanuc-hmi", "fanuc-io", "ur-rtde"}
 
 
 def lead_astray(cell: CellThread, by_deg: float) -> None:
-    """From now on joint 1 of the simulated arm ends so far from where its controller was told to send it."""
+    """Offset the end of all further motions of joint 1 of the simulated arm."""
     assert cell.cell is not None
     arm = cell.cell.arm
     start = arm.start

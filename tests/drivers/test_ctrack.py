@@ -1,4 +1,7 @@
-"""The C-Track driver against its simulated bridge: poses, reflectors, reference, odd poses, golden transcript."""
+"""The C-Track driver on its simulated bridge.
+
+Poses, reflectors, reference, odd poses, golden transcript.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +48,7 @@ def rotation(reading: PoseReading) -> np.ndarray:
 
 
 def missed(shared: CellThread, reading: PoseReading) -> tuple[float, float]:
-    """By how much a pose misses the truth: mm, mrad."""
+    """Return the error of a pose against the truth: mm, mrad."""
     assert shared.cell is not None
     device = shared.cell.ctrack.device
     true = device.to_reference(device.frame(reading.target))

@@ -1,4 +1,4 @@
-"""What drivers behind a bridge make of a clock that steps, stands still or begins anew, and of foreign samples."""
+"""Clocks that step, stand still or restart behind a bridge, and samples that are no answer."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ BROKEN = line("! 1 BEAM_BROKEN t=100.0")
 def measured(
     number: int, t_s: float, *, age_s: float = 0.0, before: bytes = b"", during: bytes = b""
 ) -> Pair:
-    """A question and its answer stamped `t_s`; lines that come before the acknowledgement, and behind it."""
+    """Return a request and its answer with the time stamp `t_s`.
+
+    Further lines may come before the acknowledgement and after it.
+    """
     reply = (
         f"{number} OK x=300.0 y=400.0 z=0.0 sx=0.01 sy=0.02 sz=0.01 n=10 t={t_s!r} age={age_s!r} r=500.0 status=0 "
         "target=T1"

@@ -109,7 +109,7 @@ def test_frozen_reading_is_stale(shared: CellThread, tracker: EmsconTracker, dev
 def test_what_another_program_left_is_put_in_order(
     shared: CellThread, device: LeicaDevice, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """A transformation that scales and a weather that corrects nothing are no errors that a point shows."""
+    """A scaling transformation and a weather without correction are not visible in a point."""
     shared.do("meddle", settings=[1, 1, 1, 1, 0, 1, 0, 1, 1], scale=1.0005)
     tracker = EmsconTracker(shared.url("emscon"))
     tracker.connect()
@@ -143,7 +143,7 @@ def test_what_another_program_left_is_put_in_order(
 def test_settings_changed_between_two_readings(
     shared: CellThread, tracker: EmsconTracker, device: LeicaDevice, code: int, what: str
 ) -> None:
-    """While the robot moves nobody listens: the change is heard with the next answer, and counts."""
+    """No program listens while the robot moves, so the change is received with the next answer."""
     tracker.measure("T1", near_mm=truth(device, "T1"))
     shared.do("meddle", code=code)
     with pytest.raises(NotReady, match=f"another program changed {what}") as caught:
@@ -235,7 +235,7 @@ def test_driver_speaks_as_written() -> None:
 
 
 def test_simulator_answers_as_written(shared: CellThread, device: LeicaDevice) -> None:
-    """Bytes where they are the same for every tracker, else size, type, command and status."""
+    """Bytes are compared if every tracker has the same, otherwise size, type, command, status."""
 
     def kinds(reply: bytes) -> bytes:
         out, at = b"", 0

@@ -1,4 +1,7 @@
-"""The Fanuc driver against the simulated controller, over all of its wires: motion, stop, alarms, limits, clients."""
+"""The Fanuc driver on the simulated controller, over all of its wires.
+
+Motion, stop, alarms, limits, clients.
+"""
 
 from __future__ import annotations
 
@@ -102,7 +105,10 @@ def test_position_of_a_robot_that_goes_on_moving(slow: tuple[CellThread, FanucAr
     "target", [(90.0, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0, 180.0), (9.0, 60.0, -30.0, 7, 50, 90)]
 )
 def test_speed_keeps_both_caps(speed: tuple[float, float], target: tuple[float, ...]) -> None:
-    """Whole percent of the joints' own speeds: as fast as the caps allow, never faster, 1 % at the least."""
+    """Speed is in whole percent of the joints' speeds, at least 1 %.
+
+    It is as fast as the caps allow, and never faster.
+    """
     with cell_of("modbus-hmi", FAST) as cell:
         arm = arm_of("modbus-hmi", cell, speed_mm_s=speed[0], speed_deg_s=speed[1])
         arm.connect()

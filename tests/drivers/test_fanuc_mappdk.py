@@ -1,4 +1,7 @@
-"""The Fanuc driver over MAPPDK against the simulated controller: what the stock server of ROS-Industrial cannot do."""
+"""The Fanuc driver over MAPPDK on the simulated controller.
+
+Limits of the stock server of ROS-Industrial.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,10 @@ from tests.drivers.waiting import PATIENCE_S, under_way
 
 
 def test_answer_to_a_move_before_the_robot_stands_is_not_the_reading() -> None:
-    """A stock move ends in CNT: its answer comes too early, here by 0.7 s, and readings after it are on the way."""
+    """A stock move ends in CNT, so its answer comes too early, here by 0.7 s.
+
+    Readings after it are taken on the way.
+    """
     log = io.StringIO()
     with cell_of("mappdk", SLOW) as cell:
         arm = arm_of("mappdk", cell, wire=WireLog(log), deadlines=FanucDeadlines(gap_s=0.02))

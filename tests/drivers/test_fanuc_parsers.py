@@ -1,4 +1,4 @@
-"""Answers of a Fanuc fed with anything: only errors of ours come out, and only whole answers are believed."""
+"""Arbitrary answers of a Fanuc: only our errors are raised, only whole answers accepted."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def register_joints(data: bytes) -> tuple[float, ...]:
 
 
 def refused(parse: Callable[[bytes], object], data: bytes) -> bool:
-    """Whether an error of ours came out; any other fails the test."""
+    """Report whether an error of ours was raised; any other error fails the test."""
     try:
         parse(data)
     except AcquisitionError:

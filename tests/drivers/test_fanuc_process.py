@@ -1,4 +1,4 @@
-"""The simulated Fanuc as a process of its own: one JSON line per endpoint, alone and in a cell."""
+"""The simulated Fanuc as a separate process, alone and in a cell: a JSON line per endpoint."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The programs for a Fanuc as text: what can be checked of them without a controller or a KAREL translator."""
+"""The programs for a Fanuc as text: checks without a controller or a KAREL translator."""
 
 from __future__ import annotations
 
@@ -68,7 +68,10 @@ def test_karel_names_fit_and_blocks_close(path: Path) -> None:
 
 
 def expanded(path: Path) -> list[str]:
-    """The words that begin a declaration or a routine, in the order in which ktrans reads them, includes resolved."""
+    """Return the words that begin a declaration or a routine.
+
+    They are in the order in which ktrans reads them, with includes resolved.
+    """
     found = []
     for line in code(path):
         if match := re.match(r"%INCLUDE (\w+)", line):
@@ -83,7 +86,7 @@ def expanded(path: Path) -> list[str]:
     "path", [each for each in KAREL if each.stem != "caltext"], ids=lambda path: path.name
 )
 def test_karel_declares_before_its_routines(path: Path) -> None:
-    """Behind the first ROUTINE only routines, with variables of their own, may follow."""
+    """Only routines, with separate variables, may follow the first ROUTINE."""
     words = expanded(path)
     first = words.index("ROUTINE")
     assert "VAR" in words[:first]
@@ -93,7 +96,7 @@ def test_karel_declares_before_its_routines(path: Path) -> None:
 
 
 def test_the_first_trial_is_one_that_the_programs_allow() -> None:
-    """`fit` wants the pendant off: what is tried in T1 must not ask it."""
+    """`fit` requires the pendant off, so the first trial in T1 must not call it."""
     readme = (FOLDER / "README.md").read_text(encoding="utf-8")
     trial = readme.split("First trial")[1].split("| protocol |")[0]
     in_t1 = trial.split("1. T1")[1].split("2. AUTO")[0]
@@ -118,7 +121,7 @@ def test_tp_lines_are_counted(path: Path) -> None:
 
 
 def test_registers_and_ends_are_those_of_the_driver() -> None:
-    """R[81..88] lie at 60..67 and PR[81] at 20, as `drivers.fanuc.registers` reads and writes them."""
+    """R[81..88] are at 60..67 and PR[81] at 20, as in `drivers.fanuc.registers`."""
     move = (FOLDER / "CALMOVE.LS").read_text(encoding="ascii")
     assert "J PR[81] R[81]% FINE" in move
     assert f"R[87]={SILENCE}" in (FOLDER / "CALWATCH.LS").read_text(encoding="ascii")

@@ -1,9 +1,9 @@
-"""Golden conversations with a Fanuc, played against the driver and against the simulator.
+"""Golden conversations with a Fanuc, played with the driver and with the simulator.
 
-MAPPDK: requests as fanucpy writes them (`movej`: four fields of fixed width and values of 14 characters), answers as
-its KAREL server writes them (CNV_REAL_STR(x, 8, 3), `none` for missing axes); the sums of our own answers come from
-`od` and `awk`. Modbus: frames by hand after the Modbus TCP specification; 10.5 deg is the float 4128 0000, -20.25 deg
-c1a2 0000, sent low word first.
+MAPPDK requests are as fanucpy writes them (`movej` has four fields of fixed width and values of 14 characters). Answers
+are as its KAREL server writes them (CNV_REAL_STR(x, 8, 3), `none` for missing axes); the checksums of our own answers
+come from `od` and `awk`. Modbus frames are written by hand from the Modbus TCP specification; 10.5 deg is the float
+4128 0000, -20.25 deg c1a2 0000, sent low word first.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ FANUCPY: list[Pair] = [
 
 
 def pose_only_place(reply: bytes) -> bytes:
-    """Without w, p, r: at p = -90 deg the other two turn about the same axis."""
+    """Remove w, p, r from a reply: at p = -90 deg the other two turn about the same axis."""
     return re.sub(rb",w=.*", b"", reply)
 
 
@@ -149,7 +149,7 @@ def test_another_version_of_our_server_or_a_spoiled_answer_is_refused(name: byte
 
 @pytest.mark.parametrize("options", ["", "?modbus=hmi", "?modbus=io"])
 def test_another_device_at_the_address(options: str) -> None:
-    """An open_abb controller never greets and does not speak Modbus; a FARO bridge answers in lines."""
+    """An open_abb controller never greets and has no Modbus; a FARO bridge answers in lines."""
     hasty = replace(QUICK, connect_s=0.3, reply_s=0.3)
     with CellThread(replace(FAST, robot="abb-irb120")) as cell:
         for device in ("abb", "faro"):

@@ -1,4 +1,7 @@
-"""The FARO driver against the simulated bridge: frames, targets, beam, odd readings, abort, second client."""
+"""The FARO driver on the simulated bridge.
+
+Frames, targets, beam, odd readings, abort, second client.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ FAST = CellFile(time_scale=10_000.0, effects=("none",))
 
 
 class Wire:
-    """What was sent."""
+    """Log of the bytes that were sent."""
 
     def __init__(self) -> None:
         self.sent: list[bytes] = []
@@ -165,7 +168,7 @@ def test_without_weather_it_is_not_armed(cell: CellThread) -> None:
 
 
 def test_heartbeat_keeps_an_idle_connection(cell: CellThread) -> None:
-    """What goes over the wire while nobody asks: signs of life, answered, until it is disconnected."""
+    """An idle wire carries heartbeats with answers until the driver disconnects."""
     wire = Wire()
     tracker = FaroTracker(cell.url("faro"), heartbeat_s=0.01, wire=wire)
     tracker.connect()

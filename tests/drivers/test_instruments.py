@@ -1,4 +1,7 @@
-"""What every instrument driver does alike, whichever wire it speaks: arming, states, odd readings, stop."""
+"""Common behaviour of all instrument drivers, on every wire.
+
+Arming, states, odd readings, stop.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The AT960 driver against its simulated bridge: cones, beam and PowerLock, weather, reflector, faces, transcript."""
+"""The AT960 driver on its simulated bridge.
+
+Cones, beam and PowerLock, weather, reflector, faces, transcript.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +65,10 @@ def test_measures_by_name_and_by_place(tracker: LeicaTracker, device: LeicaDevic
 
 
 def test_an_smr_is_seen_within_30_deg(shared: CellThread, tracker: LeicaTracker, device: LeicaDevice) -> None:
-    """T1's normal is turned about axis 5 until it leaves the cone; T2 declares none and is seen all the time."""
+    """T1's normal is turned about axis 5 until it leaves the cone.
+
+    T2 declares no normal and is always visible.
+    """
     assert shared.cell is not None
     seen, angles = [], []
     for j5 in range(-40, 100, 4):
@@ -112,7 +118,10 @@ def test_broken_beam_finds_its_target_again(
 
 
 def test_manual_weather_scales_distances(tracker: LeicaTracker, device: LeicaDevice) -> None:
-    """10 K and 20 hPa off: 0.95 * 10 + 0.27 * 20 ppm, some 39 um at 2.6 m; the mean of 40 readings tells."""
+    """Errors of 10 K and 20 hPa give 0.95 * 10 + 0.27 * 20 ppm, about 39 um at 2.6 m.
+
+    The mean of 40 readings shows it.
+    """
 
     def range_mm() -> float:
         return float(np.mean([math.hypot(*tracker.measure("N1", samples=50).xyz_mm) for _ in range(40)]))

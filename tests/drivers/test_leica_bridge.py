@@ -1,4 +1,7 @@
-"""The reference bridge of `examples/bridge` against our drivers: one page of protocol is enough for both sides."""
+"""The reference bridge of `examples/bridge` with our drivers.
+
+One page of protocol must be enough for both sides.
+"""
 
 from __future__ import annotations
 
@@ -125,7 +128,7 @@ def test_client_that_leaves_ends_what_moves_and_comes_back(bridge: Any, tracker:
 
 @pytest.mark.parametrize("fault", ["flip", "garbage", "half", "stale", "reorder", "duplicate"])
 def test_never_a_wrong_reading_through_it(bridge: Any, fault: str) -> None:
-    """Every measurement has a place of its own: one that was made before shows."""
+    """Every measurement has a separate place, so an earlier one would be visible."""
     made = 0
 
     def measure(*_: object) -> tuple[tuple[float, ...], tuple[float, ...]]:

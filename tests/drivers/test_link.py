@@ -1,4 +1,7 @@
-"""The link layer: any fault closes, nothing unread before asking, exact ends, named deadlines, wire log."""
+"""The link layer: every fault closes the link, and no old bytes are left before a request.
+
+Exact ends, named deadlines, and the wire log are tested too.
+"""
 
 from __future__ import annotations
 

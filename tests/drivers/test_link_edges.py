@@ -1,6 +1,7 @@
-"""The link layer at its edges: exact limits, counted answers, what a socket does badly, and what is set on it.
+"""Edge cases of the link layer: exact limits, counted answers, socket faults and options.
 
-Each of these was asked for by a small change of `drivers/link.py` that nothing had noticed (tests/sabotage/mutants.py).
+Each of these tests was required by a small change of `drivers/link.py` that no test had noticed
+(tests/sabotage/mutants.py).
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ class Scripted:
 
 
 def scripted(*answers: bytes | Exception, wire: WireLog | None = None) -> tuple[TcpLink, Scripted]:
-    """A link on such a socket. Its clock goes on by a second whenever it is read."""
+    """Return a link on a scripted socket; its clock advances by a second at each reading."""
     link = TcpLink(Address("h", 1), "dev", wire=wire, clock=itertools.count(0.0).__next__)
     sock = Scripted(*answers)
     link._socket = sock  # type: ignore[assignment]
@@ -175,7 +176,10 @@ def test_lines_as_long_as_allowed_and_longer() -> None:
 
 
 def test_waiting_looks_around() -> None:
-    """Between two looks at the socket, at most `poll_s` apart; without anything to look at it waits for the rest."""
+    """The link calls `meanwhile` between two waits on the socket, which last at most `poll_s`.
+
+    Without `meanwhile`, it waits for the whole rest.
+    """
     looked: list[None] = []
     link, sock = scripted(TimeoutError(), b"x\n")
     wanted = {"command": "X", "deadline": "reply", "seconds": 60.0}

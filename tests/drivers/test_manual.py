@@ -1,4 +1,7 @@
-"""What a person types is taken as it is, asked for again where it cannot be right, and doubted where it looks wrong."""
+"""Entries that a person types.
+
+They are taken as typed, requested again if they cannot be right, and questioned if they look wrong.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ SHOWN = "12.35 -45.68 30.00 -91.23 60.05 7.89 0.00"
 
 
 class Person:
-    """Types what it is told to, in turn; remembers what was asked."""
+    """Person who types the listed answers in turn, and remembers the questions."""
 
     def __init__(self, *typed: str) -> None:
         self.typed = list(typed)

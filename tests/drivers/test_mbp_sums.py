@@ -1,4 +1,7 @@
-"""Checksums of MBP/1 on TCP: asked for always, insisted on once promised, and missed aloud where a bridge has none."""
+"""Checksums of MBP/1 on TCP.
+
+They are always requested, and required once promised; a bridge without checksums causes a warning.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ def tracker(port: int) -> FaroTracker:
 
 
 def test_a_bridge_that_promises_sums_must_send_one_with_its_promise() -> None:
-    """Else a damaged mark of the sum would end all checking."""
+    """Otherwise, damage to the mark of the checksum would end all checking."""
     unsealed = [(ASKED, f"{HELLO} crc=1\n".encode())]
     with ExpectedDevice(unsealed) as device, pytest.raises(ProtocolError, match="checksum missing"):
         tracker(device.port).connect()
@@ -51,7 +54,7 @@ def test_a_bridge_without_sums_is_believed_and_named(crc: str, caplog: pytest.Lo
 
 
 def test_empty_lines_and_capitals_are_no_fault_of_a_bridge() -> None:
-    """A keepalive of its own; it took two seconds and a reconnection each."""
+    """An empty line, a keepalive of the bridge, once cost two seconds and a reconnection."""
     hello = line(f"{HELLO.replace('mm,deg', 'MM,Deg')} crc=1")
     status = b"\r\n\n" + line("2 OK state=READY T=21.5 P=1013.2 H=45.0")
     with ExpectedDevice([(ASKED, b"\n" + hello), (STATUS[0], status)]) as device:
@@ -63,7 +66,7 @@ def test_empty_lines_and_capitals_are_no_fault_of_a_bridge() -> None:
 
 @pytest.mark.parametrize("units", ["m,rad,C,hPa", "in,deg,C,hPa", "um", "mm,gon"])
 def test_a_bridge_that_speaks_in_other_units_is_refused(units: str) -> None:
-    """0.5 mm of a ballbar in metres would be a deviation of 0.0005 mm."""
+    """A ballbar in metres would make a deviation of 0.5 mm one of 0.0005 mm."""
     hello = f"{HELLO.replace('mm,deg,C,hPa', units)} crc=1"
     with (
         ExpectedDevice([(ASKED, line(hello))]) as device,

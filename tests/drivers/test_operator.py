@@ -1,4 +1,4 @@
-"""The operator as a device: never a confirmation that nobody gave."""
+"""The operator as a device: no confirmation without an operator."""
 
 from __future__ import annotations
 
@@ -64,7 +64,10 @@ def lost() -> str:
 
 
 def test_a_terminal_that_is_lost_is_nobody() -> None:
-    """Its window is closed, or its connection cut, while the question stands there: nobody may wait for ever."""
+    """Its window is closed, or its connection cut, during the question.
+
+    The program must not wait for ever.
+    """
     for name in ("readline", "write"):
         reader, writer = Terminal("c\n"), io.StringIO()
         setattr(reader if name == "readline" else writer, name, lambda *_: lost())

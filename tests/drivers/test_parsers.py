@@ -1,4 +1,4 @@
-"""Parsers fed with anything: only errors of ours come out, and what was written reads back."""
+"""Arbitrary input of parsers: only our errors are raised, and written text reads back."""
 
 from __future__ import annotations
 
@@ -142,7 +142,10 @@ STOCK_TEXT = st.text("0123456789 .-#", max_size=60).map(str.encode)
 
 
 def stock_position(*answers: bytes, reply_s: float = 5.0) -> tuple[float, ...] | None:
-    """What a stock server's answers to joints and ping are taken for; None: an error of ours."""
+    """Return the joints that the driver reads from a stock server's answers to joints and ping.
+
+    The result is None if an error of ours is raised.
+    """
     arm = AbbArm("tcp://127.0.0.1:1", deadlines=AbbDeadlines(ping_s=5.0, reply_s=reply_s, quiet_s=0.002))
     with hearing(arm._main.link, *answers):
         try:
@@ -159,7 +162,7 @@ def test_any_bytes_as_open_abb(data: bytes) -> None:
 
 
 def test_who_a_robot_is_takes_two_answers_that_agree() -> None:
-    """One digit of a serial number changed on the way, and the record would refuse its own robot from then on."""
+    """A wrong digit of a serial number would make the record refuse its own robot for ever."""
     damaged, good = b"98 1 120-5O0017*6.08*IRB 120-3/0.6", b"98 1 120-500017*6.08*IRB 120-3/0.6"
     arm = AbbArm("tcp://127.0.0.1:1", deadlines=AbbDeadlines(ping_s=5.0, reply_s=5.0, quiet_s=0.01))
     with hearing(arm._main.link, *(each for said in (damaged, good, good) for each in (said, b"0 1 ")), b""):
@@ -182,7 +185,10 @@ def test_more_or_less_than_an_answer_of_open_abb(more: bytes, length: int) -> No
 
 @pytest.mark.parametrize("last", [b"-180", b"-179.9", b"-179."])
 def test_an_answer_of_open_abb_may_leave_zeros_at_the_end_out(last: bytes) -> None:
-    """Whether NumToStr of RAPID writes them is told nowhere. What comes too late for one answer spoils the next."""
+    """It is not documented whether NumToStr of RAPID writes them.
+
+    The late part of one answer would spoil the next answer.
+    """
     said = b"4 1 10.5 -20.25 0 -0.13 90 " + last
     assert stock_position(said, b"0 1 ", b"") == (10.5, -20.25, 0.0, -0.13, 90.0, float(last))
     assert stock_position(said, b"90 1 ", b"") is None  # the rest of it, and the ping

@@ -1,4 +1,4 @@
-"""The cell as a process of its own: one JSON line per endpoint, clean end, exit codes, back door."""
+"""The cell as a separate process: a JSON line per endpoint, end, exit codes, back door."""
 
 from __future__ import annotations
 

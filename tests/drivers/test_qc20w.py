@@ -1,4 +1,4 @@
-"""The ballbar driver against its simulated bridge, on TCP, a pseudo-terminal and a pyserial URL."""
+"""The ballbar driver on its simulated bridge: TCP, a pseudo-terminal and a pyserial URL."""
 
 from __future__ import annotations
 
@@ -64,8 +64,11 @@ def test_a_bar_of_no_length_is_refused(shared: CellThread) -> None:
 
 
 def test_length_between_two_balls(meter: Qc20w) -> None:
-    """Within the robot's repeatability, though bar, scale, temperature and zero all are a little off; and as the bar
-    repeats, since the arm stands."""
+    """The length is within the robot's repeatability, with small errors of bar and scale.
+
+    Temperature and zero are a little wrong too. The lengths scatter only as the bar repeats, because the arm stands
+    still.
+    """
     meter.zero()
     lengths = [meter.measure("T1", base_target="B1", samples=50).length_mm for _ in range(20)]
     off = math.radians(REPEATABILITY_DEG) * np.linalg.norm(PLACE)  # of one joint
@@ -176,7 +179,7 @@ def test_battery_radio_and_calibrator(shared: CellThread, meter: Qc20w) -> None:
 
 
 def after_a_break(meter: Qc20w) -> None:
-    """Measure; a reading whose time the break of the radio link touches is void for that, and taken once more."""
+    """Measure, and measure again if the break of the radio link voids the first reading."""
     try:
         meter.measure("T1", base_target="B1")
     except NoisyMeasurement:
@@ -184,7 +187,7 @@ def after_a_break(meter: Qc20w) -> None:
 
 
 def test_another_bar_paired_between_two_readings(shared: CellThread, meter: Qc20w) -> None:
-    """The bridge stays connected and its greeting does: only the certificate says that the bar is another one."""
+    """The bridge stays connected and greets as before: only the certificate shows another bar."""
     shared.do("flicker")  # back at once, and the same bar
     after_a_break(meter)
     shared.do("pair", serial="2Q0777", longer_mm=0.3)
@@ -327,7 +330,7 @@ def test_driver_speaks_as_written() -> None:
 
 
 def test_a_deviation_in_metres_is_told_by_its_scatter() -> None:
-    """The greeting says mm, and the length of the certificate is: this would catch a bridge that forgets its sensor."""
+    """Greeting and certificate are in mm; this would catch a sensor value left in metres."""
     reply = line("5 OK d=0.0001 sd=5e-07 n=10 t=12.5 age=0.0 temp=22.0 batt=80.0 link=-60 over=0")
     with pytest.raises(NotReady, match="less than the sensor can show"):
         QC20W.read([*READ[:-1], (READ[-1][0], reply)], "T1")

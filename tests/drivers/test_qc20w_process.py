@@ -1,4 +1,7 @@
-"""The instruments' simulators as processes of their own: one JSON line per endpoint, served until a signal."""
+"""The instruments' simulators as separate processes, with a JSON line per endpoint.
+
+They serve until a signal.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A robot that ends its move a little beside its target has not arrived, whatever its controller says."""
+"""A robot that ends its move near its target has not arrived.
+
+The report of its controller does not matter.
+"""
 
 from __future__ import annotations
 

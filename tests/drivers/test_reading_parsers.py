@@ -1,5 +1,6 @@
-"""Answers of the instruments fed with anything: a reading comes out that was asked for and is finite, or an error
-of ours.
+"""Arbitrary answers of the instruments.
+
+The driver returns a finite reading of the requested target, or raises an error of ours.
 """
 
 from __future__ import annotations
@@ -62,7 +63,10 @@ def changed(good: Mapping[str, str]) -> st.SearchStrategy[bytes]:
 def heard(
     session: MbpSession, answer: bytes, ask: Callable[[], PointReading | LengthReading]
 ) -> PointReading | LengthReading | None:
-    """What a driver makes of an answer; None: an error of ours, any other fails the test."""
+    """Return the reading that a driver makes of an answer, or None for an error of ours.
+
+    Any other error fails the test.
+    """
     session.armed = True
     with hearing(session.client.link, answer + b"\n"):  # type: ignore[arg-type]
         try:

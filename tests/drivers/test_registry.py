@@ -1,4 +1,4 @@
-"""The table of drivers: each declares itself, and a device is opened by the name that it declares."""
+"""The table of drivers: each driver declares its name, and a device is opened by that name."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_every_folder_of_a_maker_is_in_the_table() -> None:
 
 @pytest.mark.parametrize("driver", DRIVERS, ids=lambda driver: driver.name)
 def test_only_its_folder_knows_a_driver_by_its_name(driver: RobotDriver | InstrumentDriver) -> None:
-    """Except for the rehearsal, whose cell has an ABB and a FARO; and `manual` is a mode of controllers as well."""
+    """Exceptions are the rehearsal, with an ABB and a FARO, and `manual`, a controller mode too."""
     rooms = [ROOMS / "acquisition", ROOMS / "service" / "commands", ROOMS / "service" / "http"]
     files = [path for room in rooms for path in room.rglob("*.py") if path.stem != "rehearsal"]
     files += (ROOMS / "drivers").glob("*.py")

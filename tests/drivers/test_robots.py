@@ -1,4 +1,7 @@
-"""What every robot driver does alike, whichever wire it speaks: arming, limits, stop, disconnect, false arrivals."""
+"""Common behaviour of all robot drivers, on every wire.
+
+Arming, limits, stop, disconnect, false arrivals.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +47,7 @@ def fast(bench: Bench) -> Iterator[CellThread]:
 
 @pytest.fixture
 def slow(bench: Bench) -> Iterator[CellThread]:
-    """Moves take most of a minute: what shall happen on the way happens there, on a busy machine too."""
+    """Run moves of most of a minute, so that events happen on the way on a busy machine too."""
     with bench.cell(1.0) as cell:
         yield cell
 

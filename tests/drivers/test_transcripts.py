@@ -1,4 +1,4 @@
-"""Golden conversations of the three dialects, played against the driver and against the simulator."""
+"""Golden conversations of the three dialects, with the driver and with the simulator."""
 
 from __future__ import annotations
 

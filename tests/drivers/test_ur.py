@@ -1,4 +1,7 @@
-"""The UR driver against the simulated controller: motion, stop, safety stops, modes, limits, other clients."""
+"""The UR driver on the simulated controller.
+
+Motion, stop, safety stops, modes, limits, other clients.
+"""
 
 from __future__ import annotations
 
@@ -95,7 +98,10 @@ def test_goes_there_and_reads_back_in_encoder_counts(fast: CellThread, feed: str
 
 
 def test_read_back_waits_for_the_arm_and_not_for_the_program(slow: CellThread, feed: str) -> None:
-    """The controller ends its program while the joints still creep: whoever reads then is a degree off."""
+    """The controller ends its program while the joints still creep.
+
+    A reading at that time is a degree off.
+    """
     arm = connected(slow, feed)
     arm.arm()
     goal = (12.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -326,7 +332,7 @@ def test_factory_kinematics_before_software_3_6(fast: CellThread) -> None:
 def test_the_software_tells_the_series_of_the_arm(
     fast: CellThread, software: tuple[int, int, int, int], model: str
 ) -> None:
-    """A UR5 and a UR5e bear the same type, and differ by 70 mm."""
+    """A UR5 and a UR5e have the same type, and differ by 70 mm."""
     assert fast.cell is not None
     fast.cell.ur.software = software
     assert UrArm(fast.url("ur")).factory().model == model

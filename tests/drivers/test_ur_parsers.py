@@ -94,7 +94,7 @@ def test_numbers_that_no_arm_has(field: int, bad: float) -> None:
 
 @given(st.integers(0, 8 * 297 - 1), st.booleans())
 def test_a_wrong_bit_is_seen_or_does_not_matter(bit: int, first: bool) -> None:
-    """Of two packages one has a wrong bit: what is believed is the truth to 1e-4 rad, or it is not believed."""
+    """One of two packages has a wrong bit: an accepted state is true to 1e-4 rad."""
     good = [rtde(1.0), rtde(1.008)]
     bad = bytearray(good[0 if first else 1])
     bad[bit // 8] ^= 1 << bit % 8
@@ -120,7 +120,7 @@ def test_a_wrong_bit_is_seen_or_does_not_matter(bit: int, first: bool) -> None:
     ),
 )
 def test_any_bytes_of_an_rtde_stream(head: bytes, tail: bytes) -> None:
-    """One state is never believed, and whatever follows it is not the next one."""
+    """A single state is never accepted, and no bytes after it form the next state."""
     stream = Rtde(TcpLink(Address("h", 1), "ur"), UrDeadlines(reply_s=5.0))
     stream._recipe, stream._echoed = 1, True
     with hearing(stream._link, head + tail), pytest.raises(LinkError), stream.watch("position") as witness:
@@ -225,7 +225,10 @@ def test_programs_are_understood_by_the_simulator(
 
 @given(st.integers(0, 10_000), st.integers(1, 9))
 def test_a_digit_of_a_program_that_is_wrong_is_told_or_does_not_move_elsewhere(place: int, by: int) -> None:
-    """Whatever program arrives: it is not run, or tells what the driver did not say, or moves as it should."""
+    """No wrong digit moves the arm elsewhere.
+
+    The program is not run, or reports a value that the driver did not send, or moves as it must.
+    """
     program = UrScriptMove((0.5, -0.25, 1.125, 0.0, -3.0, 6.28), 1.047198, 0.349066, 17, 2.0)
     text = program.text()
     digits = [i for i, character in enumerate(text) if character.isdecimal()]
@@ -244,7 +247,10 @@ def test_a_bit_of_a_program_that_is_wrong_is_told_or_does_not_move_elsewhere(bit
 
 
 def elsewhere(program: UrScriptMove, text: str) -> bool:
-    """Whether a controller moves by another target or speed than it told, and told what the driver expects."""
+    """Report whether a controller moves to another target or at another speed than it reports.
+
+    The report must be the one that the driver expects.
+    """
     try:
         calls = [
             call for lines in ScriptReader().feed(text.encode("latin-1")) for call in parse_program(lines)

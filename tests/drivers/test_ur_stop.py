@@ -1,4 +1,7 @@
-"""Whatever ends a move of the UR driver early, the arm stands: stop, disconnect, watchdog, a link that was cut."""
+"""The arm stops when a move of the UR driver ends early.
+
+Causes are stop, disconnect, watchdog, and a link that was cut.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,10 @@ ROBOT, DEVICES = "ur5", ("ur",)
 
 
 class Doorkeeper:
-    """Holds whoever opens a connection beside RTDE while `open` is cleared; `waiting`: somebody is held."""
+    """Gate that holds clients of all connections except RTDE while `open` is cleared.
+
+    `waiting` is set when a client is held.
+    """
 
     def __init__(self) -> None:
         self.open, self.waiting = threading.Event(), threading.Event()
@@ -101,7 +107,10 @@ def test_disconnect_from_another_thread_ends_a_pending_move_and_the_motion(
 
 
 def test_disconnect_does_not_cut_the_stop_of_the_move_that_it_ends(slow: CellThread) -> None:
-    """The move, whose states are gone, says stop over a connection of its own while disconnect still closes others."""
+    """The move, without states, sends its stop over a separate connection.
+
+    Disconnect is closing the other connections meanwhile.
+    """
     door = Doorkeeper()
     arm = creeping(slow, wire=door)
     arm.arm()
@@ -157,7 +166,10 @@ def test_watchdog_stops_the_robot_when_the_program_is_gone(slow: CellThread) -> 
 
 @pytest.mark.parametrize("closed", [(), ("dashboard",), ("secondary",)])
 def test_stop_where_30003_is_gone(slow: CellThread, closed: tuple[str, ...]) -> None:
-    """30002 and the dashboard take a stop as well, either is enough, and RTDE shows that the arm stands."""
+    """Ports 30002 and the dashboard take a stop as well; either is enough.
+
+    RTDE shows that the arm stands still.
+    """
     with FaultProxy(slow.port("ur-realtime")) as proxy, nobody_listens() as nobody:
         ports = {name: slow.port("ur-" + name) for name in ("secondary", "dashboard")}
         options = "&".join(f"{name}={nobody if name in closed else port}" for name, port in ports.items())
@@ -174,7 +186,10 @@ def test_stop_where_30003_is_gone(slow: CellThread, closed: tuple[str, ...]) -> 
 
 
 def test_an_arm_that_goes_on_to_its_target_was_not_stopped(slow: CellThread) -> None:
-    """Somebody at the pendant has switched to local control: the controller takes no order, and the arm arrives."""
+    """A person at the pendant has switched to local control.
+
+    The controller takes no order, and the arm arrives.
+    """
     assert slow.cell is not None
     ur, late_s = slow.cell.ur, [0.0]
     arm = creeping(slow, clock=lambda: time.monotonic() + late_s[0])

@@ -1,4 +1,4 @@
-"""Golden conversations of RTDE and URScript, byte for byte, played against the driver and against the simulator.
+"""Golden conversations of RTDE and URScript, byte for byte, with driver and simulator.
 
 Written by hand from the maker's guide: lengths, types and numbers are literal, so that neither codec can be wrong
 together with them.
@@ -77,7 +77,10 @@ ARGUMENTS = GOAL + struct.pack(">dd", 1.047198, 0.349066) + ZERO + HALF_RAD  # h
 def data(
     second: int, joints: bytes, speed: bytes, runtime: int, echo: int, registers: bytes = 10 * ZERO
 ) -> bytes:
-    """A data package of recipe 1: 300 bytes, mode running, safety normal; `second` up to 8."""
+    """Return a data package of recipe 1 with 300 bytes, mode running and safety normal.
+
+    `second` is at most 8.
+    """
     t = (
         b"\x3f\xf0",
         b"\x40\x00",
@@ -101,7 +104,10 @@ LOOK: list[Pair] = [(START[0], START[1] + AT_HOME), PAUSE]
 
 
 def packet(t: int, joints: bytes, speed: bytes = HOME, program: bytes = b"\x3f\xf0") -> bytes:
-    """A packet of port 30003, software 3.14: 1140 bytes; running, normal, and the state of the program."""
+    """Return a packet of port 30003, software 3.14, with 1140 bytes.
+
+    Its modes are running and normal, and it has the state of the program.
+    """
     body = bytearray(1140)
     body[0:4] = b"\x00\x00\x04\x74"
     body[4:12] = struct.pack(">d", t)
@@ -143,7 +149,10 @@ def test_driver_speaks_rtde_and_urscript() -> None:
 
 
 def test_driver_without_rtde_speaks_urscript() -> None:
-    """Every question has a connection of its own: connect twice, arm, the move's states, and its program."""
+    """Every request has a separate connection: two to connect, one to arm.
+
+    The move's states and its program have one each.
+    """
     program = PLAIN_PROGRAM
     idle: list[Pair] = [(b"", packet(1, HOME) + packet(2, HOME))]
     moving = [packet(t, HOME, SPEED, b"\x40\x00") for t in (3, 4)]

@@ -21,8 +21,9 @@ def connected(cell: CellThread, options: str = "", **keywords: Any) -> UrArm:
 
 
 def creeping(cell: CellThread, options: str = "", **keywords: Any) -> UrArm:
-    """An arm that takes most of a minute to FAR: what shall happen on its way happens there, on a busy machine too.
+    """Return an arm that takes most of a minute to FAR.
 
-    Nor does its watchdog bark when only this program was starved.
+    Events on its way then happen there on a busy machine too. Its watchdog does not act if only this program
+    was starved.
     """
     return connected(cell, options, **({"speed_deg_s": 2.0, "watchdog_s": 30.0} | keywords))

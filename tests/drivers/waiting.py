@@ -1,4 +1,4 @@
-"""Waiting for a condition with a deadline, and running a verb that blocks in a thread of its own."""
+"""Wait for a condition with a deadline, and run a blocking verb in a separate thread."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PATIENCE_S = 240.0
 
 
 def until(condition: Callable[[], Any], seconds: float = PATIENCE_S) -> None:
-    """Poll until the condition holds; fail after so many seconds."""
+    """Poll until the condition holds; fail after a number of seconds."""
     end = time.monotonic() + seconds
     pause = threading.Event()
     while not condition():
@@ -25,7 +25,7 @@ def until(condition: Callable[[], Any], seconds: float = PATIENCE_S) -> None:
 
 
 def in_thread(verb: Callable[[], Any]) -> Future[Any]:
-    """The outcome of a verb that runs beside the test."""
+    """Run a verb in a thread next to the test, and return its future."""
     pool = ThreadPoolExecutor(max_workers=1)
     future = pool.submit(verb)
     pool.shutdown(wait=False)
@@ -33,7 +33,7 @@ def in_thread(verb: Callable[[], Any]) -> Future[Any]:
 
 
 def under_way(arm: Any, target: Sequence[float], cell: CellThread) -> Future[Any]:
-    """The outcome of a move that the simulated robot has begun."""
+    """Start a move, wait until the simulated robot has begun it, and return its future."""
     move = in_thread(lambda: arm.move_to(target))
     until(lambda: cell.do("state")["moving"])
     return move
