@@ -1,4 +1,6 @@
-"""The process that is killed: creates or resumes a campaign and tells of every durable reading on a line.
+"""Child process that is killed: it creates or resumes a campaign.
+
+It prints a line for every durable reading.
 
 python campaign_child.py create|resume RECORD CELL CAMPAIGN PORTS
 

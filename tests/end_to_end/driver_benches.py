@@ -1,4 +1,4 @@
-"""Every driver before its own simulator, with deadlines that a simulator keeps on a busy machine too."""
+"""Every driver with its simulator, and deadlines that a simulator keeps on a busy machine."""
 
 from __future__ import annotations
 

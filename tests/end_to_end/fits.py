@@ -8,7 +8,10 @@ from calib import Dataset, identify
 
 
 def rms_held_out(dataset: Dataset) -> float:
-    """The RMS error on validation readings, mm, of a fit that ends and finds the noise that was declared."""
+    """Return the RMS error of a fit on validation readings, mm.
+
+    The fit must converge and find the declared noise.
+    """
     found = identify(dataset)
     assert found.converged
     assert 0.8 < found.noise_scale < 1.2, found.noise_scale

@@ -1,4 +1,4 @@
-"""Campaigns on a simulated cell whose program is killed again and again, and what their records hold in the end."""
+"""Campaigns on a simulated cell whose program is killed repeatedly, and their final records."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ CHILD = Path(__file__).with_name("campaign_child.py")
 
 @dataclass
 class Tally:
-    """What was told, and what the record holds. `shots`: measurements that the simulated instrument made."""
+    """Acknowledged readings of the program, and the content of its record.
+
+    `shots` counts the measurements of the simulated instrument.
+    """
 
     killed: int = 0
     acknowledged: list[int] = field(default_factory=list)
@@ -38,10 +41,11 @@ class Tally:
 
 
 def kill_and_resume(folder: Path, kills: int, most_readings: int, chance: random.Random) -> Tally:
-    """Measure `folder`/campaign.toml in `folder`/cell.toml to its end, killed `kills` times on the way.
+    """Measure a campaign to its end with a program that is killed `kills` times on the way.
 
-    Each life is granted up to so many readings and then ends at a moment between or within them; every fifth is
-    killed by the clock alone, in its start as it may be.
+    The campaign is `folder`/campaign.toml in `folder`/cell.toml. Each program may take at most `most_readings`
+    readings, and is killed at a moment between or within them. About every fifth is killed by the clock alone, perhaps
+    at its start.
     """
     tally = Tally()
     record, verb = folder / "record", "create"
@@ -95,7 +99,7 @@ def _killed(child: subprocess.Popen[str], chance: random.Random, most_readings: 
 
 
 def _exists(record: Path) -> bool:
-    """Whether it was made before the program was killed; otherwise it is made anew in its place."""
+    """Report whether the record was created before the kill; otherwise it is created again."""
     try:
         Run.open(record).close()
     except RecordError:

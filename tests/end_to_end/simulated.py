@@ -1,4 +1,4 @@
-"""A simulated cell in a process of its own, as a person would start it, and its back door."""
+"""A simulated cell in a separate process, as a person would start it, and its back door."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ EXAMPLE = ROOT / "examples" / "irb120_faro"
 def truepose(
     *arguments: str, stdin: int = subprocess.DEVNULL, cwd: Path = ROOT
 ) -> subprocess.CompletedProcess[str]:
-    """`truepose` in a process of its own, as a shell starts it."""
+    """Run `truepose` in a separate process, as a shell starts it."""
     return subprocess.run(
         [sys.executable, "-m", "service.cli", *arguments],
         stdin=stdin,
@@ -43,7 +43,7 @@ def truepose(
 
 
 class SimulatedCell:
-    """Where the devices of the other process listen."""
+    """Addresses of the devices of the other process."""
 
     def __init__(self, lines: Sequence[str]) -> None:
         self.ports = {end["device"]: end["port"] for end in map(json.loads, lines)}
@@ -85,7 +85,7 @@ _BEGAN_UTC_S = 1_700_000_000.0
 
 
 class SteppedCampaignClock:
-    """The clock of a campaign on a cell whose time passes only while somebody waits for it."""
+    """Clock of a campaign on a cell whose time passes only while a thread waits for it."""
 
     time_scale = 1.0
 
@@ -108,7 +108,10 @@ class SteppedCampaignClock:
 
 @contextmanager
 def stepped_cell(cell: Cell, operator: Operator | None = None) -> Iterator[Equipment]:
-    """The simulated cell behind its sockets, in a thread; neither it nor a campaign there waits for a wall."""
+    """Run the simulated cell behind its sockets, in a thread.
+
+    Neither it nor a campaign there waits for real time.
+    """
     clock = SteppedClock()
     with TemporaryDirectory() as folder:
         file = Path(folder) / "cell.toml"
@@ -133,7 +136,10 @@ def stepped_cell(cell: Cell, operator: Operator | None = None) -> Iterator[Equip
 def cell_file(
     folder: Path, *, time_scale: float, effects: Sequence[str] = ("none",), one_smr: bool = False
 ) -> Path:
-    """The example's cell, faster and with these effects; `one_smr`: a person seats it for every target."""
+    """Write the example's cell, faster and with these effects.
+
+    With `one_smr`, a person seats the SMR for every target.
+    """
     text = (EXAMPLE / "cell.toml").read_text(encoding="utf-8")
     text = text.replace("effects = []", f"effects = {json.dumps(list(effects))}")
     text = text.replace("time_scale = 200.0", f"time_scale = {time_scale}")
@@ -145,7 +151,10 @@ def cell_file(
 
 
 def campaign_file(folder: Path, **changes: object) -> Path:
-    """The example's campaign; `calibration` and `validation` are numbers of poses, the rest plain keys."""
+    """Write the example's campaign with changed keys.
+
+    `calibration` and `validation` are numbers of poses, the rest are plain keys.
+    """
     text = (EXAMPLE / "campaign.toml").read_text(encoding="utf-8")
     top, *blocks = text.split("[[block]]")
     for key, value in changes.items():

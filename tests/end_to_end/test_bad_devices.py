@@ -1,8 +1,8 @@
-"""Bad devices, one by one, through the drivers: each has its error class, its stable code, its device and its advice.
+"""Bad devices, one by one, through the drivers.
 
-The list is that of what goes wrong on a bench before anything has been measured: manual mode, emergency stop, no
-weather station, wrong reflector, wrong extension bar, points at zero, NaN. `test_other_devices.py` has wrong addresses,
-and others than the cell file names.
+Each has its error class, its stable code, its device and its advice. The list has the faults of a bench before the
+first measurement: manual mode, emergency stop, no weather station, wrong reflector, wrong extension bar, points at
+zero, NaN. `test_other_devices.py` has wrong addresses, and other devices than in the cell file.
 """
 
 from __future__ import annotations
@@ -106,7 +106,10 @@ NAN = {"x": math.nan}
 
 @dataclass(frozen=True)
 class Case:
-    """`says` and `do`: what message and advice must contain, as regular expressions."""
+    """Fault of a device with the expected error.
+
+    `says` and `do` are regular expressions that the message and the advice must match.
+    """
 
     what: str
     bench: str

@@ -1,4 +1,6 @@
-"""Cell and campaign files -> simulated cell over its sockets -> record -> data set -> identification."""
+"""From cell and campaign files over the simulated cell's sockets to an identification.
+
+The record and the data set are steps between them."""
 
 from __future__ import annotations
 
@@ -101,9 +103,9 @@ def test_emergency_stop_then_resume(tmp_path: Path) -> None:
 
 
 def test_stop_reaches_the_robot_in_mid_move(tmp_path: Path) -> None:
-    """A 1 deg/s move at real speed takes most of a minute; the order goes over the background connection.
+    """A move at 1 deg/s takes most of a minute in real time.
 
-    How soon it is heard is measured by a benchmark.
+    The order goes over the background connection. A benchmark measures how soon it is received.
     """
     file = cell_file(tmp_path, time_scale=1.0)
     text = file.read_text("utf-8")

@@ -1,6 +1,7 @@
-"""`kill -9` at random moments of a campaign on a simulated cell: nothing acknowledged is lost, nothing is twice.
+"""`kill -9` at random moments of a campaign on a simulated cell.
 
-The children acknowledge a reading by a line on their standard output, written after the reading is durable.
+Nothing acknowledged is lost, and nothing is stored twice. The children acknowledge a reading by a line on their
+standard output, written after the reading is durable.
 `TRUEPOSE_KILLS` sets how often (8; 20 in `make long`); `python -m tests.benchmarks.campaign` does it 200 times.
 """
 

@@ -1,4 +1,4 @@
-"""`truepose mock ur`, and a small campaign of the UR5 on its simulator through the command line."""
+"""`truepose mock ur`, and a small campaign of the simulated UR5 through the command line."""
 
 from __future__ import annotations
 

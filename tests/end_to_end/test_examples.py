@@ -1,4 +1,7 @@
-"""The examples: every plan can be driven, and every campaign whose devices there are runs on its simulated cell."""
+"""The examples: every plan can be driven, and campaigns run on their simulated cells.
+
+The campaigns with devices that have a simulator are run.
+"""
 
 from __future__ import annotations
 
@@ -83,7 +86,7 @@ def test_the_plan_is_that_of_the_source(
 def faster(
     example: str, campaign: str, simulation: Mapping[str, Any] | None = None, **changes: Any
 ) -> tuple[Cell, Campaign]:
-    """The two files with the clock of the simulation sped up, and keys of it and of the campaign replaced."""
+    """Read the two files with a faster simulation clock and with replaced keys."""
     file = EXAMPLES / example / "cell.toml"
     table = read_toml(file)[1]
     table["simulation"] |= {"time_scale": SCALE, "effects": ["none"], **(simulation or {})}
@@ -124,9 +127,10 @@ def test_it_runs_on_its_simulated_cell(example: str, hidden: float, tmp_path: Pa
 
 @pytest.mark.whole
 def test_the_ballbar_comes_back_for_what_was_out_of_its_stroke(tmp_path: Path) -> None:
-    """Nubiola 4.4 over the wires of a Fanuc and a ballbar: two stages, every distance had, judged by others.
+    """Nubiola 4.4 over the wires of a Fanuc and a ballbar.
 
-    The cups are 0.3 mm from where the cell file puts them: exact, they spoil the robot; uncertain, they are found.
+    There are two stages, every distance is measured, and other distances judge. The cups are 0.3 mm from their places
+    in the cell file. If they count as exact, they spoil the robot; if uncertain, they are found.
     """
     blocks = read_toml(EXAMPLES / "lrmate_ballbar" / "campaign.toml")[1]["block"]
     fewer = {46: 18, 15: 6, 8: 6, 40: 12}  # poses of each block
@@ -184,7 +188,7 @@ def simulated_arm(cell: Cell, folder: Path) -> World:
 
 @pytest.fixture(scope="module")
 def kinds(tmp_path_factory: pytest.TempPathFactory) -> tuple[Cell, Dataset, Path]:
-    """One small campaign with a block of every kind, measured over the sockets of the simulated cell."""
+    """Measure a small campaign with a block of every kind, over the simulated cell's sockets."""
     folder = tmp_path_factory.mktemp("kinds")
     cell, campaign = faster("irb120_faro", "kinds")
     with run_simulated(folder, cell, campaign) as run:

@@ -28,8 +28,10 @@ class Block(NamedTuple):
 
 
 def sections() -> dict[str, list[Block]]:
-    """The code blocks of every section, by its heading; what is to be looked at only belongs to no file and has no
-    command."""
+    """Return the code blocks of every section, by its heading.
+
+    Blocks that are only shown belong to no file and have no command, and are left out.
+    """
     parts = re.split(r"^## (.+)$", PAGE.read_text("utf-8"), flags=re.MULTILINE)
     block = re.compile(r"^```(\w+)(?: file=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
     return {
@@ -39,7 +41,10 @@ def sections() -> dict[str, list[Block]]:
 
 
 def added(source: str, change: str) -> str:
-    """The source with the lines of `change` that begin with '+'; the others are found in it, once, and '-' goes."""
+    """Apply a diff to a source.
+
+    Lines with '+' are added and lines with '-' removed; all but the added lines must occur in the source once.
+    """
     lines = change.splitlines()
     old = "".join(line[1:] + "\n" for line in lines if not line.startswith("+"))
     new = "".join(line[1:] + "\n" for line in lines if not line.startswith("-"))
@@ -48,7 +53,10 @@ def added(source: str, change: str) -> str:
 
 
 def arguments(line: str) -> list[str]:
-    """Of the interpreter, for a line of `python` or `truepose`; pip installs beside, without a network."""
+    """Return the interpreter's arguments for a line of `python` or `truepose`.
+
+    pip installs without a network.
+    """
     program, *words = shlex.split(line)
     assert program in ("python", "truepose")
     if program == "truepose":

@@ -1,4 +1,7 @@
-"""A campaign on a Fanuc cell: its own angles go over the wire and into the data set, the model's come out of it."""
+"""A campaign on a Fanuc cell.
+
+The controller's angles go over the wire and into the data set, and the data set gives the model's angles.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +57,10 @@ def test_measured_exported_identified(tmp_path: Path) -> None:
 
 
 def test_the_loop_is_closed_on_coupled_joints(tmp_path: Path) -> None:
-    """Joint 3 of the model is turned by two of the controller; its backlash is found and corrected on the robot."""
+    """Two joints of the controller turn joint 3 of the model.
+
+    Its backlash is found and corrected on the robot.
+    """
     path = fanuc_cell(tmp_path)
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace('effects = ["none"]', 'effects = ["backlash:j3"]'), encoding="utf-8")

@@ -1,7 +1,9 @@
-"""The closed loop on a simulated cell, small, over its sockets. These would catch: a correction of the wrong sign or at
-the wrong conditions (the side of approach, the temperature of the moment), a step of campaign 1 that is forgotten in
-campaign 2, a drift that is sent to the robot or left in the readings that judge it, readings of corrected and
-uncorrected targets mixed up, and a floor that is not what noise allows.
+"""The closed loop on a simulated cell, small, over its sockets.
+
+These would catch: a correction of the wrong sign or at the wrong conditions (the side of approach, the temperature of
+the moment), and a step of campaign 1 that is forgotten in campaign 2. They would also catch a drift that is sent to the
+robot or left in the readings that judge it, mixed readings of corrected and uncorrected targets, and a floor that is
+not the one that noise allows.
 """
 
 from __future__ import annotations
@@ -23,7 +25,10 @@ from tests.end_to_end.simulated import stepped_cell
 
 
 def as_in_a_worker(asked: list[str]) -> Compute:
-    """Computes here, but with what is left of function and arguments on their way to another process."""
+    """Return a compute function that works here, but pickles function, arguments and result.
+
+    Pickling is what another process would need.
+    """
 
     def compute(function: Callable[..., Any], *args: object) -> Any:
         there, given = pickle.loads(pickle.dumps((function, args)))
@@ -34,10 +39,10 @@ def as_in_a_worker(asked: list[str]) -> Compute:
 
 
 def closed(folder: Path, effect: str, poses: int = 5, compute: Compute = here) -> LoopResult:
-    """The loop with 34 calibration, 8 validation and a few new poses, which takes as long as the machine computes.
+    """Run the loop with 34 calibration, 8 validation and a few new poses.
 
-    The air of a hall does not swing within minutes, as it would in a session this short: where it matters the
-    simulated session is as long as that of a whole campaign.
+    It takes as long as the machine computes. The air of a hall does not swing within minutes, as it would in a session
+    this short. If the air matters, the simulated session is as long as that of a whole campaign.
     """
     long = 4.0 if effect == "thermal_growth" else 1.0
     table = rehearsal.campaign_table(3, calibration=34, validation=8)

@@ -1,7 +1,8 @@
-"""The middle step of the closed loop on a simulated cell, over its sockets: ambiguous, followed up, resolved.
+"""The middle step of the closed loop on a simulated cell: ambiguous, followed up, resolved.
 
-These would catch: poses that tell nothing apart, a second campaign on a clock or in a frame of its own, validation rows
-that slip into the fit, and corrections that still stand on the first diagnosis.
+It works over the cell's sockets. These would catch: poses that do not distinguish the causes, and a second campaign on
+a separate clock or in a separate frame. They would also catch validation rows that slip into the fit, and corrections
+that still use the first diagnosis.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ def test_both_campaigns_are_one_data_set(result: LoopResult, folder: Path) -> No
 
 
 def test_records_are_joined_by_the_calendar_too(result: LoopResult, folder: Path, tmp_path: Path) -> None:
-    """As a person does it who runs both campaigns by hand."""
+    """A person who runs both campaigns by hand joins them in the same way."""
     out = tmp_path / "joined.csv"
     first, later = folder / "campaign1", folder / "campaign_follow_up"
     assert main(["campaign", "export", str(first), str(out), "--with", str(later)]) == 0

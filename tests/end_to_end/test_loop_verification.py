@@ -1,7 +1,7 @@
-"""How a landing is judged, without a cell: temperature to be expected, floor, rows told apart, the frame they are in.
+"""Judgement of a landing, without a cell: expected temperature, floor, kinds of rows, frame.
 
-These would catch: a trend of the wrong sign or length, a floor that counts one axis only, corrected and uncorrected
-rows mixed up, and an instrument that was moved between the campaigns without anybody saying so.
+These would catch: a trend of the wrong sign or length, and a floor that counts one axis only. They would also catch
+mixed corrected and uncorrected rows, and an unreported move of the instrument between the campaigns.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ CAMPAIGN = campaign_from(campaign_table(1, 4, 1), "test")
 
 
 def record_of(folder: Path, air: list[float]) -> Path:
-    """A record whose readings come every 10 s with these air temperatures; nothing of it is meant but times."""
+    """Write a record with a reading every 10 s at these air temperatures; only its times matter."""
     visits = make_plan(CELL, CAMPAIGN)
     store = RecordStore.create(folder, "test", CELL.source, CAMPAIGN.source, visits, simulated=True)
     attempts, now = Attempts(store), 0.0
@@ -130,7 +130,7 @@ def test_targets_near_the_table_are_not_clear() -> None:
 
 
 def test_an_instrument_that_was_moved_is_tied_to_its_nests() -> None:
-    """Found by the nests alone: then the second campaign's own frame counts, and no model of the instrument."""
+    """Only the nests show the move: the second campaign's frame counts, no instrument model."""
     here, moved = WorldFrame(np.eye(3), np.zeros(3)), WorldFrame(np.eye(3), np.array([0.0, 0.0, 5.0]))
     nests = {name: np.array(point) - moved.origin for name, point in CELL.nests.items()}
     points = np.array([[300.0, 100.0, 395.0]])

@@ -1,7 +1,7 @@
-"""Whole campaigns with a robot that is driven by hand, and with an instrument that is read by a person.
+"""Whole campaigns with a robot driven by hand, and with an instrument read by a person.
 
-These would catch: planned angles filed instead of those that the pendant showed, an approach that nobody was told of, a
-point that is expected where the robot does not stand, a slip of the hand that goes into the record.
+These would catch: planned angles filed instead of those of the pendant, and an unannounced approach. They would also
+catch a point that is expected at a wrong place of the robot, and a slip of the hand that goes into the record.
 """
 
 from __future__ import annotations
@@ -103,7 +103,10 @@ def on_a_track(folder: Path) -> dict[str, object]:
 def test_joints_that_slide_are_driven_by_hand_and_their_play_is_named(
     tmp_path: Path, machine: Callable[[Path], dict[str, object]], slide: str
 ) -> None:
-    """From the prompt to the diagnosis: would catch mm sent as deg, the record of another place than the pendant's."""
+    """This would catch mm sent as deg, and a record of another place than the pendant's.
+
+    It goes from the prompt to the diagnosis.
+    """
     described = a_cell(machine(tmp_path) | {"table_z_mm": -1500.0, "within_deg": None}, FARO)
     simulation = {"seed": 3, "effects": [f"slide_backlash:{slide}"], "effect_size": 5.0}
     cell = cell_from(tomllib.loads(described.source) | {"simulation": simulation}, "cell.toml")

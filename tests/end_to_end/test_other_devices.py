@@ -1,4 +1,7 @@
-"""Nobody, or somebody else, at the address: another device, another version, another robot than the cell file says."""
+"""Wrong devices at the address, or none.
+
+Another device, another version, and another robot than in the cell file.
+"""
 
 from __future__ import annotations
 
@@ -100,7 +103,7 @@ def everything() -> Any:
 
 @pytest.mark.parametrize("bench", OWN)
 def test_every_other_device_on_the_port_is_refused(everything: CellThread, bench: str) -> None:
-    """The bridge of another maker's tracker speaks the same lines: that one, its identity gives away."""
+    """The bridge of another maker's tracker speaks the same lines; its identity shows it."""
     others = [end.device for end in everything.endpoints if end.device not in OWN[bench]]
 
     def met(endpoint: str) -> AcquisitionError | None:

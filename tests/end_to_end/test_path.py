@@ -1,4 +1,4 @@
-"""A path on the simulated UR5 and AT960: recorded, exported and aligned; killed and stopped in the middle of it.
+"""A path on the simulated UR5 and AT960: recorded, exported and aligned, killed and stopped.
 
 The simulators sample 8 times as fast as real devices do, so that a path of half a minute takes some seconds.
 """
@@ -56,7 +56,7 @@ def rows(record: Path, sql: str) -> list[tuple[Any, ...]]:
 
 
 def test_a_path_is_recorded_exported_and_aligned(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The clocks of the simulated devices, which nobody is told, are found within the uncertainty that is stated."""
+    """The unknown clocks of the simulated devices are found within the stated uncertainty."""
     record, out = tmp_path / "record", tmp_path / "out.csv"
     assert main(["campaign", "run", *files(tmp_path), "--record", str(record), "--simulate"]) == 0
     assert f"waypoint {WAYPOINTS} of {WAYPOINTS}, samples: robot " in capsys.readouterr().err
@@ -108,7 +108,7 @@ def simulated(tmp_path: Path) -> Iterator[SimulatedDevices]:
 
 
 def test_a_killed_program_loses_less_than_a_second(simulated: SimulatedDevices, tmp_path: Path) -> None:
-    """Every chunk that was there before is there after; the path is driven again from its beginning."""
+    """Every earlier chunk is still in the record; the path is driven again from its beginning."""
     record = tmp_path / "record"
     paths = [str(tmp_path / name) for name in ("record", "cell.toml", "campaign.toml")]
     command = [sys.executable, str(CHILD), "create", *paths, json.dumps(simulated.ports)]
@@ -160,7 +160,10 @@ def chunks(record: Path) -> list[tuple[Any, ...]]:
 
 
 def test_a_stop_in_the_middle_of_a_path(simulated: SimulatedDevices, tmp_path: Path) -> None:
-    """The motion stops, the streams are closed and are said to be incomplete; nothing moves until it is resumed."""
+    """The motion stops, and the streams are closed and marked as incomplete.
+
+    Nothing moves until the run is resumed.
+    """
     cell, campaign = read_cell(tmp_path / "cell.toml"), read_campaign(tmp_path / "campaign.toml")
     run = Run.create(tmp_path / "record", cell, campaign, simulated=True)
 

@@ -1,4 +1,7 @@
-"""A cell PC drives a campaign by REST alone over the simulated cell; the command line measures the same."""
+"""A cell PC drives a campaign by REST alone over the simulated cell.
+
+The command line measures the same.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,10 @@ def one_smr(folder: Path) -> tuple[Path, Path]:
 
 
 def answer_prompts(service: Served, run: str) -> list[str]:
-    """As a cell PC does it: poll, show, confirm. Returns what was asked, when the run has ended."""
+    """Poll, show and confirm the prompts like a cell PC, until the run has ended.
+
+    The result lists the prompts.
+    """
     asked: list[str] = []
     version = 0
     while True:
@@ -127,7 +133,7 @@ def test_a_campaign_by_rest_and_the_same_by_command_line(tmp_path: Path) -> None
 
 
 def by_command_line(folder: Path, cell: Path, campaign: Path) -> str:
-    """The same campaign at a terminal, where the prompts are answered by typing. Its data set."""
+    """Run the same campaign at a terminal with typed answers, and return its data set."""
     master, slave = pty.openpty()
     os.write(master, b"confirm\n" * len(NESTS_AND_TARGETS))
     record = folder / "by_hand"
@@ -165,7 +171,7 @@ def test_the_service_ends_paused_and_takes_its_simulators_along(tmp_path: Path) 
 def test_clients_that_wait_do_not_hold_a_stop_up_and_a_kill_takes_the_simulators_along(
     tmp_path: Path,
 ) -> None:
-    """Fifty long polls are open, more than there are threads; a stop does not take its turn behind them."""
+    """Fifty long polls are open, more than there are threads; a stop does not wait for them."""
     cell = cell_file(tmp_path, time_scale=1.0)
     campaign = tomllib.loads(campaign_file(tmp_path, warm_up_s=600.0).read_text("utf-8"))
     with served(tmp_path / "record", "--cell", str(cell), "--simulate") as service:

@@ -1,7 +1,8 @@
-"""Who moves the robot of a running service: nobody without the secret of the lease, and what a takeover does to a run.
+"""Motion of a service's robot only with the secret of the lease, and takeovers during a run.
 
-These would catch: a run that goes on for a holder who has lost the lease, one that is resumed by whoever asks, a
-takeover that is not in the events, a stop that a viewer is refused, and a record that others on the computer can read.
+These would catch: a run that continues for a holder who has lost the lease, and one that any client can resume. They
+would also catch a takeover that is not in the events, a stop that a viewer is refused, and a record that others on the
+computer can read.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from tests.service.test_http_support import Served, problem, served
 
 
 def open_to_others(folder: Path) -> list[str]:
-    """What in a folder, itself included, others than its owner can read or enter."""
+    """List the entries of a folder, itself included, that other users can read or enter."""
     return [
         f"{stat.filemode(mode)} {path.relative_to(folder)}"
         for path, mode in looked_at(folder, lambda path: path.stat().st_mode).items()

@@ -1,7 +1,8 @@
-"""The closed loop as one resource, over the sockets of a simulated cell: paused, resumed by another, through; stopped.
+"""The closed loop as one resource, over the sockets of a simulated cell.
 
-These would catch: a loop that forgets what it knew while it was paused, runs that cannot be seen or ordered about, a
-robot lent to two, a motion without a lease, a loop begun twice for one key, and results that are nobody's.
+It is paused, resumed by another client, completed, and stopped. These would catch: a loop that forgets its knowledge
+during a pause, runs that cannot be seen or controlled, and a robot lent to two. They would also catch a motion without
+a lease, a loop begun twice for one key, and results without an owner.
 """
 
 from __future__ import annotations

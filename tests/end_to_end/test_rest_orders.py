@@ -1,4 +1,7 @@
-"""Orders by REST in mid-run: reasons beside answers, a new station of the instrument, runs merged, the event log."""
+"""Orders by REST during a run.
+
+Reasons with answers, a new station of the instrument, runs merged, the event log.
+"""
 
 from __future__ import annotations
 

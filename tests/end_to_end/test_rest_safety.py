@@ -1,4 +1,7 @@
-"""The service at a cell that is not its own child: stop in mid-move, a silent holder, `kill -9`, restart."""
+"""The service at a cell that is not its child process.
+
+Stop during a move, a silent holder, `kill -9`, restart.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,9 @@ def at_addresses(file: Path, robot: str, tracker: str) -> str:
 def at_a_cell(
     folder: Path, time_scale: float, speed_deg_s: float = 20.0
 ) -> Iterator[tuple[SimulatedCell, Path]]:
-    """Simulators of their own, and a cell file with their addresses, as if they were the real devices."""
+    """Start separate simulators, and write a cell file with their addresses.
+
+    They then seem to be real devices."""
     file = cell_file(folder, time_scale=time_scale)
     text = file.read_text("utf-8")
     assert "speed_deg_s = 20.0" in text
@@ -49,7 +54,7 @@ def start(service: Served, body: dict[str, Any]) -> str:
 
 
 def test_stop_in_mid_move(tmp_path: Path) -> None:
-    """At real speed and 1 deg/s, where a move takes most of a minute."""
+    """A move takes most of a minute at real speed and 1 deg/s."""
     with (
         at_a_cell(tmp_path, 1.0, speed_deg_s=1.0) as (simulated, cell),
         served(tmp_path / "record", "--cell", str(cell)) as service,

@@ -1,8 +1,9 @@
-"""A watch by HTTP from the calibration to the updated model, over the wires of a simulated cell whose tool was bumped.
+"""A watch by HTTP from the calibration to the updated model, with a tool that was bumped.
 
-These would catch: a plan whose campaign the service does not drive, a run that cannot be judged, an update that is
-nobody's, an upkeep that takes a bump for warmth, readings judged by the model of another robot, a run, a diagnosis or
-a watch that does not enter the history by itself.
+It works over the wires of a simulated cell. These would catch: a plan whose campaign the service does not drive, a run
+that cannot be judged, and an update without an owner. They would also catch a thermal update that takes a bump for
+warmth, and readings judged by the model of another robot. A run, a diagnosis or a watch must enter the history by
+itself.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Watches as a person makes them: planned, driven over the wires of the simulators, judged; touched; kept up warm.
+"""Watches as a person makes them: planned, driven, judged, with touched points.
 
-These would catch: readings of cameras that a watch cannot judge, an unchanged robot that alarms, a bumped tool that is
-not named, an update that corrected targets do not feel, a warm arm that upkeep follows the wrong way.
+They are driven over the wires of the simulators; thermal updates are tested too. These would catch: readings of cameras
+that a watch cannot judge, an unchanged robot that alarms, and a bumped tool that is not identified. They would also
+catch an update that does not change corrected targets, and a thermal update in the wrong direction.
 """
 
 from __future__ import annotations
@@ -86,7 +87,10 @@ def test_cameras_watch_a_robot_and_name_a_bumped_tool(model: Path, tmp_path: Pat
 
 
 def held_at(world: World, joints_deg: np.ndarray, sides: tuple[int, ...], ball: np.ndarray) -> np.ndarray:
-    """Joints near `joints_deg` at which the true arm holds T2 in a ball: jogged by differences."""
+    """Calculate joints near a start at which the true arm holds T2 in a ball.
+
+    A person would jog there; here, differences do it.
+    """
     joints = joints_deg.copy()
 
     def off(angles: np.ndarray) -> np.ndarray:
@@ -137,7 +141,10 @@ def test_touched_balls_are_filled_in_and_judged(model: Path, tmp_path: Path) -> 
 
 
 def test_upkeep_in_a_loop_follows_an_arm_that_warms_up(model: Path, tmp_path: Path) -> None:
-    """Every quarter of an hour four readings of one target; between, the true arm is where the kept model says."""
+    """Four readings of one target are taken every quarter of an hour.
+
+    Between them, the true arm must be where the kept model predicts.
+    """
     cold, now = tmp_path / "cold.json", tmp_path / "now.json"
     fitted = identify(read_dataset(write_data(tmp_path, seed=SEED, effects=(), n=120)))
     save_warming(cold, fitted, 100e-6)
