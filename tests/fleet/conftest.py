@@ -1,4 +1,7 @@
-"""Both databases for the tests of this folder: an SQLite file, and a PostgreSQL started once a session."""
+"""Both databases for the tests of this folder.
+
+They are an SQLite file, and a PostgreSQL that is started once per session.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ LARGEST_FILE = 20_000_000
 
 @pytest.fixture(scope="session")
 def postgres() -> Iterator[Cluster]:
-    """A PostgreSQL; the tests skip where there is none, and say why."""
+    """Start a PostgreSQL; skip the tests with the reason if none is available."""
     try:
         cluster = Cluster(LARGEST_FILE)
     except Absent as error:

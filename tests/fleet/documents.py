@@ -21,7 +21,7 @@ def model(
     identity: str = "",
     std: float | None = 0.005,
 ) -> Document:
-    """A model with these parameters, mm, measured so many days after the first."""
+    """Return a model with these parameters, mm, measured `day` days after the first day."""
     entries = [
         {"name": name, "value": value, "std": std, "unit": "mm", "nominal": 0.0, "owner": "base model"}
         for name, value in values.items()

@@ -1,13 +1,13 @@
-"""A proxy that loses and doubles requests, of our own: between cells and the server of a fleet.
+"""A custom proxy that loses and doubles requests between cells and the server of a fleet.
 
-Of every request it draws what becomes of it:
+It draws a fate for every request:
 
     request lost    it never arrives; the connection ends
     answer lost     it arrives, its answer does not; the connection ends
     doubled         it arrives twice, one after the other; the answer is that of the second
     doubled late    it arrives, and once more after some others have
 
-`away` is the server that nobody has started again yet: then connections end at once.
+`away` is a server that has not been started again yet: then connections end at once.
 """
 
 from __future__ import annotations
@@ -28,7 +28,11 @@ _Request = tuple[str, str, dict[str, str], bytes]
 
 
 class Lossy:
-    """port: its own; server: the port it leads to, None while there is none; fates: how often each was drawn."""
+    """Proxy that loses and doubles requests.
+
+    It listens on `port` and leads to the port `server`, or to no server if that is None. `fates` counts how often each
+    fate was drawn.
+    """
 
     def __init__(self, server: int | None, rate: float, seed: int) -> None:
         self.server = server
@@ -43,17 +47,17 @@ class Lossy:
 
     @property
     def requests(self) -> int:
-        """How many have come."""
+        """Number of requests so far."""
         return self.fates.total()
 
     def close(self) -> None:
-        """End it."""
+        """Stop the proxy."""
         self._http.shutdown()
         self._http.server_close()
         self._thread.join()
 
     def _draw(self, request: _Request) -> tuple[str, list[_Request]]:
-        """What becomes of a request, and those from before that come again now."""
+        """Return the fate of a request, and the earlier requests that arrive again now."""
         with self._lock:
             fate = self._chance.choice(FATES) if self._chance.random() < self._rate else "whole"
             self.fates[fate] += 1
@@ -65,7 +69,10 @@ class Lossy:
         return fate, again
 
     def _ask(self, request: _Request) -> tuple[int, dict[str, str], bytes]:
-        """Raises OSError, HTTPException where no answer comes."""
+        """Send a request to the server and return its answer.
+
+        Without an answer, it raises OSError or HTTPException.
+        """
         if self.server is None:
             raise ConnectionError("there is no server")
         method, path, headers, body = request

@@ -1,7 +1,7 @@
-"""A PostgreSQL of the tests' own: a cluster in a folder of its own, on a socket there, ended with the session.
+"""A PostgreSQL for the tests: a cluster on a socket in a separate folder, for a session.
 
-The programs are the pinned ones of `.counterparts/postgres`, else the system's own (docs/decisions/0079). PostgreSQL
-refuses to be run by root: it is then run by another user of the machine, who owns the folder.
+The programs are the pinned ones of `.counterparts/postgres`, otherwise those of the system (docs/decisions/0079).
+PostgreSQL refuses to be run by root. It is then run by another user of the machine, who owns the folder.
 """
 
 from __future__ import annotations
@@ -39,14 +39,17 @@ have so many blocks, 0 for any."""
 
 
 class Absent(Exception):
-    """There is no PostgreSQL here that may be run; says why."""
+    """No PostgreSQL may be run here; the message gives the reason."""
 
 
 class Cluster:
     """A running cluster. `database()` makes an empty database and returns its address."""
 
     def __init__(self, largest_file: int = 0) -> None:
-        """Make and start it. largest_file: bytes, beyond which its disk is full; 0: as it is. Raises Absent."""
+        """Create and start the cluster, with files of at most `largest_file` bytes.
+
+        A larger file fails like on a full disk; 0 means no limit. If no PostgreSQL can be run, it raises Absent.
+        """
         self._blocks = largest_file // 512
         if os.name != "posix":
             raise Absent("tests start PostgreSQL on a socket in a folder, which this system has not")
@@ -75,7 +78,7 @@ class Cluster:
         until(self._answers, _START_S)
 
     def stop(self) -> None:
-        """Stop it at once: connections break."""
+        """Stop the cluster at once: connections break."""
         assert self._keeper.stdin is not None
         self._keeper.stdin.close()
         self._keeper.wait(_START_S)
@@ -88,7 +91,7 @@ class Cluster:
         return True
 
     def end(self) -> None:
-        """Stop it and remove it."""
+        """Stop and remove the cluster."""
         try:
             self.stop()
         finally:
@@ -105,12 +108,15 @@ class Cluster:
         return self.address(name)
 
     def execute(self, statement: str, url: str | None = None) -> None:
-        """One statement in a database (its address), as the owner of the cluster, outside transactions."""
+        """Execute a statement in a database, by its address.
+
+        It runs as the owner of the cluster, outside transactions.
+        """
         with psycopg.connect(url or self.address("postgres"), autocommit=True) as connection:
             connection.execute(statement.encode())
 
     def _find(self) -> Path:
-        """The folder of the programs, which that user may run. Raises Absent."""
+        """Find the folder of the programs that this user may run; raise Absent if there is none."""
         for folder in _folders():
             if self._may_run(folder / "bin"):
                 return folder / "bin"
@@ -138,7 +144,10 @@ class Cluster:
 
 
 def _somebody() -> dict[str, Any]:
-    """Who runs PostgreSQL for root, as `subprocess` takes it. Raises Absent."""
+    """Find the user who runs PostgreSQL for root, as arguments of `subprocess`.
+
+    It raises Absent if there is no such user.
+    """
     import pwd
 
     known = {each.pw_name: each for each in pwd.getpwall()}

@@ -1,7 +1,7 @@
-"""`truepose fleet send`, `outbox` and `serve` as a person uses them; the files of examples/fleet.
+"""`truepose fleet send`, `outbox` and `serve` as a person uses them.
 
-These would catch: an exit code that hides documents that were not sent, a sender that does not end, and an example with
-an option that there is no more.
+The files of examples/fleet are tested too. These would catch: an exit code that hides documents that were not sent, a
+sender that does not end, and an example with an option that no longer exists.
 """
 
 from __future__ import annotations
@@ -202,7 +202,7 @@ esac
 
 @pytest.mark.skipif(os.name != "posix", reason="a shell script")
 def test_the_script_of_a_cell_measures_sends_and_ends(tmp_path: Path) -> None:
-    """With a `truepose` that only notes how it was called."""
+    """The `truepose` of this test only records its calls."""
     calls, program = tmp_path / "calls", tmp_path / "bin" / "truepose"
     program.parent.mkdir()
     program.write_text(_NOTES.format(calls=calls), encoding="utf-8")

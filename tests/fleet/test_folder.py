@@ -1,5 +1,7 @@
-"""What lies in a folder as documents. These would catch: a file of another program that is sent, one of ours that is
-sent twice or never, a document under the wrong robot or time, and one bad file that stops the rest.
+"""Files in a folder as documents.
+
+These would catch: a file of another program that is sent, and one of ours that is sent twice or never. They would also
+catch a document under the wrong robot or time, and one bad file that stops the rest.
 """
 
 from __future__ import annotations

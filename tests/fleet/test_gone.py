@@ -1,5 +1,7 @@
-"""A database that is away, full, locked or killed in the middle: a refusal of ours, nothing kept by half, and on it
-goes."""
+"""A database that is away, full, locked or killed in the middle.
+
+It raises our refusal, keeps nothing by half, and work continues later.
+"""
 
 from __future__ import annotations
 
@@ -106,7 +108,7 @@ def test_a_server_that_goes_in_the_middle_has_kept_nothing(
 
 
 def test_of_two_that_wait_for_each_other_one_begins_anew(server: str) -> None:
-    """What the server says to the one that it ends, said by the server."""
+    """The server ends one of them with the error that a server raises in this test."""
     ended = "DO $$ BEGIN RAISE EXCEPTION 'deadlock detected' USING ERRCODE = '40P01'; END $$"
     with FleetStore.open(server) as store:
         left = [ended]
@@ -150,7 +152,10 @@ def _large() -> Document:
 
 @contextmanager
 def _full(store: FleetStore) -> Iterator[None]:
-    """No room for what is large. On the server this is so from the start (`conftest.LARGEST_FILE`)."""
+    """Make the store refuse large contents.
+
+    The PostgreSQL does so from the start (`conftest.LARGEST_FILE`).
+    """
     if store._engine.dialect.name == "postgresql":
         yield
         return
@@ -235,7 +240,10 @@ def test_a_file_that_another_program_is_making_is_waited_for(
 
 @contextmanager
 def hanging(postgres: Cluster) -> Iterator[None]:
-    """The processes of a server stopped, as by a disk that answers no more: connections stay open and are silent."""
+    """Stop the processes of a server, like a disk that no longer answers.
+
+    Connections stay open and are silent.
+    """
     leader = psutil.Process(int((postgres.folder / "data" / "postmaster.pid").read_text("utf-8").split()[0]))
     family = [leader, *leader.children(recursive=True)]
     for each in family:

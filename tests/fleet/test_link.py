@@ -1,5 +1,7 @@
-"""The link to a fleet's server: what each answer means. These would catch: an answer of a proxy taken for an
-acknowledgement, a full server that sets documents aside, and a refusal that is asked again for ever.
+"""The link to a fleet's server: the meaning of each answer.
+
+These would catch: an answer of a proxy taken for an acknowledgement, a full server that sets documents aside, and a
+refusal that is requested again for ever.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ KEPT = {"hash": DOCUMENT.hash, "state": "new"}
 
 
 class Server:
-    """Reads requests as far as `reads` says, then answers with these bytes and closes the connection."""
+    """Server that reads requests until `reads` accepts them, answers with bytes, and hangs up."""
 
     def __init__(self, answers: list[bytes], *, reads: Callable[[bytes], bool]) -> None:
         self.requests: list[bytes] = []
@@ -135,7 +137,10 @@ def test_nobody_there() -> None:
 
 
 def test_a_refusal_before_the_body_is_read_is_heard() -> None:
-    """The server answers 413 and hangs up while megabytes are still to come: its answer counts, not the broken pipe."""
+    """The server answers 413 and disconnects while megabytes are still to come.
+
+    Its answer counts, not the broken pipe.
+    """
     large = Document("dataset", documents.ROBOT, "cell-1", "large", documents.BEGAN, b"x" * 8_000_000)
     with serving(http(413), reads=lambda data: b"\r\n\r\n" in data) as server:
         assert put(server, large).kind in ("refused", "failed")  # the system may have thrown the answer away

@@ -1,6 +1,8 @@
-"""The queue file of an outbox. These would catch: an entry that `put` had taken and a power cut or a killed process
-undoes, a content that leaves before its acknowledgement, a document that is taken twice, and a full disk or a damaged
-file that ends in a traceback.
+"""The queue file of an outbox.
+
+These would catch: an entry that `put` had taken and a power cut or a killed process undoes, and a content that leaves
+before its acknowledgement. They would also catch a document that is taken twice, and a full disk or a damaged file that
+ends in a traceback.
 """
 
 from __future__ import annotations

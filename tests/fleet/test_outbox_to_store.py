@@ -1,6 +1,8 @@
-"""From the outbox of a cell into the store, through a proxy that loses and doubles three requests in ten, while server
-and sender are started again. These would catch: a document that is lost, one that is kept twice, and a second answer
-that is taken for a contradiction. `python -m tests.benchmarks outbox` does it with 10,000 and kill -9.
+"""From the outbox of a cell into the store, through a lossy proxy, with restarts.
+
+The proxy loses and doubles three requests in ten, while server and sender are started again. These would catch: a
+document that is lost, one that is kept twice, and a second answer that is taken for a contradiction.
+`python -m tests.benchmarks outbox` does it with 10,000 and kill -9.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ COUNT = 300
 
 @contextmanager
 def server_of(url: str) -> Iterator[int]:
-    """The server of a store in a thread, on a port of its own."""
+    """Run the server of a store in a thread, on a separate port."""
     with FleetStore.open(url) as store, socket.create_server(("127.0.0.1", 0)) as listener:
         config = uvicorn.Config(
             create_plant(store, FleetServerSettings(Senders(TOKENS))), log_level="warning", access_log=False
@@ -45,7 +47,7 @@ def server_of(url: str) -> Iterator[int]:
 
 
 class Clock:
-    """A clock that stands still until somebody waits."""
+    """Clock that stands still until a thread waits."""
 
     time_s = 0.0
 
@@ -54,7 +56,7 @@ class Clock:
 
 
 def send(outbox: Outbox, proxy: Lossy, clock: Clock, *, at_most: int) -> None:
-    """Rounds of a sender of its own until nothing waits or so many requests have come."""
+    """Send with a separate sender until nothing waits or `at_most` requests have come."""
     begun = proxy.requests
     with closing(ServerLink(f"http://127.0.0.1:{proxy.port}", TOKENS.operator, timeout_s=60.0)) as link:
         sender = Sender(outbox, link, clock, chance=random.Random(1))
@@ -87,7 +89,7 @@ def test_all_there_once_through_a_network_that_loses_and_doubles(tmp_path: Path)
 
 
 def test_an_outbox_waits_while_the_database_is_gone_and_its_own_bad_document_stays(tmp_path: Path) -> None:
-    """An hour without a database, a contradiction and a good document: the good one gets there, the other is told."""
+    """A good document arrives after an hour without a database; a contradiction is reported."""
     from fleet.errors import StoreGone
 
     url = f"sqlite:///{tmp_path}/plant.sqlite3"
@@ -128,7 +130,10 @@ def test_an_outbox_waits_while_the_database_is_gone_and_its_own_bad_document_sta
 
 
 def test_a_model_with_carried_terms_waits_aside_for_a_server_that_knows_them(tmp_path: Path) -> None:
-    """A server of before knows one format of models: the outbox keeps the document, and sends it to a newer one."""
+    """An old server knows one format of models.
+
+    The outbox keeps the document, and sends it to a newer server.
+    """
     carrying = documents.of("model", {"format": "truepose-model/2", "parameters": [], "effects": []})
     url = f"sqlite:///{tmp_path}/plant.sqlite3"
 

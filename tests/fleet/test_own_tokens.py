@@ -123,7 +123,7 @@ def test_a_robot_that_is_not_named_holds_up_no_other(client: TestClient, make: M
 
 
 def meaning(response: Response) -> str:
-    """What a link of an outbox takes an answer for."""
+    """Return the meaning of an answer for an outbox's link."""
     answer = SimpleNamespace(status=response.status_code, reason="", getheader=lambda *_: "")
     return ServerLink("http://127.0.0.1:1", "t")._meaning(answer, response.content, "0" * 64).kind  # type: ignore[arg-type]
 

@@ -1,5 +1,8 @@
-"""The server of a fleet. These would catch: a document that is kept under another hash or twice, a contradiction that
-is overwritten or not told, a store that is away and sets a cell's documents aside, and a token that may too much.
+"""The server of a fleet.
+
+These would catch: a document that is kept under another hash or twice, and a contradiction that is overwritten or not
+reported. They would also catch a store that is away and sets a cell's documents aside, and a token with too many
+permissions.
 """
 
 from __future__ import annotations
@@ -114,7 +117,7 @@ def test_another_content_than_its_hash_says_is_refused_and_not_kept(
 def test_two_uploads_that_disagree_are_both_kept_and_both_told_each_time(
     client: TestClient, lite: FleetStore
 ) -> None:
-    """Also when they are sent again: the answer that told it may have been lost."""
+    """Repeated uploads are reported again, because the first answer may have been lost."""
     one = documents.model({"d1": 0.25}, identity="record 7")
     other = documents.model({"d1": 0.75}, identity="record 7")
     assert put(client, one).status_code == 201
@@ -155,7 +158,7 @@ def test_what_cannot_be_meant_is_refused_by_key(client: TestClient, other: dict[
     ("days", "status"), [(-3000.0, 201), (0.0, 201), (0.99, 201), (1.01, 422), (365.0 * 6973, 422)]
 )
 def test_a_document_is_dated_by_the_server_s_clock(lite: FleetStore, days: float, status: int) -> None:
-    """What was measured long ago comes late; what has not been measured yet would be a robot's newest for ever."""
+    """Late documents are accepted; a document of the future would be a robot's newest for ever."""
     with serving(lite, now=lambda: documents.BEGAN) as client:
         answer = put(client, documents.model({"d1": 0.25}, day=days))
     assert answer.status_code == status

@@ -1,4 +1,7 @@
-"""A re-diagnosis stands in a trend once, in the place of the model of the same readings, and says by whom."""
+"""A re-diagnosis is in a trend once, in the place of the model of the same readings.
+
+It states its program.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,10 @@ def diagnosed(
     rms: float | None = 0.05,
     **values: float,
 ) -> None:
-    """Keep what a version says of a data set; values: mm, each with a standard error of 0.002."""
+    """Keep the result of a version for a data set.
+
+    The `values` are in mm, each with a standard error of 0.002.
+    """
     table: dict[str, Any] = {
         "format": FORMAT,
         "verdict": "attributed" if values else "refused",
@@ -81,7 +87,7 @@ def test_one_measurement_is_one_point_by_the_version_that_was_last(store: FleetS
 
 
 def test_what_makes_no_model_replaces_none(store: FleetStore) -> None:
-    """Refusals, searches cut short, data without a time, another robot, data of watches, results of older versions."""
+    """Refusals, searches cut short, untimed data, other robots, watches, and older versions."""
     store.add_all([model({"d1": 1.0}, day=day) for day in (1, 2, 3, 4)])
     diagnosed(store, dataset(store, 6), NEW, rms=None, d1=9.0)
     diagnosed(store, dataset(store, 1), NEW, rms=None)

@@ -1,4 +1,4 @@
-"""Versions of the tables: made, carried over, refused; and what a role may do."""
+"""Versions of the tables (created, migrated, refused), and the permissions of a role."""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
-"""The sender of an outbox, on a clock and a link of the tests' own. These would catch: a document that is given up, one
-that holds up the others, a server that is asked without end, and a content that leaves the outbox unacknowledged.
+"""The sender of an outbox, on a clock and a link of the tests.
+
+These would catch: a document that is abandoned, one that holds up the others, a server that is queried without end, and
+a content that leaves the outbox unacknowledged.
 """
 
 from __future__ import annotations
@@ -40,7 +42,10 @@ class World:
         return Sender(self.outbox, self, lambda: self.time_s, lambda: NOW, random.Random(1), say)
 
     def run(self, sender: Sender, seconds: float) -> None:
-        """Rounds until nothing waits or the time is over; the clock jumps to when the sender wants to go on."""
+        """Send rounds until nothing waits or the time is over.
+
+        The clock jumps to the sender's next round.
+        """
         end = self.time_s + seconds
         while self.time_s < end:
             done = sender.round()
@@ -116,7 +121,7 @@ def test_a_refused_document_is_set_aside_with_its_reason_and_the_rest_go_on(worl
 
 @pytest.mark.parametrize("poisoned", [1, 3, 6])
 def test_documents_that_never_arrive_hold_up_nobody(world: World, poisoned: int) -> None:
-    """The oldest ones, whose uploads the server answers with a fault of its own each time."""
+    """The server answers each upload of the oldest documents with an internal error."""
     made = fill(world.outbox, 20)
     bad = {each.hash for each in made[:poisoned]}
     world.answer = lambda document: FAILED if document.hash in bad else UploadAnswer("kept")

@@ -1,4 +1,4 @@
-"""A store on SQLite and on PostgreSQL: what is put in is there, once, and what it says is found."""
+"""A store on SQLite and on PostgreSQL: documents are stored once, and are found by content."""
 
 from __future__ import annotations
 
@@ -251,7 +251,7 @@ def test_times_of_every_zone_are_kept_in_utc(store: FleetStore) -> None:
 
 
 def test_many_at_once_keep_everything_once(url: str) -> None:
-    """Four programs put the same forty documents in, each in another order, two for each identity."""
+    """Four programs store the same forty documents, each in another order, two per identity."""
     documents = [model({"d1": float(i)}, identity=f"record-{i // 2}") for i in range(40)]
     ready = threading.Barrier(4)
 
@@ -294,7 +294,10 @@ def test_a_result_is_written_once(store: FleetStore) -> None:
 
 
 def test_how_a_robot_stands_is_the_same_alone_and_among_all(store: FleetStore) -> None:
-    """Of several the newest: but no calibration that a watch has updated, nor a day that is yet to come."""
+    """The newest of several counts, but no updated calibration and no future day.
+
+    A calibration is left out if a watch has updated it.
+    """
     calibrated = model({"d1": 1.0})
     store.add_all([calibrated, watch(day=5), watch("unchanged", day=9), model({"d1": 1.1}, day=9)])
     store.add_all([model({"d1": 2.0}, robot=OTHER), watch(robot=OTHER, day=50_000)])  # a clock that is ahead

@@ -1,4 +1,4 @@
-"""The patience of a call, for machines that do other things: to begin a worker takes seconds of processor time."""
+"""Timeout of a call on busy machines: the start of a worker takes seconds of processor time."""
 
 from __future__ import annotations
 

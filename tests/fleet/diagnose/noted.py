@@ -1,4 +1,7 @@
-"""Of a worker (`dask worker --preload`): what it says of a data set is noted in a file, a line each."""
+"""Preload of a worker (`dask worker --preload`) that logs each statement on a data set.
+
+Each statement is a line of a file.
+"""
 
 from __future__ import annotations
 
@@ -17,15 +20,15 @@ class Noting:
     REFUSED = statement.REFUSED
 
     def __init__(self, file: Path) -> None:
-        """file: of the notes."""
+        """Log to a file."""
         self._file = file
 
     def of_diagnosis(self, name: str, found: Any) -> Any:
-        """As `statement.of_diagnosis`."""
+        """Log and return `statement.of_diagnosis`."""
         return self._noted(name, statement.of_diagnosis(name, found))
 
     def of_refusal(self, name: str, error: Any) -> Any:
-        """As `statement.of_refusal`."""
+        """Log and return `statement.of_refusal`."""
         return self._noted(name, statement.of_refusal(name, error))
 
     def _noted(self, name: str, said: Any) -> Any:

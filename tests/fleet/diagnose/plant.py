@@ -1,4 +1,7 @@
-"""Schedulers and workers of a plant as programs of their own, with certificates as docs/fleet-engine.md has them."""
+"""Schedulers and workers of a plant as separate programs.
+
+They have certificates as in docs/fleet-engine.md.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +53,7 @@ def as_in_the_manual(what: str, files: dict[str, Path], *words: str) -> list[str
 
 
 def address_in(file: Path, patience_s: float = PATIENCE_S) -> str:
-    """The address that a scheduler has written to its file (`--scheduler-file`), when all of it is there."""
+    """Return the address in a scheduler's file (`--scheduler-file`), as soon as it is complete."""
     until(lambda: _identity(file), patience_s)
     return str(_identity(file)["address"])
 

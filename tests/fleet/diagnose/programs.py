@@ -1,4 +1,7 @@
-"""A worker whose build can be told, as a program of its own: it does not restart. Certificates by Dask's settings."""
+"""A worker with a stated build, as a separate program that does not restart.
+
+Certificates come from Dask's settings.
+"""
 
 from __future__ import annotations
 

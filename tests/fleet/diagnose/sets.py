@@ -1,5 +1,7 @@
-"""Small data sets: one that a diagnosis takes a third of a second for, with a remark that makes each another; and files
-that cannot be used, which take none."""
+"""Small data sets, each different by a remark, and unusable files.
+
+A diagnosis takes a third of a second for a data set, and no time for an unusable file.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A batch as a worker does it: every result once, at once, and only where it says something about the data."""
+"""A batch in a worker: each result is stored once, at once, and only if it is about the data."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.fleet.diagnose.sets import bad, good
 
 
 class Counted:
-    """A diagnosis that is computed once for all and counts how often it was asked for."""
+    """Diagnosis that is computed once for all, and counts its requests."""
 
     _known: DiagnosisFit | None = None
 

@@ -1,4 +1,4 @@
-"""What another version says of the same data sets."""
+"""Comparison of results of another version for the same data sets."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def result(
     day: int = 0,
     **effects: tuple[float, float],
 ) -> JobResult:
-    """What a version says: effects by label with size and standard error, deg."""
+    """Return the result of a version, with effects by label with size and standard error, deg."""
     table: dict[str, Any] = {
         "name": f"robot {data}",
         "verdict": verdict,

@@ -1,4 +1,4 @@
-"""Data sets diagnosed by real processes: what comes of it when workers and schedulers are killed."""
+"""Data sets diagnosed by real processes, while workers and schedulers are killed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Deadly(Noting):
     """A data set of the name "deadly" ends its worker."""
 
     def of_refusal(self, name: str, error: Any) -> Any:
-        """As `statement.of_refusal`."""
+        """Kill the worker for a deadly data set; otherwise as `statement.of_refusal`."""
         if "deadly" in name:
             os.kill(os.getpid(), signal.SIGKILL)
         return super().of_refusal(name, error)
@@ -74,7 +74,7 @@ def run(
     sources: list[DatasetSource],
     progress: Callable[[ProgressCounts], None] | None = None,
 ) -> tuple[ProgressCounts, list[str], Counter[str]]:
-    """The tally, what was told, and how often a worker said something of each data set."""
+    """Run a diagnosis, and return the tally, the messages, and the statements per data set."""
     noted = Path(order.store.removeprefix("sqlite:///")).with_name("noted")
     noted.touch()
     client.register_plugin(Noted(noted))

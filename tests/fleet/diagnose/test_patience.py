@@ -1,4 +1,4 @@
-"""A store that is away while work is under way: waited for, told once, given up in the end."""
+"""A store that is away during work: waited for, reported once, abandoned in the end."""
 
 from __future__ import annotations
 

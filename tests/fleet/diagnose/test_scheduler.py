@@ -1,5 +1,7 @@
-"""A scheduler of its own, with TLS and a PostgreSQL, as a plant has them: workers of another program get nothing, and
-what is killed or away costs nothing that was done."""
+"""A separate scheduler with TLS and a PostgreSQL, as in a plant.
+
+Workers of another program get no work, and a killed or unreachable process does not lose completed work.
+"""
 
 from __future__ import annotations
 
@@ -124,7 +126,7 @@ def test_a_plant_with_a_killed_scheduler_and_a_database_that_goes(
     "told", [{}, {"workers": {"tcp://127.0.0.1:1": {}}}], ids=["nothing", "what it knew"]
 )
 def test_a_scheduler_that_goes_while_nothing_is_out_is_gone(tmp_path: Path, told: dict[str, Any]) -> None:
-    """Nothing is cancelled then: Dask's client would take new work, and connect anew until it gives up."""
+    """Nothing is cancelled then: Dask's client would take new work, and reconnect until it fails."""
 
     class Lost:
         status = "connecting"

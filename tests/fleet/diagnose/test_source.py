@@ -1,4 +1,7 @@
-"""Where data sets are, which program computes, and addresses: references that mean the same to everybody."""
+"""Sources of data sets, the computing program, and addresses.
+
+References must mean the same to every process.
+"""
 
 from __future__ import annotations
 
