@@ -1,7 +1,7 @@
-"""The blocks of the documentation that a reader copies are run, page by page, in the order in which they stand.
+"""The blocks of the documentation that a reader copies, run page by page in their order.
 
 `sh` and `python` blocks run; a block with `file=NAME` is written first. Blocks without a language are shown, not run:
-they need hardware, minutes, or files of the reader. `python.md` and `extending.md` have tests of their own.
+they need hardware, minutes, or files of the reader. `python.md` and `extending.md` have separate tests.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def test_every_block_that_claims_to_run_is_run() -> None:
 
 
 def test_the_first_hour(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whose `export.csv` is the simulated robot's, as a measurement program would write it."""
+    """Its `export.csv` is the simulated robot's, as a measurement program would write it."""
     _export(write_data(tmp_path, n=120), tmp_path / "export.csv")
     monkeypatch.chdir(tmp_path)
     for language, file, text in blocks(DOCS / "first-hour.md"):

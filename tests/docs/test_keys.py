@@ -1,7 +1,9 @@
-"""`docs/files.md` and `docs/campaign.md` name every key and column that the program reads, with the default it takes.
+"""Keys, columns and defaults in `docs/files.md` and `docs/campaign.md`.
 
-Files are read through tables that note what they are asked for. A key that a reader learns and the page does not have,
-a default that changes, and a key that nobody reads any more are noticed.
+The program must read exactly these.
+
+Files are read through tables that note the requested keys. These would catch a key that a reader learns and the page
+does not have, a default that changes, and a key that no code reads any more.
 """
 
 from __future__ import annotations
@@ -69,7 +71,7 @@ Asked = dict[str, set[Any]]
 
 
 class Noting(dict[str, Any]):
-    """A table that notes which keys it is asked for and with which defaults; so do the tables in it."""
+    """Table that notes the requested keys and their defaults, as do the tables in it."""
 
     def __init__(self, values: Mapping[str, Any], asked: Asked, *, free: bool = False) -> None:
         super().__init__({key: _noting(value, asked, key) for key, value in values.items()})
@@ -97,7 +99,7 @@ def _noting(value: Any, asked: Asked, key: str) -> Any:
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Asked]:
-    """What files of each format are asked for."""
+    """Return the requested keys of files of each format."""
     found: dict[str, Asked] = {}
     loads = tomllib.loads
 
@@ -110,7 +112,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Asked]:
 
 
 def documented(title: str) -> dict[str, str]:
-    """Key -> cell of its default, of the tables of a section of docs/files.md."""
+    """Return the default's cell by key, from the tables in a section of docs/files.md."""
     text = (ROOT / "docs" / "files.md").read_text("utf-8")
     section = text.split(f"\n## {title}\n")[1].split("\n## ")[0]
     found: dict[str, str] = {}
@@ -123,7 +125,7 @@ def documented(title: str) -> dict[str, str]:
 
 
 def hold(title: str, asked: Asked) -> None:
-    """The section names what is asked for, no more, and with its defaults."""
+    """Assert that the section names exactly the requested keys, with their defaults."""
     page = documented(title)
     assert set(page) == set(asked)
     wrong = {key: each for key, defaults in asked.items() for each in defaults if not _said(each, page[key])}
@@ -240,7 +242,7 @@ def test_models(tmp_path: Path) -> None:
 
 
 def test_every_key_of_a_robot_file_has_an_example(tmp_path: Path) -> None:
-    """The pieces of the page, one below the other, are a file that is read; together they have every key."""
+    """The pieces of the page form a readable file together, and have every key."""
     text = (ROOT / "docs" / "robot-file.md").read_text("utf-8")
     pieces = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
     (tmp_path / "whole.toml").write_text("\n".join(pieces), "utf-8")

@@ -1,6 +1,8 @@
-"""`python -m tests.notebooks [NAME ...]`: run the notebooks of docs/notebooks and keep what they print and draw.
+"""`python -m tests.notebooks [NAME ...]`: run the notebooks of docs/notebooks.
 
-One whose measurements are not on this machine is left as it is, and named.
+Their text output and pictures are kept.
+
+A notebook whose measurements are not on this machine is left as it is, and named.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""A notebook of the documentation run from its first cell to its last, in a kernel and a folder of its own."""
+"""Run a notebook of the documentation from its first cell to its last.
+
+It runs in a separate kernel and folder.
+"""
 
 from __future__ import annotations
 
@@ -24,14 +27,17 @@ def read(path: Path) -> NotebookNode:
 
 
 def lacks(path: Path) -> str:
-    """What this machine lacks for a notebook; empty where it can be run."""
+    """Return the reason why this machine cannot run a notebook, or an empty text if it can."""
     if not any(UR10 in cell.source for cell in read(path).cells) or _measurements():
         return ""
     return f"the UR10 measurements are not here; name their folder in {UR10}"
 
 
 def execute(path: Path) -> NotebookNode:
-    """The notebook with what its cells print, draw and give. Raises CellExecutionError for one that fails."""
+    """Return the notebook with the output and results of its cells.
+
+    A cell that fails raises CellExecutionError.
+    """
     notebook = read(path)
     for cell in notebook.cells:
         if cell.cell_type == "code":

@@ -1,4 +1,7 @@
-"""The notebooks: what is kept was run in order, without a fault, on no machine in particular; the short ones run."""
+"""The notebooks: stored output is in order, without a fault, and independent of the machine.
+
+The short notebooks are run.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ MOST_BYTES = 150_000
 
 
 def cells(path: Path) -> list[dict]:
-    """Those with code."""
+    """Return the code cells of a notebook."""
     return [cell for cell in json.loads(path.read_text("utf-8"))["cells"] if cell["cell_type"] == "code"]
 
 
@@ -55,6 +58,9 @@ def test_measurements_that_are_not_here_are_told(monkeypatch: pytest.MonkeyPatch
 
 
 def _text(outputs: list[dict]) -> str:
-    """What a cell prints, whole: a busy machine cuts it into pieces anywhere; a file has lists of lines."""
+    """Join the output of a cell, which a busy machine cuts anywhere.
+
+    A notebook file stores text as lists of lines.
+    """
     said = [each.get("text") or each.get("data", {}).get("text/plain", "") for each in outputs]
     return "".join(line for each in said for line in each)

@@ -1,4 +1,4 @@
-"""The public Python API: its surface, and the loop from readings to corrected targets through it alone."""
+"""The public Python API: its surface, and the loop from readings to corrected targets."""
 
 from __future__ import annotations
 
@@ -206,7 +206,7 @@ def test_results_are_pickled_and_copied(found: truepose.Diagnosis) -> None:
 
 
 def test_predictions_are_where_the_readings_are(csv: Path) -> None:
-    """Without effects of the side of approach, a prediction at the joints of a reading is its point."""
+    """The prediction at the joints of a reading is its point, if there are no approach effects."""
     data = truepose.read(csv)
     model = truepose.identify(data, level=2)
     readings = data.readings[data.readings["tool_target"] == "T1"]

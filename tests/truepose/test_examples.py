@@ -1,7 +1,7 @@
-"""The examples in the docstrings of the public names, run; and what these docstrings have to say.
+"""The examples in the docstrings of public names, run; and the docstrings' content.
 
-These would catch: an example that no longer runs or prints something else, a public name without one, an argument
-with a unit in its name of which the docstring says nothing, a function that does not say what it raises.
+These would catch: an example that no longer runs or prints another result, and a public name without one. They would
+also catch an undocumented argument with a unit in its name, and a function that does not state its errors.
 """
 
 from __future__ import annotations
@@ -38,7 +38,10 @@ UNITS = ("_deg", "_mm", "_s", "_c")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data set of a robot with play in joint 4, a cell and a campaign, under the names of the examples."""
+    """Write a data set of a robot with backlash in joint 4, a cell and a campaign.
+
+    They have the names of the examples.
+    """
     at = tmp_path_factory.mktemp("examples")
     csv = write_data(at)
     for ending in (".csv", ".toml"):

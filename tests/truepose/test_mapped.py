@@ -1,7 +1,7 @@
 """Files of another program read by the map that `truepose convert` keeps.
 
-These would catch: a way in from Python that reads other numbers than the command writes, one that takes what the
-command refuses, and a robot's file that is looked for in another folder than the map's.
+These would catch: a Python reader with other numbers than the command writes, one that accepts input that the command
+refuses, and a robot file that is sought in another folder than the map's.
 """
 
 from __future__ import annotations

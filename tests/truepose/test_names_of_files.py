@@ -1,4 +1,7 @@
-"""Files that the program brings or creates have names that Windows can store; there is no Windows here to try it on."""
+"""Names of files that the program ships or creates, which Windows must be able to store.
+
+No Windows machine has been available to try it.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,10 @@ DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 
 def lawful(name: str) -> bool:
-    """Whether Windows stores a file of that name (Microsoft: Naming Files, Paths, and Namespaces)."""
+    """Report whether Windows stores a file of that name.
+
+    Source: Microsoft, Naming Files, Paths, and Namespaces.
+    """
     return not FORBIDDEN.search(name) and not DEVICES.fullmatch(name)
 
 
@@ -42,7 +48,10 @@ def test_what_comes_with_the_program_can_be_stored() -> None:
 
 
 def written() -> Iterator[tuple[str, str]]:
-    """File and name, for every constant name behind a `/` of paths; what is filled in (ids, numbers) is a 0."""
+    """Yield file and name for every constant name after a `/` of paths.
+
+    Inserted values (ids, numbers) become a 0.
+    """
     for path in (path for room in ROOMS for path in (ROOT / room).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):

@@ -1,4 +1,4 @@
-"""An effect and a driver of other packages are found by their entry points, and a broken one is named."""
+"""Effects and drivers of other packages: found by their entry points, and named if broken."""
 
 from __future__ import annotations
 

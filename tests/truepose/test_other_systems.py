@@ -1,4 +1,4 @@
-"""What can be tested here of Windows: every module is imported without what only POSIX has, files name their encoding.
+"""Windows tests that run elsewhere: imports without POSIX modules, stated file encodings.
 
 No Windows machine has run the program yet.
 """
@@ -38,7 +38,7 @@ def test_every_module_is_imported_without_posix() -> None:
 
 
 def test_files_are_read_and_written_in_a_stated_encoding(tmp_path: Path) -> None:
-    """A Windows code page would read UTF-8 wrongly, where nothing is stated."""
+    """A Windows code page would read UTF-8 wrongly if no encoding is stated."""
     command = [
         sys.executable,
         "-X",

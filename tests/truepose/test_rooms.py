@@ -21,7 +21,7 @@ def test_ours_are_found() -> None:
 
 
 def test_a_foreign_service_is_named(tmp_path: Path) -> None:
-    """Somebody's own package `service`, first on the path."""
+    """Another package `service` of the user is first on the path."""
     (tmp_path / "service").mkdir()
     (tmp_path / "service" / "__init__.py").write_text("")
     home = str(Path(truepose.__file__).parents[1])

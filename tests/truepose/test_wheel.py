@@ -1,4 +1,4 @@
-"""The wheel: all that the program needs and nothing else, run without the sources beside it."""
+"""The wheel: all that the program needs and no more, run without the sources next to it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_BYTES = 2_500_000  # of sources and pages; pictures alone would be more
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built from a copy of what is in the tree, without a network."""
+    """Build the wheel from a copy of the tree, without a network."""
     folder, source = tmp_path_factory.mktemp("wheel"), tmp_path_factory.mktemp("source")
     for package in PACKAGES:
         shutil.copytree(ROOT / package, source / package, ignore=shutil.ignore_patterns("__pycache__"))
@@ -55,7 +55,7 @@ def test_it_holds_every_file_and_no_more(wheel: Path) -> None:
 
 
 def test_it_runs_where_there_are_no_sources(wheel: Path, tmp_path: Path) -> None:
-    """In an environment of its own, whose other packages are those of this one."""
+    """It runs in a separate environment, whose other packages are those of this one."""
     home = tmp_path / "environment"
     venv.create(home, with_pip=False)
     scripts = home / ("Scripts" if os.name == "nt" else "bin")
