@@ -53,7 +53,7 @@ class Scripted:
 
 
 def scripted(*answers: bytes | Exception, wire: WireLog | None = None) -> tuple[TcpLink, Scripted]:
-    """Return a link on a scripted socket; its clock advances by a second at each reading."""
+    """Return a link on a scripted socket; its clock advances by a second each time it is read."""
     link = TcpLink(Address("h", 1), "dev", wire=wire, clock=itertools.count(0.0).__next__)
     sock = Scripted(*answers)
     link._socket = sock  # type: ignore[assignment]

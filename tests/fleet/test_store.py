@@ -1,4 +1,4 @@
-"""A store on SQLite and on PostgreSQL: documents are stored once, and are found by content."""
+"""A store on SQLite and on PostgreSQL: documents are kept once, and their content is found."""
 
 from __future__ import annotations
 

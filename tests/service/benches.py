@@ -45,7 +45,10 @@ class Bench:
 
 @contextmanager
 def bench(example: str, folder: Path, robot_driver: str = "", instrument_driver: str = "") -> Iterator[Bench]:
-    """Set up the cell of an example in a folder, with other drivers for robot or instrument if they are named."""
+    """Set up the cell of an example in a folder.
+
+    Drivers for robot or instrument replace those of the example if they are named.
+    """
     file = folder / "cell.toml"
     shutil.copy(ROOT / "examples" / example / "cell.toml", file)
     text = file.read_text("utf-8")

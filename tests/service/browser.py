@@ -114,7 +114,10 @@ class Page:
         return self.value(f"document.querySelector({json.dumps(selector)})?.textContent ?? ''")
 
     def press(self, key: str, *, held: bool = False) -> None:
-        """Press a key in the element that has the focus; a key that is `held` has been down for a while and repeats."""
+        """Press a key in the element that has the focus.
+
+        A key that is `held` has been down for a while and repeats.
+        """
         codes = {"Escape": 27, "Enter": 13, "Tab": 9}
         extra = {"text": "\r"} if key == "Enter" else {}
         for kind in ("keyDown", "keyUp"):

@@ -40,7 +40,7 @@ it must. Elements that are not here hold text, or any number of what their name 
 
 
 def out_of_order(root: ElementTree.Element) -> Iterator[str]:
-    """Yield the children that the schema refuses, or refuses in this order, for the elements of `ORDER`."""
+    """Yield children that the schema refuses, or refuses in this order, for elements of `ORDER`."""
     for element in root.iter():
         name = element.tag.rpartition("}")[2]
         if name in ORDER:

@@ -1,4 +1,7 @@
-"""Programs of KUKA, Yaskawa and Staubli with known joints, written from the descriptions of the formats."""
+"""Programs of KUKA, Yaskawa and Staubli with known joints.
+
+They are written from the descriptions of the formats.
+"""
 
 from __future__ import annotations
 

@@ -22,7 +22,10 @@ ARMED = "document.querySelector('#confirm').getAttribute('aria-disabled') === 'f
 
 
 def entered(page: Page) -> bool:
-    """Report whether the desk is open; enter the token again if the service was too slow for the page."""
+    """Report whether the desk is open.
+
+    The token is entered again if the service was too slow for the page.
+    """
     if page.value("document.querySelector('#desk').hidden && document.querySelector('#token').value === ''"):
         page.value("document.querySelector('#token').focus()")
         page.type(TOKEN)

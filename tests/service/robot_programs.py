@@ -1,4 +1,7 @@
-"""Small programs of every dialect, written from the grammars, and robot models to correct them with."""
+"""Small programs of every dialect, written from the grammars.
+
+Robot models to correct them with are here too.
+"""
 
 from __future__ import annotations
 
@@ -115,7 +118,7 @@ COUPLING = {"fanuc-lrmate200ic": "fanuc-j23"}
 
 
 def model_of(name: str, seed: int = 3, scale: float = 1.0) -> CalibratedModel:
-    """Return the base model of a robot with errors of tenths of a millimetre and hundredths of a degree.
+    """Return a robot's base model with errors of tenths of a mm and hundredths of a degree.
 
     The errors are multiplied by `scale`.
     """

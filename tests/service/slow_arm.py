@@ -1,4 +1,7 @@
-"""An arm that moves until it is stopped, so that a test can stay in mid-motion as long as it needs."""
+"""An arm that moves until it is stopped.
+
+A test can stay in mid-motion as long as it needs.
+"""
 
 from __future__ import annotations
 

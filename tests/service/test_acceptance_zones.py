@@ -1,7 +1,8 @@
-"""Acceptance by zone: a verdict for every box of the base frame, in HTML, JSON, certificate and exit code.
+"""Acceptance by zone: a verdict for every box of the base frame.
 
-These would catch: a zone judged by readings outside it, an empty zone that passes, and a zone that is not met but does
-not count. They would also catch boxes taken in the world frame, and a misspelled limit that passes for none.
+It is in HTML, JSON, certificate and exit code. These would catch: a zone judged by readings outside it, an empty zone
+that passes, and a zone that is not met but does not count. They would also catch boxes taken in the world frame, and a
+misspelled limit that passes for none.
 """
 
 from __future__ import annotations

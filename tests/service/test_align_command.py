@@ -1,4 +1,4 @@
-"""`truepose align`, at the command line and over HTTP: from two files to a data set for `identify`.
+"""`truepose align` and its HTTP request: from two files to a data set for `identify`.
 
 Refusals are tested too.
 """
@@ -78,7 +78,10 @@ def test_two_streams_become_a_data_set(
 def test_the_uncertainty_of_the_instrument_is_the_least_of_a_row(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The uncertainty comes from the option, or else from the header of the stream; an assumed value is reported."""
+    """The uncertainty comes from the option, otherwise from the header of the stream.
+
+    An assumed value is reported.
+    """
     stated, tracker = "The instrument's uncertainty is not stated", tmp_path / "tracker.toml"
     for name in ("robot.csv", "tracker.csv"):
         (tmp_path / name).write_bytes((folder / name).read_bytes())

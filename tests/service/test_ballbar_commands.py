@@ -21,7 +21,7 @@ from tests.calib.test_validation_ballbar import SPHERE
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with legs.csv and two models of it: m.json, and one.json without compliances."""
+    """Return a folder with legs.csv and its models m.json, and one.json without compliances."""
     out = tmp_path_factory.mktemp("ballbar")
     cell, visits = example()
     truth = truth_of(cell, 2)

@@ -135,7 +135,10 @@ def test_a_record_of_a_newer_version_is_left_alone(
 
 @contextmanager
 def bound_by_permissions() -> Iterator[None]:
-    """Take CAP_DAC_OVERRIDE from root, who could otherwise write everywhere; change nothing for other users."""
+    """Take CAP_DAC_OVERRIDE from root, who could otherwise write everywhere.
+
+    Nothing changes for other users.
+    """
     libc = ctypes.CDLL(None, use_errno=True)
     header = (ctypes.c_uint32 * 2)(0x20080522, 0)  # _LINUX_CAPABILITY_VERSION_3, this thread
     before = (ctypes.c_uint32 * 6)()  # twice: effective, permitted, inheritable

@@ -1,4 +1,7 @@
-"""`truepose campaign`, `mock` and `serve` in a shell: exit codes, streams, Ctrl-C, no operator."""
+"""`truepose campaign`, `mock` and `serve` in a shell: exit codes, streams, Ctrl-C.
+
+Runs without an operator are tested too.
+"""
 
 from __future__ import annotations
 
@@ -155,7 +158,10 @@ def test_a_real_cell_that_does_not_answer_ends_with_4(
 
 @pytest.mark.parametrize(("times", "state"), [(1, "paused"), (2, "stopped")])
 def test_ctrl_c_pauses_twice_stops_and_it_can_go_on(tmp_path: Path, times: int, state: str) -> None:
-    """If the second Ctrl-C must come before the pause, the robot settles for two minutes of real time."""
+    """The robot settles for two minutes if the second Ctrl-C must come before the pause.
+
+    The time is real time.
+    """
     scale, settle_s, count = (1.0, 120.0, 8) if times == 2 else (50.0, 0.5, 40)
     arguments = files(tmp_path, count=count, time_scale=scale, settle_s=settle_s)
     record = tmp_path / "record"
@@ -268,7 +274,10 @@ def test_serving_a_network_without_a_token_is_refused(
 def test_what_is_no_address_is_not_listened_on(
     host: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not even with a token: the system takes an empty host, or 0, for every address of the computer."""
+    """The system takes an empty host, or 0, for every address of the computer.
+
+    A token does not help.
+    """
     monkeypatch.setenv("TRUEPOSE_TOKEN", "a-token-of-sixteen-or-more")
     assert main(["serve", "--host", host, "--port", "1", "--record", "/dev/null/x"]) == 2
     assert "--host" in capsys.readouterr().err

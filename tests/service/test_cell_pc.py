@@ -1,7 +1,7 @@
 """The pages for a cell PC, run as a person would who copies them, and the client for Python.
 
-These would catch: a page whose requests the service does not know, a campaign that does not reach its end with such a
-page, and a lease that lapses in spite of its heartbeat. They would also catch an order that waits for the network, and
+These would catch: a page whose requests the service does not know, and a campaign that does not reach its end with such
+a page. They would also catch a lease that lapses in spite of its heartbeat, an order that waits for the network, and
 a request that is sent twice and done twice.
 """
 

@@ -1,4 +1,4 @@
-"""The digital calibration certificate: its content, and the order of its elements by the schema.
+"""The digital calibration certificate: its content, and its elements in the schema's order.
 
 These would catch: a value that differs from the report's, a certificate without a date or with an invented one, and
 markup created from a name. They would also catch a simulated campaign that passes for a real one.
@@ -30,7 +30,10 @@ DCC, SI = "{https://ptb.de/dcc}", "{https://ptb.de/si}"
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Diagnose at the command line, and return the folder of out.xml, out.json, out.html and out.model.json."""
+    """Diagnose at the command line, and return the folder of the outputs.
+
+    They are out.xml, out.json, out.html and out.model.json.
+    """
     folder = tmp_path_factory.mktemp("certificate")
     (folder / "about.toml").write_text(ABOUT, "utf-8")
     data = write_measured(folder)

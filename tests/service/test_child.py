@@ -1,7 +1,8 @@
-"""Wait for a child process while signals are handled: `truepose mock` and the guard of the simulators.
+"""Wait for a child process while signals are handled.
 
-This would catch a plain `wait()`: Python runs a handler only once the call is interrupted, and a signal that comes as
-it begins interrupts nothing. Nor does one that another thread receives, and a test can produce that at any time.
+`truepose mock` and the guard of the simulators do this. These tests would catch a plain `wait()`: Python runs a handler
+only once the call is interrupted, and a signal that comes as it begins interrupts nothing. Nor does one that another
+thread receives, and a test can produce that at any time.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`truepose compensate`: exit codes, files that it writes or refuses to write, conditions, and its JSON."""
+"""`truepose compensate`: exit codes, written files, refusals, conditions, and its JSON."""
 
 from __future__ import annotations
 

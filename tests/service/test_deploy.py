@@ -1,4 +1,7 @@
-"""The files of `deploy/`: command lines that the program accepts, a unit that systemd accepts, an untested script."""
+"""The files of `deploy/`: command lines for the program, a unit for systemd, a script.
+
+The script is not tested.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`truepose docs`: the place of the pages, one page in the terminal, the site in the browser."""
+"""`truepose docs`: the place of the pages, one page in the terminal, the site in a browser."""
 
 from __future__ import annotations
 

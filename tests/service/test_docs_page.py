@@ -1,7 +1,7 @@
 """The page of the description, in a real browser without a window.
 
-These would catch: a page that requests anything from another server, one that its own policy forbids to work, and a
-request that is tried on the page and sent without the token.
+These would catch: a page that requests anything from another server, and one that its own policy forbids to work. They
+would also catch a request that is tried on the page and sent without the token.
 """
 
 from __future__ import annotations

@@ -200,7 +200,10 @@ def test_another_client_has_the_instrument(faro: Bench) -> None:
 
 
 def test_unplugged_in_the_middle(faro: Bench) -> None:
-    """After greeting and clock no more answers come; earlier findings stay, and the robot is examined."""
+    """No answers come after greeting and clock.
+
+    Earlier findings stay, and the robot is examined.
+    """
     with FaultProxy(faro.simulators.port("faro"), boundary=b"\n") as proxy:
         faro.rewrite(faro.simulators.url("faro"), f"tcp://127.0.0.1:{proxy.port}")
         proxy.spoil("close", after=2, times=None)

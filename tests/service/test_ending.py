@@ -1,4 +1,4 @@
-"""The service ends during heavy work: promptly, with its run paused, and with no process left behind.
+"""The service ends during heavy work: promptly, its run paused, no process left behind.
 
 These would catch: a service that finishes a dry run before it ends, and clients that are never answered. They would
 also catch worker processes that outlive the service, even if it was killed and could not end them.

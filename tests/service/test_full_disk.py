@@ -1,7 +1,7 @@
 """A service whose disk is full, and jobs that end in a refusal.
 
-These would catch: an internal error when a person has to free disk space, a place among the waiting jobs that is never
-free again, and a refusal of one job that ends all others.
+These would catch: an internal error when a person has to free disk space, and a place among the waiting jobs that is
+never free again. They would also catch a refusal of one job that ends all others.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Glances at a run: a kept answer must equal a new reading of the record.
 
-These would catch: an answer older than the last entry of the record, a remaining time that does not change, and a run
-at rest that is not checked any more. They would also catch an answer that reads the record each time.
+These would catch: an answer older than the last entry of the record, and a remaining time that does not change. They
+would also catch a run at rest that is not checked any more, and an answer that reads the record each time.
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ def test_a_run_that_was_resumed_is_shown_when_it_goes_on(
 
 @pytest.mark.skipif(os.name != "posix", reason="elsewhere an open file cannot be taken away")
 def test_a_run_whose_folder_is_gone_is_found_paused_and_stopped(tmp_path: Path) -> None:
-    """The run continues in memory, so a request to stop it must not be answered with "no such run"."""
+    """The run continues in memory, so a stop must not be answered with "no such run"."""
     cell = a_cell()
     bench = Bench(cell)
     told: list[dict[str, Any]] = []

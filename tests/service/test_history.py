@@ -214,7 +214,10 @@ def test_those_that_are_due_first_come_first(address: str) -> None:
 
 
 def test_what_has_changed_is_due_now_until_it_is_calibrated(address: str) -> None:
-    """It is due regardless of the date that follows from the errors, at the command line and in the service."""
+    """It is due regardless of the date that follows from the errors.
+
+    This holds at the command line and in the service.
+    """
     way, now = Staircase(100.0, permitted=0.3), BEGAN + timedelta(days=20)
     asked = DueDateRequest(permitted_mm=None)
     with FleetStore.open(address) as store:

@@ -1,7 +1,8 @@
-"""Names that would be markup, a formula, a template or mathematics elsewhere stay names in every file.
+"""Names that are markup, a formula, a template or mathematics elsewhere stay names.
 
-Every field that a person or a device fills gets a separate hostile text at the same time: robot, maker, instrument,
-devices with serial numbers and reasons, operators, targets, series, readings, wires, zones, laboratory, the file.
+Every field that a person or a device fills gets a separate hostile text at the same time. The fields are robot, maker,
+instrument, devices with serial numbers and reasons, operators, targets, series, readings, wires, zones, laboratory,
+and the file itself.
 
 These would catch: an element or attribute created from a name, JSON that ends its script element, and XML that does
 not parse. They would also catch a picture that fails on a dollar sign, and a cell that a spreadsheet calculates.

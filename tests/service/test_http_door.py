@@ -171,7 +171,10 @@ def test_who_has_a_token_is_read_before_the_endless_pieces_of_strangers() -> Non
 
 
 def test_the_next_request_of_a_connection_waits_for_no_stranger() -> None:
-    """If nothing followed the first request, the next one waited 0.2 s behind a thousand half headers."""
+    """The next request waited 0.2 s behind a thousand half headers.
+
+    This happened if nothing had followed the first request of the connection.
+    """
     read: list[str] = []
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
@@ -194,7 +197,7 @@ def test_the_next_request_of_a_connection_waits_for_no_stranger() -> None:
 
 @pytest.mark.parametrize("token", ["wrong", TOKEN])
 def test_of_many_requests_that_came_at_once_one_is_begun_in_a_turn(token: str) -> None:
-    """Requests of twenty unknown clients, or twenty pipelined requests, must not make one long turn of the loop."""
+    """Twenty unknown clients, or twenty pipelined requests, must not make one long turn."""
     asked = 0
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:

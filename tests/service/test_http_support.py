@@ -60,7 +60,10 @@ class Served:
         return self.client.post("/runs", json={"campaign": campaign, "dry_run": False}).json()["id"]
 
     def lease(self, holder: str = "anna", seconds: float = 300.0) -> dict[str, Any]:
-        """Take the lease, or prolong it if this holder has it; the client sends its secret from now on."""
+        """Take the lease, or prolong it if this holder has it.
+
+        The client sends the lease's secret from now on.
+        """
         held = self.client.get("/cell").json()["lease"]
         if held is None or held["holder"] != holder:
             self.client.headers.pop("Lease-Id", None)
@@ -79,7 +82,7 @@ class Served:
 
 
 def lasting_port() -> int:
-    """Return a free port below those that the system assigns to a process that requests any port.
+    """Return a free port below those that the system assigns on request.
 
     A service that has ended can come back on it, because no other test has been given it meanwhile.
     """

@@ -1,4 +1,4 @@
-"""Targets corrected over HTTP: the same numbers as on the command line, refusals that name the target."""
+"""Targets corrected over HTTP: the command line's numbers, refusals that name the target."""
 
 from __future__ import annotations
 

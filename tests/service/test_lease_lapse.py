@@ -1,4 +1,4 @@
-"""A silent lease holder: the robot stops, the run is paused, and the next holder continues it.
+"""A silent lease holder: the robot stops, the run is paused, the next holder continues it.
 
 These would catch: a second move after the lapse, a reading that is lost or taken without its approach, and a lapse that
 ends the run for good. They would also catch a prompt that waits for a person who has gone, and a stop that requires
@@ -99,7 +99,10 @@ def test_a_question_is_not_put_to_somebody_who_has_gone(tmp_path: Path) -> None:
 
 
 def test_a_lapse_while_a_pause_waits_for_its_reading_is_at_once(tmp_path: Path) -> None:
-    """The run is paused on the way to the approach point; without the lapse, the robot would still go to the pose."""
+    """The run is paused on the way to the approach point.
+
+    Without the lapse, the robot would still go to the pose.
+    """
     with a_run(tmp_path) as (bench, run):
         clock = LeaseClock()
 

@@ -1,7 +1,7 @@
 """A SCARA and an arm on a track, from readings to corrected targets.
 
 They drive on simulated machines that share no line with the program. These would catch: a model whose base or tool is
-displaced by slides, mm of a table read as deg, and a flange that lands at the place of the tool. They would also catch
+displaced by slides, and mm of a table read as deg. They would also catch a flange that lands at the place of the tool,
 an unreported tilt that the arm cannot make, and a track that a table cannot hold.
 
 All machines, with more readings, are `python -m tests.benchmarks machines`.

@@ -178,7 +178,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_results_are_as_described(data: Path, tmp_path: Path) -> None:
-    """Every member that the schema demands exists with its type, and every existing member is in the schema."""
+    """Every member that the schema demands exists with its type, and no other member exists."""
     from calib.text import read_json
 
     done = {
@@ -253,7 +253,10 @@ def test_the_document_is_made_once_and_not_in_the_loop_of_events(tmp_path: Path)
 
 
 def test_who_does_not_read_the_document_is_sent_its_beginning_only(tmp_path: Path) -> None:
-    """Written whole, the document would be in memory once per client, and the copies would hold up the loop."""
+    """Written whole, the document would be in memory once per client.
+
+    Its copies would also hold up the event loop.
+    """
     app = create_app(ServiceSettings(tmp_path, Tokens("o", "v")))
     sent = list[bytes]()
 

@@ -1,4 +1,4 @@
-"""The operator page: its permissions, and a person at it, in a real browser without a window.
+"""The operator page and its permissions, with a person in a real browser without a window.
 
 These would catch: a page that loads or sends anything elsewhere, a script its own policy forbids, and a token that
 outlives the window. They would also catch a prompt that a stray Enter answers, a reason that is lost, and a stop that

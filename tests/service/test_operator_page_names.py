@@ -1,4 +1,4 @@
-"""The operator page with hostile names and gloved fingers: markup in every name that a person may give.
+"""The operator page with markup in every name that a person may give, and gloved fingers.
 
 These would catch: a name that becomes markup in any view, and a program that only a shell can correct. They would also
 catch a deletion by a single touch or without its reason, and a second touch that answers the next prompt.
@@ -61,7 +61,7 @@ def nothing_ran(page: Page) -> None:
 
 
 def result_of(service: Served, folder: Path) -> tuple[str, str]:
-    """Return the ids of a data set with a hostile name and an identification with acceptance limits."""
+    """Return the ids of a data set with a hostile name and of an identification with limits."""
     data = write_data(folder, n=40)
     files = {"csv": data.read_bytes(), "toml": data.with_suffix(".toml").read_bytes()}
     dataset = service.client.post("/datasets", files=files, data={"name": HOSTILE}).json()["id"]

@@ -1,8 +1,8 @@
 """The operator page when the service does not answer.
 
 These would catch: a page that shows the past as the present, a Confirm that looks alive without a service, and a lease
-that is still "yours". They would also catch a notice that hides Stop, a page that has to be loaded again when the
-service is back, and a view that is empty because it was opened meanwhile.
+that is still "yours". They would also catch a notice that hides Stop, and a page that has to be loaded again when the
+service is back. A view that was opened meanwhile must not be empty.
 """
 
 from __future__ import annotations

@@ -33,9 +33,10 @@ def asked(folder: Path) -> Iterator[tuple[Served, Page, str]]:
 
 
 def tap(page: Page, selector: str) -> None:
-    """Put a finger in the middle of an element, down and up, and leave the rest to browser and page.
+    """Put a finger in the middle of an element, down and up.
 
-    `Input.synthesizeTapGesture` gives no click in a browser without a window, not even on a page of one button.
+    The rest is left to browser and page. `Input.synthesizeTapGesture` gives no click in a browser without a window, not
+    even on a page of one button.
     """
     x, y = page.value(
         f"(() => {{ const it = document.querySelector({json.dumps(selector)});"

@@ -1,8 +1,8 @@
-"""A whole campaign at the operator page, by keyboard, in a real browser without a window and WebGL.
+"""A whole campaign at the operator page, by keyboard, in a real browser without a window.
 
-These would catch: a step for which one still needs curl or a mouse, a view that axe refuses or a telephone cuts off,
-and a word that the table lacks. They would also catch markup in a name that becomes markup, a second tab that gets an
-answer wrong, and a service that comes back and moves something.
+The browser has no WebGL. These would catch: a step for which one still needs curl or a mouse, and a view that axe
+refuses or a telephone cuts off. They would also catch a word that the table lacks, markup in a name that becomes
+markup, a second tab that gets an answer wrong, and a service that comes back and moves something.
 """
 
 from __future__ import annotations

@@ -78,7 +78,10 @@ def test_the_emergency_stop_is_said_first_and_nothing_twice() -> None:
 
 
 def test_drift_counts_no_reading_that_was_measured_again() -> None:
-    """As in `acquisition.record.readings`, readings during the warm-up count neither as the zero nor as drift."""
+    """Readings during the warm-up count neither as the zero nor as drift.
+
+    `acquisition.record.readings` treats them in the same way.
+    """
     cold, warm, later = (
         {"pose": n, "set": "reference", "target": "T1", "world_mm": [0.1 * n, 0, 0]} for n in (1, 2, 4)
     )

@@ -1,4 +1,7 @@
-"""`truepose fleet learn`, and `--prior` of `identify`, `diagnose` and `select`: output and refusals."""
+"""`truepose fleet learn`, and `--prior` of `identify`, `diagnose` and `select`.
+
+Output and refusals are tested.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ ROBOTS = 8
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write the models 0.json .. of robots of a type, and readings data.csv of an unrelated robot."""
+    """Write models 0.json .. of robots of a type, and readings data.csv of an unrelated robot."""
     folder = tmp_path_factory.mktemp("fleet")
     learnt(CELLS[1], a_type(1), 1, folder, ROBOTS)
     (folder / "prior.json").unlink()
@@ -74,7 +77,7 @@ def test_what_is_learnt_is_written_and_said(
 def test_the_result_says_what_decided_every_parameter(
     folder: Path, prior: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    """The simulated arm is of no type: it lies outside the prior, and is fitted as if none existed."""
+    """The simulated arm lies outside the prior, and is fitted as if none existed."""
     result, model = tmp_path / "r.json", tmp_path / "m.json"
     arguments = ["identify", str(folder / "data.csv"), "--json", str(result), "--model", str(model)]
     assert main([*arguments, "--prior", str(prior)]) == 0

@@ -38,7 +38,10 @@ def test_a_worker_stands_back_in_its_session() -> None:
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows knows no such thing")
 def test_a_worker_shares_the_session_of_the_service_and_not_its_ctrl_c() -> None:
-    """Linux shares the processors out between sessions; in a separate one, a worker's niceness would have no effect."""
+    """Linux shares the processors out between sessions.
+
+    In a separate session, a worker's niceness would have no effect.
+    """
     with a_worker() as pid:
         assert os.getsid(pid) == os.getsid(0)
         assert os.getpgid(pid) == pid != os.getpgrp()

@@ -203,7 +203,7 @@ def test_urscript_waypoints_land_where_they_say(tmp_path: Path) -> None:
 
 
 def _lands_like(saved: CalibratedModel, flange: Array, home: Sequence[float], tool: Array) -> Array:
-    """Calculate the pose of the tool after the controller chooses the solution nearest to `home`.
+    """Calculate the pose of the tool for the controller's solution nearest to `home`.
 
     `home` is a far start for Newton's method, so the flange approaches in small steps.
     """

@@ -33,7 +33,7 @@ TARGETS = 40
 
 @pytest.fixture(scope="module")
 def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Path]:
-    """Simulate a campaign with hidden backlash, and return it with the model file of its diagnosis."""
+    """Simulate a campaign with hidden backlash and diagnose it; return it with its model file."""
     folder = tmp_path_factory.mktemp("driven")
     campaign = make_campaign(seed=11, n=150, n_validation=60, effects=["backlash:j4"], size=6.0)
     data = write_campaign(campaign, folder)["csv"]
@@ -52,7 +52,10 @@ def driven(campaign: Campaign, joints_deg: Array) -> Array:
 
 
 def wanted(campaign: Campaign, joints_deg: Array) -> Array:
-    """Return the points of T2 that the programmer meant, shape (n, 3): those of the nominal robot."""
+    """Return the points of T2 that the programmer meant, shape (n, 3).
+
+    They are those of the nominal robot.
+    """
     return np.array(
         [campaign.world.nominal_point(ArmState(tuple(q), tuple(q), (1,) * 6), "T2") for q in joints_deg]
     )

@@ -1,7 +1,7 @@
 """Programs that only an attacker would write.
 
-These would catch: a parser whose time grows with a power of the length (each text here would take it hours), brackets
-that exhaust the stack, and numbers that no robot has.
+These would catch: a parser whose time grows with a power of the length (each text here would take it hours). They
+would also catch brackets that exhaust the stack, and numbers that no robot has.
 """
 
 from __future__ import annotations
@@ -128,7 +128,10 @@ def test_a_target_that_no_robot_has_is_refused_alone(case: str) -> None:
 
 
 def test_old_line_ends_hide_no_target() -> None:
-    """With CR alone, a comment ran to the end of the file, and all targets after it stayed uncorrected."""
+    """A comment once ran to the end of a file with CR alone.
+
+    All targets after it stayed uncorrected.
+    """
     for suffix, text in ((".mod", RAPID), (".script", SCRIPT)):
         wanted = read(suffix, text).targets
         found = read(suffix, text.replace("\n", "\r")).targets
@@ -147,7 +150,10 @@ def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_number_that_runs_over_two_lines_leaves_the_lines_where_they_are(tmp_path: Path) -> None:
-    """Targets without a name are called by their line, so a line less would rename them in the written program."""
+    """Targets without a name are called by their line.
+
+    A line less would rename them in the written program.
+    """
     saved = model_of("ur5")
     text = SCRIPT.replace("d2r(-40)", "d2r(\n-40)")
     done = corrected(tmp_path, "a.script", text, saved)

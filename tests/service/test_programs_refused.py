@@ -1,4 +1,7 @@
-"""Programs, tables and frames that cannot be read or corrected are refused with line and reason."""
+"""Refusals of unreadable programs, tables and frames, and of targets without a correction.
+
+They state the line and the reason.
+"""
 
 from __future__ import annotations
 
@@ -533,7 +536,10 @@ def test_what_leaves_a_fanuc_position_as_it_is_refuses_nothing(tmp_path: Path) -
 
 
 def test_a_target_that_an_unknown_instruction_drives_to_as_well_is_refused(tmp_path: Path) -> None:
-    """Only one of the two motions is read: a correction for its tool would be wrong for the tool of the other."""
+    """Only one of the two motions is read.
+
+    A correction for its tool would be wrong for the tool of the other.
+    """
     text = rapid(P1, USE.replace("ENDPROC", "IF TRUE THEN\nWeldAt p1,tGun;\nENDIF\nENDPROC"))
     (refused,) = corrected(tmp_path, "a.mod", text, model_of("abb-irb120")).of(REFUSED)
     assert "'WeldAt' (line 6)" in refused.why

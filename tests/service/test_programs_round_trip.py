@@ -33,7 +33,7 @@ def skeleton(text: str) -> str:
 
 
 def round_trip(folder: Path, name: str, data: bytes) -> None:
-    """Check that reading and writing give the same bytes, and that a correction changes only numbers.
+    """Check that reading and writing keep the bytes, and that a correction changes numbers only.
 
     Every target must be corrected or empty.
     """
@@ -98,7 +98,10 @@ def rapid_modules(draw: st.DrawFn) -> tuple[str, int]:
 
 @st.composite
 def ls_programs(draw: st.DrawFn) -> tuple[str, int]:
-    """Draw a listing and the number of its positions, with comments, groups, tabs and leading zeros."""
+    """Draw a listing and the number of its positions.
+
+    Comments, groups, tabs and leading zeros are drawn or left out.
+    """
     positions = []
     for number in range(1, draw(st.integers(2, 6))):
         values = draw(counted)

@@ -1,4 +1,7 @@
-"""Refusals of bad input: one sentence that names file and line or key, exit code 2, no traceback."""
+"""Refusals of bad input: a sentence that names file and line or key, exit code 2.
+
+There is no traceback.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""`truepose regress`: its table, document, report and model, and the use of that model in `compensate`."""
+"""`truepose regress`: its table, document, report and model.
+
+The use and the refusals of that model in `compensate` are tested too.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ MODELS = [
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with data.csv and the outputs of its comparison: o.json, m.json and r.html.
+    """Return a folder with data.csv and its comparison: o.json, m.json and r.html.
 
     The 30 waypoints are of gears with one error wave per turn.
     """
@@ -62,7 +65,7 @@ def test_the_document_holds_the_table(document: dict[str, Any]) -> None:
 
 
 def test_the_findings_are_worked_out(document: dict[str, Any]) -> None:
-    """With gear errors, the regression on residuals gains.
+    """The regression on residuals gains if gears err.
 
     The regression on positions is millimetres away for a turned wrist.
     """
@@ -166,7 +169,10 @@ def test_an_arm_of_another_structure(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_over_http(folder: Path, tmp_path: Path) -> None:
-    """A worker of the service makes the same comparison; a wrong request is refused before it waits for one."""
+    """A worker of the service makes the same comparison.
+
+    A wrong request is refused before it waits for a worker.
+    """
     with served(tmp_path / "record") as service:
         files = {f"{kind}": (folder / f"data.{kind}").read_bytes() for kind in ("csv", "toml")}
         kept = service.client.post("/datasets", files=files).json()

@@ -1,4 +1,4 @@
-"""The report: its content, its independence of other files, and names that cannot break out of it."""
+"""The report: its content, its independence of other files, and names that stay names."""
 
 from __future__ import annotations
 
@@ -251,7 +251,7 @@ def test_a_report_says_that_there_are_no_validation_rows_and_calls_simulated_onl
 
 
 def test_every_kind_of_effect_has_its_picture(tmp_path: Path) -> None:
-    """Effects that only a diagnosis offers, as they are found; the others are in `test_report_pictures.py`."""
+    """Effects that a diagnosis alone offers, as found; the others: `test_report_pictures.py`."""
     effects = ("base_shift", "periodic:j1:n101", "tool_shift")
     result = diagnose(read_dataset(write_data(tmp_path, effects=effects, n=200)))
     assert sorted(found.effect.label for found in result.effects) == list(effects)
@@ -290,7 +290,10 @@ def test_the_scope_says_from_which_side_and_for_how_long(tmp_path: Path) -> None
 
 
 def test_the_line_over_time_ends_where_measuring_paused() -> None:
-    """Two evenings of 60 readings per hour, shuffled: a line over the night would show unmeasured values."""
+    """Two evenings of 60 readings per hour are shuffled.
+
+    A line over the night would show unmeasured values.
+    """
     hours = np.random.default_rng(2).permutation(np.concatenate([np.arange(60), 1440 + np.arange(60)]) / 60.0)
     pieces = stretches(hours)
     assert [(min(hours[p[0]]), max(hours[p[-1]]) < 2.0) for p in pieces] == [(0.0, True), (24.0, False)]

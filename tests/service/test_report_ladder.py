@@ -1,4 +1,4 @@
-"""The ladder at the head of a report: every model once, with the error that each step removes."""
+"""The ladder at the head of a report: every model once, with the error that a step removes."""
 
 from __future__ import annotations
 

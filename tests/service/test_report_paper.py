@@ -1,4 +1,4 @@
-"""A report as a document: its number, date and operator of the measurement, hashes, place to sign."""
+"""A report as a document: number, date and operator of the measurement, hashes, signatures."""
 
 from __future__ import annotations
 

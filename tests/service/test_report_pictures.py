@@ -236,7 +236,10 @@ def test_structure_is_drawn_where_it_lives(where: str, sample: tuple[Dataset, Pl
 
 
 def test_structure_on_an_axis_with_a_name_is_drawn_on_that_axis(sample: tuple[Dataset, PlotSample]) -> None:
-    """On an arm on a track, joint 1 is the second axis, and an effect of the track is no error of an angle."""
+    """Joint 1 of an arm on a track is its second axis.
+
+    An effect of the track is no error of an angle.
+    """
     dataset, drawn = sample
     named = {"axis_names": ("e1", "j1", "j2", "j3", "j4", "j5"), "unit_names": ("mm", *["deg"] * 5)}
     parts = tuple(replace(part, conditions=replace(part.conditions, **named)) for part in drawn.parts)

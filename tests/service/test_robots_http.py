@@ -46,7 +46,7 @@ def document(table: dict[str, Any], day: str, serial: str = SERIAL, robot: str =
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write thirty readings of a robot, with the model of a calibration of it in the same folder."""
+    """Write thirty readings of a robot, with the model of its calibration in the same folder."""
     folder = tmp_path_factory.mktemp("watched")
     whole = write_data(folder, effects=(), n=90)
     sign(whole.with_suffix(".toml"), SERIAL, "2026-03-02")

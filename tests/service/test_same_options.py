@@ -88,7 +88,10 @@ def test_a_selection_has_the_same_options() -> None:
 
 
 def test_corrections_have_the_same_options() -> None:
-    """Programs are corrected at the terminal and over HTTP; Python corrects joints, with single conditions."""
+    """Programs are corrected at the terminal and over HTTP; Python corrects joints.
+
+    Python has single conditions as arguments.
+    """
     files = {"model", "program", "out", "robot", "json", "here", "job_id"}
     largest = {"largest_deg", "largest_mm"}
     over_http = names_of(correct_program) - files - largest

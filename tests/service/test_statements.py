@@ -211,7 +211,7 @@ def with_tool(data: Path) -> IdentificationFit:
 
 
 def test_absolute_values_predict_what_the_model_predicts(data: Path) -> None:
-    """In a model without start values, they give the same points, so no value is left in a hidden start."""
+    """A model without start values gives the same points, so no value is left in a hidden start."""
     found = with_tool(data)
     model, conditions = found.model, found.readings.conditions
     zero = {s: dict.fromkeys(targets, (0.0, 0.0, 0.0)) for s, targets in model.targets.items()}

@@ -1,8 +1,9 @@
-"""Urgent requests on a full service: orders to the robot, its lease, status, answers, health.
+"""Urgent requests on a full service: robot orders, lease, status, answers, health.
 
 They never wait, while all other requests may. The threads are held by events, not by time. These would catch a stop
-that shares the threads of ordinary requests, or of clients that wait, on any part of its way (the service object, the
-order itself, the refusal of a wrong one). They would also catch a burst of requests that are all served before it.
+that shares the threads of ordinary requests, or of clients that wait. That holds for every part of its way: the service
+object, the order itself, the refusal of a wrong one. They would also catch a burst of requests that are all served
+before it.
 """
 
 from __future__ import annotations

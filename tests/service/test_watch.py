@@ -1,4 +1,4 @@
-"""`truepose watch`: the plan is a campaign, the verdict an exit code, and a history has a line per watch."""
+"""`truepose watch`: its plan is a campaign, its verdict an exit code, its history a line each."""
 
 from __future__ import annotations
 

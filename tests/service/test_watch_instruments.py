@@ -1,4 +1,4 @@
-"""Watches by other readings, at the command line: touched balls, legs, the temperature of the arm."""
+"""Watches by other readings, at the command line: touched balls, legs, the arm's warmth."""
 
 from __future__ import annotations
 

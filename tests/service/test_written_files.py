@@ -65,7 +65,10 @@ def test_only_what_a_command_has_written_is_replaced(name: str, data: Path, tmp_
 def test_what_another_command_wrote_is_kept(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A model is no place for a table of results, nor a data set for a report, although a command wrote both."""
+    """A model is no place for a results table, nor a data set for a report.
+
+    It does not matter that a command wrote both.
+    """
     model, table = tmp_path / "m.json", tmp_path / "dh.csv"
     assert main(["identify", f"{data}", "--model", f"{model}"]) == 0
     assert main(["export", f"{model}", "--as", "dh-csv", f"{table}"]) == 0
@@ -104,7 +107,10 @@ def test_a_protected_file_or_folder_is_refused_before_the_work(
 def test_the_file_of_the_robot_is_no_header(
     command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """With `--robot kr10.toml` and `kr10.csv`, the header would be the robot file, even with --overwrite."""
+    """The header of `kr10.csv` would be the robot file of `--robot kr10.toml`.
+
+    This must be refused even with --overwrite.
+    """
     monkeypatch.chdir(tmp_path)
     for name in ("in.csv", "t.csv", "kr10.toml"):
         (tmp_path / name).write_text("mine\n", "utf-8")
@@ -145,7 +151,10 @@ def test_what_was_changed_in_the_folder_of_a_demo_is_kept(tmp_path: Path) -> Non
 
 
 def test_the_file_beside_the_one_that_is_written_is_kept(tmp_path: Path) -> None:
-    """A data set has two files: next to kinds.csv is kinds.toml, which may be a cell file of the user."""
+    """A data set has two files: next to kinds.csv is kinds.toml.
+
+    It may be a cell file of the user.
+    """
     cell = tmp_path / "kinds.toml"
     cell.write_text("mine\n", "utf-8")
     with pytest.raises(DataError, match=r"header of OUT.csv .*kinds\.toml: is there already"):

@@ -88,7 +88,10 @@ def reachable(page: Page, selector: str) -> bool:
 
 
 def audit(page: Page) -> None:
-    """Check the current view: axe finds nothing, it fits a telephone, fingers hit it, Stop is in reach."""
+    """Check the current view: axe finds nothing, a telephone shows it whole, fingers hit it.
+
+    Stop must be in reach.
+    """
     if not page.value("typeof axe === 'object'"):
         page.do("Runtime.evaluate", expression=AXE.read_text("utf-8"))
     where = page.value("location.hash")

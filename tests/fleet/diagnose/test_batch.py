@@ -1,4 +1,4 @@
-"""A batch in a worker: each result is stored once, at once, and only if it is about the data."""
+"""A batch in a worker: each result is stored once, at once, and only if it is about data."""
 
 from __future__ import annotations
 
