@@ -166,7 +166,7 @@ def test_watchdog_stops_the_robot_when_the_program_is_gone(slow: CellThread) -> 
 
 @pytest.mark.parametrize("closed", [(), ("dashboard",), ("secondary",)])
 def test_stop_where_30003_is_gone(slow: CellThread, closed: tuple[str, ...]) -> None:
-    """Ports 30002 and the dashboard take a stop as well; either is enough.
+    """Port 30002 and the dashboard take a stop as well; either is enough.
 
     RTDE shows that the arm stands still.
     """
