@@ -76,7 +76,7 @@ def number_of(value: float | None, usual: float, low: float, high: float, key: s
     return float(value)
 
 
-def refuse_no_model(model: object, wanted: type) -> None:
+def refuse_no_model(model: object, wanted: type, key: str = "model") -> None:
     """Refuse anything but a model, such as the name of its file.
 
     Raises
@@ -88,7 +88,7 @@ def refuse_no_model(model: object, wanted: type) -> None:
         raise DataError(
             f"is {type(model).__name__}, not a model.",
             do="Give truepose.load(file) or identify(data).",
-            key="model",
+            key=key,
         )
 
 

@@ -119,7 +119,7 @@ def validate(
     """
     refuse_no_model(model, Model)
     if compare is not None:
-        refuse_no_model(compare, Model)
+        refuse_no_model(compare, Model, "compare")
     read = LoadedModel(
         model.saved,
         Path("model"),

@@ -62,7 +62,7 @@ class Attempts:
         """Record a good reading; it is durable, and the planned reading done, when this returns.
 
         `world` is the world frame if it is known. `as_planned` (3,), mm, world, is the point as it would be at the
-        planned joints (`run.checks.expected`).
+        planned joints (`run.checks.repeated_point`).
         """
         data: dict[str, Any] = {
             "attempt": attempt,

@@ -404,8 +404,8 @@ class Run:
         """Halt the robot now and end the run.
 
         Returns the errors of devices that could not be stopped; then use the button that they name. Nothing waits for
-        the record while the robot moves (`run.noting`). If the record has brought a run to rest, the run stays paused
-        for that reason.
+        the record while the robot moves (`run.orders.stop_orders`). If the record has brought a run to rest, the run
+        stays paused for that reason.
 
         Raises
         ------

@@ -10,12 +10,13 @@ Its reaction to an error depends on the class (`drivers.errors`):
     Refused        ask the operator: confirm tries again, skip leaves the reading out
     SafetyStop, StorageError, NoOperator and all others: pause
 
-Any interruption voids the approach, also a prompt, for which people walk up to the robot. A reading is only taken after
-an arrival with nothing in between, and only kept if the robot has not moved since. A ballbar is put on while the robot
-is in the pose, and the robot stays there for all its distances. Legs outside the stroke of the bar are deferred to a
-second stage, for which the robot is calibrated from those within (`run.second_stage`). A redo puts the last reading
-aside and measures it again at once. If the calendar steps, the run pauses: the times of the record come from the steady
-clock, which does not count while a computer sleeps. On resuming they catch up with the calendar and never go back.
+Any interruption voids the approach, also a prompt, for which people walk up to the robot. A reading is only taken
+after an arrival with nothing in between, and only kept if the robot has not moved since. A ballbar is put on while the
+robot is in the pose, and the robot stays there for all its distances. Legs outside the stroke of the bar are deferred
+to a second stage, for which the robot is calibrated from those within (`run.ballbar.second_stage`). A redo puts the
+last reading aside and measures it again at once. If the calendar steps, the run pauses: the times of the record come
+from the steady clock, which does not count while a computer sleeps. On resuming they catch up with the calendar and
+never go back.
 """
 
 from __future__ import annotations

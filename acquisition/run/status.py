@@ -31,7 +31,7 @@ class RunStatus:
     seconds_left
         Remaining real time, s.
     drift
-        Drift of the reference pose (`record.drift`); None before its second reading.
+        Drift of the reference pose (`record.readings`); None before its second reading.
     path
         The last waypoint that a path reached, their number, and the samples and lost samples of both streams so far;
         None without a path.

@@ -181,6 +181,27 @@ def test_a_validation_compares_two_models_as_the_command_does(here: Here, tmp_pa
     assert "compare_id" in problem(here.client.post("/validations", json=alone), 422)["detail"]
 
 
+def test_what_a_waiting_job_reads_is_not_deleted(here: Here) -> None:
+    files = {"csv": here.data.read_bytes(), "toml": here.data.with_suffix(".toml").read_bytes()}
+    other = here.client.post("/datasets", files=files).json()["id"]
+    model = here.done("/identifications", dataset_id=here.dataset)["id"]
+    asked = {"dataset_id": here.dataset}
+    waiting = [
+        here.client.post("/diagnoses", json=asked | {"carry_to": other}),
+        here.client.post("/validations", json=asked | {"model_id": here.model, "compare_id": model}),
+    ]
+    gone = {"reason": "tidying up"}
+    for path in (f"/results/{model}", f"/datasets/{other}"):
+        assert problem(here.client.delete(path, params=gone), 409)["code"] == 8130
+    for answer in waiting:
+        where = answer.headers["location"].removeprefix("/api/v1")
+        while (job := here.client.get(where, params={"wait": 30, "after": 2}).json())["version"] < 3:
+            pass
+        assert job["state"] == "succeeded", job
+    for path in (f"/results/{model}", f"/datasets/{other}"):
+        assert here.client.delete(path, params=gone).status_code == 200
+
+
 def test_rows_that_only_judge_are_taken_and_judge(here: Here) -> None:
     head, *lines = here.data.read_text("utf-8").splitlines(keepends=True)
     at = head.split(",").index("set")

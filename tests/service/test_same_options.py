@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import fields
+from typing import Any
 
 import pytest
 
@@ -37,13 +38,13 @@ OF_THE_SERVICE = {"cell"}  # the cell of the service, named as it starts
 CALLS = {"data", "dataset_id", "progress", "any_cell"}
 
 
-def names_of(of: object) -> set[str]:
+def names_of(of: Any) -> set[str]:
     """The names of the parameters of a function, or of the fields of a class."""
     if inspect.isfunction(of):
         return set(inspect.signature(of).parameters)
     if hasattr(of, "model_fields"):
-        return set(of.model_fields)  # type: ignore[attr-defined]
-    return {field.name for field in fields(of)}  # type: ignore[arg-type]
+        return set(of.model_fields)
+    return {field.name for field in fields(of)}
 
 
 def options(of: object) -> set[str]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import pickle
 import re
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas
@@ -181,6 +183,31 @@ def test_targets_that_the_model_knows_too_little_are_refused(found: truepose.Dia
     assert np.array_equal(some.joints_deg[some.good], every.joints_deg[some.good])
     with pytest.raises(truepose.DataError, match="most_uncertainty"):
         truepose.compensate(found.model, joints_deg=POSES_DEG, most_uncertainty=-1.0)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"point": (1.0, 2.0)}, "three finite numbers"),
+        ({"point": (math.nan, 0.0, 0.0)}, "three finite numbers"),
+        ({"point": ("x", 0.0, 0.0)}, "three finite numbers"),
+        ({"accept_rms": -1.0}, "accept-rms"),
+        ({"accept_zones": "none.toml"}, "none.toml"),
+        ({"compare": "model.json"}, "compare"),
+    ],
+)
+def test_a_validation_refuses_wrong_options(
+    found: truepose.Diagnosis, csv: Path, wrong: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(truepose.DataError, match=said):
+        truepose.validate(found.model, csv, **wrong)
+
+
+@pytest.mark.parametrize("wrong", [{"seed": -1}, {"wanted_u": -0.1}, {"wanted_u": math.nan}])
+def test_a_selection_refuses_wrong_options(wrong: dict[str, Any]) -> None:
+    cell = Path(__file__).parents[2] / "examples" / "irb120_faro" / "cell.toml"
+    with pytest.raises(truepose.DataError, match=next(iter(wrong))):
+        truepose.select(cell, candidates=60, **wrong)
 
 
 def test_a_data_frame_is_a_data_set(csv: Path) -> None:

@@ -5,8 +5,9 @@ reading (`cell.bars`). The tool triangle is measured with the 150 mm bar, the ba
 They are measured at the place of the block in the campaign. A first block measures them before the legs; another block
 at the end shows whether a cup has moved in the meantime. Readings of one bar follow one another.
 
-With `touch_with = "T1"` a person jogs that ball of the tool into every cup between the two triangles (`run.touches`).
-The three taught points and the three sides give the positions of the cups. Source: Nubiola, thesis, section 4.2.
+With `touch_with = "T1"` a person jogs that ball of the tool into every cup between the two triangles
+(`run.prompts.touches`). The three taught points and the three sides give the positions of the cups. Source: Nubiola,
+thesis, section 4.2.
 """
 
 from __future__ import annotations

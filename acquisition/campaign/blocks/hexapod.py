@@ -9,7 +9,7 @@ A stance is taken in its first branch of the arm (`one`), in each (`all`), or th
 thesis mixes flip and noflip); the block may restrict the branches. A validation pose is never one to which an earlier
 block fits, and comes from another stance if possible. A robot misses by millimetres, the stroke of the bar is one.
 With `stages = 2`, the legs outside the stroke are therefore measured after a calibration from those inside
-(`run.second_stage`). Source: Nubiola, thesis, sections 4.2 to 4.4.
+(`run.ballbar.second_stage`). Source: Nubiola, thesis, sections 4.2 to 4.4.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@
     ballbar    asked while the robot is in the pose: with the bar on it there is no approach, it would tear the
                bar off. The robot leaves a pose only after somebody has said that the bar is off
 
-The confirmation of a person is checked with the next reading (`run.checks.expected`; the stroke of the bar). The
+The confirmation of a person is checked with the next reading (`run.checks.repeated_point`; the stroke of the bar). The
 present set-up is only known within one execution: a new one asks again.
 """
 

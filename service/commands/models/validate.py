@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated
 
@@ -81,8 +80,7 @@ def validate_command(
             do="Leave it out, or mark the rows to judge on set = validation.",
             file="--all",
         )
-    if point is not None and not all(math.isfinite(x) for x in point):
-        raise DataError("is not three finite numbers.", do="Give X Y Z in mm.", file="--point")
+    asked = ValidationRequest(place, everything, point, limits)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
         dataset = read_dataset(data)
@@ -93,7 +91,7 @@ def validate_command(
             for each in filter(None, (saved, second)):
                 options.note_without_regression(each, terminal)
             read = LoadedModel(saved, model, second, compare)
-        found = validate(dataset, read, ValidationRequest(place, everything, point, limits), terminal.say)
+        found = validate(dataset, read, asked, terminal.say)
         options.write_result(document_of(found.result), json, terminal)
         if drawn:
             _draw(found, report, picture, terminal)

@@ -210,12 +210,16 @@ class Jobs:
         with self._changed:
             return {"waiting": len(self._waiting), "working": int(self._current is not None)}
 
-    def refuse_working_on(self, dataset_id: str) -> None:
-        """Raise Problem 409 while a job waits for, or works on, a data set."""
+    def refuse_working_on(self, own: str) -> None:
+        """Raise Problem 409 while a job waits for, or works on, the data set or the result with this id.
+
+        A job names all that it reads in its file: its data set, another one, and the models that it judges or compares.
+        """
         with self._changed:
             busy = [*self._waiting, *([] if self._current is None else [self._current])]
         for folder in busy:
-            if read_kept(folder / JOB, StoredJob)["dataset_id"] == dataset_id:
+            file = folder / JOB  # not there yet: what a job reads that comes at this moment is not known
+            if not file.is_file() or own in file.read_text("utf-8"):
                 raise Problem(409, f"Job {folder.name} works on it.", "Wait until it is done.", code=8130)
 
     def delete(self, name: str, trail: DeletionLog, by: str, reason: str) -> dict[str, Any]:
@@ -236,6 +240,8 @@ class Jobs:
         with self._changed:
             if folder in self._waiting or folder == self._current:
                 raise Problem(409, "The job waits or works.", "Wait until it is done.", code=8130)
+        self.refuse_working_on(name)
+        with self._changed:
             line = trail.note(found[0], {"id": name}, by, reason, sha256=hash_of(folder / RESULT))
             take_away(folder)
         return line

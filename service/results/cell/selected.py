@@ -102,6 +102,11 @@ class SelectionRequest:
         Largest share of the poses that may fill the ranges of the joints.
     wanted_u : float or None
         Target for the predicted U, mm; None for no target.
+
+    Raises
+    ------
+    DataError
+        The target or the seed is negative.
     """
 
     count: int
@@ -113,6 +118,11 @@ class SelectionRequest:
     wanted_u: float | None
     seed: int
     prior: TypePrior | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in (("wanted_u", self.wanted_u), ("seed", self.seed)):
+            if value is not None and not value >= 0:
+                raise DataError(f"is {value:g}.", do="Give 0 or more.", key=name)
 
 
 @dataclass(frozen=True)

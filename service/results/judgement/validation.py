@@ -5,16 +5,18 @@ Lengths are in mm and angles in mrad; null stands for missing values.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
 
 from calib.array import Array
 from calib.data import Dataset
+from calib.errors import DataError
 from calib.fit import base_model_of, place_nominal, silent
 from calib.model import ModelStructure, named_only
 from calib.saved import CalibratedModel
@@ -283,12 +285,22 @@ class ValidationRequest:
         Point in the world, mm; errors are also grouped by their distance from it.
     limits : AcceptanceLimits or None
         Limits of the error.
+
+    Raises
+    ------
+    DataError
+        The point is not three finite numbers.
     """
 
     place: bool = False
     everything: bool = False
     point: tuple[float, float, float] | None = None
     limits: AcceptanceLimits | None = None
+
+    def __post_init__(self) -> None:
+        given: tuple[Any, ...] = (0.0, 0.0, 0.0) if self.point is None else tuple(self.point)
+        if len(given) != 3 or not all(isinstance(x, int | float) and math.isfinite(x) for x in given):
+            raise DataError("is not three finite numbers.", do="Give X Y Z in mm.", file="--point")
 
 
 @dataclass(frozen=True)

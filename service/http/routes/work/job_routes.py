@@ -182,8 +182,8 @@ def _readings(here: Service, body: ReadingsReference) -> dict[str, Any]:
     return here.workers.call(here.datasets.export, [here.book.path(body.run_id)], "", None)
 
 
-def _watch(here: Service, kind: str, body: BaselineReference, asked: dict[str, Any]) -> dict[str, Any]:
-    own, content = _baseline(here, body)
+def _watch(here: Service, kind: str, baseline: tuple[str, bytes], asked: dict[str, Any]) -> dict[str, Any]:
+    own, content = baseline
     sha256 = hashlib.sha256(content).hexdigest()  # by which a history knows it
     file = f"{sha256[:12]}.json"  # its name in verdicts: the same for the same model, however it was named
     about = {"id": own, "sha256": sha256, "file": file}
@@ -191,7 +191,7 @@ def _watch(here: Service, kind: str, body: BaselineReference, asked: dict[str, A
 
 
 def _judge(here: Service, kind: str, body: ReadingsReference, more: dict[str, Any]) -> dict[str, Any]:
-    _baseline(here, body)  # refused before a run is made a data set
+    baseline = _baseline(here, body)  # refused before a run is made a data set
     order = {
         "rate": body.false_alarms,
         "missing_allowed": body.allow_missing,
@@ -199,7 +199,7 @@ def _judge(here: Service, kind: str, body: ReadingsReference, more: dict[str, An
         **more,
     }
     own = _readings(here, body)["id"]
-    return _watch(here, kind, body, _readings_of(here, own) | {"order": order})
+    return _watch(here, kind, baseline, _readings_of(here, own) | {"order": order})
 
 
 def create_watch_plan(here: Service, body: WatchPlanAsked) -> dict[str, Any]:
@@ -220,7 +220,7 @@ def create_watch_plan(here: Service, body: WatchPlanAsked) -> dict[str, Any]:
         "repeats": body.readings,
         "frame_known": not body.new_frame,
     }
-    return _watch(here, "watch_plan", body, {"cell": here.cell.source, "order": order})
+    return _watch(here, "watch_plan", _baseline(here, body), {"cell": here.cell.source, "order": order})
 
 
 def create_watch(here: Service, body: WatchRequestBody) -> dict[str, Any]:
