@@ -26,19 +26,26 @@ from typing import Literal
 
 import numpy as np
 
-from acquisition.campaign.blocks.block import DECIMALS, Approach, Block, Joints, RandomStream, Site
+from acquisition.campaign.blocks import AnyBlock
+from acquisition.campaign.blocks.block import (
+    DECIMALS,
+    Approach,
+    Block,
+    BlockVisit,
+    Joints,
+    RandomStream,
+    Site,
+)
 from acquisition.campaign.campaign import Campaign
-from acquisition.campaign.poses import draw_poses
+from acquisition.campaign.poses import draw_poses, moves_s
 from acquisition.cell.cell import Cell
 from acquisition.cell.transit import Transit, clear_moves
 from acquisition.errors import NoClearWay, UnsafePlan
-from calib.arm import forward
 from calib.array import Array
 from drivers.errors import ConfigError
 
 __all__ = ["DECIMALS", "Visit", "make_plan"]
 Kind = Literal["nest", "pose"]
-START_AND_STOP_S = 0.3  # of a move
 READING_S = 1.0  # beam and reply, in addition to the samples
 SAMPLES_PER_S = 1000.0
 
@@ -172,24 +179,26 @@ def _fits_instrument(cell: Cell, campaign: Campaign) -> None:
 def _units(cell: Cell, campaign: Campaign, number: int, taken: tuple[Joints, ...]) -> list[list[Visit]]:
     """Return the visits of a block in groups that must stay together; `taken` as in its site."""
     block, site = campaign.blocks[number], replace(site_of(cell, campaign, number), taken=taken)
-    visits = [
-        Visit(
-            0,
-            f"{visit.what} of block {number + 1} ({block.set})",
-            "pose" if visit.joints_deg else "nest",
-            block.set,
-            number,
-            tuple(target for target, _ in visit.distances)
-            or tuple(target for target in site.targets for _ in range(visit.readings)),
-            visit.joints_deg,
-            visit.sides,
-            visit.approach_deg,
-            tuple(base for _, base in visit.distances),
-            visit.waypoints,
-        )
-        for visit in block.visits_at(site)
-    ]
+    visits = [visit_of(block, site, visit) for visit in block.visits_at(site)]
     return [visits] if block.ordered else [[visit] for visit in visits]
+
+
+def visit_of(block: AnyBlock, site: Site, visit: BlockVisit) -> Visit:
+    """Return a visit of a block as one of a plan, which has no number yet."""
+    return Visit(
+        0,
+        f"{visit.what} of block {site.number + 1} ({block.set})",
+        "pose" if visit.joints_deg else "nest",
+        block.set,
+        site.number,
+        tuple(target for target, _ in visit.distances)
+        or tuple(target for target in site.targets for _ in range(visit.readings)),
+        visit.joints_deg,
+        visit.sides,
+        visit.approach_deg,
+        tuple(base for _, base in visit.distances),
+        visit.waypoints,
+    )
 
 
 def site_of(cell: Cell, campaign: Campaign, number: int) -> Site:
@@ -332,7 +341,9 @@ class Forecast:
             firsts.append(len(path) - 1)
             path += [visit.approach_deg, visit.joints_deg, *visit.waypoints]
             speeds += [*[cell.robot.speed_deg_s] * 2, *[_speed(cell, campaign, visit)] * len(visit.waypoints)]
-        moves = np.add.reduceat(_moves_s(cell, np.array(path), np.array(speeds)), firsts)
+        moves = np.add.reduceat(
+            moves_s(cell, np.array(path[:-1]), np.array(path[1:]), np.array(speeds)), firsts
+        )
         moves += [_rests_s(campaign, visit) for visit in posed]
         settling = [campaign.settle_of(visit.block).seconds for visit in posed]
         arriving = dict(zip((visit.number for visit in posed), moves + np.array(settling), strict=True))
@@ -378,17 +389,3 @@ def _speed(cell: Cell, campaign: Campaign, visit: Visit) -> float:
     """Return the speed, deg/s, at which the robot drives through the waypoints of a visit."""
     path = campaign.path_of(visit.block)
     return cell.robot.speed_deg_s if path is None or path.speed_deg_s is None else path.speed_deg_s
-
-
-def _moves_s(cell: Cell, path: Array, speed_deg_s: Array) -> Array:
-    """Compute the durations (n - 1,) s of the moves along joint angles (n, N).
-
-    `speed_deg_s` (n - 1,) are the speeds of the leading joint.
-    """
-    slides = np.array([kind == "slides" for kind in cell.robot.model.kinds])
-    moved = np.abs(np.diff(path, axis=0))
-    joints = np.where(slides, 0.0, moved).max(axis=1) / speed_deg_s
-    flange = forward(cell.robot.model, cell.robot.model_angles(path))[:, :3, 3]
-    straight = np.linalg.norm(np.diff(flange, axis=0), axis=1) / cell.robot.speed_mm_s
-    slowest = np.maximum(joints, straight)
-    return np.where(slowest > 0.0, slowest + START_AND_STOP_S, 0.0)

@@ -9,19 +9,23 @@ if they slide; an approach covers as many mm as deg.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.cell.cell import Cell
 from acquisition.cell.transit import may_visit
 from acquisition.cell.workspace import facing, is_allowed
+from calib.arm import forward
+from calib.array import Array
 from drivers.errors import ConfigError
 
 _BATCH, _LOOKED_AT = 500, 50
 _FRUITLESS = 200  # batches: stop after 100,000 random poses without a good one
 _MOST = 1000  # batches in all
+START_AND_STOP_S = 0.3  # of a move
 
 
 class Pose(NamedTuple):
@@ -47,6 +51,7 @@ def draw_poses(
     decimals: int = 4,
     targets: Sequence[str] | None = None,
     fewest: int | None = None,
+    within: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> list[Pose]:
     """Draw random poses with their approach.
 
@@ -65,6 +70,8 @@ def draw_poses(
         |offset_deg|.
     targets
         Targets that must be visible at the pose. Default: all of the cell.
+    within
+        Tells of joint angles (n, N) whether the poses are wanted. Default: all.
 
     Raises
     ------
@@ -99,6 +106,7 @@ def draw_poses(
             lengths = np.maximum(np.floor(drawn * 10**decimals) / 10**decimals, reach)
         before = joints - sides * lengths[:, None]
         seen = facing(cell, joints, targets)
+        seen = seen if within is None else seen & within(joints)
         joints, sides, lengths, before = joints[seen], sides[seen], lengths[seen], before[seen]
         # They were drawn within the limits, but rounding may have left them.
         clear = is_allowed(cell, joints) & is_allowed(cell, before)
@@ -132,3 +140,18 @@ def too_few(cell: Cell, found: int, needed: int, targets: Sequence[str] | None) 
     return ConfigError(
         f"only {found} random poses clear table, keep-out boxes and fixtures{seen}; {needed} are needed"
     )
+
+
+def moves_s(cell: Cell, start_deg: Array, end_deg: Array, speed_deg_s: Array | float) -> Array:
+    """Compute the durations (n,) s of n moves between joint angles (n, N).
+
+    `speed_deg_s`, (n,) or one for all, are the speeds of the leading joint.
+    """
+    slides = np.array([kind == "slides" for kind in cell.robot.model.kinds])
+    joints = np.where(slides, 0.0, np.abs(end_deg - start_deg)).max(axis=1) / speed_deg_s
+    ends = (
+        forward(cell.robot.model, cell.robot.model_angles(each))[:, :3, 3] for each in (start_deg, end_deg)
+    )
+    straight = np.linalg.norm(np.subtract(*ends), axis=1) / cell.robot.speed_mm_s
+    slowest = np.maximum(joints, straight)
+    return np.where(slowest > 0.0, slowest + START_AND_STOP_S, 0.0)

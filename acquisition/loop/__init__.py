@@ -1,6 +1,7 @@
 """The closed loop: measure, find unmodelled errors, drive corrected targets, measure again."""
 
 from acquisition.loop import rehearsal
+from acquisition.loop.calibration import VERIFICATION, Outlook, calibration_campaign
 from acquisition.loop.follow_up_campaign import campaign_table, campaign_text, fits, in_cell
 from acquisition.loop.loop import (
     Compute,
@@ -16,12 +17,15 @@ from acquisition.loop.loop import (
 from acquisition.loop.rehearsal import targets_csv
 
 __all__ = [
+    "VERIFICATION",
     "Compute",
     "Equipment",
     "FollowUpResult",
     "LoopEnded",
     "LoopResult",
+    "Outlook",
     "Say",
+    "calibration_campaign",
     "campaign_table",
     "campaign_text",
     "check_loop",

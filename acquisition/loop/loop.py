@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.campaign.campaign import FORMAT, Campaign, campaign_from
+from acquisition.campaign.blocks.poses import PosesBlock
+from acquisition.campaign.campaign import FORMAT, Campaign, campaign_from, campaign_of_record
 from acquisition.campaign.plan import DECIMALS
 from acquisition.campaign.poses import draw_poses
 from acquisition.cell.cell import Cell
@@ -34,11 +35,12 @@ from acquisition.cell.transit import may_visit
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import UnsafePlan
 from acquisition.loop.follow_up_campaign import campaign_table, in_cell
+from acquisition.record.database import FILE
 from acquisition.record.device_serials import Individual, individuals_of, series_among
 from acquisition.record.export import export, table_of
 from acquisition.record.merge import CampaignPart, frame_of_part, merge
 from acquisition.record.states import State
-from acquisition.record.store import Event
+from acquisition.record.store import Event, RecordStore
 from acquisition.record.verification import (
     JudgedLandings,
     Verification,
@@ -50,10 +52,11 @@ from acquisition.record.verification import (
     world_of,
 )
 from acquisition.run.clock import Clock
-from acquisition.run.duration import Foresee, at_once
+from acquisition.run.duration import Begin, at_once
 from acquisition.run.orders.lease import LeaseDeadline
 from acquisition.run.outcome import ExecutionOutcome
 from acquisition.run.run import Run
+from acquisition.run.status import read_status
 from calib.array import Array
 from calib.compensate import Bounds, Correction, Usable, correct, refuse_unlikely, usable
 from calib.data import Dataset, read_dataset
@@ -129,8 +132,10 @@ class Equipment:
         Calls functions of a module that take seconds; in another process if a person must be served meanwhile.
     diagnose
         Makes the diagnosis, which takes minutes; in another process likewise.
-    foresee
-        Begins the forecast of a campaign; in another process likewise.
+    confirm
+        Asks a person whether the motion that a text describes may begin. False ends the loop.
+    begin
+        Begins computations from the record of a campaign; in another process likewise.
     """
 
     cell: Cell
@@ -144,7 +149,8 @@ class Equipment:
     resumed: Resumed = lambda run, outcome: False
     compute: Compute = here
     diagnose: Diagnose = diagnosed
-    foresee: Foresee = at_once
+    begin: Begin = at_once
+    confirm: Callable[[str], bool] = lambda motion: True
 
 
 @dataclass(frozen=True)
@@ -180,7 +186,8 @@ class FollowUpResult:
 class LoopResult:
     """The results of a loop.
 
-    `followed_up` is None if the diagnosis was not ambiguous, or no pose would have helped.
+    `followed_up` is None if the diagnosis was not ambiguous, or no pose would have helped. `accuracy` is that of the
+    status of the first campaign.
     """
 
     data: Path
@@ -188,6 +195,7 @@ class LoopResult:
     targets: Targets
     verification: Verification
     followed_up: FollowUpResult | None
+    accuracy: dict[str, Any] | None = None
 
 
 def close_loop(
@@ -228,6 +236,9 @@ def close_loop(
         before, diagnosis = diagnosis, equipment.diagnose(data, say)
         followed_up = FollowUpResult(before, planned, len(diagnosis.dataset) - alone)
     refuse_worse(*diagnosis.gain, file=data, use=", then measure again")
+    motion = f"drives {poses} new poses with corrected targets, and the same poses uncorrected"
+    if not equipment.confirm(motion):
+        raise LoopEnded(ExecutionOutcome(State.PAUSED, "The corrected targets were not driven."))
     say("campaign 2: driving corrected targets")
     return verify(equipment, campaign, folder, first, last, data, diagnosis, followed_up, poses)
 
@@ -288,6 +299,8 @@ def measure(
 ) -> MeasuredCampaign:
     """Measure one campaign from beginning to end, with the robot and the instrument of `like`.
 
+    A record that an earlier program has begun is continued; a finished one is used as it is.
+
     Raises
     ------
     LoopEnded
@@ -298,10 +311,12 @@ def measure(
         The record cannot be written.
     """
     with equipment.create(record, equipment.cell, campaign, equipment.simulated) as run:
-        if like is not None:
+        age_s = run.age_s(equipment.clock)
+        if like is not None and not age_s:
             run.expect(list(individuals_of(like.record).values()))
-        began_s = equipment.clock.now()
-        outcome = _executed(equipment, run)
+        began_s = equipment.clock.now() - age_s
+        finished = run.status().state == State.SUCCEEDED.value
+        outcome = ExecutionOutcome(State.SUCCEEDED, "") if finished else _executed(equipment, run)
         while outcome.state is State.PAUSED and equipment.resumed(run, outcome):
             outcome = _executed(equipment, run)
         measured = MeasuredCampaign(run.folder, began_s)
@@ -317,7 +332,7 @@ def _executed(equipment: Equipment, run: Run) -> ExecutionOutcome:
             equipment.clock,
             equipment.listen(run),
             lease=equipment.lease(),
-            foresee=equipment.foresee,
+            begin=equipment.begin,
         )
 
 
@@ -351,16 +366,20 @@ def verify(
     accepted: dict[str, None] = {}
     sent: list[Array] = []
     for number, begin in enumerate(range(0, len(wanted), size), start=2):
-        goals = wanted[begin : begin + size]
-        stated = conditions_soon(equipment, dataset, first, last)
-        done = equipment.compute(correction, equipment.cell, diagnosis, goals, stated)
-        joints = np.round(done.joints / equipment.cell.robot.model.joint_units, DECIMALS)
-        keep = np.all(np.isfinite(joints), axis=1) & clear(equipment.cell, joints)
-        refused += ["the temperature moved it out of reach"] * int(np.sum(~keep))
-        goals, joints = goals[keep], joints[keep]
+        goals, record = wanted[begin : begin + size], folder / f"campaign{number}"
+        begun = targets_of_record(record)
+        if begun is not None:  # by an earlier program
+            joints, goals = begun
+        else:
+            stated = conditions_soon(equipment, dataset, first, last)
+            done = equipment.compute(correction, equipment.cell, diagnosis, goals, stated)
+            joints = np.round(done.joints / equipment.cell.robot.model.joint_units, DECIMALS)
+            keep = np.all(np.isfinite(joints), axis=1) & clear(equipment.cell, joints)
+            refused += ["the temperature moved it out of reach"] * int(np.sum(~keep))
+            goals, joints = goals[keep], joints[keep]
         if not len(goals):
             continue
-        second = measure(equipment, campaign_of(campaign, joints, goals), folder / f"campaign{number}", last)
+        second = measure(equipment, campaign_of(campaign, joints, goals), record, last)
         batches.append(_judged(equipment, second, first, joints, goals, diagnosis, world, devices))
         for each in individuals_of(second.record).values():
             if each.reason:
@@ -374,7 +393,8 @@ def verify(
     approach = f"{APPROACH_DEG:g} deg on every joint"
     verification = verification_of(batches, len(both), refused, approach, list(accepted))
     targets = Targets(both[:, :half], both[:, half:], tuple(refused))
-    return LoopResult(data, diagnosis, targets, verification, followed_up)
+    accuracy = read_status(first.record).accuracy
+    return LoopResult(data, diagnosis, targets, verification, followed_up, accuracy)
 
 
 def _judged(
@@ -536,6 +556,18 @@ def campaign_of(like: Campaign, corrected_deg: Array, wanted_deg: Array) -> Camp
         },
         "verification campaign",
     )
+
+
+def targets_of_record(record: Path) -> tuple[Array, Array] | None:
+    """Return the corrected and the wanted joints (k, N), deg, of a verification that was begun; None without one."""
+    if not (record / FILE).is_file():
+        return None
+    with RecordStore.reading(record) as store:
+        campaign = campaign_of_record(store.campaign["campaign"], str(record))
+    corrected, wanted = (
+        np.array(block.joints_deg) for block in campaign.blocks if isinstance(block, PosesBlock)
+    )
+    return corrected, wanted
 
 
 def _block(joints_deg: Array) -> dict[str, Any]:

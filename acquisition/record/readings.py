@@ -200,3 +200,13 @@ def drift_of(store: RecordStore) -> ReferenceDrift | None:
     lengths = [float(np.linalg.norm(moved)) for _, moved in drifts]
     t_s, (x, y, z) = drifts[-1]
     return ReferenceDrift(len(rows), (float(x), float(y), float(z)), lengths[-1], max(lengths), t_s)
+
+
+def accuracy_of(store: RecordStore) -> dict[str, Any] | None:
+    """Return what the last look of an adaptive block found, with the history of all looks; None without one."""
+    looks = store.data_of_events("accuracy")
+    if not looks:
+        return None
+    shown = ("poses", "rms_mm", "bound_mm")
+    last = {key: value for key, value in looks[-1].items() if key not in ("misses", "waited_s")}
+    return last | {"history": [{key: each[key] for key in shown} for each in looks]}

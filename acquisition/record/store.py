@@ -370,6 +370,12 @@ class RecordStore:
             again = [self._replace(db, pose, reason) for pose in poses]
             self.note(db, "measure_again", poses=list(poses), replaced_by=again, reason=reason)
 
+    def add_visits(self, visits: Sequence[Visit]) -> None:
+        """Add visits to the end of the plan."""
+        with self.changing() as db:
+            self._plan(db, visits)
+            self.note(db, "planned", visits=[visit.number for visit in visits])
+
     def replan(self, planned: Sequence[PlannedReading], visit: Visit) -> None:
         """Plan readings of one visit in another visit, because the first cannot provide them.
 

@@ -5,7 +5,7 @@ Start with `Run`.
 
 from acquisition.campaign.plan import Forecast
 from acquisition.run.clock import Clock, ScaledClock
-from acquisition.run.duration import forecast_of
+from acquisition.run.duration import Begin, forecast_of
 from acquisition.run.interrupt import pausing_on_interrupt
 from acquisition.run.orders.control import ON_REQUEST
 from acquisition.run.orders.lease import LeaseDeadline
@@ -16,6 +16,7 @@ from acquisition.run.status import RunStatus, read_status
 __all__ = [
     "ON_REQUEST",
     "PROMPT",
+    "Begin",
     "Clock",
     "ExecutionOutcome",
     "Forecast",

@@ -1,7 +1,7 @@
 """The duration of a run, calculated from the plan in its record.
 
-The calculation is made at once, or in another process while the run begins. To read a plan of 5,000 poses takes 0.3 s
-of the interpreter, which a service shares with the thread that stops a robot.
+Computations from the record are made at once, or in another process while the run goes on. To read a plan of 5,000
+poses takes 0.3 s of the interpreter, which a service shares with the thread that stops a robot.
 """
 
 from __future__ import annotations
@@ -9,14 +9,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
+from typing import Protocol, TypeVar
 
 from acquisition.campaign.campaign import campaign_of_record
 from acquisition.campaign.plan import Forecast
 from acquisition.cell.cell import cell_of_record
 from acquisition.record.store import RecordStore
 
-Foresee = Callable[[Path], Future[Forecast]]
-"""Begins to reckon how long the run in this record will take."""
+T = TypeVar("T")
+
+
+class Begin(Protocol):
+    """Begins a computation from the record in a folder, perhaps in another process."""
+
+    def __call__(self, function: Callable[[Path], T], record_dir: Path, /) -> Future[T]: ...
 
 
 def forecast_of(record_dir: Path) -> Forecast:
@@ -39,8 +45,8 @@ def forecast_of(record_dir: Path) -> Forecast:
     return Forecast.of(cell, campaign, list(visits))
 
 
-def at_once(record_dir: Path) -> Future[Forecast]:
-    """Compute the forecast in the calling thread; errors are those of `forecast_of`."""
-    forecast: Future[Forecast] = Future()
-    forecast.set_result(forecast_of(record_dir))
-    return forecast
+def at_once(function: Callable[[Path], T], record_dir: Path) -> Future[T]:
+    """Compute in the calling thread; errors are those of the function."""
+    future: Future[T] = Future()
+    future.set_result(function(record_dir))
+    return future

@@ -27,7 +27,7 @@ from acquisition.record.device_serials import DeviceAcceptance, Individual, Indi
 from acquisition.record.states import State
 from acquisition.record.store import Event, EventTime, RecordStore
 from acquisition.run.clock import Clock, ScaledClock
-from acquisition.run.duration import Foresee, at_once
+from acquisition.run.duration import Begin, at_once, forecast_of
 from acquisition.run.orders.control import ON_REQUEST, Control, Pausing, Stopping
 from acquisition.run.orders.lease import LeaseDeadline
 from acquisition.run.orders.robot_lock import Mover
@@ -172,7 +172,7 @@ class Run:
         clock: Clock | None = None,
         on_event: Callable[[Event], None] | None = None,
         lease: LeaseDeadline | None = None,
-        foresee: Foresee = at_once,
+        begin: Begin = at_once,
     ) -> ExecutionOutcome:
         """Take the missing readings, and block until the run ends.
 
@@ -183,8 +183,9 @@ class Run:
         lease
             Lease of an owner who beats. When it ends, the robot comes to rest and the run is paused. Default: the
             caller lives as long as this call.
-        foresee
-            Begins the forecast, from which the status takes the remaining time.
+        begin
+            Begins computations from the record: the forecast, from which the status takes the remaining time, and
+            the looks of an adaptive block.
 
         Raises
         ------
@@ -204,7 +205,7 @@ class Run:
                 self._mover = stack.enter_context(Mover(self.cell.robot.url))
             if on_event is not None:
                 stack.enter_context(self._store.listening(on_event))
-            execution = self._begin(devices, clock, foresee)
+            execution = self._begin(devices, clock, begin)
             if lease is not None:
                 stack.enter_context(lease.watched(lambda: self._owner_is_silent(lease, execution.control)))
             sequencer = Sequencer(
@@ -215,6 +216,7 @@ class Run:
                 execution.control,
                 execution.desk,
                 clock,
+                begin,
             )
             ending, error = State.PAUSED, None
             reason = "The program was interrupted."
@@ -240,8 +242,10 @@ class Run:
                 error = self._end(ending, reason) or error
         return ExecutionOutcome(State.PAUSED if self._trouble else ending, self._trouble or reason, error)
 
-    def _begin(self, devices: Devices, clock: Clock, foresee: Foresee) -> CampaignExecution:
-        forecast = foresee(self.folder)  # before the mutex, which a stop needs: it may take its time
+    def _begin(self, devices: Devices, clock: Clock, begin: Begin) -> CampaignExecution:
+        forecast = begin(
+            forecast_of, self.folder
+        )  # before the mutex, which a stop needs: it may take its time
         with self._mutex:
             state = self._store.state
             if self._execution is not None or not (state is State.READY or self._resumed):
@@ -294,6 +298,11 @@ class Run:
         last = self._store.database.query("SELECT coalesce(max(t_s), 0) FROM event")[0][0]
         base = max(last, since * clock.time_scale) - clock.now()
         return lambda: EventTime(clock.utc(), base + clock.now())
+
+    def age_s(self, clock: Clock) -> float:
+        """Return how long ago the campaign began, s of the campaign; 0 if it has not begun."""
+        started = self._store.campaign["started_utc"]
+        return 0.0 if started is None else (clock.utc() - started) * clock.time_scale
 
     def _met(self, met: ConnectedDevice) -> None:
         """Check a connected device before anything moves, and note it.

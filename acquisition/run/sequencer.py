@@ -30,6 +30,7 @@ from acquisition.cell.transit import Transit
 from acquisition.errors import NothingNew, NothingWhereItShouldBe, OtherBalls, WronglySeated
 from acquisition.record.attempts import Attempts
 from acquisition.record.store import PlannedReading, RecordStore
+from acquisition.run.adaptive import AdaptiveSelection
 from acquisition.run.arrivals import Arrival, Arrivals
 from acquisition.run.ballbar.distances import BallbarChecks
 from acquisition.run.ballbar.second_stage import SecondStage
@@ -41,6 +42,7 @@ from acquisition.run.checks.nests import Nests
 from acquisition.run.checks.repeated_point import Expectation, RepeatedPointCheck, as_planned
 from acquisition.run.checks.target_distances import TargetDistanceCheck
 from acquisition.run.clock import Clock
+from acquisition.run.duration import Begin
 from acquisition.run.orders.control import ON_REQUEST, Control, Stopping
 from acquisition.run.prompts.manual_steps import ManualSteps
 from acquisition.run.prompts.picture import PromptPicture
@@ -72,6 +74,7 @@ class Sequencer:
         control: Control,
         desk: PromptQueue,
         clock: Clock,
+        begin: Begin,
     ) -> None:
         self._store = store
         self._attempts = Attempts(store)
@@ -97,6 +100,7 @@ class Sequencer:
             Attitudes(cell),
         )
         self._companions = TargetDistanceCheck(store)
+        self._adaptive = AdaptiveSelection(store, campaign, begin, control, clock)
         self._second_stage = SecondStage(store, cell, campaign, self._placing.cell)
         self._nests = Nests(store, cell, lambda nest: self._try(nest, last=True), self._consult)
         self._arrival: Arrival | None = None
@@ -127,9 +131,12 @@ class Sequencer:
         self._measure_nests("resumed: is the instrument still where it was?")
         self._gates.ask_about_nests()
         # The next reading is read from the record every time: one may be deferred, or requested again.
-        while self._store.left("planned") or self._store.left("deferred"):
+        while self._store.left("planned") or self._adaptive.extend() or self._store.left("deferred"):
             while left := self._store.left("planned"):
+                self._adaptive.look_ahead()
                 self._next(left[0], last=False)
+            if self._adaptive.extend():
+                continue
             self._second_stage.plan()
             while left := self._store.left("planned") or self._store.left("deferred"):
                 self._next(left[0], last=True)

@@ -10,7 +10,7 @@ from typing import Any
 from acquisition.campaign.plan import Forecast
 from acquisition.record.attempts import Attempts
 from acquisition.record.database import is_owned, share_of_path
-from acquisition.record.readings import drift_of
+from acquisition.record.readings import accuracy_of, drift_of
 from acquisition.record.states import LEFT_BEHIND, State
 from acquisition.record.store import RecordStore
 from acquisition.run.clock import Clock
@@ -35,6 +35,8 @@ class RunStatus:
     path
         The last waypoint that a path reached, their number, and the samples and lost samples of both streams so far;
         None without a path.
+    accuracy
+        What the last look of an adaptive block found (`run.adaptive`), and the `history` of all looks.
     """
 
     id: str
@@ -52,6 +54,7 @@ class RunStatus:
     seconds_left: float | None = None
     simulated: bool = False
     path: dict[str, Any] | None = None
+    accuracy: dict[str, Any] | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Return the values for JSON."""
@@ -76,7 +79,11 @@ class Pace:
         if not self._forecast.done() or self._forecast.exception() is not None:
             return None
         elapsed = self._clock.now() - self._since
-        return self._forecast.result().seconds_left(done, self._done, elapsed, share) / self._clock.time_scale
+        return self.real_s(self._forecast.result().seconds_left(done, self._done, elapsed, share))
+
+    def real_s(self, seconds: float) -> float:
+        """Return how long `seconds` of the campaign take."""
+        return seconds / self._clock.time_scale
 
 
 def status_of(store: RecordStore, pace: Pace | None = None, trouble: str | None = None) -> RunStatus:
@@ -88,7 +95,10 @@ def status_of(store: RecordStore, pace: Pace | None = None, trouble: str | None 
     state = State.PAUSED if trouble else State(row["state"])
     skipped = counts.get("skipped", 0)
     done, total = counts.get("measured", 0) + skipped, sum(counts.values())
-    path = store.last_waypoint()
+    path, accuracy = store.last_waypoint(), accuracy_of(store)
+    seconds_left = None if pace is None else pace.seconds_left(done, share_of_path(store.database, path))
+    if pace is not None and accuracy is not None and accuracy["minutes_left"] is not None:
+        seconds_left = pace.real_s(60.0 * accuracy["minutes_left"])  # the plan has the next batch only
     return RunStatus(
         id=row["id"],
         name=row["name"],
@@ -102,9 +112,10 @@ def status_of(store: RecordStore, pace: Pace | None = None, trouble: str | None 
         prompt=Attempts(store).open_prompt() if state is State.WAITING else None,
         last_reading=store.last_reading(),
         drift=None if (drift := drift_of(store)) is None else drift.as_dict(),
-        seconds_left=None if pace is None else pace.seconds_left(done, share_of_path(store.database, path)),
+        seconds_left=seconds_left,
         simulated=bool(row["simulated"]),
         path=path,
+        accuracy=accuracy,
     )
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ from calib.effects import kind_of
 from calib.effects.kind import SECOND_TARGET, distinguishing
 from calib.fit.identification import IdentificationFit
 from calib.model.base_model import COMPLIANCE
-from calib.model.model import BoundModel, StatedConditions, conditions_at
+from calib.model.model import BoundModel, StatedConditions, conditions_of
 from calib.units import DEG, to_display
 
 _MOST = 5  # sentences
@@ -185,8 +185,8 @@ def later_visits(
     ----------
     joints : array of shape (n, N)
         Controller angles, rad.
-    sides : array of shape (n,)
-        Side of approach of every joint, +1 or -1.
+    sides : array of shape (n,) or (n, N)
+        Side of approach of every joint, or of each, +1 or -1.
     approach : array of shape (n,)
         Length of the last move, rad.
     targets : sequence of str
@@ -206,18 +206,9 @@ def later_visits(
         series=readings.series_names[-1],
     )
     turned = robot.model_angles(joints, coupling)
-    previous = robot.model_angles(joints - (sides * approach)[:, None] * robot.steps, coupling)
-    parts = {name: conditions_at(found.model, turned, stated, name) for name in dict.fromkeys(targets)}
-    made = next(iter(parts.values()))
-    points = np.stack([part.point for part in parts.values()])
-    which = np.array([list(parts).index(name) for name in targets])
-    return replace(
-        made,
-        side=np.where(turned >= previous, 1.0, -1.0),
-        previous=previous,
-        point=points[which, np.arange(len(which))],
-        target=np.array([made.target_names.index(name) for name in targets]),
-    )
+    moved = np.reshape(sides, (len(joints), -1)) * approach[:, None]
+    previous = robot.model_angles(joints - moved * robot.steps, coupling)
+    return conditions_of(found.model, turned, previous, stated, targets)
 
 
 def candidates(found: IdentificationFit) -> Conditions:

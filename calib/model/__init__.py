@@ -9,6 +9,7 @@ from calib.model.model import (
     StatedConditions,
     check_effect,
     conditions_at,
+    conditions_of,
     named_only,
     series_of,
 )
@@ -29,6 +30,7 @@ __all__ = [
     "ToAnchor",
     "check_effect",
     "conditions_at",
+    "conditions_of",
     "effect",
     "named_only",
     "series_of",

@@ -36,7 +36,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -521,6 +521,38 @@ def nominal_poses(model: ModelStructure, joints: Array, tool: Array) -> Array:
     poses = forward(model.robot, joints)
     poses[:, :3, 3] += poses[:, :3, :3] @ tool
     return poses
+
+
+def conditions_of(
+    model: ModelStructure, joints: Array, previous: Array, stated: StatedConditions, targets: Sequence[str]
+) -> Conditions:
+    """Build the conditions of n readings, each of its own target.
+
+    Parameters
+    ----------
+    joints, previous
+        Model joints (n, N) of the pose, and of the point from which the last move comes, rad or mm.
+    stated
+        Everything else; its sides and lengths of approach are not used.
+    targets
+        Names of the n targets.
+
+    Raises
+    ------
+    ValueError
+        The series or a target is unknown.
+    """
+    parts = {name: conditions_at(model, joints, stated, name) for name in dict.fromkeys(targets)}
+    made = next(iter(parts.values()))
+    points = np.stack([part.point for part in parts.values()])
+    which = np.array([list(parts).index(name) for name in targets])
+    return replace(
+        made,
+        side=np.where(joints >= previous, 1.0, -1.0),
+        previous=previous,
+        point=points[which, np.arange(len(which))],
+        target=np.array([made.target_names.index(name) for name in targets]),
+    )
 
 
 def conditions_at(

@@ -15,6 +15,7 @@ import numpy as np
 
 from calib.arm.robot import Load, Robot
 from calib.array import Array
+from calib.data.conditions import Conditions
 from calib.data.header import DEFAULT_GROUPS, GROUPS
 from calib.data.noise import Noise
 from calib.errors import DataError
@@ -117,10 +118,14 @@ def candidates_of(setup: Setup, joints: Array) -> Candidates:
     if not np.all(np.isfinite(joints)):
         raise DataError("a candidate has an angle that is not finite.", do="Leave it out.")
     model = setup.model()
-    parts = [_at_target(setup, model, joints, target) for target in setup.targets]
-    points, by_joint, noise = (np.stack(each, axis=1) for each in zip(*parts, strict=True))
-    scatter = setup.noise.of_each_joint(setup.robot.kinds) * by_joint
-    rows = _whitened(points, scatter, noise)
+    stated = StatedConditions(loads=setup.loads)
+    zero = np.zeros(len(model.parameters))
+    parts = [
+        derivatives(model, zero, conditions_at(model, joints, stated, target), setup.noise)
+        for target in setup.targets
+    ]
+    points, scatter, noise = (np.stack(each, axis=1) for each in zip(*parts, strict=True))
+    rows = whitened(points, scatter, noise)
     kept, dropped = _independent(rows.reshape(-1, rows.shape[-1]), model.parameters)
     rows, points = rows[:, :, kept], points[..., kept]
     size = np.linalg.norm(rows, axis=(0, 1)) / np.sqrt(len(joints))
@@ -135,20 +140,25 @@ def candidates_of(setup: Setup, joints: Array) -> Candidates:
     )
 
 
-def _at_target(setup: Setup, model: ModelStructure, joints: Array, target: str) -> tuple[Array, Array, Array]:
-    """Return derivatives and noise of a target.
+def derivatives(
+    model: ModelStructure, estimate: Array, conditions: Conditions, noise: Noise
+) -> tuple[Array, Array, Array]:
+    """Return derivatives and noise of n readings of points.
 
-    They are the derivatives by the parameters (N, 3, m) and by the joints (N, 3, J), and the noise (N, 3, 3).
+    They are the derivatives by the parameters (n, 3, m), mm per internal unit, the displacement by one standard
+    deviation of each joint (n, 3, J), mm, and the covariance of the instrument (n, 3, 3), mm2.
     """
-    design = BoundModel(model, conditions_at(model, joints, StatedConditions(loads=setup.loads), target))
-    frames = design.frames(np.zeros(len(model.parameters)))
-    columns = design.point_columns(frames).reshape(3, len(joints), -1).transpose(1, 0, 2)
-    by_joint = frames.velocities(setup.robot.joint_slots)
-    by_joint = np.broadcast_to(by_joint, (setup.robot.joints, 3, len(joints))).transpose(2, 1, 0)
-    return columns, by_joint, setup.noise.of_points(frames.p.T, np.full((len(joints), 3), np.nan))
+    design, n = BoundModel(model, conditions), len(conditions)
+    robot = model.robot
+    frames = design.frames(estimate, (*design.slots, *robot.joint_slots))
+    columns = np.broadcast_to(design.point_columns(frames).reshape(3, n, -1), (3, n, len(estimate)))
+    by_joint = np.broadcast_to(frames.velocities(robot.joint_slots), (robot.joints, 3, n)).transpose(2, 1, 0)
+    points = np.broadcast_to(frames.p, (3, n)).T
+    scatter = noise.of_each_joint(robot.kinds) * by_joint
+    return columns.transpose(1, 0, 2), scatter, noise.of_points(points, np.full((n, 3), np.nan))
 
 
-def _whitened(points: Array, scatter: Array, noise: Array) -> Array:
+def whitened(points: Array, scatter: Array, noise: Array) -> Array:
     """Whiten the derivatives (N, t, 3, m) of the targets of a pose together, to (N, 3 t, m).
 
     All targets are measured at one rest position of the robot, which is off by scatter (N, t, 3, J). Each has a

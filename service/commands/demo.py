@@ -27,12 +27,13 @@ from calib.data import read_dataset
 from calib.diagnose import DiagnosisFit
 from calib.errors import DataError
 from calib.text import replace_file
-from service import exit_codes, wording, written
+from service import exit_codes, written
 from service.child import python
 from service.commands import options
 from service.commands.models.diagnose import show, write_results
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed import tables
+from service.printed.looped import show_loop
 from service.printed.progress import RunProgress
 from service.printed.terminal import Terminal
 from service.private import owner_only
@@ -147,7 +148,8 @@ def _on_the_cell(
         hidden = _truth(simulated.ports["backdoor"])
     document = _write(result, out, terminal)
     terminal.rest()
-    _show(result, hidden, terminal)
+    show_loop(result, terminal)
+    _reveal(hidden, result.diagnosis, terminal)
     terminal.out.print(
         f"Open {out / 'report.html'}; beside it: diagnosis.json, predictions.csv, data.csv, model.json, "
         "targets.csv, and what went over the wires: wire_abb.log, wire_faro.log."
@@ -158,25 +160,7 @@ def _on_the_cell(
 def _write(result: LoopResult, out: Path, terminal: Terminal) -> dict[str, Any]:
     replace_file(out / "predictions.csv", predictions_csv(result.diagnosis))
     terminal.say("drawing the report")
-    return loop_results.write(result, out, name="diagnosis.json")
-
-
-def _show(result: LoopResult, hidden: list[dict[str, Any]], terminal: Terminal) -> None:
-    from service.report.sections import verification
-    from service.report.sections.follow_up_section import middle_step_in_words
-
-    diagnosis, verified = result.diagnosis, result.verification
-    if result.followed_up is not None:
-        terminal.out.print(middle_step_in_words(result.followed_up, diagnosis))
-    terminal.out.print(f"{wording.VERDICT_NAMES[diagnosis.verdict]}. {wording.verdict_in_words(diagnosis)}")
-    terminal.out.print(tables.effects(diagnosis))
-    for found in diagnosis.confirmed if diagnosis.causes_known else ():
-        terminal.out.print(f"Your model lacked: {wording.sentence_of(found)}")
-    holdout = diagnosis.dataset.header.holdout
-    terminal.out.print(tables.errors(verification.rows_of(diagnosis, verified), holdout))
-    terminal.out.print(f"On the robot: {verification.scope_in_words(verified)}")
-    terminal.out.print(verification.floor_in_words(verified))
-    _reveal(hidden, diagnosis, terminal)
+    return loop_results.write(result, out, name="diagnosis.json")[0]
 
 
 def _truth(port: int) -> list[dict[str, Any]]:

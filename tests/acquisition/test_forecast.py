@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.campaign.plan import READING_S, START_AND_STOP_S, Forecast, make_plan
+from acquisition.campaign.plan import READING_S, Forecast, make_plan
+from acquisition.campaign.poses import START_AND_STOP_S
 from tests.acquisition.fakes import a_campaign, a_cell
 
 AT = [0.0, 40.0, 20.0, 0.0, 30.0, 0.0]

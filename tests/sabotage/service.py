@@ -244,7 +244,7 @@ CHANGES = (
     ),
     Change(
         "service/http/runs/run_manager.py",
-        ", foresee=self.foresee)",
+        ", begin=self.compute)",
         ")",
         "a run reads its whole plan in the process that has to hear a stop",
         ("tests/service/test_forecasts.py",),

@@ -13,7 +13,7 @@ import pytest
 
 from acquisition import Devices, LeaseDeadline, Run, checked_plan
 from acquisition.run import Forecast, forecast_of
-from service.http.runs.run_manager import Forecasts, RunManager
+from service.http.runs.run_manager import RunComputations, RunManager
 from service.http.wire.problems import Problem
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, FakeMeter, a_campaign, a_cell
@@ -74,7 +74,7 @@ def test_it_is_made_by_another_process(tmp_path: Path) -> None:
     try:
         with Run.create(tmp_path, cell, campaign, simulated=True) as run:
             assert workers.call(os.getpid) != os.getpid()
-            made = Forecasts(workers)(run.folder).result(PATIENCE_S)
+            made = RunComputations(workers)(forecast_of, run.folder).result(PATIENCE_S)
     finally:
         workers.close()
     here = Forecast.of(cell, campaign, checked_plan(cell, campaign))

@@ -31,7 +31,7 @@ def test_a_run_that_was_resumed_is_shown_when_it_goes_on(
     def open_devices(_: Cell) -> Devices:
         return devices_of(bench)
 
-    def slowly(_: Path) -> Future[Forecast]:
+    def slowly(*_: object) -> Future[Forecast]:
         """Return a run that does not begin until its state has been requested."""
         asked.wait(PATIENCE_S)
         return Future()
@@ -48,7 +48,7 @@ def test_a_run_that_was_resumed_is_shown_when_it_goes_on(
         rested = book.document(name)
         assert (rested["state"], rested["reason"]) == ("paused", "Paused on request.")
         asked.clear()
-        monkeypatch.setattr(book, "foresee", slowly)
+        monkeypatch.setattr(book, "compute", slowly)
         book.resume(name, cell, lease)
         begun = book._execution.begun if book._execution is not None else threading.Event()
         in_time = begun.wait

@@ -36,7 +36,7 @@ from tests.end_to_end.simulated import ROOT
 from tests.service.campaigns import write_data
 
 UNITS = re.compile(
-    r"\b(mm|um|mrad|deg|rad|s|ms|Hz|kg|degC|hPa|ppm|mm/s|deg/s|m/s2|[Nn]umbers?|[Pp]robability|[Ss]hare|ratio|"
+    r"\b(mm|um|mrad|deg|rad|s|ms|min|Hz|kg|degC|hPa|ppm|mm/s|deg/s|m/s2|[Nn]umbers?|[Pp]robability|[Ss]hare|ratio|"
     r"[Nn]o unit|with unit|without a unit|in `unit`)(?=[\s.,;:)]|$)"
 )
 FREE = {"EventShown.data", "SelectionAsked.prior", "ToDiagnose.prior", "ToIdentify.prior"}
@@ -153,7 +153,7 @@ def test_the_kinds_of_events_are_those_that_the_program_writes() -> None:
 def test_the_campaign_offers_no_file_and_no_default_of_what_is_inherited(document: dict[str, Any]) -> None:
     schemas = document["components"]["schemas"]
     blocks = [each for name, each in schemas.items() if name.endswith("Block")]
-    assert len(blocks) == 9
+    assert len(blocks) == 10
     for block in blocks:
         own = block["properties"]
         assert "file" not in own

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Tag
 
+from acquisition.campaign.blocks.adaptive import AdaptiveBlock
 from acquisition.campaign.blocks.ballbar_geometry import BallbarGeometryBlock
 from acquisition.campaign.blocks.block import Block
 from acquisition.campaign.blocks.hexapod import HexapodBlock
@@ -31,7 +32,8 @@ AnyBlock = Annotated[
     | Annotated[LegsBlock, Tag("legs")]
     | Annotated[BallbarGeometryBlock, Tag("ballbar_geometry")]
     | Annotated[PathBlock, Tag("path")]
-    | Annotated[SphereBlock, Tag("sphere")],
+    | Annotated[SphereBlock, Tag("sphere")]
+    | Annotated[AdaptiveBlock, Tag("adaptive")],
     Discriminator(_kind_of),
 ]
 

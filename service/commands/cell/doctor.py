@@ -49,11 +49,11 @@ def doctor_command(
             devices = stack.enter_context(simulated_cell(the_cell)).open(the_cell)
         else:
             devices = open_devices(the_cell)
-        stack.enter_context(_quiet_drivers())
+        stack.enter_context(quiet_drivers())
         found = examine(the_cell, devices, record=record, simulated=simulate, progress=terminal.say)
         result = ExaminationShown.of(found)
         terminal.rest()
-        terminal.out.print(_table(found))
+        terminal.out.print(table_of(found))
         terminal.out.print(Text(result.verdict, style=_STYLES["fault" if found.faults else "ok"]))
     write_json(document_of(result), json)
     if found.exit_code != exit_codes.DONE:
@@ -61,7 +61,7 @@ def doctor_command(
 
 
 @contextmanager
-def _quiet_drivers() -> Iterator[None]:
+def quiet_drivers() -> Iterator[None]:
     """Keep warnings of connecting drivers off the screen.
 
     The table shows them and does not overwrite the progress line.
@@ -74,7 +74,7 @@ def _quiet_drivers() -> Iterator[None]:
         log.removeHandler(nobody)
 
 
-def _table(found: Examination) -> Table:
+def table_of(found: Examination) -> Table:
     """Build the table: level, device, check and result, with the recommended action below it."""
     table = Table(box=None, show_header=False, pad_edge=False)
     for _ in range(3):

@@ -85,7 +85,7 @@ class LoopWork:
             resumed=self._resumed,
             compute=self._compute,
             diagnose=self._diagnose,
-            foresee=book.foresee,
+            begin=book.compute,
         )
         self._update()
 

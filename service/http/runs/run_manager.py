@@ -6,7 +6,7 @@
 One thread at a time uses the robot: that of a run, or that of a closed loop with its runs one after another.
 Nothing is executed when the book is opened: runs that were going on when the program ended come back paused.
 
-Forecasts of runs, made in a worker process as soon as one is free. The runs begin meanwhile.
+Computations from the records of runs are made in a worker process as soon as one is free. The runs go on meanwhile.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from acquisition import (
     Campaign,
@@ -33,7 +33,7 @@ from acquisition import (
 from acquisition.campaign import Visit
 from acquisition.errors import RecordError, StorageError
 from acquisition.record import DeviceAcceptance
-from acquisition.run import ON_REQUEST, Forecast, forecast_of
+from acquisition.run import ON_REQUEST
 from drivers.errors import AcquisitionError, LinkError, LinkLost
 from service.http.runs import dry_runs, errors
 from service.http.runs.damage import Damaged, look_through
@@ -53,6 +53,7 @@ FINISH_S = 5.0
 BEGIN_S = 30.0  # from an order to go on until a run does: the robot's name is looked up, its lock and the record taken
 SERVICE_ENDS = "The service was ended."
 MAY_MOVE = "Nothing is connected since this link was lost: press the emergency stop if the robot moves."
+T = TypeVar("T")
 
 
 class RunManager:
@@ -67,7 +68,7 @@ class RunManager:
         self, folder: Path, open_devices: Callable[[Cell], Devices], workers: Workers, *, simulated: bool
     ) -> None:
         self._folder, self._open_devices, self._simulated = folder, open_devices, simulated
-        self._workers, self.foresee = workers, Forecasts(workers)
+        self._workers, self.compute = workers, RunComputations(workers)
         self._opening, self._mutex = threading.Lock(), threading.RLock()
         self._closed = False
         self._runs: dict[str, Run] = {}
@@ -309,7 +310,7 @@ class RunManager:
     def _begin(self, name: str, run: Run, devices: Devices, lease: LeaseDeadline) -> None:
         def work() -> None:
             try:
-                outcome = run.execute(devices, on_event=heard, lease=lease, foresee=self.foresee)
+                outcome = run.execute(devices, on_event=heard, lease=lease, begin=self.compute)
                 if outcome.error is not None:
                     self._errors[name] = outcome.error
             except AcquisitionError as error:
@@ -495,16 +496,16 @@ class RunManager:
             self._runs.clear()
 
 
-class Forecasts:
-    """Forecasts of runs.
+class RunComputations:
+    """Computations from the records of runs, in a worker process.
 
-    If a forecast is refused because too much is being computed, its run has none.
+    If one is refused because too much is being computed, its run has no forecast, or computes itself.
     """
 
     def __init__(self, workers: Workers) -> None:
         self._workers = workers
-        self._thread = ThreadPoolExecutor(1, "forecasts")  # it waits for the worker
+        self._thread = ThreadPoolExecutor(1, "computations")  # it waits for the worker
 
-    def __call__(self, record: Path) -> Future[Forecast]:
-        """Begin one; its future raises RecordError, StorageError, Problem, WorkerDied."""
-        return self._thread.submit(self._workers.call, forecast_of, record)
+    def __call__(self, function: Callable[[Path], T], record: Path, /) -> Future[T]:
+        """Begin one; its future raises AcquisitionError, Problem, WorkerDied."""
+        return self._thread.submit(self._workers.call, function, record)

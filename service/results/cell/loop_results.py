@@ -13,6 +13,7 @@ from calib.saved import save_model
 from calib.text import replace_file
 from service.files import as_json
 from service.job_folder import ARROWS, MODEL, REPORT, RESULT
+from service.results.cell.accuracy import AccuracyShown
 from service.results.cell.arrows import arrows_of
 from service.results.common import ERRORS, ErrorStatisticsResponse
 from service.results.models.diagnosed import (
@@ -26,6 +27,7 @@ from service.results.models.diagnosed import (
 from service.results.shape import Real, ResponseBody, document_of, told
 
 TARGETS = "targets.csv"
+FILES = (RESULT, MODEL, TARGETS, REPORT, ARROWS)
 
 
 class Verified(ResponseBody):
@@ -91,10 +93,13 @@ class LoopResponse(DiagnosisResult):
 
     verification: Annotated[Verified, told("Where the robot landed.", {"ratio": 1.07})]
     followed_up: Annotated[FollowUpResponse | None, told("Where poses were added.", None)] = None
+    accuracy: Annotated[
+        AccuracyShown | None, told("What the poses promised, where they were chosen while measuring.", None)
+    ] = None
 
 
-def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> dict[str, Any]:
-    """Write the results of a loop and return the document of the result.
+def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> tuple[dict[str, Any], str | None]:
+    """Write the results of a loop; return the document of the result, and the hash of the model if there is one.
 
     The result is written last, as `name`: if it exists, all other files do too.
 
@@ -108,7 +113,8 @@ def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> dict[str, 
     step = result.followed_up
     followed = {} if step is None else {"followed_up": FollowUpResponse.of(step)}
     outcome = DiagnosisOutcome(result.diagnosis)
-    document = document_of(LoopResponse.of(outcome, verification=result.verification, **followed))
+    reached = {} if result.accuracy is None else {"accuracy": result.accuracy}
+    document = document_of(LoopResponse.of(outcome, verification=result.verification, **followed, **reached))
     final, sealed = result.diagnosis.final, None
     if final.converged:
         sealed = save_model(folder / MODEL, final, result.diagnosis)
@@ -125,4 +131,4 @@ def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> dict[str, 
     )
     replace_file(folder / ARROWS, as_json(arrows_of(result.diagnosis.dataset, final)))
     replace_file(folder / name, as_json(document))
-    return document
+    return document, sealed

@@ -18,6 +18,7 @@ from service.http.wire.bodies.fields import (
     Version,
     told,
 )
+from service.results.cell.accuracy import AccuracyShown
 from service.results.cell.loop_results import LoopResponse
 
 RunState = Annotated[State, told("What it does; `state_code` is its number.", "running")]
@@ -32,11 +33,11 @@ StateCode = Annotated[
 Ended = Annotated[str, told("Why it paused, failed or waits; empty while it goes on.", "")]
 DryRun = Annotated[bool, told("Only checked; nothing has moved.", False)]
 EventKind = Literal[
-    "accept_other", "answer", "arrived", "attempt_died", "attempt_failed", "battery_low", "command", "connected",
-    "created", "deferred", "detour", "device_needed", "device_told", "instrument_moved", "link", "measure_again",
-    "nest_doubted", "nests_checked", "nests_judged", "other_device_accepted", "prompt", "reading", "reconnect",
-    "replanned", "rescued", "restation", "second_stage", "second_stage_refused", "skipped", "state", "taught", "warm",
-    "warm_up", "warming_up", "waypoint", "world_frame", "zeroed",
+    "accept_other", "accuracy", "answer", "arrived", "attempt_died", "attempt_failed", "batch", "battery_low",
+    "command", "connected", "created", "deferred", "detour", "device_needed", "device_told", "instrument_moved",
+    "link", "measure_again", "nest_doubted", "nests_checked", "nests_judged", "other_device_accepted", "planned",
+    "prompt", "reading", "reconnect", "replanned", "rescued", "restation", "second_stage", "second_stage_refused",
+    "skipped", "state", "taught", "warm", "warm_up", "warming_up", "waypoint", "world_frame", "zeroed",
 ]  # fmt: skip
 """Every kind of event that a record may hold."""
 
@@ -147,6 +148,9 @@ class RunResponse(ResponseBody):
         DriftResponse | None, told("Of the reference pose; null before its second reading.", None)
     ] = None
     path: Annotated[PathShown | None, told("How far a path has come.", None)] = None
+    accuracy: Annotated[
+        AccuracyShown | None, told("What an adaptive campaign has reached; null before its first look.", None)
+    ] = None
     unprotected: Annotated[
         int, told("Number of readings without a checksum; always 0: every one has it.", 0)
     ] = 0

@@ -1,0 +1,270 @@
+"""Blocks of `kind = "adaptive"`: poses that are chosen while they are measured, until the accuracy is reached.
+
+The plan has the first poses only: those that determine the base model best over the zone. Whenever they are measured,
+the readings so far tell how accurate the model is and which poses to add (`acquisition.run.adaptive`). The candidates,
+the poses by which the zone is judged and those that are drawn in it at random follow from the seed, so they are the
+same in every execution. The zone is the workspace of the cell, a box in the world, or a list of poses, for example
+those of the user's program. Lengths mm, angles deg, times s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Strict, model_validator
+
+from acquisition.campaign.blocks.block import DECIMALS, Block, BlockVisit, Joints, RandomStream, Site
+from acquisition.campaign.observability import setup_of
+from acquisition.campaign.poses import Pose, draw_poses, moves_s
+from acquisition.cell.cell import Cell
+from acquisition.cell.transit import may_visit
+from acquisition.cell.workspace import targets_at
+from acquisition.errors import as_config_error
+from acquisition.file_table import Rows, Table, refused, told
+from calib.array import Array
+from calib.data import Conditions, Noise
+from calib.model import ModelStructure, StatedConditions, conditions_of
+from calib.selection import Design, WorkingZone, rows_of_visits, usual_covariance, zone_of
+from drivers.errors import ConfigError
+
+BATCH = 5  # poses between two looks at the readings
+DRAWN = 2  # of these drawn at random in the zone
+LEAST = 15  # poses before the campaign may end
+FIRST = 10  # poses before the first look; as many as LEAST with a single target, which gives few numbers
+_CANDIDATES, _ZONE, _PROBES, _FEWEST = 500, 120, 60, 40
+
+Range = Annotated[tuple[float, float], Strict(False)]
+
+
+class ZoneTable(Table):
+    """A box in the world in which the robot works; a limit that is left out is that of the workspace."""
+
+    x_mm: Annotated[Range | None, told("Limits along x, mm.", [300.0, 550.0])] = None
+    y_mm: Annotated[Range | None, told("Limits along y, mm.", [-200.0, 200.0])] = None
+    z_mm: Annotated[Range | None, told("Limits along z, mm.", [100.0, 400.0])] = None
+
+    @model_validator(mode="after")
+    def _is_a_box(self) -> Self:
+        for key in ("x_mm", "y_mm", "z_mm"):
+            limits: tuple[float, float] | None = getattr(self, key)
+            if limits is not None and not limits[0] < limits[1]:
+                raise refused(key, f"is {list(limits)}.", "Give the lower limit first.")
+        return self
+
+    def within(self, cell: Cell, targets: Sequence[str], joints_deg: Array) -> NDArray[np.bool_]:
+        """Check that the middle of the targets is in the box at joint angles (n, N)."""
+        known = list(cell.tool.targets)
+        places = targets_at(cell, joints_deg)[:, [known.index(name) for name in targets]].mean(axis=1)
+        limits = np.array([each or (-np.inf, np.inf) for each in (self.x_mm, self.y_mm, self.z_mm)])
+        return np.all((places >= limits[:, 0]) & (places <= limits[:, 1]), axis=1)
+
+
+class AdaptiveBlock(Block):
+    """A block that measures until the accuracy is reached, no more is to be gained, or the time is up."""
+
+    ordered: ClassVar[bool] = False
+
+    kind: Annotated[Literal["adaptive"], told("This kind.", "adaptive")]
+    set: Annotated[Literal["calibration"], told("Its poses enter the fit.", "calibration")] = "calibration"
+    accuracy_mm: Annotated[
+        float,
+        told(
+            "RMS error of a reading in the zone after the calibration, to be reached with 95 % confidence, mm.",
+            0.1,
+            ge=0.001,
+            le=100.0,
+        ),
+    ]
+    minutes: Annotated[
+        float | None,
+        told(
+            "No poses are added after this time since the beginning, min; left out: no limit.",
+            30.0,
+            ge=1.0,
+            le=10_000.0,
+        ),
+    ] = None
+    most: Annotated[int, told("Largest number of poses.", 60, ge=LEAST, le=1000)] = 60
+    zone: Annotated[
+        ZoneTable | None,
+        told("Where the robot works; left out: the whole workspace.", {"x_mm": [300.0, 550.0]}),
+    ] = None
+    zone_joints_deg: Annotated[
+        Rows | None,
+        told(
+            "Poses at which the robot works, deg, in place of a box.",
+            [[12.0, 45.0, -10.0, 80.0, -35.0, 10.0]],
+        ),
+    ] = None
+
+    @model_validator(mode="after")
+    def _one_zone(self) -> Self:
+        if self.zone is not None and self.zone_joints_deg is not None:
+            raise refused("zone_joints_deg", "is given beside zone.", "Give one of the two.")
+        return self
+
+    def visits_at(self, site: Site) -> list[BlockVisit]:
+        cell, pool = site.cell, pool_of(self, site)
+        first, _, _ = first_of(site, pool)
+        begin = np.array(cell.robot.home_deg or [0.0] * cell.robot.model.joints)
+        order = in_order(cell, pool, first, begin)
+        return [pool.visit(site, i, number) for number, i in enumerate(order, start=1)]
+
+
+@dataclass(frozen=True)
+class Pool:
+    """The poses of an adaptive block.
+
+    `candidates` may be measured. Those from `drawn` on are drawn in the zone at random, as are the poses `zone`, at
+    which the accuracy is judged and which are not measured.
+    """
+
+    candidates: tuple[Pose, ...]
+    drawn: int
+    zone: tuple[Pose, ...]
+
+    def joints(self, which: Sequence[int] | None = None) -> Array:
+        """Return the joint angles (n, N) of all candidates, or of some, deg."""
+        chosen = self.candidates if which is None else [self.candidates[i] for i in which]
+        return np.array([pose.joints_deg for pose in chosen])
+
+    def before(self, which: Sequence[int] | None = None) -> Array:
+        """Return their approach points (n, N), deg."""
+        return _before(self.candidates if which is None else [self.candidates[i] for i in which])
+
+    def visit(self, site: Site, i: int, number: int) -> BlockVisit:
+        """Return the visit of candidate i, which is the pose `number` of its block."""
+        pose = self.candidates[i]
+        return site.visit(f"pose {number}", pose.joints_deg, pose.sides, reach_deg=pose.reach_deg)
+
+
+def _before(poses: Sequence[Pose]) -> Array:
+    return np.array([pose.joints_deg for pose in poses]) - np.array(
+        [pose.sides for pose in poses]
+    ) * np.array([[pose.reach_deg] for pose in poses])
+
+
+def pool_of(block: AdaptiveBlock, site: Site) -> Pool:
+    """Draw the candidates and the zone of a block; the same every time.
+
+    Raises
+    ------
+    ConfigError
+        The cell leaves too few poses, the zone is out of its reach, or the targets cannot be measured without a person.
+    """
+    cell, approach = site.cell, site.approach
+    if cell.instrument.one_smr and len(site.targets) > 1:
+        raise ConfigError(
+            f"block {site.number + 1}: kind = 'adaptive' goes from pose to pose without a person, and the only SMR of "
+            f"this cell would be moved for {', '.join(site.targets)}; name one of them as 'targets', best one that is "
+            "far from the last axis"
+        )
+    rng = site.rng(RandomStream.POSE)
+
+    def drawn(most: int, fewest: int, within: ZoneTable | None) -> list[Pose]:
+        return draw_poses(
+            cell,
+            most,
+            rng,
+            approach.offset_deg,
+            both=approach.sides == "both",
+            longest_deg=approach.usual_longest_deg,
+            decimals=DECIMALS,
+            targets=site.targets,
+            fewest=fewest,
+            within=None if within is None else lambda joints: within.within(cell, site.targets, joints),
+        )
+
+    with as_config_error(f"block {site.number + 1}: "):
+        candidates = drawn(_CANDIDATES, LEAST * 2, None)
+        if block.zone_joints_deg is not None:
+            zone = _given(block.zone_joints_deg, site, rng)
+            before, joints = _before(zone), np.array([pose.joints_deg for pose in zone])
+            safe = may_visit(cell, joints, before)
+            probes = [pose for pose, good in zip(zone, safe, strict=True) if good] or candidates[:_PROBES]
+        else:
+            try:
+                zone = drawn(_ZONE + _PROBES, _FEWEST, block.zone)
+            except ConfigError as error:
+                if block.zone is None:
+                    raise
+                raise ConfigError(
+                    f"zone: {error.message}; make the box larger, or move it to where the robot reaches"
+                ) from error
+            probes, zone = zone[: len(zone) // 3], zone[len(zone) // 3 :]
+    return Pool((*candidates, *probes), len(candidates), tuple(zone))
+
+
+def _given(rows: Sequence[Joints], site: Site, rng: np.random.Generator) -> list[Pose]:
+    poses = [site.posture(f"zone_joints_deg {i}", row) for i, row in enumerate(rows, start=1)]
+    sides = np.full((len(poses), len(poses[0])), site.approach.side)
+    if site.approach.sides == "both":
+        sides = rng.choice((-1, 1), size=sides.shape)
+    reach = abs(site.approach.offset_deg)
+    return [Pose(pose, tuple(row), reach) for pose, row in zip(poses, sides.tolist(), strict=True)]
+
+
+def first_of(site: Site, pool: Pool) -> tuple[list[int], Design, float]:
+    """Choose the first candidates for the base model; return what is known after them, and the floor of the zone, mm.
+
+    They are chosen for what they tell, whatever the way to them costs: time saved on them would cost more later.
+
+    Raises
+    ------
+    ConfigError
+        The robot or the targets cannot be calibrated so.
+    """
+    with as_config_error(f"block {site.number + 1}: "):
+        setup = setup_of(site.cell, site.targets)
+        model = setup.model()
+        stated = StatedConditions(loads=setup.loads)
+    estimate = np.zeros(len(model.parameters))
+    rows, zone = seen_by(site, pool, model, estimate, stated, setup.noise)
+    design = Design(rows, zone.spread, usual_covariance(model))
+    chosen, design = design.best(LEAST if len(site.targets) == 1 else FIRST)
+    return chosen, design, zone.floor_mm
+
+
+def seen_by(
+    site: Site, pool: Pool, model: ModelStructure, estimate: Array, stated: StatedConditions, noise: Noise
+) -> tuple[Array, WorkingZone]:
+    """Return the whitened rows of the candidates and the zone, as a model sees them."""
+    candidates = visits_of(site, pool.candidates, model, stated)
+    zone = visits_of(site, pool.zone, model, stated)
+    return (
+        rows_of_visits(model, estimate, candidates, noise, len(site.targets)),
+        zone_of(model, estimate, zone, noise),
+    )
+
+
+def visits_of(
+    site: Site, poses: Sequence[Pose], model: ModelStructure, stated: StatedConditions
+) -> Conditions:
+    """Return the conditions of poses in which every target of the block is read."""
+    robot, many = site.cell.robot, len(site.targets)
+    joints = np.repeat(robot.model_angles(np.array([pose.joints_deg for pose in poses])), many, axis=0)
+    before = np.repeat(robot.model_angles(_before(poses)), many, axis=0)
+    return conditions_of(model, joints, before, stated, site.targets * len(poses))
+
+
+def seconds_to(cell: Cell, pool: Pool, here_deg: Array, which: Sequence[int] | None = None) -> Array:
+    """Return the durations (n,) s of the moves from a pose over the approach points to candidates."""
+    joints, before = pool.joints(which), pool.before(which)
+    here = np.broadcast_to(np.asarray(here_deg, dtype=np.float64), joints.shape)
+    speed = cell.robot.speed_deg_s
+    return moves_s(cell, here, before, speed) + moves_s(cell, before, joints, speed)
+
+
+def in_order(cell: Cell, pool: Pool, which: Sequence[int], here_deg: Array) -> list[int]:
+    """Order candidates so that the next one is always the nearest in time."""
+    left, order = list(which), list[int]()
+    while left:
+        nearest = left[int(np.argmin(seconds_to(cell, pool, here_deg, left)))]
+        left.remove(nearest)
+        order.append(nearest)
+        here_deg = pool.joints([nearest])[0]
+    return order

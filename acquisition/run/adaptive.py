@@ -1,0 +1,483 @@
+"""The poses that an adaptive block adds while it is measured, and when it ends.
+
+    visits measured -> data set -> diagnosis -> bound of the error over the zone -> next batch, or the end
+
+A look at the readings is a function of the record alone, so a campaign that was interrupted continues with the same
+poses. It is made beside the measurement: it begins with the last visit of a batch, which the robot drives meanwhile. A
+batch is checked like a whole plan before it joins the record. Everything that a look finds is an event `accuracy`.
+
+The block ends when `LEAST` poses are measured, the upper limit of the RMS error over the zone is below the wanted one,
+and the diagnosis does not find more noise than declared; or when ten more poses would gain less than 1 %; or when its
+time is up. If a pattern remains that no cause explains, the readings chosen for the fit do not show it as readings
+anywhere in the zone would: then only poses that were drawn at random count for the limit. Lengths mm, times s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Future
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.campaign.blocks.adaptive import (
+    BATCH,
+    DRAWN,
+    LEAST,
+    AdaptiveBlock,
+    Pool,
+    first_of,
+    in_order,
+    pool_of,
+    seconds_to,
+    seen_by,
+    visits_of,
+)
+from acquisition.campaign.blocks.block import Site
+from acquisition.campaign.campaign import Campaign, campaign_of_record
+from acquisition.campaign.plan import READING_S, SAMPLES_PER_S, Visit, check_plan, site_of, visit_of
+from acquisition.cell.cell import cell_of_record
+from acquisition.errors import RecordError, as_config_error
+from acquisition.record.export import table_of
+from acquisition.record.readings import readings_of
+from acquisition.record.store import RecordStore
+from acquisition.run.clock import Clock
+from acquisition.run.duration import Begin
+from acquisition.run.orders.control import Control
+from calib.array import Array
+from calib.data import Dataset
+from calib.errors import DataError
+from calib.fit import IdentificationFit
+from calib.model import StatedConditions
+from calib.selection import Design, WorkingZone, bound, expected_rms, misses
+from drivers.errors import AcquisitionError
+
+if TYPE_CHECKING:
+    from calib.diagnose import DiagnosisFit
+
+LOOK_BACK = 15  # visits, predicted before they were used, on which a bound rests
+MORE, WORTH = 10, 0.01  # so many more poses must lower the expected error by this share
+SETTLED = 30  # poses after which the noise that was found is believed
+_USUAL_RATIO = 1.1  # of the limit to the error that is expected
+_LOOK_EVERY_S = 0.02  # on the wall, at a computation
+_UNEXPLAINED = "unexplained"
+_NOISY = "excess_noise"
+
+
+@dataclass(frozen=True)
+class Miss:
+    """By how much a visit missed its prediction: as in `calib.selection.Misses`."""
+
+    visit: int
+    square: float
+    numbers: int
+    drawn: bool
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """What the readings so far promise.
+
+    Attributes
+    ----------
+    poses
+        Number of poses measured.
+    minutes
+        Time since the campaign began, to which the figures refer; without the time of computations.
+    rms_mm, bound_mm
+        RMS error of a reading in the zone, and its upper limit (95 %); None before a visit was predicted.
+    floor_mm
+        RMS of noise and repeatability, which no calibration lowers; None before the first diagnosis, as `rms_mm`.
+    verdict
+        That of the interim diagnosis; empty before the first.
+    reached
+        Whether the wanted accuracy is reached.
+    ended
+        Why no further poses follow; empty if they do.
+    poses_left, minutes_left
+        Expected until the accuracy is reached; None if it is not expected.
+    misses
+        Visits that were predicted in this look.
+    """
+
+    wanted_mm: float
+    poses: int
+    minutes: float
+    rms_mm: float | None = None
+    bound_mm: float | None = None
+    floor_mm: float | None = None
+    verdict: str = ""
+    reached: bool = False
+    ended: str = ""
+    poses_left: int | None = None
+    minutes_left: float | None = None
+    misses: tuple[Miss, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the values for JSON."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What a look at the readings has to go by.
+
+    Attributes
+    ----------
+    dataset
+        All readings so far.
+    visit : array of int, shape (n,)
+        Number of the visit of each reading; -1 if it does not belong to the block.
+    added, drawn
+        Visits that were added in batches, and those of them that were drawn at random.
+    judged
+        Visits that earlier looks have predicted.
+    taken
+        Joints of all planned poses, deg.
+    here_deg
+        Joints of the last planned pose.
+    """
+
+    block: AdaptiveBlock
+    site: Site
+    settle_s: float
+    samples: int
+    dataset: Dataset
+    visit: NDArray[np.int64]
+    added: frozenset[int]
+    drawn: frozenset[int]
+    judged: tuple[Miss, ...]
+    taken: frozenset[tuple[float, ...]]
+    here_deg: Array
+    elapsed_s: float
+
+
+@dataclass(frozen=True)
+class Look:
+    """The result of a look: the accuracy, and the candidates to measure next, in order; some of them drawn."""
+
+    accuracy: Accuracy
+    chosen: tuple[int, ...] = ()
+    drawn: frozenset[int] = frozenset()
+
+
+def look(sight: Sight, pool: Pool) -> Look:
+    """Judge the readings of an adaptive block, and choose what is measured next."""
+    block, poses = sight.block, len(np.unique(sight.visit[sight.visit >= 0]))
+    try:
+        now, fresh = _diagnosed(sight)
+    except DataError:  # too few readings as yet
+        return _unjudged(sight, pool, poses)
+    final = now.final
+    rows, zone, expected_mm = _seen(sight, pool, final)
+    design = Design(rows, zone.spread, final.covariance / max(final.noise_scale, 1.0) ** 2)
+    seen = [*sight.judged, *fresh]
+    if now.verdict == _UNEXPLAINED:
+        seen = [miss for miss in seen if miss.drawn]
+    seen = seen[-LOOK_BACK:]
+    rms_mm = bound_mm = None
+    if seen:
+        squares, numbers = np.array([miss.square for miss in seen]), np.array([miss.numbers for miss in seen])
+        rms_mm, bound_mm = bound(expected_mm, squares, numbers)
+    scale = max(final.noise_scale, 1.0)
+    judged = Accuracy(
+        wanted_mm=block.accuracy_mm,
+        poses=poses,
+        minutes=round(sight.elapsed_s / 60.0, 2),
+        rms_mm=rms_mm,
+        bound_mm=bound_mm,
+        floor_mm=zone.floor_mm * scale,
+        verdict=now.verdict,
+        reached=(
+            bound_mm is not None
+            and poses >= LEAST
+            and bound_mm <= block.accuracy_mm
+            and now.verdict != _NOISY
+        ),
+        misses=tuple(fresh),
+    )
+    settled = poses >= SETTLED and now.causes_known
+    return _next(
+        sight,
+        pool,
+        judged,
+        design,
+        scale,
+        1.1 if bound_mm is None else bound_mm / expected_mm,
+        settled=settled,
+    )
+
+
+def _unjudged(sight: Sight, pool: Pool, poses: int) -> Look:
+    """Choose the next batch while the readings do not determine a model."""
+    _, design, _ = first_of(sight.site, pool)
+    judged = Accuracy(sight.block.accuracy_mm, poses, round(sight.elapsed_s / 60.0, 2))
+    return _next(sight, pool, judged, design, 1.0, _USUAL_RATIO, settled=False)
+
+
+def _next(
+    sight: Sight, pool: Pool, judged: Accuracy, design: Design, scale: float, ratio: float, *, settled: bool
+) -> Look:
+    """End the block, or choose its next batch.
+
+    `scale` is the noise that was found in units of the declared one, `ratio` the limit of the error in units of the
+    expected one; with `settled`, both are believed.
+    """
+    floor_mm = judged.floor_mm or 0.0
+
+    def expected_mm(design: Design) -> float:
+        return float(np.sqrt(design.variance * scale**2 + floor_mm**2))
+
+    taken = [i for i, pose in enumerate(pool.candidates) if pose.joints_deg in sight.taken]
+    pose_s = float(np.median(seconds_to(sight.site.cell, pool, sight.here_deg))) + rest_s(sight)
+    ended = _ending(sight, judged, pose_s, settled=settled)
+    if not ended and judged.bound_mm is not None and judged.poses >= LEAST:
+        later = design.best(MORE, taken)[1]
+        if expected_mm(later) > (1.0 - WORTH) * expected_mm(design):
+            ended = f"{MORE} more poses would lower the expected error by less than {WORTH:.0%}."
+    if ended:
+        return Look(replace(judged, ended=ended, poses_left=0, minutes_left=0.0))
+    left, used, later = None, list(taken), design
+    for count in range(BATCH, max(sight.block.most - len(sight.taken), 0) + 1, BATCH):
+        more, later = later.best(BATCH, used)
+        used += more
+        if judged.poses + count >= LEAST and ratio * expected_mm(later) <= judged.wanted_mm:
+            left = count
+            break
+    chosen, drawn = _batch(sight, pool, design, taken)
+    minutes = None if left is None else round(left * pose_s / 60.0, 1)
+    return Look(replace(judged, poses_left=left, minutes_left=minutes), chosen, drawn)
+
+
+def _diagnosed(sight: Sight) -> tuple[DiagnosisFit, list[Miss]]:
+    """Diagnose all readings, and predict the visits that no look has predicted from those before them."""
+    from calib.diagnose import diagnose  # not at the start of a service, whose workers alone compute it
+
+    dataset, known = sight.dataset, {miss.visit for miss in sight.judged}
+    new = sorted(sight.added - known)
+    held_out = np.isin(sight.visit, new) & dataset.usable
+    now = diagnose(dataset)
+    if not held_out.any():
+        return now, []
+    earlier = replace(dataset, sets=np.where(held_out, "validation", dataset.sets))
+    before = diagnose(earlier)
+    rows = earlier.validation_rows & ~before.held_out_faults.rows
+    if not rows.any():
+        return now, []
+    found = misses(before.final, earlier, rows)
+    visit_of_reading = dict(zip(dataset.reading_id, sight.visit.tolist(), strict=True))
+    return now, [
+        Miss(visit, float(square), int(numbers), visit in sight.drawn)
+        for visit, square, numbers in zip(
+            (visit_of_reading[reading] for reading in found.reading), found.square, found.numbers, strict=True
+        )
+    ]
+
+
+def _seen(sight: Sight, pool: Pool, found: IdentificationFit) -> tuple[Array, WorkingZone, float]:
+    """Return candidates and zone as a fitted model sees them after everything that was measured, and the error, mm."""
+    readings = found.readings.conditions
+    last = int(np.argmax(readings.order))
+    stated = StatedConditions(
+        temperature_c=_known(readings.temperature[last]),
+        time_s=_known(readings.time[last]),
+        loads=found.header.loads,
+        gravity=found.header.gravity,
+        series=readings.series_names[-1],
+    )
+    noise = found.header.noise
+    rows, zone = seen_by(sight.site, pool, found.model, found.estimate, stated, noise)
+    poses = visits_of(sight.site, pool.zone, found.model, stated)
+    return rows, zone, expected_rms(found, poses, zone.floor_mm)
+
+
+def _known(value: float) -> float:
+    return float(value) if np.isfinite(value) else 0.0
+
+
+def rest_s(sight: Sight) -> float:
+    """Return the time that the robot rests in a pose, s."""
+    return sight.settle_s + len(sight.site.targets) * (READING_S + sight.samples / SAMPLES_PER_S)
+
+
+def _ending(sight: Sight, judged: Accuracy, pose_s: float, *, settled: bool) -> str:
+    """Return why the block ends, or an empty text; `settled` as in `_next`."""
+    block = sight.block
+    if judged.reached:
+        return (
+            f"The accuracy is reached: the RMS error is below {judged.bound_mm:.3f} mm with 95 % confidence, "
+            f"{block.accuracy_mm:g} mm were wanted."
+        )
+    if block.minutes is not None and sight.elapsed_s + BATCH * pose_s > 60.0 * block.minutes:
+        return f"The time is up: {block.minutes:g} minutes were given."
+    if len(sight.taken) + BATCH > block.most:
+        return f"The largest number of poses is reached: {block.most}."
+    if settled and judged.floor_mm is not None and judged.floor_mm > block.accuracy_mm:
+        return (
+            f"{block.accuracy_mm:g} mm cannot be reached: noise and repeatability alone are {judged.floor_mm:.3f} mm "
+            "in every reading."
+        )
+    return ""
+
+
+def _batch(
+    sight: Sight, pool: Pool, design: Design, taken: Sequence[int]
+) -> tuple[tuple[int, ...], frozenset[int]]:
+    """Choose the next batch: most of it by gain per second, the rest drawn in the zone."""
+    cell, used, here = sight.site.cell, list(taken), sight.here_deg
+    among = np.arange(len(pool.candidates)) < pool.drawn
+    drawn = [i for i in range(pool.drawn, len(pool.candidates)) if i not in used][:DRAWN]
+    chosen: list[int] = []
+    for _ in range(BATCH - len(drawn)):
+        worth = np.where(among, design.gains, -np.inf) / (seconds_to(cell, pool, here) + rest_s(sight))
+        worth[[*used, *chosen]] = -np.inf
+        chosen.append(int(np.argmax(worth)))
+        design, here = design.with_pose(chosen[-1]), pool.joints([chosen[-1]])[0]
+    order = in_order(cell, pool, [*chosen, *drawn], sight.here_deg)
+    return tuple(order), frozenset(drawn)
+
+
+_BATCHES, _LOOKS = "batch", "accuracy"
+Found = tuple[Accuracy, tuple[Visit, ...], tuple[int, ...]]
+
+
+def look_at(record_dir: Path) -> Found:
+    """Look at the readings of a record, which another program may be writing.
+
+    Returns the accuracy, the visits to add, checked, and the numbers of those that were drawn.
+
+    Raises
+    ------
+    RecordError
+        There is no record, or no reading in it.
+    StorageError
+        The record cannot be read.
+    ConfigError, UnsafePlan
+        The next poses cannot be planned, or may not be driven.
+    """
+    with RecordStore.reading(record_dir) as store:
+        row, where = store.campaign, str(store.database.path)
+        plan = list(dict.fromkeys(planned.visit for planned in store.plan()))
+        batches, looks = store.data_of_events(_BATCHES), store.data_of_events(_LOOKS)
+        of_reading = {str(reading.id): reading.visit for reading in readings_of(store)}
+        now_s = store.database.query("SELECT coalesce(max(t_s), 0) FROM event")[0][0]
+    cell, campaign = cell_of_record(row["cell"], where), campaign_of_record(row["campaign"], where)
+    found_block = block_of(campaign)
+    if found_block is None:
+        raise RecordError(f"{record_dir}: its campaign has no adaptive block")
+    number, block = found_block
+    site = site_of(cell, campaign, number)
+    pool = pool_of(block, site)
+    own = [visit for visit in plan if visit.block == number and visit.set == block.set]
+    with as_config_error():
+        dataset = table_of(record_dir).dataset()
+    visits = {visit.number for visit in own}
+    visit = np.array([of_reading.get(reading, -1) for reading in dataset.reading_id])
+    sight = Sight(
+        block=block,
+        site=site,
+        settle_s=campaign.settle_of(number).seconds,
+        samples=campaign.samples,
+        dataset=dataset,
+        visit=np.where(np.isin(visit, [*visits]) & dataset.usable, visit, -1),
+        added=frozenset(each for batch in batches for each in batch["visits"]),
+        drawn=frozenset(each for batch in batches for each in batch["drawn"]),
+        judged=tuple(Miss(**miss) for each in looks for miss in each["misses"]),
+        taken=frozenset(each.joints_deg for each in own),
+        here_deg=np.array(plan[-1].joints_deg),
+        elapsed_s=now_s - sum(each["waited_s"] for each in looks),
+    )
+    found = look(sight, pool)
+    first, last = len(own) + 1, plan[-1]
+    added = [
+        replace(visit_of(block, site, pool.visit(site, i, first + k)), number=last.number + 1 + k)
+        for k, i in enumerate(found.chosen)
+    ]
+    drawn = tuple(visit.number for visit, i in zip(added, found.chosen, strict=True) if i in found.drawn)
+    check_plan(cell, [last, *_with_reference(campaign, plan, added)])
+    return found.accuracy, tuple(_with_reference(campaign, plan, added)), drawn
+
+
+def block_of(campaign: Campaign) -> tuple[int, AdaptiveBlock] | None:
+    """Return number and table of the adaptive block of a campaign, or None without one."""
+    return next(
+        ((i, each) for i, each in enumerate(campaign.blocks) if isinstance(each, AdaptiveBlock)), None
+    )
+
+
+def _with_reference(campaign: Campaign, plan: Sequence[Visit], added: Sequence[Visit]) -> list[Visit]:
+    """Append the reference pose to a batch where it is due."""
+    places = [i for i, visit in enumerate(plan) if visit.set == "reference"]
+    if not added or not places or not campaign.reference_every:
+        return list(added)
+    since = sum(len(visit.targets) for visit in (*plan[places[-1] + 1 :], *added))
+    if since < campaign.reference_every:
+        return list(added)
+    return [*added, replace(plan[places[0]], number=added[-1].number + 1, block=added[-1].block)]
+
+
+class AdaptiveSelection:
+    """The adaptive block of a run: it adds poses to the record until the block ends.
+
+    `begin` starts a look in the background.
+    """
+
+    def __init__(
+        self, store: RecordStore, campaign: Campaign, begin: Begin, control: Control, clock: Clock
+    ) -> None:
+        self._store, self._begin, self._control, self._clock = store, begin, control, clock
+        looks = store.data_of_events(_LOOKS)
+        self._over = block_of(campaign) is None or bool(looks and looks[-1]["ended"])
+        self._look: Future[Found] | None = None
+        self._waited_s = 0.0  # by the robot, for a look
+
+    def _begin_look(self) -> Future[Found]:
+        begun_s = self._clock.now()
+        self._look = self._begin(look_at, self._store.database.path.parent)
+        self._waited_s += self._clock.now() - begun_s
+        return self._look
+
+    def look_ahead(self) -> None:
+        """Begin a look while the robot drives the last visit that is planned."""
+        if self._over or self._look is not None or not self._store.counts().get("measured"):
+            return
+        planned = {reading.visit.number for reading in self._store.plan() if reading.status == "planned"}
+        if len(planned) == 1:
+            self._begin_look()
+
+    def extend(self) -> bool:
+        """Add the next batch to the plan once everything planned is measured; return whether there is one.
+
+        Raises
+        ------
+        Pausing, Stopping
+            The run must pause or stop.
+        ConfigError, UnsafePlan
+            The next poses may not be driven.
+        StorageError
+            The record cannot be read or written.
+        """
+        if self._over or not self._store.counts().get("measured"):
+            return False
+        look = self._look or self._begin_look()
+        begun_s = self._clock.now()
+        while not look.done():
+            self._control.check()
+            self._control.wait(_LOOK_EVERY_S * self._clock.time_scale)
+        self._waited_s += self._clock.now() - begun_s
+        self._look = None
+        error = look.exception()
+        other = error is not None and not isinstance(error, AcquisitionError)  # no process was free for it
+        accuracy, visits, drawn = look_at(self._store.database.path.parent) if other else look.result()
+        waited_s, self._waited_s = self._waited_s, 0.0
+        with self._store.changing() as db:
+            self._store.note(db, _LOOKS, **accuracy.as_dict(), waited_s=waited_s)
+            if visits:
+                self._store.add_visits(visits)
+                own = [visit.number for visit in visits if visit.set != "reference"]
+                self._store.note(db, _BATCHES, visits=own, drawn=list(drawn))
+        self._over = bool(accuracy.ended)
+        return bool(visits)

@@ -1,0 +1,213 @@
+"""Sequential selection: the poses to measure next, and the accuracy that the readings so far promise.
+
+A campaign that chooses its poses while it measures needs two numbers after every batch: how accurate the model is
+everywhere in the working zone, and how much more accurate the next poses would make it.
+
+**Accuracy.** Every visit is predicted before its readings enter a fit. Its miss is z2 = e' S^-1 e, where e is measured
+minus predicted, and S what noise and the uncertainty of the parameters lead one to expect there; z2 has as many
+degrees of freedom as e has numbers. The RMS error of a reading anywhere in the zone is the one expected there, times
+sqrt(sum z2 / sum dof), at least 1; the upper limit follows from the chi-square distribution. Each miss is measured
+in units of what was expected of its pose. So poses that were chosen for the fit take part without bias, and no readings
+need to be kept aside.
+
+**Next poses.** The V-optimal choice: the pose that lowers the mean variance of predictions over the zone the most, per
+second that it costs. With C the covariance of the parameters, A = mean of X'X over the zone, X the derivative of a
+target, and B the whitened rows of a pose, a pose lowers tr(A C) by tr[(I + B C B')^-1 B C A C B'].
+Source of the criterion: Klimchik et al. 2012 (arXiv 1211.5739), as the test-pose criterion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from calib.array import Array
+from calib.data.conditions import Conditions
+from calib.data.dataset import Dataset
+from calib.data.noise import Noise
+from calib.fit.identification import IdentificationFit, predict_with_covariance
+from calib.fit.readings import linearised, readings_of
+from calib.model.model import ModelStructure
+from calib.selection.information import derivatives, whitened
+from calib.units import DEG
+
+_FREE = {"mm": 10.0, "deg": 1.0 * DEG}  # usual size of a parameter that has no prior, internal units
+LEVEL = 0.95
+
+
+@dataclass(frozen=True)
+class Misses:
+    """By how much v visits missed what had been predicted for them.
+
+    Attributes
+    ----------
+    reading : tuple of str
+        Id of the first reading of each visit.
+    square : array of shape (v,)
+        Squared standardised distance z2.
+    numbers : array of int, shape (v,)
+        Numbers that were measured in each visit: the degrees of freedom of its z2.
+    """
+
+    reading: tuple[str, ...]
+    square: Array
+    numbers: NDArray[np.int64]
+
+
+def misses(found: IdentificationFit, dataset: Dataset, rows: NDArray[np.bool_]) -> Misses:
+    """Compare the readings of a mask (n,), which took no part in a fit, with what the fit predicts for them."""
+    readings = readings_of(dataset, rows, found.model, found.estimate)
+    noise = max(found.noise_scale, 1.0) ** 2
+    first: list[int] = []
+    square: list[float] = []
+    numbers: list[int] = []
+    for part, residual, columns in linearised(found.model, readings, found.estimate):
+        k, n = residual.shape
+        by_reading = columns.reshape(k, n, -1).transpose(1, 0, 2)
+        _, begin, of_reading, size = np.unique(
+            readings.conditions.visit[part], return_index=True, return_inverse=True, return_counts=True
+        )
+        in_order = np.argsort(of_reading, kind="stable")
+        start = np.concatenate([[0], np.cumsum(size)[:-1]])
+        for count in np.unique(size).tolist():  # visits of as many readings, together
+            same = np.flatnonzero(size == count)
+            which = in_order[start[same][:, None] + np.arange(count)]  # (visits, count)
+            left = residual.T[which].reshape(len(same), -1)
+            x = by_reading[which].reshape(len(same), count * k, -1)
+            spread = noise * np.eye(count * k) + x @ found.covariance @ x.transpose(0, 2, 1)
+            solved = np.linalg.solve(spread, left[:, :, None])[:, :, 0]
+            square += np.sum(left * solved, axis=1).tolist()
+            first += readings.rows[part[begin[same]]].tolist()
+            numbers += readings.observed.freedom[part[which]].sum(axis=1).tolist()
+    order = np.argsort(first)
+    return Misses(
+        tuple(dataset.reading_id[first[i]] for i in order),
+        np.array(square)[order],
+        np.array(numbers, dtype=np.int64)[order],
+    )
+
+
+def bound(
+    expected_mm: float, square: Array, numbers: NDArray[np.int64], level: float = LEVEL
+) -> tuple[float, float]:
+    """Estimate the RMS error over a zone, and its upper limit, mm.
+
+    Parameters
+    ----------
+    expected_mm
+        RMS error that model and noise lead one to expect over the zone, mm.
+    square, numbers : arrays of shape (v,)
+        Misses of visits that were predicted before they were used, as in `Misses`.
+    level
+        Confidence of the limit.
+    """
+    seen, freedom = float(np.sum(square)), int(np.sum(numbers))
+    usual = max(seen / freedom, 1.0)
+    most = max(seen / float(chdtri(freedom, level)), 1.0)
+    return expected_mm * float(np.sqrt(usual)), expected_mm * float(np.sqrt(most))
+
+
+def least_bound(expected_mm: float, numbers: int, level: float = LEVEL) -> float:
+    """Return the limit of `bound`, mm, for misses exactly as expected."""
+    return expected_mm * float(np.sqrt(max(numbers / float(chdtri(numbers, level)), 1.0)))
+
+
+@dataclass(frozen=True)
+class WorkingZone:
+    """The poses over which a model is to be accurate, as the model sees them.
+
+    Attributes
+    ----------
+    spread : array of shape (m, m)
+        Mean of X'X over its readings, mm2 per squared internal unit.
+    floor_mm : float
+        RMS of noise and repeatability in one reading as declared, mm: no model is more accurate.
+    """
+
+    spread: Array
+    floor_mm: float
+
+
+def zone_of(model: ModelStructure, estimate: Array, conditions: Conditions, noise: Noise) -> WorkingZone:
+    """Describe a zone by n readings in it."""
+    columns, scatter, instrument = derivatives(model, estimate, conditions, noise)
+    square = np.sum(scatter**2, axis=(1, 2)) + np.trace(instrument, axis1=1, axis2=2)
+    spread = np.einsum("nam,nak->mk", columns, columns, optimize=True) / len(conditions)
+    return WorkingZone(spread, float(np.sqrt(square.mean())))
+
+
+def expected_rms(found: IdentificationFit, zone: Conditions, floor_mm: float) -> float:
+    """Return the RMS error of a reading in the zone that model and noise lead one to expect, mm."""
+    _, covariance = predict_with_covariance(found.model, found.estimate, found.covariance, zone)
+    noise = floor_mm * max(found.noise_scale, 1.0)
+    return float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean() + noise**2))
+
+
+def usual_covariance(model: ModelStructure) -> Array:
+    """Return the covariance (m, m) of the parameters before any reading, from their usual sizes."""
+    free = np.array([_FREE.get(p.unit, 1.0) for p in model.parameters])
+    return np.diag(np.where(np.isfinite(model.prior_std), model.prior_std, free) ** 2)
+
+
+def rows_of_visits(
+    model: ModelStructure, estimate: Array, conditions: Conditions, noise: Noise, targets: int
+) -> Array:
+    """Return the whitened rows (p, 3 targets, m) of p visits, whose readings follow each other in the conditions."""
+    parts = derivatives(model, estimate, conditions, noise)
+    columns, scatter, instrument = (
+        each.reshape(len(conditions) // targets, targets, *each.shape[1:]) for each in parts
+    )
+    return whitened(columns, scatter, instrument)
+
+
+@dataclass(frozen=True)
+class Design:
+    """What is known of the parameters, and what p candidate poses would add.
+
+    Attributes
+    ----------
+    rows : array of shape (p, r, m)
+        Whitened rows of the candidates.
+    spread : array of shape (m, m)
+        That of the zone.
+    covariance : array of shape (m, m)
+        Covariance of the parameters for noise as declared.
+    """
+
+    rows: Array
+    spread: Array
+    covariance: Array
+
+    @property
+    def variance(self) -> float:
+        """Mean square error over the zone from the parameters' uncertainty, mm2, for noise as declared."""
+        return float(np.sum(self.spread * self.covariance))
+
+    @property
+    def gains(self) -> Array:
+        """By how much each candidate would lower the variance, shape (p,), mm2."""
+        seen = self.rows @ self.covariance
+        inner = np.eye(seen.shape[1]) + seen @ self.rows.transpose(0, 2, 1)
+        gain = seen @ self.spread @ seen.transpose(0, 2, 1)
+        return np.trace(np.linalg.solve(inner, gain), axis1=1, axis2=2)
+
+    def with_pose(self, i: int) -> Design:
+        """Return the design once candidate i is measured."""
+        seen = self.rows[i] @ self.covariance
+        inner = np.eye(len(seen)) + seen @ self.rows[i].T
+        return replace(self, covariance=self.covariance - seen.T @ np.linalg.solve(inner, seen))
+
+    def best(self, count: int, taken: Sequence[int] = ()) -> tuple[list[int], Design]:
+        """Choose `count` candidates that are not taken, one after the other, whatever time they cost."""
+        chosen: list[int] = []
+        design = self
+        for _ in range(min(count, len(self.rows) - len(taken))):
+            gains = design.gains
+            gains[[*taken, *chosen]] = -np.inf
+            chosen.append(int(np.argmax(gains)))
+            design = design.with_pose(chosen[-1])
+        return chosen, design

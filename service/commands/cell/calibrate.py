@@ -1,0 +1,319 @@
+"""`truepose calibrate`: from a nominal robot to a verified one, in one command.
+
+The devices are examined, the poses chosen while they are measured until the accuracy is reached, the readings
+diagnosed, and new targets driven with corrections to verify them. DIR has the records of all campaigns and the results.
+The same command again continues a calibration that was interrupted. On a real cell, a person confirms at the terminal
+before the first motion, and again before corrected targets are driven.
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import ExitStack, contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+import numpy as np
+import typer
+
+from acquisition import (
+    Campaign,
+    Cell,
+    Devices,
+    Run,
+    ScaledClock,
+    open_devices,
+    pausing_on_interrupt,
+    read_cell,
+)
+from acquisition.errors import RecordError
+from acquisition.examination import examine, note_low_priority
+from acquisition.loop import VERIFICATION, Equipment, LoopEnded, calibration_campaign, close_loop
+from acquisition.record import FILE as RECORD_FILE
+from acquisition.record import RecordStore
+from acquisition.run import Begin
+from calib.errors import DataError
+from drivers.errors import ConfigError
+from service import exit_codes
+from service.commands import options
+from service.commands.cell.doctor import quiet_drivers, table_of
+from service.commands.models.certificate import CertificateRequest, DccAbout
+from service.files import STANDARD_OUTPUT, write_json
+from service.printed.looped import show_loop
+from service.printed.progress import RunProgress, terminal_operator
+from service.printed.terminal import Terminal
+from service.private import note_if_others_read, owner_only
+from service.results.cell import loop_results
+from service.results.cell.accuracy import OutlookShown
+from service.results.models.parameters import rows_of
+from service.results.shape import document_of
+from service.simulated_cell import simulated_cell
+
+CERTIFICATE = "certificate.xml"
+_AXES = ("x", "y", "z")
+_T = TypeVar("_T")
+
+
+@owner_only()
+def calibrate_command(
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
+    accuracy: Annotated[
+        float,
+        typer.Option(
+            metavar="MM", min=0.001, max=100.0, help="Wanted RMS error in the zone, with 95 % confidence."
+        ),
+    ] = 0.1,
+    minutes: Annotated[
+        float | None,
+        typer.Option(metavar="MIN", min=1.0, help="Time at the cell, verification included; else no limit."),
+    ] = None,
+    zone: Annotated[
+        str,
+        typer.Option(
+            metavar="AXIS=LOW:HIGH,...",
+            help="Box in the world in which the robot works, mm, e.g. x=300:550,y=-200:200; else the workspace.",
+        ),
+    ] = "",
+    program: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Program whose targets are the zone, as compensate reads it."),
+    ] = None,
+    poses: Annotated[
+        int, typer.Option(metavar="N", min=1, max=500, help="New poses on which the correction is verified.")
+    ] = VERIFICATION,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder for records and results; else CELL-calibration."),
+    ] = None,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Start the cell's simulators and calibrate them instead.")
+    ] = False,
+    plan_only: Annotated[
+        bool, typer.Option("--plan-only", help="Say how many poses and minutes are expected, and end.")
+    ] = False,
+    parties: DccAbout = None,
+    json: options.Json = None,
+) -> None:
+    """Calibrate the robot of a cell and verify it. Give the same command again to continue one that was interrupted."""
+    options.check_outputs({"--json": json}, inputs=(cell, *([program] if program is not None else [])))
+    the_cell = read_cell(cell)
+    folder = record or Path(f"{the_cell.name}-calibration")
+    certificate = CertificateRequest.of(folder / CERTIFICATE, parties)
+    assert certificate is not None
+    campaign, outlook = calibration_campaign(
+        the_cell,
+        accuracy_mm=accuracy,
+        minutes=minutes,
+        zone=_zone(zone, program),
+        zone_joints_deg=None if program is None else _targets_of(program, the_cell),
+        poses=poses,
+    )
+    with ExitStack() as stack:
+        terminal = stack.enter_context(Terminal(quiet=json == STANDARD_OUTPUT))
+        terminal.rest()
+        terminal.out.print(outlook.in_words(), soft_wrap=True)
+        if plan_only:
+            write_json(
+                {"format": "truepose-outlook/1"} | document_of(OutlookShown.model_validate(outlook)), json
+            )
+            return
+        going_on = _check_folder(folder, the_cell, campaign, simulate=simulate)
+        if not simulate and not sys.stdin.isatty():
+            raise ConfigError(
+                "a calibration moves the robot, and nobody is at this terminal to confirm it",
+                what_to_do="Start it at a terminal, or over HTTP with a lease: POST /api/v1/loops.",
+            )
+        if simulate:
+            terminal.say("starting the simulators of the cell")
+        simulators = stack.enter_context(simulated_cell(the_cell)) if simulate else None
+        operator = stack.enter_context(terminal_operator())
+
+        def devices() -> Devices:
+            if simulators is not None:
+                return simulators.open(the_cell, operator)
+            return open_devices(the_cell, operator=operator)
+
+        with quiet_drivers():
+            found = examine(the_cell, devices(), record=folder, simulated=simulate, progress=terminal.say)
+        terminal.rest()
+        if found.exit_code != exit_codes.DONE:
+            terminal.out.print(table_of(found))
+            raise typer.Exit(found.exit_code)
+        confirm: Callable[[str], bool] = (
+            (lambda motion: True) if simulate else terminal_confirmation(terminal)
+        )
+        if not confirm(
+            f"{'continues the calibration in' if going_on else 'moves to the poses; records are in'} {folder}"
+        ):
+            terminal.note("Nothing has moved.")
+            raise typer.Exit(exit_codes.INTERRUPTED)
+        if not simulate:
+            note_low_priority()
+        folder.mkdir(exist_ok=True)
+        equipment = Equipment(
+            the_cell,
+            devices(),
+            ScaledClock(the_cell.time_scale if simulate else 1.0),
+            simulate,
+            guard=lambda run: pausing_on_interrupt(
+                run, tell=lambda problem: terminal.note(f"truepose: NOT STOPPED: {problem}")
+            ),
+            listen=lambda run: RunProgress(run, terminal),
+            create=created_or_continued,
+            begin=stack.enter_context(beside()),
+            confirm=confirm,
+        )
+        try:
+            result = close_loop(equipment, campaign, folder, poses=poses, say=terminal.say)
+        except LoopEnded as ended:
+            terminal.rest()
+            error = ended.outcome.error
+            terminal.note(f"truepose: {ended if error is None else error.sentence}")
+            terminal.note(f"Give the same command again to continue{'' if record else f' in {folder}'}.")
+            raise typer.Exit(ended.outcome.exit_code) from ended
+        terminal.say("drawing the report")
+        document, sealed = loop_results.write(result, folder)
+        parameters = [document_of(row) for row in rows_of(result.diagnosis.final)]
+        certificate.write(result.diagnosis.dataset, document, parameters, sealed)
+        terminal.rest()
+        show_loop(result, terminal)
+        terminal.out.print(
+            f"Open {folder / 'report.html'}; beside it: model.json, {CERTIFICATE}, result.json, data.csv, targets.csv.",
+            soft_wrap=True,
+        )
+        write_json(document, json)
+
+
+def _zone(text: str, program: Path | None) -> dict[str, list[float]] | None:
+    """Return the box of --zone; None without one.
+
+    Raises
+    ------
+    DataError
+        The option cannot be read, or a program is given too.
+    """
+    if not text:
+        return None
+    if program is not None:
+        raise DataError(
+            "goes with no --program: its targets are the zone.", do="Leave one out.", key="--zone"
+        )
+    box: dict[str, list[float]] = {}
+    for part in text.split(","):
+        axis, equals, limits = part.strip().partition("=")
+        low, colon, high = limits.partition(":")
+        try:
+            box[f"{axis}_mm"] = [float(low), float(high)]
+        except ValueError:
+            equals = ""
+        if not equals or not colon or axis not in _AXES or not all(map(math.isfinite, box[f"{axis}_mm"])):
+            raise DataError(
+                f"has {part!r}.", do="Write limits in mm like x=300:550,y=-200:200,z=100:400.", key="--zone"
+            )
+    return box
+
+
+def _targets_of(program: Path, cell: Cell) -> list[list[float]]:
+    """Return the joints of the targets of a program, deg, as the cell counts them.
+
+    Raises
+    ------
+    DataError
+        The program cannot be read, or none of its targets is understood.
+    """
+    from service.programs import KnownFrames, read_program
+    from service.programs.postures import postures
+
+    robot = cell.robot.model
+    targets = read_program(program, robot, KnownFrames()).targets
+    joints, why = postures(targets, robot, cell.robot.coupling)
+    found = joints[np.isfinite(joints).all(axis=1)] / robot.joint_units
+    if not len(found):
+        reason = next(filter(None, why), "it has no target")
+        raise DataError(
+            f"has no target that can be the zone: {reason}.", do="Give --zone instead.", file=program
+        )
+    return found.tolist()
+
+
+def _check_folder(folder: Path, cell: Cell, campaign: Campaign, *, simulate: bool) -> bool:
+    """Return whether the folder has this calibration, interrupted.
+
+    Raises
+    ------
+    ConfigError
+        It is a file, or the folder above it does not exist.
+    RecordError
+        It has another calibration, or one that is finished.
+    DataError
+        It has files that a calibration would replace.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ConfigError(f"--record {folder}: is a file", what_to_do="Name a new folder.")
+    if not folder.absolute().parent.is_dir():
+        raise ConfigError(
+            f"--record {folder}: the folder above it does not exist", what_to_do="Make it first."
+        )
+    first = folder / "campaign1"
+    begun = (first / RECORD_FILE).is_file()
+    outputs = [*loop_results.FILES, CERTIFICATE, "data.csv", "data.toml"]
+    if begun:
+        note_if_others_read(first)
+        with RecordStore.reading(first) as store:
+            row = store.campaign
+        if (folder / loop_results.RESULT).is_file():
+            raise RecordError(
+                f"{folder}: holds a finished calibration",
+                what_to_do="Give a new folder with --record to calibrate once more.",
+            )
+        other = [name for name, now in (("cell", cell), ("campaign", campaign)) if row[name] != now.source]
+        if other or bool(row["simulated"]) != simulate:
+            what = (
+                "with or without --simulate" if not other else f"with another {' and another '.join(other)}"
+            )
+            raise RecordError(
+                f"{folder}: was begun {what}",
+                what_to_do="Give the options of then to continue it, or a new folder with --record.",
+            )
+    elif folder.exists():
+        options.check_outputs({name: folder / name for name in outputs})
+    return begun
+
+
+def created_or_continued(record: Path, cell: Cell, campaign: Campaign, simulated: bool) -> Run:
+    """Create a run of the loop in its record, or open the one that an earlier program has begun."""
+    if not (record / RECORD_FILE).is_file():
+        return Run.create(record, cell, campaign, simulated=simulated)
+    run = Run.open(record)
+    if run.status().state in ("paused", "stopped"):
+        run.resume(by="terminal")
+    return run
+
+
+@contextmanager
+def beside() -> Iterator[Begin]:
+    """Yield a function that begins computations in another process, which starts with the first."""
+    workers = ProcessPoolExecutor(1, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
+
+    def begin(function: Callable[[Path], _T], record_dir: Path, /) -> Future[_T]:
+        return workers.submit(function, record_dir)
+
+    try:
+        yield begin
+    finally:
+        workers.shutdown(cancel_futures=True)
+
+
+def terminal_confirmation(terminal: Terminal) -> Callable[[str], bool]:
+    """Return a function that asks the person at the terminal before a motion."""
+
+    def confirm(motion: str) -> bool:
+        terminal.rest()
+        return typer.confirm(f"The robot {motion}. Is everybody clear of it, and may it move?")
+
+    return confirm

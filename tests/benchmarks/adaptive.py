@@ -1,0 +1,244 @@
+"""Benchmark of adaptive campaigns: when they end, whether that is right, and what they save.
+
+One simulated arm a seed (`mocks.world`), with the effect hidden that a demo would draw for it, or with none. The block
+of `acquisition.run.adaptive` chooses every pose; its readings are made in memory, at the times that the cell's speeds
+and pauses give. The true error over the zone is that of the model against noise-free points, and the noise of a
+reading. The default campaign has 60 poses drawn at random for the fit and 40 to validate, after an hour of warm-up; an
+adaptive one warms up for four readings of the reference pose (`WARM_S`), since these arms are warm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from acquisition.campaign.blocks.adaptive import (
+    LEAST,
+    Pool,
+    first_of,
+    in_order,
+    pool_of,
+    seconds_to,
+    visits_of,
+)
+from acquisition.campaign.campaign import campaign_from
+from acquisition.campaign.plan import site_of
+from acquisition.campaign.poses import Pose
+from acquisition.cell.cell import cell_from
+from acquisition.loop.rehearsal import CELL
+from acquisition.run.adaptive import Accuracy, Sight, block_of, look
+from calib.data import Dataset, dataset_of, header_of
+from calib.diagnose import diagnose
+from calib.model import StatedConditions
+from calib.selection import zone_of
+from calib.text import TextTable
+from mocks.world import ArmState, Session, World, random_label, stream
+from mocks.world.dataset import csv_text, row_of
+from mocks.world.dataset import header_of as world_header
+from mocks.world.world import LABEL_STREAM
+from tests.benchmarks.clock import at_least, line
+
+WANTED_MM = (0.10, 0.06, 0.05)
+FIT = ["base", "geometry", "parallel_twist", "compliance"]
+CALIBRATION, VALIDATION, WARM_S, DEFAULT_WARM_S = 60, 40, 360.0, 3600.0
+NEAR = 1.1  # times the error of the default campaign
+UR10 = {
+    "model": "ur10",
+    "driver": "ur",
+    "url": "tcp://192.168.1.10:30004",
+    "speed_mm_s": 500.0,
+    "speed_deg_s": 20.0,
+    "limits_deg": [[-120, 120], [-170, -10], [-140, 140], [-180, 180], [-170, 170], [-180, 180]],
+    "table_z_mm": 30.0,
+}
+ROBOTS: dict[str, dict[str, Any]] = {"abb-irb120": {}, "ur10": UR10}
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One look: what it says, the true RMS error of a reading in the zone, mm, and the time, s."""
+
+    judged: Accuracy
+    true_mm: float
+    at_s: float
+
+    def claims(self, wanted_mm: float) -> bool:
+        """Whether the campaign would end here because this accuracy is reached."""
+        limit = self.judged.bound_mm
+        known = self.judged.verdict != "excess_noise" and limit is not None
+        return known and self.judged.poses >= LEAST and (limit or 0.0) <= wanted_mm
+
+
+def run(seeds: int = 20) -> bool:
+    """Print the figures; whether all are reached."""
+    reached = True
+    for robot in ROBOTS:
+        arms = [Arm(robot, seed, hidden=hidden) for seed in range(1, seeds + 1) for hidden in (False, True)]
+        paths, defaults = [arm.path() for arm in arms], [arm.default() for arm in arms]
+        looks = [
+            seen for path in paths for seen in path if seen.judged.bound_mm and seen.judged.poses >= LEAST
+        ]
+        holding = sum((seen.judged.bound_mm or 0.0) >= seen.true_mm for seen in looks)
+        reached &= at_least(f"{robot}: looks whose limit holds", holding, len(looks), 0.93)
+        for wanted in WANTED_MM:
+            ends = [next((seen for seen in path if seen.claims(wanted)), None) for path in paths]
+            right = sum(
+                path[-1].true_mm > wanted if end is None else end.true_mm <= wanted
+                for end, path in zip(ends, paths, strict=True)
+            )
+            poses = [end.judged.poses for end in ends if end is not None]
+            middle = f"poses {np.median(poses):.0f}, at most {max(poses)}" if poses else "never"
+            reached &= at_least(
+                f"{robot}: ends for {wanted:.2f} mm that are right ({middle})", right, len(ends), 0.975
+            )
+        shares, longest = [], []
+        for path, (default_mm, default_s) in zip(paths, defaults, strict=True):
+            near = next((seen for seen in path if seen.true_mm <= NEAR * default_mm), path[-1])
+            shares.append((WARM_S + near.at_s) / (DEFAULT_WARM_S + default_s))
+            longest.append((WARM_S + path[-1].at_s) / (DEFAULT_WARM_S + default_s))
+        short = sum(
+            path[-1].true_mm > NEAR * default_mm
+            for path, (default_mm, _) in zip(paths, defaults, strict=True)
+        )
+        share, most = float(np.median(shares)), max(longest)
+        line(
+            f"{robot}: share of the default's time to {NEAR} times its error",
+            f"{share:.2f}",
+            "<= 0.33",
+            share <= 0.33,
+        )
+        line(f"{robot}: largest share of the default's time", f"{most:.2f}", "<= 1", most <= 1.0)
+        line(f"{robot}: arms that end above {NEAR} times the default's error", str(short), "", reached=True)
+        reached &= share <= 0.33 and most <= 1.0
+    return reached
+
+
+class Arm:
+    """A simulated arm in its cell, with the poses of an adaptive block."""
+
+    def __init__(self, robot: str, seed: int, *, hidden: bool) -> None:
+        session = Session(readings=100, seconds=15.0)
+        plain = World(robot, seed, [], session=session)
+        effects = [random_label(plain.robot, stream(seed, LABEL_STREAM))] if hidden else []
+        self.world = World(robot, seed, effects, session=session)
+        table = CELL | {"robot": CELL["robot"] | ROBOTS[robot]}
+        self.cell = cell_from(table, "cell.toml")
+        campaign = campaign_from(
+            {
+                "format": "truepose-campaign/1",
+                "seed": seed,
+                "approach": {"offset_deg": -5.0, "sides": "both"},
+                "block": [{"kind": "adaptive", "accuracy_mm": WANTED_MM[-1]}],
+            },
+            "campaign.toml",
+        )
+        found = block_of(campaign)
+        assert found is not None
+        self.block, self.campaign = found[1], campaign
+        self.site = site_of(self.cell, campaign, 0)
+        header = world_header(self.world, 1.0, FIT)
+        self.header = header_of(header, Path("cell.toml"), tomli_w.dumps(header))
+        self.targets = self.site.targets
+
+    def path(self) -> list[Seen]:
+        """Measure until the block ends, and return all looks."""
+        block = self.block
+        pool = pool_of(block, self.site)
+        here = np.zeros(len(pool.candidates[0].joints_deg))
+        batch = in_order(self.cell, pool, first_of(self.site, pool)[0], here)
+        rows: list[dict[str, Any]] = []
+        visits: list[int] = []
+        taken: list[tuple[float, ...]] = []
+        judged, added, drawn = [], set[int](), set[int]()
+        looks: list[Seen] = []
+        now_s = 0.0
+        while batch:
+            for i in batch:
+                now_s += float(seconds_to(self.cell, pool, here, [i])[0]) + self.campaign.settle_s
+                rows += self._read(pool.candidates[i], len(taken), now_s)
+                now_s += 1.1 * len(self.targets)
+                visits += [len(taken)] * len(self.targets)
+                taken.append(pool.candidates[i].joints_deg)
+                here = np.array(taken[-1])
+            dataset = self._dataset(rows)
+            sight = Sight(
+                block=block,
+                site=self.site,
+                settle_s=self.campaign.settle_s,
+                samples=self.campaign.samples,
+                dataset=dataset,
+                visit=np.array(visits),
+                added=frozenset(added),
+                drawn=frozenset(drawn),
+                judged=tuple(judged),
+                taken=frozenset(taken),
+                here_deg=here,
+                elapsed_s=now_s,
+            )
+            found = look(sight, pool)
+            judged += found.accuracy.misses
+            looks.append(Seen(found.accuracy, self._true_mm(dataset, pool, now_s, len(taken)), now_s))
+            batch = list(found.chosen)
+            numbers = range(len(taken), len(taken) + len(batch))
+            added |= {*numbers}
+            drawn |= {number for number, i in zip(numbers, batch, strict=True) if i in found.drawn}
+        return looks
+
+    def default(self) -> tuple[float, float]:
+        """Return the true error of the default campaign, mm, and its time without warm-up, s."""
+        pool = pool_of(self.block, self.site)
+        rows: list[dict[str, Any]] = []
+        now_s, here = 0.0, np.zeros(len(pool.candidates[0].joints_deg))
+        dataset = None
+        for number in range(CALIBRATION + VALIDATION):
+            now_s += float(seconds_to(self.cell, pool, here, [number])[0]) + self.campaign.settle_s
+            rows += self._read(pool.candidates[number], number, now_s)
+            now_s += 1.1 * len(self.targets)
+            here = np.array(pool.candidates[number].joints_deg)
+            if number == CALIBRATION - 1:
+                dataset = self._dataset(rows)
+        assert dataset is not None
+        return self._true_mm(dataset, pool, now_s, CALIBRATION), now_s
+
+    def _read(self, pose: Pose, order: int, now_s: float) -> list[dict[str, Any]]:
+        states = [self._state(pose, order, now_s + 1.1 * k) for k in range(len(self.targets))]
+        return [
+            row_of(self.world, order * len(self.targets) + k, "calibration", (state, target))
+            for k, (state, target) in enumerate(zip(states, self.targets, strict=True))
+        ]
+
+    def _state(self, pose: Pose, order: int, now_s: float) -> ArmState:
+        before = tuple(q - s * pose.reach_deg for q, s in zip(pose.joints_deg, pose.sides, strict=True))
+        air = round(self.world.air_c(now_s), 2)
+        return ArmState(pose.joints_deg, before, pose.sides, round(now_s, 3), air, order)
+
+    def _dataset(self, rows: list[dict[str, Any]]) -> Dataset:
+        return dataset_of(TextTable.of_text(csv_text(rows), Path("cell.csv")), self.header)
+
+    def _true_mm(self, dataset: Dataset, pool: Pool, until_s: float, poses: int) -> float:
+        """RMS error of a reading at the poses of the zone, at times within the session: of the model, and noise."""
+        final = diagnose(dataset).final
+        share = np.random.default_rng(self.world.seed).uniform(0.0, 1.0, len(pool.zone))
+        times = share * until_s
+        states = [
+            self._state(*each) for each in zip(pool.zone, (share * poses).astype(int), times, strict=True)
+        ]
+        true = np.array(
+            [self.world.indicated_point(state, target) for state in states for target in self.targets]
+        )
+        many = len(self.targets)
+        stated = StatedConditions(loads=self.header.loads, gravity=self.header.gravity)
+        asked = visits_of(self.site, pool.zone, final.model, stated)
+        floor_mm = zone_of(final.model, final.estimate, asked, self.header.noise).floor_mm
+        asked = replace(
+            asked,
+            time=np.repeat(times, many),
+            temperature=np.repeat([state.t_air_c for state in states], many),
+            order=np.repeat(share * poses * many, many),
+        )
+        error = np.sum((final.predict(asked) - true) ** 2, axis=1)
+        return float(np.sqrt(np.mean(error) + floor_mm**2))
