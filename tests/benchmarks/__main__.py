@@ -16,6 +16,7 @@ from collections.abc import Callable
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: one thread against one thread
 
 from tests.benchmarks import (
+    adaptive,
     align,
     ballbar,
     campaign,
@@ -58,6 +59,7 @@ from tests.benchmarks import (
 )
 
 BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
+    "adaptive": (adaptive.run, 20),
     "kinematics": (kinematics.run, None),
     "identification": (identification.run, None),
     "selection": (selection.run, None),

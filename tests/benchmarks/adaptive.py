@@ -9,6 +9,7 @@ adaptive one warms up for four readings of the reference pose (`WARM_S`), since 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,6 @@ import tomli_w
 
 from acquisition.campaign.blocks.adaptive import (
     LEAST,
-    Pool,
     first_of,
     in_order,
     pool_of,
@@ -45,6 +45,7 @@ from tests.benchmarks.clock import at_least, line
 WANTED_MM = (0.10, 0.06, 0.05)
 FIT = ["base", "geometry", "parallel_twist", "compliance"]
 CALIBRATION, VALIDATION, WARM_S, DEFAULT_WARM_S = 60, 40, 360.0, 3600.0
+_READING_S = 1.1
 NEAR = 1.1  # times the error of the default campaign
 UR10 = {
     "model": "ur10",
@@ -143,11 +144,12 @@ class Arm:
         header = world_header(self.world, 1.0, FIT)
         self.header = header_of(header, Path("cell.toml"), tomli_w.dumps(header))
         self.targets = self.site.targets
+        self.pool = pool_of(self.block, self.site)
 
     def path(self) -> list[Seen]:
         """Measure until the block ends, and return all looks."""
         block = self.block
-        pool = pool_of(block, self.site)
+        pool = self.pool
         here = np.zeros(len(pool.candidates[0].joints_deg))
         batch = in_order(self.cell, pool, first_of(self.site, pool)[0], here)
         rows: list[dict[str, Any]] = []
@@ -160,11 +162,11 @@ class Arm:
             for i in batch:
                 now_s += float(seconds_to(self.cell, pool, here, [i])[0]) + self.campaign.settle_s
                 rows += self._read(pool.candidates[i], len(taken), now_s)
-                now_s += 1.1 * len(self.targets)
+                now_s += _READING_S * len(self.targets)
                 visits += [len(taken)] * len(self.targets)
                 taken.append(pool.candidates[i].joints_deg)
                 here = np.array(taken[-1])
-            dataset = self._dataset(rows)
+            dataset = self.dataset(rows)
             sight = Sight(
                 block=block,
                 site=self.site,
@@ -181,7 +183,7 @@ class Arm:
             )
             found = look(sight, pool)
             judged += found.accuracy.misses
-            looks.append(Seen(found.accuracy, self._true_mm(dataset, pool, now_s, len(taken)), now_s))
+            looks.append(Seen(found.accuracy, self._true_mm(dataset, now_s, len(taken)), now_s))
             batch = list(found.chosen)
             numbers = range(len(taken), len(taken) + len(batch))
             added |= {*numbers}
@@ -190,22 +192,25 @@ class Arm:
 
     def default(self) -> tuple[float, float]:
         """Return the true error of the default campaign, mm, and its time without warm-up, s."""
-        pool = pool_of(self.block, self.site)
+        rows = self.readings(self.pool.candidates[: CALIBRATION + VALIDATION])
+        fitted = self.dataset(rows[: CALIBRATION * len(self.targets)])
+        until_s = float(rows[-1]["t_s"]) + _READING_S
+        return self._true_mm(fitted, until_s, CALIBRATION), until_s
+
+    def readings(self, poses: Sequence[Pose]) -> list[dict[str, Any]]:
+        """Return the rows of the data set that visits of some candidates give, one after the other."""
         rows: list[dict[str, Any]] = []
-        now_s, here = 0.0, np.zeros(len(pool.candidates[0].joints_deg))
-        dataset = None
-        for number in range(CALIBRATION + VALIDATION):
-            now_s += float(seconds_to(self.cell, pool, here, [number])[0]) + self.campaign.settle_s
-            rows += self._read(pool.candidates[number], number, now_s)
-            now_s += 1.1 * len(self.targets)
-            here = np.array(pool.candidates[number].joints_deg)
-            if number == CALIBRATION - 1:
-                dataset = self._dataset(rows)
-        assert dataset is not None
-        return self._true_mm(dataset, pool, now_s, CALIBRATION), now_s
+        now_s, here = 0.0, np.zeros(len(poses[0].joints_deg))
+        for number, pose in enumerate(poses):
+            i = self.pool.candidates.index(pose)
+            now_s += float(seconds_to(self.cell, self.pool, here, [i])[0]) + self.campaign.settle_s
+            rows += self._read(pose, number, now_s)
+            now_s += _READING_S * len(self.targets)
+            here = np.array(pose.joints_deg)
+        return rows
 
     def _read(self, pose: Pose, order: int, now_s: float) -> list[dict[str, Any]]:
-        states = [self._state(pose, order, now_s + 1.1 * k) for k in range(len(self.targets))]
+        states = [self._state(pose, order, now_s + _READING_S * k) for k in range(len(self.targets))]
         return [
             row_of(self.world, order * len(self.targets) + k, "calibration", (state, target))
             for k, (state, target) in enumerate(zip(states, self.targets, strict=True))
@@ -216,23 +221,24 @@ class Arm:
         air = round(self.world.air_c(now_s), 2)
         return ArmState(pose.joints_deg, before, pose.sides, round(now_s, 3), air, order)
 
-    def _dataset(self, rows: list[dict[str, Any]]) -> Dataset:
+    def dataset(self, rows: list[dict[str, Any]]) -> Dataset:
         return dataset_of(TextTable.of_text(csv_text(rows), Path("cell.csv")), self.header)
 
-    def _true_mm(self, dataset: Dataset, pool: Pool, until_s: float, poses: int) -> float:
+    def _true_mm(self, dataset: Dataset, until_s: float, poses: int) -> float:
         """RMS error of a reading at the poses of the zone, at times within the session: of the model, and noise."""
         final = diagnose(dataset).final
-        share = np.random.default_rng(self.world.seed).uniform(0.0, 1.0, len(pool.zone))
+        share = np.random.default_rng(self.world.seed).uniform(0.0, 1.0, len(self.pool.zone))
         times = share * until_s
         states = [
-            self._state(*each) for each in zip(pool.zone, (share * poses).astype(int), times, strict=True)
+            self._state(*each)
+            for each in zip(self.pool.zone, (share * poses).astype(int), times, strict=True)
         ]
         true = np.array(
             [self.world.indicated_point(state, target) for state in states for target in self.targets]
         )
         many = len(self.targets)
         stated = StatedConditions(loads=self.header.loads, gravity=self.header.gravity)
-        asked = visits_of(self.site, pool.zone, final.model, stated)
+        asked = visits_of(self.site, self.pool.zone, final.model, stated)
         floor_mm = zone_of(final.model, final.estimate, asked, self.header.noise).floor_mm
         asked = replace(
             asked,

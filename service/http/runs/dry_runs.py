@@ -7,20 +7,32 @@ called in a worker process.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from acquisition import Campaign, Cell, RunStatus, State, checked_plan
 from acquisition.campaign import Visit
+from acquisition.loop import calibration_campaign
 from calib.errors import DataError
-from calib.text import read_json, replace_file
+from calib.text import parse_toml, read_json, replace_file
 from service.files import as_json
 from service.http.runs.damage import unreadable
 from service.http.runs.run_document import run_document
 from service.http.work.campaigns import campaign_of
+from service.results.cell.accuracy import OutlookShown
 from service.results.cell.plan import PlanShown, plan_of_campaign, plan_of_record
 from service.results.shape import document_of
 from service.wording import counted
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What a calibration is expected to need: as `OutlookShown`, and in words. None if no accuracy was asked for."""
+
+    outlook: dict[str, Any] | None = None
+    words: str = ""
+
 
 FILE, PLAN = "dry_run.json", "plan.json"
 
@@ -35,6 +47,21 @@ def planned(cell: Cell, table: Mapping[str, Any]) -> tuple[Campaign, list[Visit]
     """
     campaign = campaign_of(table)
     return campaign, checked_plan(cell, campaign)
+
+
+def calibration_of(cell: Cell, asked: Mapping[str, Any]) -> tuple[dict[str, Any], Expected]:
+    """Return the campaign of a calibration as a table, and what it is expected to need.
+
+    `asked` are the arguments of `calibration_campaign`.
+
+    Raises
+    ------
+    ConfigError
+        The accuracy cannot be reached, or the zone or the time is not possible.
+    """
+    campaign, outlook = calibration_campaign(cell, **asked)
+    shown = document_of(OutlookShown.model_validate(outlook))
+    return parse_toml(campaign.source, "calibration"), Expected(shown, outlook.in_words())
 
 
 def readings_of(cell: Cell, table: Mapping[str, Any]) -> tuple[int, int]:

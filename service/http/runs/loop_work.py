@@ -86,6 +86,7 @@ class LoopWork:
             compute=self._compute,
             diagnose=self._diagnose,
             begin=book.compute,
+            confirm=self._confirmed if status.outlook is not None else lambda motion: True,
         )
         self._update()
 
@@ -167,6 +168,10 @@ class LoopWork:
                 return None
             self._update(state=State.RUNNING, reason="", problem=None)
             return self._lease.owner
+
+    def _confirmed(self, motion: str) -> bool:
+        """Rest until a person lets the robot move."""
+        return self._rest(f"Next the robot {motion}. Resume to let it move.") is not None
 
     def _resumed(self, run: Run, outcome: ExecutionOutcome) -> bool:
         self._book.not_begun()
@@ -276,7 +281,8 @@ class LoopStatus:
     """Snapshot of a loop.
 
     A change makes another one, with the next `version`. `steps` are its steps, the last one in progress. `runs` are
-    its runs; `run_id` is the current one. `problem` is the reason why it failed or rests.
+    its runs; `run_id` is the current one. `problem` is the reason why it failed or rests. `outlook` is that of
+    `Expected`.
     """
 
     id: str
@@ -293,6 +299,7 @@ class LoopStatus:
     runs: tuple[str, ...] = ()
     dataset_id: str | None = None
     problem: dict[str, Any] | None = None
+    outlook: dict[str, Any] | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Return the status as plain values, for JSON."""

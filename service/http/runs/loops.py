@@ -19,7 +19,7 @@ from acquisition.record import DeviceAcceptance
 from calib.text import replace_file
 from drivers.errors import AcquisitionError
 from service.files import as_json
-from service.http.runs.dry_runs import readings_of
+from service.http.runs.dry_runs import Expected, readings_of
 from service.http.runs.loop_work import ABOUT, LoopStatus, LoopWork
 from service.http.runs.run_manager import RunManager
 from service.http.wire.bodies import LoopKept, ResponseBody
@@ -34,6 +34,7 @@ from service.json_values import utc_text
 from service.results.cell import loop_results
 from service.wording import counted
 
+_UNASKED = Expected()
 ENDED = (State.SUCCEEDED, State.FAILED, State.STOPPED)
 CUT_OFF = "The service ended in mid-loop. Its runs are kept; begin a new loop to go through it whole."
 
@@ -112,7 +113,7 @@ class LoopStore:
 
     # -- making -------------------------------------------------------------------------------------------
 
-    def check(self, cell: Cell, table: Mapping[str, Any], name: str) -> str:
+    def check(self, cell: Cell, table: Mapping[str, Any], name: str, expected: Expected = _UNASKED) -> str:
         """Make a dry run: the first campaign is checked, nothing is opened.
 
         Raises
@@ -122,12 +123,21 @@ class LoopStore:
         """
         check_loop(cell)
         _, total = self._workers.call(readings_of, cell, table)
-        reason = f"Checked only: {counted(total, 'reading')} in the first campaign; nothing has moved."
-        status = self._new(name or cell.name, State.SUCCEEDED, dry_run=True, reason=reason)
+        found = expected.words or f"{counted(total, 'reading')} in the first campaign; nothing has moved."
+        reason = f"Checked only: {found}"
+        status = self._new(name or cell.name, State.SUCCEEDED, expected, dry_run=True, reason=reason)
         self._write(status.as_dict())
         return status.id
 
-    def start(self, cell: Cell, campaign: Campaign, name: str, poses: int, lease: LeaseDeadline) -> str:
+    def start(
+        self,
+        cell: Cell,
+        campaign: Campaign,
+        name: str,
+        poses: int,
+        lease: LeaseDeadline,
+        expected: Expected = _UNASKED,
+    ) -> str:
         """Begin a loop; the robot moves.
 
         Raises
@@ -140,7 +150,7 @@ class LoopStore:
         check_loop(cell)
         self._book.refuse_busy()
         devices = self._open_devices(cell)
-        status = self._new(name or cell.name, State.RUNNING)
+        status = self._new(name or cell.name, State.RUNNING, expected)
         own, folder = status.id, self._folder / status.id
 
         def done(compute: Compute, result: LoopResult) -> str:
@@ -156,11 +166,15 @@ class LoopStore:
         self._work[own] = work
         return own
 
-    def _new(self, name: str, state: State, *, dry_run: bool = False, reason: str = "") -> LoopStatus:
+    def _new(
+        self, name: str, state: State, expected: Expected, *, dry_run: bool = False, reason: str = ""
+    ) -> LoopStatus:
         own = new_id()
         (self._folder / own).mkdir()
         made = utc_text(time.time())
-        return LoopStatus(own, name, made, self._simulated, state, dry_run=dry_run, reason=reason)
+        return LoopStatus(
+            own, name, made, self._simulated, state, dry_run=dry_run, reason=reason, outlook=expected.outlook
+        )
 
     # -- orders -------------------------------------------------------------------------------------------
 

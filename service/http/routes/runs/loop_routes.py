@@ -10,7 +10,7 @@ from fastapi.responses import JSONResponse, Response
 from acquisition import LeaseDeadline
 from service.http.routes.json_route import JsonRoute
 from service.http.routes.runs.run_routes import acceptance, who
-from service.http.runs.dry_runs import planned
+from service.http.runs.dry_runs import Expected, calibration_of, planned
 from service.http.runs.loops import ENDED
 from service.http.state import Here, Service
 from service.http.wire.bodies import LoopList, LoopShown, NewLoop, ResumeBody
@@ -33,22 +33,33 @@ def create_loop(
 ) -> JSONResponse:
     """Check a loop (`dry_run`, the default), or go through it.
 
-    Going through it moves the robot and needs `Lease-Id`. A campaign is measured and diagnosed. If something is
-    ambiguous, poses that decide it are measured too. Then corrected targets of new poses are driven and measured.
-    Its campaigns are runs, in `runs`.
+    Going through it moves the robot and needs `Lease-Id`. A campaign is measured and diagnosed; with `accuracy_mm`,
+    its poses are chosen while they are measured, and `outlook` says what is expected. If something is ambiguous,
+    poses that decide it are measured too. Then corrected targets of new poses are driven and measured; with
+    `accuracy_mm`, only once the paused loop is resumed. Its campaigns are runs, in `runs`.
     """
 
     def work() -> JSONResponse:
         cell = here.cell
         table = here.shelf.get(body.campaign_id)["campaign"] if body.campaign_id else body.campaign
+        outlook = Expected()
+        if body.accuracy_mm:
+            asked = {
+                "accuracy_mm": body.accuracy_mm,
+                "minutes": body.minutes or None,
+                "zone": body.zone or None,
+                "zone_joints_deg": body.zone_joints_deg or None,
+                "poses": body.poses,
+            }
+            table, outlook = here.workers.call(calibration_of, cell, asked)
         if body.dry_run:
-            return _accepted(here, here.loops.check(cell, table, body.name))
+            return _accepted(here, here.loops.check(cell, table, body.name, outlook))
         here.lease.needed(lease_id)
         here.book.need_robot()
         campaign, _ = here.workers.call(planned, cell, table)
 
         def begin(lease: LeaseDeadline) -> str:
-            return here.loops.start(cell, campaign, body.name, body.poses, lease)
+            return here.loops.start(cell, campaign, body.name, body.poses, lease, outlook)
 
         return _accepted(here, here.let_move(lease_id, begin))
 

@@ -168,13 +168,58 @@ class LeaseTakeoverRequest(LeaseRequest):
 
 
 class NewLoop(NewRun):
-    """A closed loop: the request for a run, and the number of poses to verify the correction."""
+    """A closed loop: the request for a run, and the number of poses to verify the correction.
+
+    With `accuracy_mm` in place of a campaign the poses are chosen while they are measured, until the accuracy is
+    reached; the loop then rests before it drives corrected targets, until a person resumes it.
+    """
 
     model_config = ConfigDict(
-        json_schema_extra={"examples": [{"campaign": CAMPAIGN, "dry_run": True, "poses": 20}]}
+        json_schema_extra={
+            "examples": [
+                {"accuracy_mm": 0.1, "minutes": 30.0, "dry_run": True},
+                {"campaign": CAMPAIGN, "dry_run": True, "poses": 20},
+            ]
+        }
     )
 
     poses: Annotated[int, told("Number of new poses that verify the correction.", 20, ge=1, le=500)] = 20
+    accuracy_mm: Annotated[
+        float,
+        told(
+            "RMS error of a reading in the zone, to be reached with 95 % confidence, mm; 0: a campaign is given.",
+            0.1,
+            ge=0.0,
+            le=100.0,
+        ),
+    ] = 0.0
+    minutes: Annotated[
+        float, told("Time at the cell, verification included, min; 0: no limit.", 30.0, ge=0.0, le=10_000.0)
+    ] = 0.0
+    zone: Annotated[
+        dict[
+            Literal["x_mm", "y_mm", "z_mm"], Annotated[list[_COORDINATE], Field(min_length=2, max_length=2)]
+        ],
+        told(
+            "Box in the world in which the robot works, mm; empty: the workspace.", {"x_mm": [300.0, 550.0]}
+        ),
+    ] = Field(default_factory=dict)
+    zone_joints_deg: Annotated[
+        list[Annotated[list[_COORDINATE], Field(min_length=1, max_length=20)]],
+        told(
+            "Poses at which the robot works, in place of a box, deg.",
+            [[12.0, 45.0, -10.0, 80.0, -35.0, 10.0]],
+            max_length=10_000,
+        ),
+    ] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _one_campaign(self) -> NewLoop:
+        if sum(map(bool, (self.campaign, self.campaign_id, self.accuracy_mm))) != 1:
+            raise ValueError("give one of accuracy_mm, campaign and campaign_id")
+        if not self.accuracy_mm and (self.minutes or self.zone or self.zone_joints_deg):
+            raise ValueError("minutes, zone and zone_joints_deg go with accuracy_mm")
+        return self
 
 
 class ReasonBody(RequestBody):

@@ -18,7 +18,7 @@ from service.http.wire.bodies.fields import (
     Version,
     told,
 )
-from service.results.cell.accuracy import AccuracyShown
+from service.results.cell.accuracy import AccuracyShown, OutlookShown
 from service.results.cell.loop_results import LoopResponse
 
 RunState = Annotated[State, told("What it does; `state_code` is its number.", "running")]
@@ -190,6 +190,9 @@ class LoopShown(LoopKept):
     dataset_id: Annotated[str | None, told("The id of its readings, once it is through.", None)]
     simulated: Simulated
     problem: Annotated[ProblemShown | None, told("What it failed or rests for.", None)]
+    outlook: Annotated[
+        OutlookShown | None, told("What it is expected to need, where an accuracy was asked for.", None)
+    ] = None
     result: Annotated[LoopResponse | None, told("The diagnosis and its verification.", None)]
     report: Annotated[
         str | None, told("The path of its report.", "/api/v1/reports/20261121-170459-3f9a1c07b2e")
