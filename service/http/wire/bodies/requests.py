@@ -175,12 +175,7 @@ class NewLoop(NewRun):
     """
 
     model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {"accuracy_mm": 0.1, "minutes": 30.0, "dry_run": True},
-                {"campaign": CAMPAIGN, "dry_run": True, "poses": 20},
-            ]
-        }
+        json_schema_extra={"examples": [{"accuracy_mm": 0.1, "minutes": 30.0, "dry_run": True, "poses": 10}]}
     )
 
     poses: Annotated[int, told("Number of new poses that verify the correction.", 20, ge=1, le=500)] = 20
