@@ -225,7 +225,7 @@ def test_campaigns() -> None:
             if "kind" in each["properties"]
         }
     )
-    assert len(kinds) == 9
+    assert len(kinds) == 10
     assert [kind for kind in kinds if f"**{kind}**" not in text] == []
 
 
