@@ -158,6 +158,20 @@ def validation(folder: Path, job: Mapping[str, Any]) -> None:
     replace_file(folder / RESULT, as_json(document_of(found.result)))
 
 
+def sweeps(folder: Path, job: Mapping[str, Any]) -> None:
+    """Analyse the sweeps of a data set and draw their tangential errors."""
+    from calib.data import read_dataset
+    from calib.text import replace_file
+    from service.files import as_json
+    from service.report.figures.sweeps import sweeps_picture
+    from service.results.models.swept import SweepsResult
+    from service.results.shape import document_of
+
+    found = SweepsResult.of(read_dataset(Path(job["data"])), job["level"], lambda step: tell(folder, step))
+    replace_file(folder / PICTURE, sweeps_picture(found.sweeps))
+    replace_file(folder / RESULT, as_json(document_of(found)))
+
+
 def selection(folder: Path, job: Mapping[str, Any]) -> None:
     """Choose poses in the cell of the job."""
     from acquisition.cell import cell_of_record
@@ -309,6 +323,7 @@ _WORK = {
     "placement": placement,
     "regression": regression,
     "selection": selection,
+    "sweeps": sweeps,
     "upkeep": upkeep,
     "validation": validation,
     "watch": watch,

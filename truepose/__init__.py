@@ -1,4 +1,4 @@
-"""TruePose from Python: read, identify, diagnose, validate, select, compensate, simulate.
+"""TruePose from Python: read, identify, diagnose, validate, sweeps, select, compensate, simulate.
 
     import truepose
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from truepose.model import Model, identify, load
     from truepose.selection import Selection, select
     from truepose.simulation import simulate
+    from truepose.sweep_analysis import Sweeps, sweeps
     from truepose.validation import Validation, validate
 
 __version__ = metadata.version("truepose")
@@ -38,6 +39,7 @@ __all__ = [
     "Diagnosis",
     "Model",
     "Selection",
+    "Sweeps",
     "Validation",
     "compensate",
     "diagnose",
@@ -46,6 +48,7 @@ __all__ = [
     "read",
     "select",
     "simulate",
+    "sweeps",
     "validate",
 ]
 
@@ -56,6 +59,7 @@ _HOMES = {
     "Diagnosis": "diagnosis",
     "Model": "model",
     "Selection": "selection",
+    "Sweeps": "sweep_analysis",
     "Validation": "validation",
     "compensate": "correction",
     "diagnose": "diagnosis",
@@ -64,6 +68,7 @@ _HOMES = {
     "read": "data",
     "select": "selection",
     "simulate": "simulation",
+    "sweeps": "sweep_analysis",
     "validate": "validation",
 }
 

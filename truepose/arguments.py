@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from calib.array import Array
+from calib.data import LEVELS
 from calib.errors import DataError
 from calib.saved import CalibratedModel
 
@@ -90,6 +91,18 @@ def refuse_no_model(model: object, wanted: type, key: str = "model") -> None:
             do="Give truepose.load(file) or identify(data).",
             key=key,
         )
+
+
+def refuse_other_level(level: int | None) -> None:
+    """Refuse a level of calibration that does not exist; None stands for what the header frees.
+
+    Raises
+    ------
+    DataError
+        There is no such level.
+    """
+    if level is not None and level not in LEVELS:
+        raise DataError(f"is {level}.", do="Use 1, 2 or 3.", key="level")
 
 
 def angles_of(joints: Array, saved: CalibratedModel) -> Array:

@@ -21,7 +21,7 @@ from calib.prior import load_prior
 from calib.saved import CalibratedModel, as_saved, load_model, save_model
 from calib.units import to_display
 from service.results.models.parameters import absolutes, nominals
-from truepose.arguments import joints_of, number_of
+from truepose.arguments import joints_of, number_of, refuse_other_level
 from truepose.data import Data, data_of
 from truepose.frames import frame
 
@@ -273,8 +273,7 @@ def identify(
     <model of abb-irb120: 32 parameters>
     """
     of = data_of(data)
-    if level is not None and level not in LEVELS:
-        raise DataError(f"is {level}.", do="Use 1, 2 or 3.", key="level")
+    refuse_other_level(level)
     groups = None if level is None else LEVELS[level]
     of_type = None if prior is None else load_prior(Path(prior))
     fitted = fit(of.dataset, groups=groups, prior=of_type, progress=progress or silent)

@@ -1,5 +1,5 @@
 """Sweeps: the errors of a single joint, measured while only that joint turns."""
 
-from calib.sweeps.joint import JointSweep, analyse
+from calib.sweeps.joint import AxisDifference, JointSweep, analyse
 
-__all__ = ["JointSweep", "analyse"]
+__all__ = ["AxisDifference", "JointSweep", "analyse"]

@@ -1,4 +1,4 @@
-"""Sweeps of single joints: tangential error, lost motion between two directions, and axis.
+"""Sweeps of single joints: tangential error, lost motion, axis, and deviation from the circle.
 
 While joint k alone turns, a target moves on a circle. The tangential error of a reading is the angle at which the
 target lies on that circle minus the commanded angle. The range of its mean over both directions is the error range
@@ -61,7 +61,11 @@ class JointSweep:
     angle, tangential : array of shape (n,)
         Commanded angles and tangential errors, rad.
     radial : array of shape (n,)
-        Distances outside the circle, mm.
+        Deviations from the circle along its radius, mm; outwards above zero.
+    axial : array of shape (n,)
+        Deviations from the plane of the circle along its axis, mm. The axis points according to the right-hand rule.
+    radial_rms, radial_largest, axial_rms, axial_largest : float
+        RMS and largest absolute value of these deviations, mm.
     upwards : array of bool, shape (n,)
         Whether the reading was reached upwards.
     places : array of shape (p,)
@@ -80,6 +84,11 @@ class JointSweep:
     angle: Array
     tangential: Array
     radial: Array
+    axial: Array
+    radial_rms: float
+    radial_largest: float
+    axial_rms: float
+    axial_largest: float
     upwards: NDArray[np.bool_]
     places: Array
     error: Array
@@ -140,7 +149,7 @@ def _analysed(dataset: Dataset, sweep: CircleSweep, identified: IdentificationFi
     angle = conditions.joints[sweep.rows, sweep.joint - 1]
     upwards = conditions.side[sweep.rows, sweep.joint - 1] > 0
     circle = fit_circle(dataset.points[sweep.rows], angle, upwards)
-    seen, radial = circle.place(dataset.points[sweep.rows])
+    seen, radial, axial = circle.place(dataset.points[sweep.rows])
     tangential = np.angle(np.exp(1j * (seen - angle)))
     tangential = np.angle(np.exp(1j * (tangential - np.angle(np.exp(1j * tangential).sum()))))
     number, places = _places(angle)
@@ -149,6 +158,8 @@ def _analysed(dataset: Dataset, sweep: CircleSweep, identified: IdentificationFi
     reversal = float(gaps.mean()) if len(gaps) else None
     without = tangential - 0.5 * (reversal or 0.0) * np.where(upwards, 1.0, -1.0)
     error = _mean(without, number, np.ones(len(angle), dtype=bool))
+    away = np.abs([radial, axial])
+    rms, largest = np.sqrt(np.mean(away**2, axis=1)), away.max(axis=1)
     return JointSweep(
         joint=sweep.joint,
         series=conditions.series_names[sweep.series],
@@ -157,6 +168,11 @@ def _analysed(dataset: Dataset, sweep: CircleSweep, identified: IdentificationFi
         angle=angle,
         tangential=tangential,
         radial=radial,
+        axial=axial,
+        radial_rms=float(rms[0]),
+        radial_largest=float(largest[0]),
+        axial_rms=float(rms[1]),
+        axial_largest=float(largest[1]),
         upwards=upwards,
         places=places,
         error=error,
@@ -220,11 +236,11 @@ class Circle:
     u_direction: float
     u_centre: float
 
-    def place(self, points: Array) -> tuple[Array, Array]:
-        """Return angle (n,), rad, and distance outside the circle (n,), mm, of points (n, 3)."""
+    def place(self, points: Array) -> tuple[Array, Array, Array]:
+        """Return angles, rad, and radial and axial deviations, mm, of points (n, 3), each of shape (n,)."""
         away = points - self.centre
         x, y = away @ self.cosine, away @ self.sine
-        return np.arctan2(y, x), np.hypot(x, y) - self.radius
+        return np.arctan2(y, x), np.hypot(x, y) - self.radius, away @ self.direction
 
 
 def fit_circle(points: Array, angle: Array, upwards: NDArray[np.bool_]) -> Circle:

@@ -6,16 +6,16 @@ from collections.abc import Iterable, Sequence
 
 from rich.console import RenderableType
 
-from calib.sweeps import JointSweep
 from calib.units import DEG
 from service import wording
-from service.printed.tables import grid, warnings
+from service.printed.tables import grid, table_of, warnings
+from service.results.models.swept import SweepResponse, SweepsResult
 
 LEVER_MM = 1000.0  # lever arm at which the error of a joint is also shown as a length
 
 
-def tables(sweeps: Sequence[JointSweep], remarks: Sequence[str]) -> Iterable[RenderableType]:
-    """Show error range and reversal of each joint, and compare its axis with the identified one."""
+def tables(result: SweepsResult) -> Iterable[RenderableType]:
+    """Show error range, reversal and deviation from the circle of each joint, and compare its axis."""
     shown = grid(
         "Joints one at a time",
         "joint",
@@ -30,17 +30,16 @@ def tables(sweeps: Sequence[JointSweep], remarks: Sequence[str]) -> Iterable[Ren
         "k = 2",
         left=2,
     )
-    for sweep in sweeps:
-        low, high = sweep.angle.min() / DEG, sweep.angle.max() / DEG
+    for sweep in result.sweeps:
         shown.add_row(
             str(sweep.joint),
             sweep.target,
-            str(len(sweep.angle)),
-            f"{low:.1f}",
-            f"{high:.1f}",
-            f"{sweep.radius:.1f}",
-            f"{sweep.error_range / DEG:.4f}",
-            wording.millimetres(sweep.error_range * LEVER_MM),
+            str(sweep.readings),
+            f"{sweep.from_deg:.1f}",
+            f"{sweep.to_deg:.1f}",
+            f"{sweep.radius_mm:.1f}",
+            f"{sweep.error_range_deg:.4f}",
+            wording.millimetres(sweep.error_range_deg * DEG * LEVER_MM),
             *_reversal(sweep),
         )
     shown.caption = (
@@ -49,19 +48,31 @@ def tables(sweeps: Sequence[JointSweep], remarks: Sequence[str]) -> Iterable[Ren
     )
     shown.caption_justify = "left"
     yield shown
-    if any(sweep.axis is not None for sweep in sweeps):
-        yield _axes(sweeps)
-    yield warnings(remarks)
+    off = table_of(
+        SweepResponse,
+        "Deviation from the circle, mm",
+        ("joint", "target"),
+        [(str(sweep.joint), sweep.target, sweep) for sweep in result.sweeps],
+    )
+    off.caption = (
+        "Along the radius: the joint runs out of round. Along the axis: it wobbles. Gravity that turns with the joint, "
+        "and noise, show in both."
+    )
+    off.caption_justify = "left"
+    yield off
+    if any(sweep.axis is not None for sweep in result.sweeps):
+        yield _axes(result.sweeps)
+    yield warnings(result.warnings)
 
 
-def _reversal(sweep: JointSweep) -> tuple[str, str]:
-    if sweep.reversal is None:
+def _reversal(sweep: SweepResponse) -> tuple[str, str]:
+    if sweep.reversal_deg is None:
         return "-", "-"
-    u = "-" if sweep.u_reversal is None else f"{2.0 * sweep.u_reversal / DEG:.4f}"
-    return f"{sweep.reversal / DEG:+.4f}", u
+    u = "-" if sweep.u_reversal_deg is None else f"{2.0 * sweep.u_reversal_deg:.4f}"
+    return f"{sweep.reversal_deg:+.4f}", u
 
 
-def _axes(sweeps: Sequence[JointSweep]) -> RenderableType:
+def _axes(sweeps: Sequence[SweepResponse]) -> RenderableType:
     shown = grid(
         "Axes of the circles beside those of the identified arm",
         "joint",
@@ -77,10 +88,10 @@ def _axes(sweeps: Sequence[JointSweep]) -> RenderableType:
             shown.add_row(
                 str(sweep.joint),
                 sweep.target,
-                f"{axis.angle / DEG:.4f}",
-                f"{2.0 * axis.u_angle / DEG:.4f}",
-                wording.millimetres(axis.distance),
-                wording.millimetres(2.0 * axis.u_distance),
+                f"{axis.angle_deg:.4f}",
+                f"{2.0 * axis.u_angle_deg:.4f}",
+                wording.millimetres(axis.distance_mm),
+                wording.millimetres(2.0 * axis.u_distance_mm),
             )
     shown.caption = (
         "k = 2: what the scatter about the circle leaves open. More than that is what bends the circle: gravity that "

@@ -1,7 +1,8 @@
 """Test sweeps of single joints.
 
 These would catch: degrees for radians, a reversal of the wrong sign or halved, and an error range that the reversal
-inflates. They would also catch an axis compared with that of another joint, and sweeps found without cause.
+inflates. They would also catch an axis compared with that of another joint, sweeps found without cause, and a ripple of
+the radius taken for a wobble of the axis.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ RANGES = {1: (-60.0, 60.0), 2: (-40.0, 40.0), 5: (-90.0, 90.0)}
 GAP = {1: 0.02, 5: -0.03}  # deg, up less down
 WAVE = 0.05  # deg, three times a turn, of joint 5
 NOISE = 0.005
+RIPPLE, WOBBLE = 0.08, 0.05  # mm, along radius and axis, three times and twice per turn
 
 
 def cell(step: float = 5.0) -> Cell:
@@ -95,6 +97,26 @@ def test_the_axes_are_those_of_the_identified_arm(dataset: Dataset) -> None:
         assert sweep.joint != 2 or sweep.axis.u_distance < 3.0 * NOISE
 
 
+def test_deviations_along_radius_and_axis_are_told_apart(tmp_path: Path) -> None:
+    out = Cell()
+    out.soft = np.zeros(6)
+    commanded = np.tile(HOME, (72, 1))
+    commanded[:, 5] = np.arange(-180.0, 180.0, 5.0)
+    drive(out, commanded, np.ones((72, 6)))
+    dataset = out.dataset(tmp_path)
+    angle, away = np.radians(commanded[:, 5]), dataset.points - dataset.points.mean(axis=0)
+    axis, outward = np.cross(away[0], away[18]), away / np.linalg.norm(away, axis=1, keepdims=True)
+    ripple, wobble = RIPPLE * np.cos(3.0 * angle), WOBBLE * np.cos(2.0 * angle)
+    moved = ripple[:, None] * outward + wobble[:, None] * axis / np.linalg.norm(axis)
+    (sweep,) = analyse(replace(dataset, points=dataset.points + moved))
+    np.testing.assert_allclose(sweep.radial, ripple, atol=5.0 * NOISE)
+    np.testing.assert_allclose(sweep.axial, wobble, atol=5.0 * NOISE)
+    assert sweep.radial_rms == pytest.approx(RIPPLE / np.sqrt(2.0), abs=NOISE)
+    assert sweep.axial_rms == pytest.approx(WOBBLE / np.sqrt(2.0), abs=NOISE)
+    assert sweep.radial_largest == pytest.approx(RIPPLE, abs=3.0 * NOISE)
+    assert sweep.axial_largest == pytest.approx(WOBBLE, abs=3.0 * NOISE)
+
+
 def test_up_only_has_no_reversal(dataset: Dataset) -> None:
     up = dataset.conditions.side[:, 4] > 0
     sweep = next(s for s in analyse(_take(dataset, up)) if s.joint == 5)
@@ -136,6 +158,8 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     document = json.loads((tmp_path / "s.json").read_text("utf-8"))
     five = next(s for s in document["sweeps"] if s["joint"] == 5)
     assert five["reversal_deg"] == pytest.approx(GAP[5], abs=4.0 * five["u_reversal_deg"])
+    assert five["axial_rms_mm"] == pytest.approx(np.sqrt(np.mean(np.square(five["axial_mm"]))))
+    assert "Deviation from the circle, mm" in shown
     assert picture.read_text("utf-8").count("tangential error, deg") == 3
 
 

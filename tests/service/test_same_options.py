@@ -17,10 +17,18 @@ from service.commands.cell.select import select
 from service.commands.models.compensate import compensate_command
 from service.commands.models.diagnose import diagnose_command
 from service.commands.models.identify import identify_command
+from service.commands.models.sweeps import sweeps_command
 from service.commands.models.validate import validate_command
 from service.commands.watch import judge_command, plan_command, upkeep_command
 from service.http.routes.work.program_routes import correct_program
-from service.http.wire.bodies import SelectionAsked, TargetsToCorrect, ToDiagnose, ToIdentify, ValidationAsked
+from service.http.wire.bodies import (
+    SelectionAsked,
+    SweepsAsked,
+    TargetsToCorrect,
+    ToDiagnose,
+    ToIdentify,
+    ValidationAsked,
+)
 from service.http.wire.bodies.watches import UpkeepAsked, WatchPlanAsked, WatchRequestBody
 from service.results.cell.selected import SelectionRequest
 from service.results.judgement.validation import ValidationRequest
@@ -49,7 +57,7 @@ def names_of(of: Any) -> set[str]:
 
 def options(of: object) -> set[str]:
     """The names of the options of a fit."""
-    return names_of(of) - AT_THE_TERMINAL - LIMITS - KEPT - OF_THE_SERVICE - CALLS
+    return names_of(of) - AT_THE_TERMINAL - LIMITS - KEPT - OF_THE_SERVICE - CALLS - DRAWING
 
 
 @pytest.mark.parametrize(
@@ -57,8 +65,9 @@ def options(of: object) -> set[str]:
     [
         (diagnose_command, ToDiagnose, truepose.diagnose, DiagnosisRequest),
         (identify_command, ToIdentify, truepose.identify),
+        (sweeps_command, SweepsAsked, truepose.sweeps),
     ],
-    ids=["diagnose", "identify"],
+    ids=["diagnose", "identify", "sweeps"],
 )
 def test_three_fronts_have_the_same_options(fronts: tuple[object, ...]) -> None:
     first, *others = fronts

@@ -55,9 +55,10 @@ SURFACE = {
         "stated",
     },
     "Selection": {"choice", "curve", "joints_deg", "of_type", "poses", "reached_with", "u_by_count"},
+    "Sweeps": {"joints", "readings", "result"},
     "Validation": {"errors", "judgements", "result"},
 }
-FUNCTIONS = {"compensate", "diagnose", "identify", "load", "read", "select", "simulate", "validate"}
+FUNCTIONS = {"compensate", "diagnose", "identify", "load", "read", "select", "simulate", "sweeps", "validate"}
 POSES_DEG = [[10.0, 20.0, -30.0, 40.0, 50.0, 60.0], [-20.0, 35.0, 10.0, -60.0, 40.0, -15.0]]
 
 

@@ -15,6 +15,8 @@ from pathlib import Path
 import pytest
 
 import truepose
+from tests.calib.campaigns import write_files
+from tests.calib.test_sweeps import cell
 from tests.service.campaigns import write_data
 
 CELL = Path(__file__).parents[2] / "examples" / "irb120_faro" / "cell.toml"
@@ -46,6 +48,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     csv = write_data(at)
     for ending in (".csv", ".toml"):
         shutil.copyfile(csv.with_suffix(ending), at / f"irb120{ending}")
+    turned = cell()
+    write_files(at, turned.rows, turned.header()).rename(at / "sweeps.csv")
+    (at / "data.toml").rename(at / "sweeps.toml")
     shutil.copyfile(CELL, at / "cell.toml")
     (at / "campaign.toml").write_text(CAMPAIGN, "utf-8")
     return at

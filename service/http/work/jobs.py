@@ -1,11 +1,11 @@
 """Jobs, one at a time, in a worker process.
 
-They are identifications, diagnoses, alignments, regressions, validations, selections, searches of placements
-and watches.
+They are identifications, diagnoses, alignments, regressions, validations, selections, searches of placements,
+watches and sweeps.
 
     RECORD/identifications/ID/, diagnoses/, alignments/, regressions/, validations/, selections/, placements/,
-    watch-plans/, watches/, upkeeps/: job.json, then result.json + report.html (a picture of an alignment and of
-    placements, poses of a selection, the updated model of a watch) or problem.json
+    watch-plans/, watches/, upkeeps/, sweeps/: job.json, then result.json + report.html (a picture of an alignment, of
+    placements and of sweeps, poses of a selection, the updated model of a watch) or problem.json
 
 The folder is the state. A job without an outcome that is not being worked on was cut off.
 """
@@ -59,6 +59,7 @@ _FOLDERS = {
     "watch_plan": "watch-plans",
     "watch": "watches",
     "upkeep": "upkeeps",
+    "sweeps": "sweeps",
 }
 _WITH_RESULTS = (*_FOLDERS.values(), "loops")
 
@@ -257,7 +258,7 @@ class Jobs:
         return self._file(name, REPORT, "report")
 
     def picture(self, name: str) -> str:
-        """Return the SVG of an alignment or a search of placements.
+        """Return the SVG of an alignment, a search of placements or sweeps.
 
         Raises
         ------

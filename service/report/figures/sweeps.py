@@ -6,24 +6,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib.sweeps import JointSweep
-from calib.units import DEG
 from service.report.figures import drawing
+from service.results.models.swept import SweepResponse
 
 
-def sweeps_picture(sweeps: Sequence[JointSweep]) -> str:
+def sweeps_picture(sweeps: Sequence[SweepResponse]) -> str:
     """Draw the picture as SVG text."""
     rows = (len(sweeps) + 1) // 2
     drawn, panels = drawing.figure(9.0, 0.5 + 2.3 * rows, rows, min(len(sweeps), 2))
     for axes, sweep in zip(panels, sweeps, strict=False):
+        angle, error, up = map(np.asarray, (sweep.angle_deg, sweep.tangential_deg, sweep.upwards))
         for rows_of, colour, label in (
-            (sweep.upwards, drawing.AFTER, "on the way up"),
-            (~sweep.upwards, drawing.FITTED, "on the way down"),
+            (up, drawing.AFTER, "on the way up"),
+            (~up, drawing.FITTED, "on the way down"),
         ):
-            order = np.flatnonzero(rows_of)[np.argsort(sweep.angle[rows_of], kind="stable")]
+            order = np.flatnonzero(rows_of)[np.argsort(angle[rows_of], kind="stable")]
             axes.plot(
-                sweep.angle[order] / DEG,
-                sweep.tangential[order] / DEG,
+                angle[order],
+                error[order],
                 marker="o",
                 markersize=2.4,
                 linewidth=0.8,
@@ -31,7 +31,7 @@ def sweeps_picture(sweeps: Sequence[JointSweep]) -> str:
                 label=label,
             )
         axes.set_title(
-            f"joint {sweep.joint}, {sweep.target}, radius {sweep.radius:.0f} mm",
+            f"joint {sweep.joint}, {sweep.target}, radius {sweep.radius_mm:.0f} mm",
             fontsize=9.0,
             loc="left",
             color=drawing.INK,

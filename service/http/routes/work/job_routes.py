@@ -31,6 +31,8 @@ from service.http.wire.bodies import (
     ResponseBody,
     SelectionAsked,
     SelectionShown,
+    SweepsAsked,
+    SweepsShown,
     ToDiagnose,
     ToFit,
     ToIdentify,
@@ -140,6 +142,11 @@ def create_validation(here: Service, body: ValidationAsked) -> dict[str, Any]:
         "limits": None if limits is None else asdict(limits),
     }
     return here.jobs.add("validation", readings | {"model": model, "order": order})
+
+
+def create_sweeps(here: Service, body: SweepsAsked) -> dict[str, Any]:
+    """Analyse the joints that were turned alone: tangential error, reversal, axis and deviation from the circle."""
+    return here.jobs.add("sweeps", _readings_of(here, body.dataset_id) | {"level": body.level or None})
 
 
 def create_selection(here: Service, body: SelectionAsked) -> dict[str, Any]:
@@ -303,6 +310,16 @@ KINDS = (
         "A validation{}",
         ValidationAsked,
         create_validation,
+    ),
+    JobKind(
+        "sweeps",
+        "sweeps",
+        "Sweeps",
+        SweepsShown,
+        "An analysis of sweeps{} Its result is that of `sweeps --json`.",
+        SweepsAsked,
+        create_sweeps,
+        picture="The tangential error of every joint over its angle, up and down.",
     ),
     JobKind(
         "selection",

@@ -28,6 +28,7 @@ from service.http.wire.bodies.jobs import (
     SelectionAsked,
     SelectionShown,
     StoredJob,
+    SweepsShown,
     ValidationShown,
 )
 from service.http.wire.bodies.requests import (
@@ -42,6 +43,7 @@ from service.http.wire.bodies.requests import (
     RegressionAsked,
     Resume,
     ResumeBody,
+    SweepsAsked,
     TargetsToCorrect,
     ToDiagnose,
     ToFit,
@@ -111,6 +113,8 @@ __all__ = [
     "SelectionAsked",
     "SelectionShown",
     "StoredJob",
+    "SweepsAsked",
+    "SweepsShown",
     "TargetsToCorrect",
     "ToDiagnose",
     "ToFit",

@@ -8,7 +8,7 @@ from service.http.wire.bodies.fields import Id, ResponseBody, told
 
 Kind = Literal[
     "run", "dataset", "campaign", "identification", "diagnosis", "alignment", "regression", "validation", "selection",
-    "placement", "watch_plan", "watch", "upkeep",
+    "placement", "watch_plan", "watch", "upkeep", "sweeps",
 ]  # fmt: skip
 
 

@@ -31,6 +31,7 @@ from service.results.judgement.validation import ValidationResult
 from service.results.models.diagnosed import DiagnosisResult
 from service.results.models.identified import IdentificationResult
 from service.results.models.regressed import RegressionResult
+from service.results.models.swept import SweepsResult
 from service.results.watch_answers import UpkeepResult, WatchResult
 
 Number = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
@@ -126,7 +127,7 @@ class SelectionAsked(RequestBody):
 
 JobKind = Literal[
     "identification", "diagnosis", "alignment", "regression", "validation", "selection", "placement", "watch_plan",
-    "watch", "upkeep",
+    "watch", "upkeep", "sweeps",
 ]  # fmt: skip
 
 Result = (
@@ -140,6 +141,7 @@ Result = (
     | WatchPlanResult
     | WatchResult
     | UpkeepResult
+    | SweepsResult
 )
 
 
@@ -210,6 +212,12 @@ class ValidationShown(_Job):
     """A validation."""
 
     result: Annotated[ValidationResult | None, told("Once it has succeeded.", None)]
+
+
+class SweepsShown(_Job):
+    """The sweeps of a data set."""
+
+    result: Annotated[SweepsResult | None, told("Once it has succeeded.", None)]
 
 
 class SelectionShown(_Job):

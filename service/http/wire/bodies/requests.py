@@ -351,6 +351,11 @@ AcceptMax = Annotated[
 ]
 
 
+Level = Annotated[
+    int, told("1 joints, 2 geometry, 3 and gravity; 0: what the header frees; no unit.", 0, ge=0, le=3)
+]
+
+
 class DatasetReference(RequestBody):
     """Readings to work on."""
 
@@ -439,9 +444,7 @@ class ToFit(JudgeRequest):
 class ToIdentify(ToFit):
     """Readings to identify a robot from."""
 
-    level: Annotated[
-        int, told("1 joints, 2 geometry, 3 and gravity; 0: what the header frees; no unit.", 0, ge=0, le=3)
-    ] = 0
+    level: Level = 0
 
     @property
     def options(self) -> dict[str, Any]:
@@ -467,6 +470,12 @@ class ToDiagnose(ToFit):
     def options(self) -> dict[str, Any]:
         """The options of the job, including those of a diagnosis."""
         return {**super().options, "most": self.most, "patch": self.patch}
+
+
+class SweepsAsked(DatasetReference):
+    """A data set with sweeps, and the level of the identification with whose axes theirs are compared."""
+
+    level: Level = 0
 
 
 class RegressionAsked(DatasetReference):
