@@ -1,7 +1,8 @@
 """Files of streams: CSV with units, foreign recordings with a map, and point exports.
 
 Without a map, columns are `t_s`, `j1_deg` .. and `x_mm`, `y_mm`, `z_mm`; a recording by RTDE
-(`timestamp`, `actual_q_0` .., rad) is known by its names.
+(`timestamp`, `actual_q_0` .., rad) is known by its names. Its times may also be milliseconds, microseconds or
+nanoseconds since 1970: they are known by their size, converted, and reported.
 
 Point exports are in the style of SpatialAnalyzer, with one point per line: its name, its coordinates,
 perhaps a time stamp.
@@ -30,7 +31,7 @@ from calib.arm.robot import Robot, refuse_slides
 from calib.array import Array
 from calib.errors import DataError
 from calib.foreign.files.number import STAMP, seconds_of
-from calib.foreign.map.entry import DATE, LENGTHS, Column, parse_map
+from calib.foreign.map.entry import DATE, LENGTHS, TIMES, Column, parse_map
 from calib.motion.streams import MEND_TIMES, JointStream, PointStream
 from calib.text.columns import TextTable
 from calib.text.text_file import read_text
@@ -40,6 +41,9 @@ _MOST_RAD = 4.0 * np.pi + 1e-3  # joints of all robots turn less than twice abou
 _LARGE_DEG = 2.0 * np.pi + 1e-3
 _WRAPS = 1.5 * np.pi  # from one sample to the next: no joint turns so fast
 _LARGEST = 1e10  # s, mm or rad: some 300 years of seconds
+_SINCE_1970 = (6e8, 4.2e9)  # s, of the years 1989 to 2103: the ranges of ms, us and ns do not overlap
+_UNITS = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+_SLOW_S = 2.0  # a sample every two seconds shows no motion, every two milliseconds is usual
 _OF_AXIS = re.compile(r"([je]\d{1,3})_(?:deg|mm)")
 _EXPORT = re.compile(r"\s*spatial-analyzer\s*\[\s*(\w+)\s*\]\s*")
 _NAME_THEM = "Name the columns of a foreign file by a map: time=Timestamp[ms], ..."
@@ -86,7 +90,7 @@ def read_joints(path: Path, robot: Robot, coupling: str = "none", columns: str |
                 file=path,
                 line=1,
             )
-    time = _times(table, of["time"])
+    time, unit = _times(table, of["time"], declared=columns is not None)
     joints = np.column_stack(
         [_numbers(table, of[name]) if name in names else np.zeros(len(table)) for name in robot.axes]
     )
@@ -94,6 +98,7 @@ def read_joints(path: Path, robot: Robot, coupling: str = "none", columns: str |
     once, remarks = _in_order(table, time, joints, of["time"])
     time, given = time[once], joints[once]
     joints = np.unwrap(given, discont=_WRAPS, axis=0)
+    remarks = unit + remarks
     remarks += [
         f"Column '{of[name].name}' wraps at half a turn; the joint was followed across."
         for name, wraps in zip(robot.axes, (joints != given).any(axis=0), strict=True)
@@ -136,7 +141,7 @@ def read_points(path: Path, columns: str | None = None) -> PointStream:
     else:
         of = {axis: Column(f"{axis}_mm", "mm", 1.0) for axis in axes}
         of["time"] = Column("t_s", "s", 1.0)
-    time = _times(table, of["time"])
+    time, unit = _times(table, of["time"], declared=columns is not None)
     points = np.column_stack([_numbers(table, of[axis], empty=True) for axis in axes])
     status = np.char.lower(table.text("status").astype(str))
     seen = np.isin(status, ("", "ok")) & np.isfinite(points).all(axis=1) & (points != 0.0).any(axis=1)
@@ -144,7 +149,7 @@ def read_points(path: Path, columns: str | None = None) -> PointStream:
         raise DataError("has no point that was measured.", do="Check columns and status.", file=path)
     time, points = time[seen], points[seen]
     once, remarks = _in_order(table.where(seen), time, points, of["time"])
-    return replace(_points(time[once], points[once], path, remarks), simulated=_simulated(table))
+    return replace(_points(time[once], points[once], path, unit + remarks), simulated=_simulated(table))
 
 
 def _exported(path: Path, unit: str) -> PointStream:
@@ -196,9 +201,16 @@ def _simulated(table: TextTable) -> bool:
     return bool(np.any(~np.isin(table.text("simulated"), ("", "0"))))
 
 
-def _times(table: TextTable, column: Column) -> Array:
+def _times(table: TextTable, column: Column, *, declared: bool) -> tuple[Array, list[str]]:
+    """Return times (n,), s, with a remark if their unit is another one than that of the column.
+
+    Raises
+    ------
+    DataError
+        A cell is no time, or the numbers are in another unit than a map has `declared`.
+    """
     if column.unit != DATE:
-        return _numbers(table, column)
+        return _in_seconds(table, column, declared=declared)
     table.require(column.name, _NAME_THEM)
     found = [seconds_of(str(cell)) for cell in table.text(column.name)]
     for i, seconds in enumerate(found):
@@ -206,7 +218,35 @@ def _times(table: TextTable, column: Column) -> Array:
             raise table.refuse(
                 i, column.name, "is no date", "Write YYYY-MM-DD HH:MM:SS.fff or MM/DD/YYYY HH:MM:SS.fff"
             )
-    return np.array(found, dtype=np.float64)
+    return np.array(found, dtype=np.float64), []
+
+
+def _in_seconds(table: TextTable, column: Column, *, declared: bool) -> tuple[Array, list[str]]:
+    table.require(column.name, _NAME_THEM)
+    numbers = table.numbers(column.name, required=True)
+    low, high = _SINCE_1970
+    for unit, name in _UNITS.items():
+        known = numbers * TIMES[unit]
+        if unit == column.unit or not len(known) or known.min() < low or known.max() > high:
+            continue
+        if not declared:
+            return known, [f"The times of column '{column.name}' are {name} since 1970; they were converted."]
+        if numbers[0] * column.factor > _LARGEST:
+            raise DataError(
+                f"holds {name} since 1970, and [{column.unit}] is declared.",
+                do=f"Declare [{unit}] in the map.",
+                file=table.path,
+                key=column.name,
+            )
+    whole = len(numbers) > 1 and not np.any(numbers % 1.0)
+    if not declared and whole and np.median(np.diff(numbers)) >= _SLOW_S:
+        raise DataError(
+            f"has whole numbers {np.median(np.diff(numbers)):g} apart: these are no seconds.",
+            do="Declare their unit in a map of the columns: time=t_s[ms], ...",
+            file=table.path,
+            key=column.name,
+        )
+    return _numbers(table, column), []
 
 
 def _numbers(table: TextTable, column: Column, *, empty: bool = False) -> Array:

@@ -131,6 +131,61 @@ def test_a_foreign_recording_is_read_by_a_map(folder: Path, moving: Moving, tmp_
     assert read_dataset(tmp_path / "out.csv").header.targets == {"T1": TOOL}
 
 
+def written(path: Path, head: str, time: np.ndarray, values: np.ndarray) -> None:
+    """Write a stream whose times are whole numbers."""
+    rows = zip(time.tolist(), values.tolist(), strict=True)
+    lines = [",".join([str(at), *(f"{x:.6f}" for x in row)]) for at, row in rows]
+    path.write_text("\n".join([head, *lines]), "utf-8")
+
+
+def in_whole(folder: Path, moving: Moving, per_s: int, zero_s: int) -> None:
+    """Write both streams with times in whole units, `per_s` of them per second, from `zero_s` on."""
+    joints = "t_s," + ",".join(f"j{k}_deg" for k in range(1, 7))
+    for name, head, time, values in (
+        ("robot.csv", joints, moving.robot_time, np.degrees(moving.joints)),
+        ("tracker.csv", "t_s,x_mm,y_mm,z_mm", moving.tracker_time, moving.points),
+    ):
+        written(folder / name, head, zero_s * per_s + np.round(time * per_s).astype(np.int64), values)
+
+
+@pytest.mark.parametrize(
+    ("per_s", "name"), [(10**3, "milliseconds"), (10**6, "microseconds"), (10**9, "nanoseconds")]
+)
+def test_whole_times_since_1970_are_known_by_their_size(
+    moving: Moving, tmp_path: Path, capsys: pytest.CaptureFixture[str], per_s: int, name: str
+) -> None:
+    in_whole(tmp_path, moving, per_s, 1_764_000_000)
+    found = align(tmp_path, tmp_path / "out.csv")
+    assert found["clocks"]["offset_s"] == pytest.approx(moving.offset, abs=1e-3)
+    assert found["streams"]["robot"]["begin_s"] == pytest.approx(
+        1_764_000_000 + moving.robot_time[0], abs=1e-3
+    )
+    said = f"column 't_s' are {name} since 1970"
+    assert sum(said in line for line in found["warnings"]) == 2
+    assert said in " ".join(capsys.readouterr().out.split())
+
+
+def test_times_in_another_unit_than_seconds_are_refused(
+    moving: Moving, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out.csv"
+    in_whole(tmp_path, moving, 10**9, 1_764_000_000)
+    declared = "time=t_s[s]," + ",".join(f"j{k}=j{k}_deg[deg]" for k in range(1, 7))
+    said = refused(capsys, tmp_path, out, "--robot-columns", declared)
+    assert "'t_s': holds nanoseconds since 1970, and [s] is declared. Declare [ns]" in said
+    in_whole(tmp_path, moving, 10**3, 0)
+    assert "'t_s': has whole numbers 20 apart" in refused(capsys, tmp_path, out)
+    for per_s in (10**6, 10**9):
+        in_whole(tmp_path, moving, per_s, 0)
+        assert "whole numbers" in refused(capsys, tmp_path, out)
+    in_whole(tmp_path, moving, 10**9, 0)
+    points = "time=t_s[ns],x=x_mm[mm],y=y_mm[mm],z=z_mm[mm]"
+    found = align(
+        tmp_path, out, "--robot-columns", declared.replace("[s]", "[ns]"), "--tracker-columns", points
+    )
+    assert found["clocks"]["offset_s"] == pytest.approx(moving.offset, abs=1e-3)
+
+
 def test_a_robot_file_is_named_from_the_data_set(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -23,7 +23,7 @@ from calib.units import DEG
 DATE = "date"
 ANGLES = {"deg": DEG, "rad": 1.0, "mrad": 1e-3, "gon": 0.9 * DEG}
 LENGTHS = {"mm": 1.0, "m": 1000.0, "um": 1e-3, "cm": 10.0, "in": 25.4}
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, DATE: 1.0}
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, DATE: 1.0}
 TEMPERATURES = {"c": 1.0}
 _ENTRY = re.compile(r"(\w++)\s*+=\s*+(\S.*)\[\s*+(\w++)\s*+\]")
 _COLUMN = re.compile(r"(\S.*)\[\s*+(\w++)\s*+\]")
