@@ -55,9 +55,10 @@ def diagnosis(folder: Path, job: Mapping[str, Any]) -> None:
     from service.files import as_json
     from service.gc_pause import left_alone
     from service.report import diagnosis_report
-    from service.results.cell.arrows import arrows_of
+    from service.results.cell.arrows import ArrowsShown
     from service.results.judgement.acceptance import AcceptanceLimits
     from service.results.models.diagnosed import DiagnosisOutcome, DiagnosisRequest
+    from service.results.shape import document_of
 
     dataset, cell, other = read_dataset(Path(job["data"])), job.get("cell"), job.get("carry_to")
     asked = DiagnosisRequest(
@@ -72,7 +73,7 @@ def diagnosis(folder: Path, job: Mapping[str, Any]) -> None:
     outcome = DiagnosisOutcome.of(dataset, asked, lambda step: tell(folder, step))
     found, document = outcome.diagnosis, outcome.document()
     tell(folder, "drawing the report")
-    replace_file(folder / ARROWS, as_json(arrows_of(dataset, found.final)))
+    replace_file(folder / ARROWS, as_json(document_of(ArrowsShown.of(dataset, found.final))))
     sealed = None
     if found.final.converged:
         sealed = save_model(folder / MODEL, found.final, found, save_anyway=job.get("save_anyway", False))
@@ -96,9 +97,10 @@ def identification(folder: Path, job: Mapping[str, Any]) -> None:
     from calib.saved import refuse_worse, save_model
     from calib.text import replace_file
     from service.files import as_json
-    from service.results.cell.arrows import arrows_of
+    from service.results.cell.arrows import ArrowsShown
     from service.results.judgement.acceptance import AcceptanceLimits
     from service.results.models.identified import IdentificationReport
+    from service.results.shape import document_of
 
     result = IdentificationReport.of(
         read_dataset(Path(job["data"])),
@@ -107,7 +109,7 @@ def identification(folder: Path, job: Mapping[str, Any]) -> None:
         AcceptanceLimits.kept(job.get("limits")),
         load_prior(folder / PRIOR) if (folder / PRIOR).is_file() else None,
     )
-    replace_file(folder / ARROWS, as_json(arrows_of(result.dataset, result.found)))
+    replace_file(folder / ARROWS, as_json(document_of(ArrowsShown.of(result.dataset, result.found))))
     if not job.get("save_anyway", False):
         refuse_worse(result.error_nominal, result.error_identified)
     sealed = save_model(folder / MODEL, result.found) if result.found.converged else None

@@ -6,11 +6,16 @@ from collections.abc import Iterable
 
 from rich.console import RenderableType
 
-from fleet.diagnose import ProgressCounts, VersionComparison, VersionDifference
+from fleet.diagnose import ProgressCounts
 from service import wording
 from service.printed.tables import grid
 from service.printed.terminal import Terminal, duration
-from service.results.fleet_diagnosed import FleetDiagnosed
+from service.results.fleet_diagnosed import (
+    FleetDiagnosed,
+    FleetRunResult,
+    VersionComparisonResponse,
+    VersionDifferenceResponse,
+)
 
 LINES = 20  # of progress in a log
 SHOWN = 20  # rows of a list; the JSON has all
@@ -41,10 +46,10 @@ def line(tally: ProgressCounts) -> str:
     return ", ".join(parts)
 
 
-def shown(found: FleetDiagnosed) -> Iterable[RenderableType]:
-    """Show verdicts, refusals, failures, changes since another version, and the processor time."""
+def shown(result: FleetRunResult, found: FleetDiagnosed) -> Iterable[RenderableType]:
+    """Show verdicts with their errors, refusals, failures, changes since another version, and the processor time."""
     table = grid(
-        f"{wording.counted(len(found.tables), 'data set')}, TruePose {found.program}",
+        f"{wording.counted(len(found.tables), 'data set')}, TruePose {result.program}",
         "verdict",
         "data sets",
         "held out before, mm",
@@ -54,20 +59,19 @@ def shown(found: FleetDiagnosed) -> Iterable[RenderableType]:
         table.add_row(wording.VERDICT_NAMES.get(verdict, verdict), f"{count:,}", _mm(before), _mm(after))
     table.caption = "Medians of the RMS error on held-out readings: base model, and with the effects found."
     yield table
-    yield from _listed(
-        "Cannot be used", [f"{each['name']}: {each['what']} {each['do']}" for each in found.refused]
-    )
-    yield from _listed("Without a result", [f"{name}: {why}" for name, why in found.tally.failed.items()])
-    if found.changes is not None:
-        yield from changed(found.changes)
+    yield from _listed("Cannot be used", [f"{each.name}: {each.what} {each.do}" for each in result.refused])
+    yield from _listed("Without a result", [f"{each.name}: {each.why}" for each in result.failed])
+    if result.changes is not None:
+        yield from changed(result.changes)
     yield _price(found.tally)
 
 
-def changed(found: VersionComparison) -> Iterable[RenderableType]:
+def changed(found: VersionComparisonResponse) -> Iterable[RenderableType]:
     """Show the differences from the results of another version."""
     same = found.compared - len(found.changed)
     versions = ", ".join(found.since) or "no other version"
-    ratio = "" if found.ratio is None else f"; held-out errors now over before: median {found.ratio:.3f}"
+    median = found.median_ratio_of_held_out_errors
+    ratio = "" if median is None else f"; held-out errors now over before: median {median:.3f}"
     missing = f"; {found.missing} have no earlier result" if found.missing else ""
     counts = f"{len(found.changed)} of {found.compared} data sets differ, {same} do not"
     title = f"Since {versions}: {counts}{ratio}{missing}"
@@ -86,15 +90,15 @@ def _from_to(was: str, now: str) -> str:
     return now if was == now else f"{was} -> {now}"
 
 
-def _effects(change: VersionDifference) -> str:
+def _effects(change: VersionDifferenceResponse) -> str:
     parts = [f"+ {label}" for label in change.new] + [f"- {label}" for label in change.gone]
+    was, now = ({each.label: each for each in side.effects} for side in (change.was, change.now))
     for label in change.resized:
-        was, now = change.was.effects[label], change.now.effects[label]
-        parts.append(f"{label} {was[0]:.3g} -> {now[0]:.3g} {now[2]}")
+        parts.append(f"{label} {was[label].value:.3g} -> {now[label].value:.3g} {now[label].unit}")
     return "\n".join(parts) or "the same"
 
 
-def _errors(change: VersionDifference) -> str:
+def _errors(change: VersionDifferenceResponse) -> str:
     return f"{_mm(change.was.rms)} -> {_mm(change.now.rms)}"
 
 

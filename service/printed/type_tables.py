@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from rich.console import RenderableType
 from rich.text import Text
 
-from calib.fit import IdentificationFit
-from calib.prior import TypeStatistics
 from calib.units import percent
 from service import wording
 from service.printed import tables
+from service.results.typed import TypeAgreementResponse, TypeStatisticsResult
 
 _HARDLY = 0.05  # p-value of the whole robot, at or below which it is hardly within its type
 
 
-def weights(found: IdentificationFit) -> Sequence[RenderableType]:
+def weights(found: TypeAgreementResponse | None) -> Sequence[RenderableType]:
     """Show the share of the prior in each parameter; nothing if the fit used no type."""
-    beside = found.beside
-    if beside is None:
+    if found is None:
         return ()
     table = tables.grid(
-        f"Compared with {beside.prior.robots} robots of the type {beside.prior.robot}",
+        f"Compared with {found.robots} robots of the type {found.robot}",
         "parameter",
         "unit",
         "mean of the type",
@@ -32,34 +29,27 @@ def weights(found: IdentificationFit) -> Sequence[RenderableType]:
         "off, in spreads",
         left=2,
     )
-    for each in found.weighed:
-        off = f"{each.z:+.1f}" if math.isfinite(each.z) else "not seen"
-        share = percent(each.decided)
-        unit = beside.prior.shares[each.name].unit
-        table.add_row(each.name, unit, f"{each.centre:.4g}", f"{each.spread:.2g}", share, off)
-    for each in beside.outside:
-        unit = beside.prior.shares[each.name].unit
-        table.add_row(
-            each.name, unit, f"{each.centre:.4g}", f"{each.spread:.2g}", "left out", f"{each.z:+.1f}"
-        )
-    if not table.row_count and not beside.left_out:
+    for each in found.parameters:
+        off = "not seen" if each.z is None else f"{each.z:+.1f}"
+        share = percent(each.weight_of_prior) if each.used else "left out"
+        table.add_row(each.name, each.unit, f"{each.centre:.4g}", f"{each.spread:.2g}", share, off)
+    if not table.row_count and not found.left_out:
         return (Text("The type says nothing that this fit could use."),)
-    within = "within" if beside.p_value > _HARDLY else "hardly within"
-    verdict = "outside" if beside.left_out else within
+    within = "within" if found.p_value > _HARDLY else "hardly within"
+    verdict = "outside" if found.left_out else within
     return (
         *((table,) if table.row_count else ()),
         Text(
-            f"As a whole this robot lies {verdict} its type: chi-squared {beside.chi_square:.0f} over "
-            f"{beside.freedom}, p = {wording.chance(beside.p_value)}."
+            f"As a whole this robot lies {verdict} its type: chi-squared {found.chi_square:.0f} over "
+            f"{found.degrees_of_freedom}, p = {wording.chance(found.p_value)}."
         ),
     )
 
 
-def lesson(found: TypeStatistics) -> Sequence[RenderableType]:
+def lesson(found: TypeStatisticsResult) -> Sequence[RenderableType]:
     """Show the type statistics for people."""
-    robots = len(found.members)
     table = tables.grid(
-        f"{robots} robots of the type {found.members[0].saved.model.robot.name}",
+        f"{found.robots} robots of the type {found.robot}",
         "parameter",
         "unit",
         "robots",
@@ -83,7 +73,7 @@ def lesson(found: TypeStatistics) -> Sequence[RenderableType]:
     if found.found:
         effects = tables.grid("Effects beside the base model", "effect", "robots", "share")
         for each in found.found:
-            effects.add_row(each.label, f"{each.robots}", percent(each.robots / robots))
+            effects.add_row(each.label, f"{each.robots}", percent(each.robots / found.robots))
         shown.append(effects)
     if found.outliers:
         outside = tables.grid(
@@ -92,5 +82,7 @@ def lesson(found: TypeStatistics) -> Sequence[RenderableType]:
         for each in found.outliers:
             outside.add_row(each.robot, each.parameter, f"{each.value:.4g} {each.unit}", f"{each.z:+.1f}")
         shown.append(outside)
-    shown.append(tables.warnings([f"{name} was left out whole: {why}." for name, why in found.left_out]))
+    shown.append(
+        tables.warnings([f"{each.model} was left out whole: {each.because}." for each in found.left_out])
+    )
     return shown

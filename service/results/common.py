@@ -10,9 +10,9 @@ from pydantic import BeforeValidator, Field, SkipValidation
 from acquisition import CampaignTable
 from calib.data import Dataset
 from calib.fit import IdentificationFit, TargetOffset, left_out, offsets_of
-from service.results import typed
 from service.results.judgement.acceptance import AcceptanceShown
 from service.results.shape import DescribedAs, Real, ResponseBody, told
+from service.results.typed import TypeAgreementResponse
 
 _SHA = "a93c6fe109b1ae117f0e7f2bb0621db385ac9f84da4fc45fa30a1e73de499bda"
 ERRORS = {"n": 120, "rms": 0.04, "mean": 0.036, "p95": 0.067, "max": 0.09}
@@ -221,6 +221,9 @@ class FitShown(ResponseBody):
         told("Of the nominal robot, placed, on readings held out, mm.", ERRORS),
     ]
     acceptance: Annotated[AcceptanceShown | None, told("Where limits were given.", None)] = None
+    prior: Annotated[
+        TypeAgreementResponse | None, told("The robot compared with its type, if that was given.", None)
+    ] = None
 
     @staticmethod
     def fit_members(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:
@@ -235,6 +238,7 @@ class FitShown(ResponseBody):
             "condition_number",
             "config_sha256",
         )
+        of_type = TypeAgreementResponse.of(found)
         return {
             "faulty_rows": found.faulty_rows,
             "left_out": left_out(dataset, found),
@@ -245,7 +249,7 @@ class FitShown(ResponseBody):
             "offsets": [TargetOffsetResponse.of(each) for each in offsets_of(found)],
             "dropped": found.dropped,
             "warnings": found.warnings,
-            **typed.document_of(found),
+            **({} if of_type is None else {"prior": of_type}),
         }
 
 

@@ -1,17 +1,17 @@
-"""Diagnosis of many data sets, for documents (`truepose-fleet-run/1`) and terminal tables."""
+"""Diagnosis of many data sets (`truepose-fleet-run/1`)."""
 
 from __future__ import annotations
 
 import json
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import datetime
 from os import getpid
 from pathlib import Path
 from socket import gethostname
 from statistics import median
-from typing import Any
+from typing import Annotated, Any, Literal, Self
 
 from calib.errors import DataError
 from fleet.diagnose import (
@@ -19,7 +19,6 @@ from fleet.diagnose import (
     DiagnosisOrder,
     ProgressCounts,
     VersionComparison,
-    VersionDifference,
     VersionStatement,
     changes_between,
     diagnose_all,
@@ -29,9 +28,122 @@ from fleet.diagnose import (
     named,
 )
 from fleet.store import FleetStore, JobResult, utc_now
+from service.results.common import ERRORS, Figure
+from service.results.shape import ResponseBody, told
 from service.wording import counted
 
-FORMAT = "truepose-fleet-run/1"
+
+class RefusedDataset(ResponseBody):
+    """A data set that cannot be used."""
+
+    name: Annotated[str, told("Its name.", "b.csv")]
+    what: Annotated[str, told("What is wrong.", "column 'j1_deg' is missing.")]
+    do: Annotated[str, told("What to do.", "Give j1_deg to j6_deg.")]
+    line: Annotated[int | None, told("Number of the line; null if it is not known.", 12)]
+    key: Annotated[str | None, told("The key; null if it is not known.", "noise.kind")]
+
+
+class FailedDataset(ResponseBody):
+    """A data set without a result."""
+
+    name: Annotated[str, told("Its name.", "c.csv")]
+    why: Annotated[str, told("Why.", "its worker was lost")]
+
+
+class StatedEffect(Figure):
+    """An effect as a version found it."""
+
+    label: Annotated[str, told("Its label.", "backlash:j4")]
+
+
+class VersionStatementResponse(ResponseBody):
+    """The statement of one version on a data set."""
+
+    verdict: Annotated[str, told("The verdict, or refused.", "attributed")]
+    effects: Annotated[list[StatedEffect], told("Every effect.", [])]
+    rms: Annotated[float | None, told("RMS error on readings held out, mm; null without any.", ERRORS["rms"])]
+
+    @classmethod
+    def of(cls, said: VersionStatement) -> Self:
+        """Describe the statement of a version."""
+        effects = [
+            StatedEffect(label=label, value=value, std=std, unit=unit)
+            for label, (value, std, unit) in said.effects.items()
+        ]
+        return cls(verdict=said.verdict, effects=effects, rms=said.rms)
+
+
+class VersionDifferenceResponse(ResponseBody):
+    """A data set with different results of two versions."""
+
+    data: Annotated[str, told("Hash of the data set.", "a93c6fe109b1ae11")]
+    name: Annotated[str, told("Its name.", "a.csv")]
+    was: Annotated[
+        VersionStatementResponse, told("What the version before said.", {"verdict": "unexplained"})
+    ]
+    now: Annotated[VersionStatementResponse, told("What this version says.", {"verdict": "attributed"})]
+    gone: Annotated[list[str], told("Labels of effects that are no longer found.", [])]
+    new: Annotated[list[str], told("Labels of effects that were not found before.", ["backlash:j4"])]
+    resized: Annotated[list[str], told("Labels of effects of another size.", [])]
+    ratio: Annotated[float | None, told("Held-out error now over before, a ratio; null without both.", 0.4)]
+
+
+class VersionComparisonResponse(ResponseBody):
+    """The results of this version, compared with those of another one."""
+
+    since: Annotated[list[str], told("The builds that it is compared with.", ["0.0.9+3f9a1c07b2e4"])]
+    compared: Annotated[int, told("Number of data sets that both have judged.", 120)]
+    missing: Annotated[int, told("Number of those that only this version has judged.", 3)]
+    median_ratio_of_held_out_errors: Annotated[
+        float | None, told("Median of the errors now over before, a ratio; null without any.", 0.98)
+    ]
+    changed: Annotated[list[VersionDifferenceResponse], told("Those with differences, worst first.", [])]
+
+    @classmethod
+    def of(cls, found: VersionComparison) -> Self:
+        """Describe the comparison of two versions."""
+        same = ("data", "name", "gone", "new", "resized", "ratio")
+        return cls(
+            since=list(found.since),
+            compared=found.compared,
+            missing=found.missing,
+            median_ratio_of_held_out_errors=found.ratio,
+            changed=[
+                VersionDifferenceResponse(
+                    **{name: getattr(each, name) for name in same},
+                    was=VersionStatementResponse.of(each.was),
+                    now=VersionStatementResponse.of(each.now),
+                )
+                for each in found.changed
+            ],
+        )
+
+
+class FleetRunResult(ResponseBody):
+    """A diagnosis of many data sets (`truepose-fleet-run/1`)."""
+
+    format: Annotated[Literal["truepose-fleet-run/1"], told("The format.", "truepose-fleet-run/1")]
+    program: Annotated[str, told("The build of this version.", "0.1.0+3f9a1c07b2e4")]
+    store: Annotated[str, told("Where the results are kept.", "sqlite:///fleet.sqlite3")]
+    data_sets: Annotated[int, told("Number of data sets.", 123)]
+    had_a_result: Annotated[int, told("Number of those with a result of this version before.", 100)]
+    done: Annotated[int, told("Number of those that were diagnosed now, refused ones included.", 20)]
+    done_by_others: Annotated[int, told("Number of those that another call had done meanwhile.", 1)]
+    computed_in_vain: Annotated[int, told("Number of those for which another result came first.", 0)]
+    refused: Annotated[list[RefusedDataset], told("Those that cannot be used.", [])]
+    failed: Annotated[list[FailedDataset], told("Those without a result.", [])]
+    verdicts: Annotated[
+        dict[str, int], told("Number of data sets by verdict, most frequent first.", {"attributed": 80})
+    ]
+    processor_seconds: Annotated[float, told("Processor time of the diagnoses, s.", 61.2)]
+    overhead_seconds: Annotated[
+        float, told("Processor time of the command while data sets were distributed, s.", 1.3)
+    ]
+    start_seconds: Annotated[float, told("Processor time of the command before and after that, s.", 2.1)]
+    seconds: Annotated[float, told("Time since the workers were available, s.", 35.0)]
+    workers: Annotated[int, told("Number of workers.", 2)]
+    workers_lost: Annotated[int, told("Number of workers that were lost.", 0)]
+    changes: Annotated[VersionComparisonResponse | None, told("Where another version was named.", None)]
 
 
 @dataclass(frozen=True)
@@ -130,11 +242,6 @@ class FleetDiagnosed:
             return cls(store.place, order.expected, tally, tables, compared)
 
     @property
-    def refused(self) -> list[dict[str, Any]]:
-        """Results of data sets that cannot be used."""
-        return [table for table in self.tables if table["verdict"] == REFUSED]
-
-    @property
     def verdicts(self) -> list[tuple[str, int, float | None, float | None]]:
         """Rows by verdict, the most frequent first.
 
@@ -147,31 +254,34 @@ class FleetDiagnosed:
             rows.append((verdict, count, _median(of_it, "error_before_mm"), _median(of_it, "error_after_mm")))
         return rows
 
-    def document(self) -> dict[str, Any]:
-        """Return the outcome as a JSON document."""
+    @property
+    def result(self) -> FleetRunResult:
+        """The outcome as it is reported."""
         tally = self.tally
-        return {
-            "format": FORMAT,
-            "program": self.program,
-            "store": self.place,
-            "data_sets": tally.total,
-            "had_a_result": tally.known,
-            "done": tally.done,
-            "done_by_others": tally.found,
-            "computed_in_vain": tally.twice,
-            "refused": [
-                {key: table[key] for key in ("name", "what", "do", "line", "key")} for table in self.refused
+        return FleetRunResult(
+            format="truepose-fleet-run/1",
+            program=self.program,
+            store=self.place,
+            data_sets=tally.total,
+            had_a_result=tally.known,
+            done=tally.done,
+            done_by_others=tally.found,
+            computed_in_vain=tally.twice,
+            refused=[
+                RefusedDataset(**{key: table[key] for key in RefusedDataset.model_fields})
+                for table in self.tables
+                if table["verdict"] == REFUSED
             ],
-            "failed": [{"name": name, "why": why} for name, why in tally.failed.items()],
-            "verdicts": {verdict: count for verdict, count, *_ in self.verdicts},
-            "processor_seconds": round(tally.seconds, 3),
-            "overhead_seconds": round(tally.overhead_s, 3),
-            "start_seconds": round(tally.start_s, 3),
-            "seconds": round(tally.elapsed, 3),
-            "workers": tally.workers,
-            "workers_lost": tally.lost,
-            "changes": None if self.changes is None else _changes(self.changes),
-        }
+            failed=[FailedDataset(name=name, why=why) for name, why in tally.failed.items()],
+            verdicts={verdict: count for verdict, count, *_ in self.verdicts},
+            processor_seconds=round(tally.seconds, 3),
+            overhead_seconds=round(tally.overhead_s, 3),
+            start_seconds=round(tally.start_s, 3),
+            seconds=round(tally.elapsed, 3),
+            workers=tally.workers,
+            workers_lost=tally.lost,
+            changes=None if self.changes is None else VersionComparisonResponse.of(self.changes),
+        )
 
 
 def _finished(result: JobResult) -> datetime:
@@ -182,35 +292,3 @@ def _median(tables: Sequence[dict[str, Any]], key: str) -> float | None:
     """Return the median RMS of an error, or None if no table has it."""
     values = [table[key]["rms"] for table in tables if table.get(key)]
     return median(values) if values else None
-
-
-def _changes(found: VersionComparison) -> dict[str, Any]:
-    return {
-        "since": list(found.since),
-        "compared": found.compared,
-        "missing": found.missing,
-        "median_ratio_of_held_out_errors": found.ratio,
-        "changed": [_change(each) for each in found.changed],
-    }
-
-
-def _change(each: VersionDifference) -> dict[str, Any]:
-    return {
-        "data": each.data,
-        "name": each.name,
-        "was": _side(each.was),
-        "now": _side(each.now),
-        "gone": each.gone,
-        "new": each.new,
-        "resized": each.resized,
-        "ratio": each.ratio,
-    }
-
-
-def _side(side: VersionStatement) -> dict[str, Any]:
-    table = asdict(side)
-    table["effects"] = [
-        {"label": label, "value": value, "std": std, "unit": unit}
-        for label, (value, std, unit) in side.effects.items()
-    ]
-    return table

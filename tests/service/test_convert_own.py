@@ -6,7 +6,6 @@ it was refused. They would also catch an answer that is ignored.
 
 from __future__ import annotations
 
-import json
 import re
 import sys
 from pathlib import Path
@@ -16,7 +15,9 @@ import typer
 
 from calib.data import read_dataset
 from service.cli import main
+from service.results.files.conversion import ConversionResult
 from tests.calib.exports import CASES, ROBOT, N
+from tests.service.test_openapi import unnamed
 
 
 def files_of(name: str, folder: Path) -> list[str]:
@@ -37,7 +38,10 @@ def test_a_file_of_ones_own_becomes_a_data_set_and_its_map_is_kept_and_reused(
         == 0
     )
     assert again.read_text("utf-8") == out.read_text("utf-8")
-    assert json.loads(capsys.readouterr().out)["fit"]["miss_mm"] == pytest.approx(0.42, abs=0.06)
+    result = ConversionResult.model_validate_json(capsys.readouterr().out)
+    assert unnamed(result) == set()
+    assert result.fit is not None
+    assert result.fit.miss_mm == pytest.approx(0.42, abs=0.06)
     data = read_dataset(again)
     assert len(data) == N
     assert data.header.noise.sigma_mm == 0.1

@@ -29,6 +29,7 @@ from service.http.app import create_app
 from service.http.wire.bodies import CampaignTable, EventKind, ExportKind, ModelShown, requests
 from service.http.work import jobs
 from service.http.work.campaigns import campaign_of
+from service.results.cell.arrows import ArrowsShown
 from service.results.models.diagnosed import DiagnosisResult
 from service.results.models.identified import IdentificationResult
 from service.results.models.regressed import RegressionResult
@@ -205,6 +206,10 @@ def test_results_are_as_described(data: Path, tmp_path: Path) -> None:
             getattr(job, kind)(folder, {"data": str(data), "limits": limits, **more})
         result = read_json(folder / job_folder.RESULT)
         assert unnamed(model.model_validate(result)) == set()
+        if kind != "regression":
+            arrows = ArrowsShown.model_validate(read_json(folder / job_folder.ARROWS))
+            assert unnamed(arrows) == set()
+            assert len(arrows.arrows) == arrows.readings > 0
         if kind == "diagnosis":
             assert result["acceptance"]["criteria"][0]["limit_mm"] == 0.05
             ModelShown.model_validate(read_json(folder / job_folder.MODEL))

@@ -19,8 +19,12 @@ from mocks.campaign import make_campaign
 from service.cli import main
 from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
+from service.results.cell.selected import SelectionResult
+from service.results.models.identified import IdentificationResult
+from service.results.typed import TypeStatisticsResult
 from tests.benchmarks.priors import CELLS, a_type, learnt
 from tests.calib.campaigns import write_files
+from tests.service.test_openapi import unnamed
 
 CELL = Path(__file__).parents[2] / "examples" / "irb120_faro" / "cell.toml"
 ROBOTS = 8
@@ -53,7 +57,7 @@ def test_what_is_learnt_is_written_and_said(
     assert main(["fleet", "learn", *models, "--out", str(out), "--json", str(result)]) == 0
     document = json.loads(out.read_text("utf-8"))
     assert document == json.loads(result.read_text("utf-8"))
-    assert document["format"] == "truepose-prior/1"
+    assert unnamed(TypeStatisticsResult.model_validate(document)) == set()
     assert document["robots"] == ROBOTS
     assert [len(m["content_sha256"]) for m in document["models"]] == [64] * ROBOTS
     assert {
@@ -149,6 +153,8 @@ def test_over_http_a_type_says_the_same_as_at_the_terminal(folder: Path, prior: 
         main([*chosen, "--groups", ",".join(groups), "--prior", str(prior), "--json", str(chosen_out)]) == 0
     )
     assert poses == json.loads(chosen_out.read_text("utf-8"))
+    assert unnamed(IdentificationResult.model_validate(found)) == set()
+    assert unnamed(SelectionResult.model_validate(poses)) == set()
 
 
 def test_what_cannot_be_learnt_from_or_used_is_refused(

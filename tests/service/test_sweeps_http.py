@@ -10,10 +10,12 @@ import json
 from pathlib import Path
 
 from service.cli import main
+from service.results.models.swept import SweepsResult
 from tests.calib.campaigns import write_files
 from tests.calib.cells import Cell
 from tests.calib.test_sweeps import cell
 from tests.service.test_http_support import Served, problem, served
+from tests.service.test_openapi import unnamed
 
 
 def kept(service: Served, data: Path) -> str:
@@ -36,6 +38,7 @@ def test_the_result_is_that_of_the_command(tmp_path: Path) -> None:
         assert answer.status_code == 202, answer.text
         done = service.until(f"/sweeps/{answer.json()['id']}", "succeeded", "failed")
         expected = json.loads((tmp_path / "s.json").read_text("utf-8"))
+        assert unnamed(SweepsResult.model_validate(done["result"])) == set()
         assert done["result"]["sweeps"] == expected["sweeps"]
         picture = service.client.get(f"/sweeps/{done['id']}/picture.svg")
         assert picture.headers["content-type"].startswith("image/svg+xml")

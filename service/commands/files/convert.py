@@ -18,7 +18,8 @@ from service.commands import options
 from service.commands.files.own_files import OwnFiles
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed.terminal import Terminal
-from service.results.files import conversion
+from service.results.files.conversion import ConversionResult
+from service.results.shape import document_of
 
 
 class HoldoutKind(Enum):
@@ -118,5 +119,6 @@ def _known(
         terminal.say(f"writing {out}")
         table.write(out)
         terminal.rest()
-        terminal.out.print(conversion.summary(out, table))
-    write_json(conversion.document(out, table), json)
+        result = ConversionResult.of(out, table)
+        terminal.out.print(result.summary)
+    write_json(document_of(result), json)

@@ -24,7 +24,8 @@ from service.commands import options
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed import conversion_tables
 from service.printed.terminal import Terminal
-from service.results.files import conversion
+from service.results.files.conversion import ConversionResult, ProposalResult
+from service.results.shape import document_of
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class OwnFiles:
             if self.propose_to is not None:
                 _keep(made, proposal, self.propose_to, terminal)
             if not proposal.complete or self.out is None:
-                write_json(conversion.proposal_document(proposal, self.propose_to), json)
+                write_json(document_of(ProposalResult.of(proposal, self.propose_to)), json)
                 self._end(proposal, terminal)
                 return
             assert kept is not None
@@ -170,11 +171,12 @@ class OwnFiles:
         data_set_of(found.table, found.fit, self.out, self.files)
         terminal.say(f"writing {self.out}")
         found.table.write(self.out)
-        write_json(conversion.mapped_document(self.out, found, kept), json)
+        result = ConversionResult.of_mapped(self.out, found, kept)
+        write_json(document_of(result), json)
         terminal.rest()
         for shown in conversion_tables.converted(found, told):
             terminal.out.print(shown)
-        terminal.out.print(conversion.summary(self.out, found.table))
+        terminal.out.print(result.summary)
 
 
 def _held(made: Map, holdout: Mapping[str, Any]) -> Map:

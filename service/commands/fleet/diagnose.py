@@ -22,6 +22,7 @@ from service.printed.fleet_tables import FleetProgress, shown
 from service.printed.terminal import Terminal
 from service.private import owner_only
 from service.results.fleet_diagnosed import FleetDiagnosed, FleetDiagnosisRequest
+from service.results.shape import document_of
 
 
 @owner_only()
@@ -76,9 +77,10 @@ def diagnose_command(
             terminal.rest()
             terminal.note(f"truepose: {error}")
             raise typer.Exit(exit_codes.NOT_AVAILABLE) from error
-        options.write_result(found.document(), json, terminal)
+        result = found.result
+        options.write_result(document_of(result), json, terminal)
         terminal.rest()
-        for each in shown(found):
+        for each in shown(result, found):
             terminal.out.print(each)
     if found.tally.failed:
         terminal.note(f"truepose: {len(found.tally.failed)} of the data sets have no result.")

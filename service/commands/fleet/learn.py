@@ -12,6 +12,8 @@ from service.commands import options
 from service.files import STANDARD_OUTPUT
 from service.printed import type_tables
 from service.printed.terminal import Terminal
+from service.results.shape import document_of
+from service.results.typed import TypeStatisticsResult
 
 
 def learn_command(
@@ -34,9 +36,10 @@ def learn_command(
             members.append(TypeMember.read(path, robot_file=robot))
         terminal.say(f"learning from {len(members)} robots")
         found = learn(members)
-        options.write_result(prior_document(found), json, terminal)
+        described = TypeStatisticsResult.model_validate(prior_document(found))
+        options.write_result(document_of(described), json, terminal)
         save_prior(out, found)
         terminal.rest()
-        for shown in type_tables.lesson(found):
+        for shown in type_tables.lesson(described):
             terminal.out.print(shown)
         terminal.note(f"prior: {out}")

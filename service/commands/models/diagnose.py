@@ -25,6 +25,7 @@ from service.results.models.diagnosed import DiagnosisOutcome, DiagnosisRequest
 from service.results.models.parameters import rows_of
 from service.results.models.predictions import predictions_csv
 from service.results.shape import document_of
+from service.results.typed import TypeAgreementResponse
 
 
 def diagnose_command(
@@ -182,7 +183,7 @@ def write_results(
 
 def show(outcome: DiagnosisOutcome, terminal: Terminal) -> None:
     """Print the result for people."""
-    for table in type_tables.weights(outcome.diagnosis.final):
+    for table in type_tables.weights(TypeAgreementResponse.of(outcome.diagnosis.final)):
         terminal.out.print(table)
     for table in tables.diagnosis(outcome.diagnosis, outcome.carried, outcome.patched):
         terminal.out.print(table)

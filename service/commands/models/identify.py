@@ -20,6 +20,7 @@ from service.files import STANDARD_OUTPUT
 from service.printed import tables, type_tables
 from service.printed.terminal import Terminal
 from service.results.models.identified import IdentificationReport
+from service.results.typed import TypeAgreementResponse
 
 
 def identify_command(
@@ -77,7 +78,7 @@ def identify_command(
             terminal.note(wording.SIMULATED)
         for table in (
             tables.parameters(found),
-            *type_tables.weights(found),
+            *type_tables.weights(TypeAgreementResponse.of(found)),
             tables.offsets(found),
             tables.left_out(left_out(dataset, found)),
             tables.warnings(wording.grouped(found.warnings)),

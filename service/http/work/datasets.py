@@ -59,7 +59,8 @@ class DatasetStore:
         """
         # imported in the worker that does it
         from calib.foreign import converted, data_set_of, read_map
-        from service.results.files import conversion
+        from service.results.files.conversion import MappedFit, remarks_of
+        from service.results.shape import document_of
 
         told: dict[str, Any] = {}
 
@@ -76,8 +77,8 @@ class DatasetStore:
                 found = converted(made, paths, MAP, folder)
                 data_set_of(found.table, found.fit, folder / CSV, paths)
             found.table.write(folder / CSV)
-            of_files = conversion.told_of(found)
-            told.update(fit_of_robot=of_files["fit"], said=of_files["said"])
+            fit = None if found.fit is None else document_of(MappedFit.model_validate(found.fit))
+            told.update(fit_of_robot=fit, said=remarks_of(found))
 
         return keep_dataset(self._folder, write, name or Path(plain_name(files[0][0])).stem) | told
 

@@ -14,7 +14,7 @@ from calib.text import replace_file
 from service.files import as_json
 from service.job_folder import ARROWS, MODEL, REPORT, RESULT
 from service.results.cell.accuracy import AccuracyShown
-from service.results.cell.arrows import arrows_of
+from service.results.cell.arrows import ArrowsShown
 from service.results.common import ERRORS, ErrorStatisticsResponse
 from service.results.models.diagnosed import (
     DiagnosisOutcome,
@@ -129,6 +129,6 @@ def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> tuple[dict
             model_sha256=sealed,
         ),
     )
-    replace_file(folder / ARROWS, as_json(arrows_of(result.diagnosis.dataset, final)))
+    replace_file(folder / ARROWS, as_json(document_of(ArrowsShown.of(result.diagnosis.dataset, final))))
     replace_file(folder / name, as_json(document))
     return document, sealed

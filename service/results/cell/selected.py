@@ -24,7 +24,6 @@ from calib.selection import (
     curve_of,
 )
 from calib.units import to_display
-from service.json_values import finite
 from service.results.common import DroppedParameterResponse, Joints, Share, Warnings
 from service.results.shape import Real, ResponseBody, document_of, told
 
@@ -62,6 +61,19 @@ class UncertaintyCurve(ResponseBody):
     reached_with: Annotated[int | None, told("Number of poses that reach it.", None)]
 
 
+class TypeGainResponse(ResponseBody):
+    """The predicted expanded uncertainty with the statistics of the robot's type, over the number of poses."""
+
+    parameters: Annotated[list[str], told("Names of what the type knows.", ["theta2"])]
+    poses: Annotated[list[int], told("Numbers of poses.", [40, 45, 50])]
+    max_u_mm: Annotated[list[Real], told("The largest, mm.", [0.21, 0.2, 0.19])]
+    mean_u_mm: Annotated[list[Real], told("The mean, mm.", [0.11, 0.1, 0.1])]
+    u_without_mm: Annotated[Real, told("The largest of the chosen poses without the type, mm.", 0.19)]
+    reached_with: Annotated[
+        int | None, told("Number of poses that reach it with the type; null: the type saves none.", 32)
+    ]
+
+
 class SelectionResult(ResponseBody):
     """The chosen poses, for a block with `select = "list"`, with their predicted accuracy."""
 
@@ -84,6 +96,9 @@ class SelectionResult(ResponseBody):
     ]
     uncertainty: Annotated[UncertaintyCurve, told("What more or fewer poses are worth.", {"enough": 45})]
     warnings: Warnings
+    prior: Annotated[
+        TypeGainResponse | None, told("What the robot's type is worth, if that was given.", None)
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -202,7 +217,7 @@ class Selected:
         return "\n".join(lines) + "\n"
 
     def document(self) -> dict[str, Any]:
-        """Build the document of the result; `prior` is added to the members in OpenAPI."""
+        """Build the document of the result."""
         choice, curve, wanted, of_type = self.choice, self.curve, self.asked.wanted_u, self.of_type
         index = {int(i): place for place, i in enumerate(choice.selection, start=1)}
         document = {
@@ -236,16 +251,14 @@ class Selected:
             "warnings": choice.warnings,
         }
         if of_type is not None:
-            document["prior"] = finite(
-                {
-                    "parameters": list(of_type.known),
-                    "poses": of_type.curve.counts.tolist(),
-                    "max_u_mm": of_type.curve.largest.tolist(),
-                    "mean_u_mm": of_type.curve.mean.tolist(),
-                    "u_without_mm": of_type.u_mm,
-                    "reached_with": of_type.reached,
-                }
-            )
+            document["prior"] = {
+                "parameters": of_type.known,
+                "poses": of_type.curve.counts,
+                "max_u_mm": of_type.curve.largest,
+                "mean_u_mm": of_type.curve.mean,
+                "u_without_mm": of_type.u_mm,
+                "reached_with": of_type.reached,
+            }
         return document_of(SelectionResult.model_validate(document))
 
 

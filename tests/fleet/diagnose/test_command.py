@@ -15,8 +15,10 @@ from fleet.diagnose.batch import work_off
 from fleet.store import FleetStore
 from service import exit_codes
 from service.cli import main
+from service.results.fleet_diagnosed import FleetRunResult
 from tests.drivers.nobody import nobody_listens
 from tests.fleet.diagnose.sets import bad, good
+from tests.service.test_openapi import unnamed
 
 
 @pytest.fixture
@@ -90,6 +92,7 @@ def test_what_has_changed_since_a_version_is_told(
     )
     code, document = call_for(tmp_path, str(data), "--changed-since", "0.0.9")
     assert code == exit_codes.DONE
+    assert unnamed(FleetRunResult.model_validate(document)) == set()
     changes = document["changes"]
     assert (changes["since"], changes["compared"]) == ([old], 1)
     (change,) = changes["changed"]

@@ -9,11 +9,11 @@ from fastapi.responses import HTMLResponse, JSONResponse, Response
 
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
-from service.http.wire.bodies import JobsShown, ModelShown
+from service.http.wire.bodies import JobsShown, ModelShown, ResultShown
 from service.http.wire.headers import DatasetId, JobId
-from service.http.wire.plan_bodies import ArrowsShown, ResultShown
 from service.http.wire.problems import not_found
 from service.http.work.certifying import certificate_of
+from service.results.cell.arrows import ArrowsShown
 
 router = APIRouter(route_class=JsonRoute, tags=["results"])
 # A report is complete in itself; whatever its data say, a browser runs and loads nothing for it.

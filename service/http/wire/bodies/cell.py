@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from service.http.wire.bodies.fields import Created, Id, Name, ResponseBody, Simulated, told
 from service.results.common import Campaign
+from service.results.files.conversion import MappedFit
 
 
 class Health(ResponseBody):
@@ -83,14 +84,6 @@ class DatasetShown(ResponseBody):
     readings: Annotated[int, told("Number of readings.", 300)]
     fit: Annotated[int, told("Number of readings that take part in a fit.", 180)]
     validation: Annotated[int, told("Number of readings that only judge.", 120)]
-
-
-class MappedFit(ResponseBody):
-    """The deviation of readings from the nominal robot in its best place, its tool fitted."""
-
-    robot: Annotated[str, told("The robot.", "abb-irb120")]
-    miss_mm: Annotated[float, told("Within which three quarters of the readings lie, mm.", 0.8)]
-    extent_mm: Annotated[float, told("Extent of the points, mm.", 900.0)]
 
 
 class DatasetMapped(DatasetShown):
