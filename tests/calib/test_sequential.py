@@ -63,7 +63,7 @@ def test_misses_of_a_true_model_follow_chi_square_whatever_a_visit_holds() -> No
     """Held-out visits of two and three readings: their misses, each on its own numbers, scatter as they should."""
     probabilities: list[float] = []
     for seed in range(1, 7):
-        arm = Arm("abb-irb120", seed, hidden=False)
+        arm = Arm("abb-irb120", seed)
         rows = arm.readings(arm.pool.candidates[:50])
         for row in rows[90:]:
             row["set"] = "validation"
