@@ -294,12 +294,12 @@ class Arm:
         many = len(self.targets)
         stated = StatedConditions(loads=self.header.loads, gravity=self.header.gravity)
         asked = visits_of(self.site, self.pool.zone, final.model, stated)
-        floor_mm = zone_of(final.model, final.estimate, asked, self.header.noise).floor_mm
         asked = replace(
             asked,
             time=np.repeat(times, many),
             temperature=np.repeat([state.t_air_c for state in states], many),
             order=np.repeat(share * poses * many, many),
         )
+        floor_mm = zone_of(final.model, final.estimate, asked, self.header.noise).floor_mm
         error = np.sum((final.predict(asked) - true) ** 2, axis=1)
         return float(np.sqrt(np.mean(error) + floor_mm**2))
