@@ -106,7 +106,7 @@ def products_of(name: str, robot: Robot) -> tuple[str, ...]:
         return turns(robot.joints)
     if name not in _OF_UR:
         raise DataError(f"is {name!r}.", do=f"Use one of {', '.join(SETS)}.", key="--features")
-    if not _like_ur(robot):
+    if not like_ur(robot):
         raise DataError(
             f"is {name!r}: these products belong to the UR's structure, which {robot.name} does not have.",
             do="Use --features turns.",
@@ -120,13 +120,24 @@ def usual(robot: Robot, joints: Array) -> str:
 
     It is the smallest set that can describe the arm at these samples.
     """
-    if not _like_ur(robot):
+    if not like_ur(robot):
         return "turns"
     along = np.sin(joints[:, 1:4].sum(axis=1)) * np.sin(joints[:, 4])  # of the tool's axis on the vertical
-    return "tool-down" if np.all(np.abs(along) > _DOWN) else "closed-form"
+    upright = np.all(np.abs(along) > _DOWN) and not flipped(joints).any()
+    return "tool-down" if upright else "closed-form"
 
 
-def _like_ur(robot: Robot) -> bool:
+def flipped(joints: Array) -> NDArray[np.bool_]:
+    """Mark the samples (n,) whose wrist is flipped against most others.
+
+    Joint 5 has another sign there, so that d5 s234 has one too, and the products of `TOOL_DOWN` cannot describe both.
+    """
+    positive = joints[:, 4] % (2.0 * np.pi) < np.pi
+    return positive != (2 * np.count_nonzero(positive) >= len(positive))
+
+
+def like_ur(robot: Robot) -> bool:
+    """Test whether an arm has the structure of a UR."""
     if robot.convention != "dh" or robot.joints != 6:
         return False
     quarter = 0.5 * np.pi
@@ -290,6 +301,14 @@ def train(
             "are of several tool targets or series: a regression on positions knows one point.",
             do="Use --on residuals without --compare, or a data set of one series and one target.",
             key="tool_target",
+        )
+    if wanted.features == "tool-down" and (other := flipped(conditions.joints)).any():
+        few, all_of = len(np.unique(waypoint[other])), len(np.unique(waypoint))
+        raise DataError(
+            f"is 'tool-down', but the wrist is flipped at {few} of {all_of} waypoints: these products cannot describe "
+            "both wrists.",
+            do="Use --features closed-form, or leave these waypoints out.",
+            key="--features",
         )
     points, base = world_points(model, estimate, conditions)
     outputs = np.einsum("nji,nj->ni", base, measured.T - points)

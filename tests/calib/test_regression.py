@@ -40,6 +40,7 @@ from calib.regression.regression import (
     Region,
     RegressionRequest,
     evaluate,
+    flipped,
     independent,
     products_of,
     usual,
@@ -119,6 +120,24 @@ def test_the_closed_form_is_the_arm_and_the_printed_one_is_not() -> None:
     assert usual(ROBOT, down) == "tool-down"
     assert usual(ROBOT, anywhere) == "closed-form"
     assert usual(load_robot("abb-irb120"), anywhere) == "turns"
+
+
+def test_a_flipped_wrist_is_noticed(small: Dataset) -> None:
+    """With joint 5 on the other side: the smallest set of products describes one wrist, not both."""
+    down = waypoints(np.random.default_rng(3), 40)
+    mixed = down.copy()
+    mixed[7] += np.pi * np.array([0.0, 0.0, 0.0, 1.0, 0.0, 1.0])
+    mixed[7, 4] *= -1.0
+    assert np.flatnonzero(flipped(mixed)).tolist() == [7]
+    assert not flipped(down).any()
+    assert usual(ROBOT, down) == "tool-down"
+    assert usual(ROBOT, mixed) == "closed-form"
+    joints = small.conditions.joints.copy()
+    waypoint = waypoints_of(small)
+    joints[waypoint == waypoint[0], 4] *= -1.0
+    spoilt = replace(small, conditions=replace(small.conditions, joints=joints))
+    with pytest.raises(DataError, match="the wrist is flipped at 1 of 30 waypoints"):
+        compare(spoilt, ComparisonRequest(RegressionRequest("positions", "tool-down"), level=2))
 
 
 def test_the_choice_finds_what_is_there_and_nothing_in_noise() -> None:

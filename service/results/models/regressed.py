@@ -17,7 +17,7 @@ from pydantic import ConfigDict, Field
 from calib.array import Array
 from calib.data import read_dataset
 from calib.fit import silent
-from calib.regression import RegressionRequest, evaluate, independent, products_of, usual
+from calib.regression import RegressionRequest, evaluate, flipped, independent, like_ur, products_of, usual
 from calib.saved import save_model
 from calib.units import DEG, percent
 from service.results.common import DataShown, Share, Warnings
@@ -239,6 +239,13 @@ def findings(comparison: RegressionComparison, turned: tuple[TurnedPostureTest, 
     out = []
     regressed = [s for s in comparison.scored if s.predictor.asked]
     fitted = [s for s in comparison.scored if not s.predictor.asked and s.predictor.name != NOMINAL]
+    other = flipped(comparison.dataset.conditions.joints[comparison.rows])
+    if other.any() and like_ur(comparison.dataset.header.robot):
+        few, all_of = (len(np.unique(comparison.waypoint[rows])) for rows in (other, slice(None)))
+        out.append(
+            f"The wrist is flipped at {few} of {all_of} waypoints: a regression on positions knows that posture from "
+            "them alone. Leave them out, or measure more of them."
+        )
     if fitted:
         best = min(fitted, key=lambda s: _mae(s.by_waypoint))
         nominal = _mae(by_name[NOMINAL].by_waypoint)
