@@ -7,10 +7,10 @@ editors comes from pydantic.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin
+from typing import Annotated, Any, Literal, Self, TypeVar, cast, get_args, get_origin
 
 from annotated_types import Ge, Le, MinLen
 from pydantic import (
@@ -22,6 +22,7 @@ from pydantic import (
     GetJsonSchemaHandler,
     Strict,
     ValidationError,
+    ValidationInfo,
     model_validator,
 )
 from pydantic.fields import FieldInfo
@@ -29,22 +30,22 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, PydanticOmit
 
 from calib.errors import DataError
-from calib.text import turns_writing
+from calib.text import FARTHEST_MM, Vector, turns_writing
 
 _LEAVE_OUT = "Leave out the marks that turn the direction of writing."
 _SHOWN = 200  # characters of a value in a message
 _NO_TABLE = ("model_type", "dict_type", "model_attributes_type")
-_ADD = "Add it; the unit of a number is in the key's name."
+ADD = "Add it; the unit of a number is in the key's name."
 
 
 def first_of_a_list(schema: Any) -> Any:
-    """Return a schema of the validator in which every list stops at its first error.
+    """Return a schema of the validator in which every list and mapping stops at its first error.
 
     To describe a hundred thousand errors would hold the interpreter for a second, and the stop of a robot would wait.
     """
     if isinstance(schema, dict):
         parts = cast("dict[str, Any]", schema)
-        first = {"fail_fast": True} if parts.get("type") in ("list", "tuple") else {}
+        first = {"fail_fast": True} if parts.get("type") in ("list", "tuple", "dict") else {}
         return {
             key: part if key == "metadata" else first_of_a_list(part) for key, part in parts.items()
         } | first
@@ -65,6 +66,21 @@ class Table(BaseModel):
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return first_of_a_list(handler(source))
 
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> type[Self]:
+        """Return the class of these values, this one or one below it that has further keys."""
+        return cls
+
+    @classmethod
+    def accepted(cls) -> Collection[str]:
+        return cls.model_fields
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _by_its_class(cls, values: Any, handler: Any, info: ValidationInfo) -> Any:
+        table = cls.of(values) if isinstance(values, Mapping) else cls
+        return handler(values) if table is cls else table.model_validate(values, context=info.context)
+
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, values: Any) -> Any:
@@ -77,8 +93,18 @@ class Table(BaseModel):
         null = next((key for key, value in values.items() if value is None), None)
         if null is not None:
             raise refused(null, "is null.", "Leave it out.")
-        further = {*[key for key in values if key not in cls.model_fields][1:]}
+        unknown = [key for key in values if key not in cls.accepted()]
+        if unknown and unknown[0] in cls.model_fields:
+            raise refused(unknown[0], "is not known here.", _there_are(cls.accepted()))
+        further = {*unknown[1:]}
         return {key: value for key, value in values.items() if key not in further} if further else values
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with other values, without what this table computed from its own and kept."""
+        copy = super().model_copy(update=update, deep=deep)
+        for name in vars(copy).keys() - type(self).model_fields.keys():
+            vars(copy).pop(name)
+        return copy
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: Any, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
@@ -102,11 +128,11 @@ class Remedy:
 
 
 def told(words: str, example: Any, *, do: str = "", missing: str = "", **limits: Any) -> Any:
-    """Describe a field: words with the unit, an example, and its limits.
+    """Describe a field: words with the unit, an example (None for none), and its limits.
 
     `do` and `missing` are the texts of a `Remedy`.
     """
-    field = Field(description=words, examples=[example], **limits)
+    field = Field(description=words, examples=None if example is None else [example], **limits)
     field.metadata.append(Remedy(do, missing))
     return field
 
@@ -127,7 +153,29 @@ def refused(key: str, what: str, do: str) -> PydanticCustomError:
     return PydanticCustomError("refused", "{what} {do}", {"key": key, "what": what, "do": do})
 
 
-def _as_read(text: str) -> str:
+def _there_are(known: Iterable[str]) -> str:
+    return f"There are {', '.join(sorted(known))}."
+
+
+def refuse_unknown(key: str, names: Iterable[str], known: Collection[str]) -> None:
+    """Refuse the first of the names in a mapping that is not among those that are known."""
+    for name in names:
+        if name not in known:
+            raise refused(f"{key}.{name}", "is not known here.", _there_are(known))
+
+
+def refused_by(cause: DataError, key: str) -> PydanticCustomError:
+    """Return the error that a validator raises because of another file."""
+    return refused(key, str(cause).removesuffix(f" {cause.do}"), cause.do)
+
+
+def folder_of(info: ValidationInfo) -> Path | None:
+    """Return the folder of the files that the table names."""
+    context: dict[str, Path | None] = info.context or {}
+    return context.get("folder")
+
+
+def as_read(text: str) -> str:
     if turns_writing(text):
         raise refused("", f"is {text!r}.", _LEAVE_OUT)
     return text
@@ -140,7 +188,7 @@ def _each_once(names: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 Item = TypeVar("Item")
-Written = Annotated[str, AfterValidator(_as_read)]
+Written = Annotated[str, AfterValidator(as_read)]
 """Text that may be empty."""
 Text = Annotated[Written, MinLen(1)]
 List = Annotated[tuple[Item, ...], Strict(False), MinLen(1)]
@@ -155,6 +203,15 @@ def same_width(rows: tuple[tuple[Any, ...], ...]) -> tuple[tuple[Any, ...], ...]
     return rows
 
 
+def _on_earth(place: Vector) -> Vector:
+    if max(map(abs, place)) > FARTHEST_MM:
+        raise refused("", f"is {list(place)!r}: farther than anything on earth.", "Give it in mm.")
+    return place
+
+
+Place = Annotated[Vector, Strict(False), AfterValidator(_on_earth)]
+"""A place in mm, or a direction."""
+Pair = Annotated[tuple[float, float], Strict(False)]
 Rows = Annotated[tuple[List[float], ...], Strict(False), MinLen(1), AfterValidator(same_width)]
 Model = TypeVar("Model", bound=Table)
 
@@ -185,17 +242,21 @@ def read_table(
 
 def _refusal(model: type[Table], values: Any, fault: Any, file: Path | str) -> DataError:
     kind, context = fault["type"], fault.get("ctx", {})
-    keys, table, field = _place(model, fault["loc"])
+    keys, table, field = _place(model, values, fault["loc"])
     given = _at(values, keys)
     what, do = f"is {_shown(given)}.", _wanted(field, keys[-1] if keys else "")
     if kind == "refused":
         keys += [context["key"]] if context["key"] else []
         what, do = context["what"], context["do"]
+    elif not fault["loc"]:
+        do = "Give a table of keys and values."
     elif kind == "missing" and isinstance(fault["loc"][-1], str):
-        what, do = "is missing.", _remedy(field).missing or _ADD
+        table_too = field is not None and _tables(field.annotation) and not _is_list(field.annotation)
+        usual = f"Add the table [{'.'.join(map(str, keys))}]." if table_too else ADD
+        what, do = "is missing.", _remedy(field).missing or usual
     elif kind == "extra_forbidden" or fault["loc"][-1] == "[key]":
-        known = table.model_fields if field is None else get_args(get_args(field.annotation)[0])
-        what, do = "is not known here.", f"There are {', '.join(sorted(known))}."
+        known = table.accepted() if field is None else get_args(get_args(field.annotation)[0])
+        what, do = "is not known here.", _there_are(known)
     elif kind in ("union_tag_invalid", "union_tag_not_found") and given.get("kind", "") is None:
         keys.append("kind")
         what, do = "is null.", "Leave it out."
@@ -215,7 +276,7 @@ def _refusal(model: type[Table], values: Any, fault: Any, file: Path | str) -> D
     name = ""
     for key in keys:
         name += f"[{key}]" if isinstance(key, int) else f".{key}" if name else str(key)
-    return DataError(what, do=do, file=file, key=name)
+    return DataError(what, do=do, file=file, key=name or None)
 
 
 def _shown(value: Any) -> str:
@@ -231,32 +292,37 @@ def _remedy(field: FieldInfo | None) -> Remedy:
 def _at(values: Any, keys: list[Any]) -> Any:
     """Return the value that was given at these keys."""
     for key in keys:
-        values = values.get(key) if isinstance(values, Mapping) else values[key]
+        given = values if isinstance(values, Mapping) else dict(enumerate(values))
+        values = given.get(key)
     return values
 
 
-def _place(model: type[Table], loc: tuple[Any, ...]) -> tuple[list[Any], type[Table], FieldInfo | None]:
+def _place(
+    model: type[Table], values: Any, loc: tuple[Any, ...]
+) -> tuple[list[Any], type[Table], FieldInfo | None]:
     """Return the keys of a fault, its table, and its field."""
     keys: list[Any] = []
     table, field, within = model, None, [model]
     for part in loc:
-        tagged = [each for each in within if part == _tag(each)] if len(within) > 1 else []
+        tagged = [each for each in within if part == tag_of(each)] if len(within) > 1 else []
         if tagged:
             within = tagged
         elif isinstance(part, int):
+            values = _at(values, [part])
             if field is not None and _tables(field.annotation):  # for a row of numbers, the list is named
                 keys.append(part)
         elif part != "[key]":
-            table = within[0] if within else table
+            table = within[0].of(values) if within else table
             field = table.model_fields.get(part) if within else field
-            within = _tables(field.annotation) if field is not None else []
+            within, values = _tables(field.annotation) if field is not None else [], _at(values, [part])
             keys.append(part)
     return keys, table, field
 
 
-def _tag(table: type[Table]) -> str | None:
+def tag_of(table: type[Table]) -> str:
+    """Return what distinguishes a class from the others of a union: its kind, or its name."""
     field = table.model_fields.get("kind")
-    return None if field is None else get_args(field.annotation)[0]
+    return table.__name__ if field is None else get_args(field.annotation)[0]
 
 
 def _tables(annotation: Any) -> list[type[Table]]:
@@ -277,9 +343,14 @@ def _bounds(field: FieldInfo) -> tuple[float | None, float | None]:
 
 
 def _kind_of(annotation: Any) -> Any:
-    """Return the plain type below an annotation, such as float, bool, tuple or a Literal."""
-    if get_origin(annotation) in (tuple, dict, Literal) or not get_args(annotation):
+    """Return the plain type below an annotation, such as float, bool, tuple or a Literal.
+
+    Of a mapping, it is the type of its values.
+    """
+    if get_origin(annotation) in (tuple, Literal) or not get_args(annotation):
         return annotation
+    if get_origin(annotation) is dict:
+        return _kind_of(get_args(annotation)[1])
     return _kind_of(next(each for each in get_args(annotation) if each is not type(None)))
 
 
@@ -297,9 +368,12 @@ def _wanted(field: FieldInfo | None, key: str) -> str:
     if kind in (int, float):
         return f"Give a {'whole ' if kind is int else ''}number{_range(*_bounds(field))}."
     if get_origin(kind) is tuple:
-        (item, *_) = get_args(kind)
-        if get_origin(_kind_of(item)) is tuple:
-            return "Give a list of rows of numbers, all of one length."
+        (item, *others) = get_args(kind)
+        if get_origin(row := _kind_of(item)) is tuple:
+            width, of = len(get_args(row)), "numbers, all of one length"
+            return f"Give a list of rows of {of if get_args(row)[-1] is ... else f'{width} numbers'}."
+        if others and others[-1] is not ...:
+            return "Give three numbers, [x, y, z]."
         return f"List names of {key}, each once." if _kind_of(item) is str else "Give a list of numbers."
     return "Use text."
 

@@ -1,7 +1,7 @@
 """The documentation as a site: `make docs`. Built offline; a warning is an error.
 
-The pages are Markdown that a forge shows as it is. Commands, HTTP and effects are written from the program whenever the
-site is built (`docs/made`, not kept), so that they cannot fall behind it.
+The pages are Markdown that a forge shows as it is. Commands, keys of files, HTTP and effects are
+written from the program whenever the site is built (`docs/made`, not kept), so that they cannot fall behind it.
 """
 
 from __future__ import annotations

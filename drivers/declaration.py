@@ -34,6 +34,8 @@ class Option:
         Whether the file must have it.
     default
         Value that the driver uses without it; None if that depends.
+    words
+        Its meaning, with the unit.
     """
 
     key: str
@@ -41,6 +43,7 @@ class Option:
     low: float = 1.0
     high: float = 5000.0
     default: float | None = None
+    words: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +53,7 @@ class TextOption:
     key: str
     allowed: tuple[str, ...] = ()
     default: str = ""
+    words: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,12 +8,11 @@ time, which a simulated cell runs `time_scale` times faster). `campaign.blocks` 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import tomli_w
-from pydantic import BeforeValidator, PrivateAttr, Strict, model_validator
+from pydantic import PrivateAttr, Strict, model_validator
 
 from acquisition.campaign.blocks import AnyBlock
 from acquisition.campaign.blocks.block import Approach, ApproachTable, Block, Settle
@@ -56,14 +55,6 @@ class NestCheckTable(Table):
     limit_mm: Annotated[
         float, told("A nest that moved by more stops for a person, mm.", 0.05, ge=1e-4, le=10.0)
     ]
-
-
-def _no_more_than_one_too_many(robot: Any) -> Any:
-    """Keep the first four keys of the name of a robot, which has three at most.
-
-    Only the first surplus key is reported.
-    """
-    return dict(islice(robot.items(), 4)) if isinstance(robot, Mapping) else robot
 
 
 class CampaignTable(Table):
@@ -114,7 +105,6 @@ class CampaignTable(Table):
     ] = 0
     robot: Annotated[
         dict[Literal["maker", "model", "serial"], Text],
-        BeforeValidator(_no_more_than_one_too_many),
         told("The one robot that may be measured; left out: any.", {"serial": "120-500000"}),
     ] = {}  # noqa: RUF012 pydantic copies it
     block: Annotated[

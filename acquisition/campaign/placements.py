@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.campaign.blocks.block import DECIMALS
-from acquisition.cell.cell import Cell, carries, moved, point, taken
+from acquisition.cell.cell import Cell, carries, moved, point, taken, with_places
 from acquisition.cell.obstacles import Array, Obstacle, between_lines
 from acquisition.cell.reach import configurations
 from acquisition.cell.transit import may_visit
@@ -122,7 +122,7 @@ class HexapodSurvey:
         DataError
             The robot has no inverse kinematics in closed form.
         """
-        bare = replace(self.cell, fixtures=tuple(f for f in self.cell.fixtures if not self._carries(f)))
+        bare = with_places(self.cell, {}, [f for f in self.cell.fixtures if not self._carries(f)])
         out: list[ReachResult] = []
         for i in range(0, len(placements), _AT_ONCE):
             some = placements[i : i + _AT_ONCE]
@@ -172,7 +172,7 @@ class HexapodSurvey:
             Balls(
                 {name: cell.tool.targets[name] for name in self.tool},
                 base,
-                {name: u for name, u in cell.tool.u_mm.items() if name in self.tool},
+                {name: u for name, u in cell.tool.stated_mm.items() if name in self.tool},
             ),
             Lengths(np.concatenate(joints), tool, anchors),
             places,
@@ -207,9 +207,9 @@ class HexapodSurvey:
         """Return the cell with its base balls, and the fixtures that carry them, at a placement."""
         pose = placement.pose(self._balls.mean(axis=0))
         balls = taken(self._balls, pose)
-        nests = {**self.cell.nests, **{n: point(p) for n, p in zip(self.base, balls, strict=True)}}
-        fixtures = tuple(moved(f, pose) if self._carries(f) else f for f in self.cell.fixtures)
-        return replace(self.cell, nests=nests, fixtures=fixtures)
+        nests = {n: point(p) for n, p in zip(self.base, balls, strict=True)}
+        fixtures = [moved(f, pose) if self._carries(f) else f for f in self.cell.fixtures]
+        return with_places(self.cell, nests, fixtures)
 
     def same_balls(self, placement: BallPlacement) -> tuple[tuple[float, ...], ...]:
         """Return the ball positions without regard to their names.

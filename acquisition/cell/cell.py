@@ -40,28 +40,41 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import tomli_w
 from numpy.typing import NDArray
+from pydantic import AfterValidator, Field, PrivateAttr, Strict, model_validator
 from scipy.special import chdtri
 
 from acquisition.cell.arm import TOOL_RADIUS_MM, CellArm
 from acquisition.cell.clearance import Clearance
-from acquisition.cell.obstacles import Array, Box, FloorObstacle, Obstacle, Post, read_fixtures
-from acquisition.cell.robot_section import RobotSection, read_options, read_robot, read_url
+from acquisition.cell.device_section import InstrumentSection, NoiseFigures
+from acquisition.cell.obstacles import Array, Box, Fixture, FloorObstacle, Obstacle, Post
+from acquisition.cell.robot_section import RobotSection
 from acquisition.errors import as_config_error
+from acquisition.file_table import (
+    Place,
+    Table,
+    Text,
+    Written,
+    no_default,
+    read_table,
+    refuse_unknown,
+    refused,
+    told,
+)
 from calib.arm import Load, built_in_robots
 from calib.data import LEAST, Noise
-from calib.text import TomlTable, Vector, parse_toml, read_toml
-from drivers import INSTRUMENTS, InstrumentDriver, instrument_driver
+from calib.text import Vector, parse_toml, read_toml
+from drivers import INSTRUMENTS
 from drivers.errors import ConfigError
 from drivers.interfaces import Identity
 
@@ -86,115 +99,232 @@ MADE_MM = 0.2
 _MOST_MM = 1000.0
 
 
-@dataclass(frozen=True)
-class NoiseFigures:
-    """Declared noise of an instrument, 1 sigma.
-
-    Points in mm and in ppm of the distance, rotations in mrad, lengths in mm.
-    """
-
-    range_mm: float = 0.010
-    range_ppm: float = 2.0
-    transverse_mm: float = 0.010
-    transverse_ppm: float = 6.0
-    rotation_mrad: float = 0.0  # 0: orientations are recorded and have no weight
-    length_mm: float = 0.0005
+def _plausible(u_mm: float) -> float:
+    if 0.0 < u_mm < LEAST:
+        raise refused("", f"is {u_mm!r}: too small to be true.", "Use 0 for exact.")
+    return u_mm
 
 
-@dataclass(frozen=True)
-class InstrumentSection:
-    """The instrument of the cell.
+Uncertainty = Annotated[float, Field(ge=0.0, le=_MOST_MM), AfterValidator(_plausible)]
+_DO = f"Give a number from 0 to {_MOST_MM:g}."
 
-    Attributes
-    ----------
-    one_smr
-        Whether a person moves the only SMR from nest to nest.
-    expected_within_mm
-        Largest distance from the nominal place at which a reading counts as its target.
-    options
-        Options that only the driver uses.
-    """
 
-    name: str
-    driver: str
-    url: str
-    station_mm: Vector
-    noise: NoiseFigures
-    one_smr: bool
-    expected_within_mm: float
-    options: Mapping[str, float | str]
+class WorldSection(Table):
+    """The frame of the world: its nests."""
+
+    nests: Annotated[
+        dict[str, Place],
+        told(
+            "Three or more named points that define the world frame, mm: the first is the origin, the second is on the "
+            "x axis.",
+            {"N1": [0.0, 0.0, 0.0], "N2": [600.0, 0.0, 0.0], "N3": [0.0, 600.0, 0.0]},
+        ),
+    ] = {}  # noqa: RUF012 pydantic copies it
+    u_mm: Annotated[
+        Uncertainty | None,
+        told("Standard uncertainty of all nests per axis, mm; 0: exact; left out: not stated.", 0.3, do=_DO),
+    ] = None
+    nests_u_mm: Annotated[
+        dict[str, Uncertainty],
+        told("By name, for nests whose uncertainty differs from `u_mm`, mm.", {"B2": 0.02}, do=_DO),
+    ] = {}  # noqa: RUF012
+
+    @model_validator(mode="after")
+    def _spans_a_frame(self) -> Self:
+        if len(self.nests) < 3:
+            raise refused("nests", f"names {len(self.nests)} nests.", "The world frame needs three.")
+        origin, second, third = np.array(list(self.nests.values())[:3])
+        if np.linalg.norm(np.cross(second - origin, third - origin)) < 100.0**2:
+            do = "Put them at least 100 mm apart, not in a row."
+            raise refused("nests", "do not span a frame.", do)
+        refuse_unknown("nests_u_mm", self.nests_u_mm, self.nests)
+        return self
+
+
+class ToolSection(Table):
+    """Targets on the tool, in the flange frame."""
+
+    targets: Annotated[
+        dict[str, Place],
+        told(
+            "Named points, mm.",
+            {"T1": [0.0, 0.0, 125.0]},
+            missing="Name the targets on the tool, e.g. T1 = [0, 0, 125].",
+        ),
+    ]
+    normals: Annotated[
+        dict[str, Place],
+        told(
+            "Direction in which a target faces; left out: visible from everywhere.", {"T1": [0.0, 0.0, 1.0]}
+        ),
+    ] = {}  # noqa: RUF012
+    radius_mm: Annotated[
+        float, told("Radius of the capsules from the flange to the targets, mm.", 25.0, ge=0.1, le=1000.0)
+    ] = TOOL_RADIUS_MM
+    mass_kg: Annotated[
+        float | None,
+        told("Mass of the tool, kg, together with `cog_mm`; left out: the robot file's load.", 2.7, ge=1e-6),
+    ] = None
+    cog_mm: Annotated[Place | None, told("Centre of gravity of the tool, mm.", [50.0, 25.0, 100.0])] = None
+    u_mm: Annotated[
+        Uncertainty | None,
+        told(
+            "Standard uncertainty of all targets per axis, mm; 0: exact; left out: not stated.", 0.05, do=_DO
+        ),
+    ] = None
+    targets_u_mm: Annotated[
+        dict[str, Uncertainty],
+        told("By name, for targets whose uncertainty differs from `u_mm`, mm.", {"T3": 0.01}, do=_DO),
+    ] = {}  # noqa: RUF012
+
+    @model_validator(mode="after")
+    def _names_targets(self) -> Self:
+        if not self.targets:
+            raise refused("targets", "is missing.", "Name the targets on the tool, e.g. T1 = [0, 0, 125].")
+        for name, normal in self.normals.items():
+            if name not in self.targets:
+                raise refused("normals", f"names {name}, which is no target.", "Correct the name.")
+            if not any(normal):
+                raise refused("normals", f"of {name} is no direction.", "Give where the target looks.")
+        if (self.mass_kg is None) != (self.cog_mm is None):
+            raise refused("mass_kg", "and cog_mm belong together.", "Give both or none.")
+        refuse_unknown("targets_u_mm", self.targets_u_mm, self.targets)
+        return self
 
     @property
-    def declared(self) -> InstrumentDriver:
-        """The declaration of its driver."""
-        return instrument_driver(self.driver)
+    def stated_mm(self) -> Mapping[str, float]:
+        """The standard uncertainty of the targets per axis, if it is stated."""
+        return _stated(self.u_mm, self.targets) | self.targets_u_mm
+
+
+def _stated(u_mm: float | None, names: Iterable[str]) -> dict[str, float]:
+    return {} if u_mm is None else dict.fromkeys(names, u_mm)
+
+
+class SimulationSection(Table):
+    """What a simulated cell is like: read only with `--simulate`."""
+
+    seed: Annotated[int, told("Seed from which the simulated robot is drawn.", 7, ge=0, le=2**53)] = 1
+    time_scale: Annotated[float, told("Simulated seconds per second.", 200.0, ge=1e-3, le=1e6)] = 1.0
+    operator: Annotated[
+        Literal["person", "confirms"], told("`confirms`: prompts are confirmed automatically.", "confirms")
+    ] = "person"
+    misplaced_mm: Annotated[
+        dict[str, Place],
+        told(
+            "True displacement of nests and targets from their stated positions, mm; left out: drawn from `u_mm` and "
+            "the seed.",
+            {"B2": [0.3, 0.0, 0.0]},
+        ),
+    ] = {}  # noqa: RUF012
+    effects: Annotated[
+        tuple[Text, ...],
+        Strict(False),
+        told(
+            'Labels of the hidden effects, or `["none"]`; left out: drawn from the seed.',
+            ["backlash:j4"],
+            do="Give a list of labels.",
+        ),
+    ] = ()
+    effect_size: Annotated[
+        float, told("Size of an effect, as a multiple of the noise.", 5.0, ge=0.0, le=1e6)
+    ] = 3.0
+    readings: Annotated[
+        int, told("Length of the session to which drifts are scaled, in readings.", 310, ge=1, le=1_000_000)
+    ] = 300
+    seconds_per_reading: Annotated[float, told("Time of one of them, s.", 30.0, ge=0.0, le=1e6)] = 20.0
+    clock_offset_s: Annotated[
+        float, told("Largest offset of the devices' clocks, s.", 2.0, ge=0.0, le=1e9)
+    ] = 0.0
+    clock_rate_ppm: Annotated[float, told("Largest error of their rate, ppm.", 50.0, ge=0.0, le=1e6)] = 0.0
+    serial: Annotated[
+        Written,
+        told(
+            "Serial number that a simulated ABB or UR controller reports; left out: the same in every cell.",
+            "120-500001",
+        ),
+    ] = ""
+
+
+class Cell(Table):
+    """A cell: the content of `cell.toml`. Robot, instrument, tool, nests and obstacles."""
+
+    format: Annotated[Literal["truepose-cell/1"], told("The format of the file.", FORMAT)]
+    name: Annotated[Text, told("Name of the cell.", "cell 7")]
+    robot: Annotated[RobotSection, told("The robot.", {})]
+    instrument: Annotated[InstrumentSection, told("The instrument.", {})]
+    world: Annotated[WorldSection, told("The frame of the world.", {})]
+    tool: Annotated[ToolSection, told("The tool, in the flange frame.", {})]
+    fixture: Annotated[tuple[Fixture, ...], Strict(False), told("Obstacles: each a box or a post.", [])] = ()
+    simulation: Annotated[
+        SimulationSection,
+        told(
+            "What a simulated cell is like; read only with `--simulate`.",
+            {"seed": 7},
+            json_schema_extra=no_default,
+        ),
+    ] = SimulationSection()
+    _source: str = PrivateAttr("")
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        nests, targets = self.world.nests, self.tool.targets
+        for name in (*targets, *nests):
+            if not (name.isidentifier() and name.isascii()):
+                key = "tool.targets" if name in targets else "world.nests"
+                raise refused(key, f"{name!r} is not a name.", "Use letters and digits.")
+        if both := targets.keys() & nests.keys():
+            raise refused("tool.targets", f"{min(both)} is the name of a nest as well.", "Rename one.")
+        for place in self.simulation.misplaced_mm:
+            if place not in nests and place not in targets:
+                what = f"names {place}, which is neither nest nor target."
+                raise refused("simulation.misplaced_mm", what, "Correct the name.")
+        names = set[str]()
+        for each in self.fixture:
+            if each.name in names:
+                raise refused("fixture", f"has the name {each.name!r} twice.", "Give every fixture its own.")
+            names.add(each.name)
+        return self
 
     @property
-    def nominal_mm(self) -> float:
-        """Length of a ballbar with its extension bars."""
-        return float(self.options["nominal_mm"])
+    def nests(self) -> Mapping[str, Vector]:
+        return self.world.nests
 
+    @property
+    def nests_u_mm(self) -> Mapping[str, float]:
+        """The standard uncertainty of the nests per axis, if it is stated."""
+        return _stated(self.world.u_mm, self.world.nests) | self.world.nests_u_mm
 
-@dataclass(frozen=True)
-class ToolSection:
-    """Targets on the tool, in the flange frame.
+    @property
+    def fixtures(self) -> tuple[Obstacle, ...]:
+        return self.fixture
 
-    Attributes
-    ----------
-    mass_kg, cog_mm
-        Mass and centre of gravity; None for the values of the robot file.
-    radius_mm
-        Radius of the capsules from the flange to the targets.
-    u_mm
-        Standard uncertainty of the targets per axis, if it is stated.
-    """
+    @property
+    def time_scale(self) -> float:
+        """Speed of a simulated cell; not used for a real one."""
+        return self.simulation.time_scale
 
-    targets: Mapping[str, Vector]
-    normals: Mapping[str, Vector]
-    radius_mm: float
-    mass_kg: float | None
-    cog_mm: Vector | None
-    u_mm: Mapping[str, float]
+    @property
+    def rehearsed(self) -> bool:
+        """Whether prompts confirm themselves; not used for a real cell."""
+        return self.simulation.operator == "confirms"
 
-
-@dataclass(frozen=True)
-class Cell:
-    """A cell: robot, instrument, tool, nests and obstacles.
-
-    Attributes
-    ----------
-    nests_u_mm
-        Standard uncertainty of the nests per axis, if it is stated.
-    time_scale
-        Speed of a simulated cell; not used for a real one.
-    rehearsed
-        Whether prompts confirm themselves; not used for a real cell.
-    source
-        Text of the cell file, kept in the record.
-    """
-
-    name: str
-    robot: RobotSection
-    instrument: InstrumentSection
-    nests: Mapping[str, Vector]
-    nests_u_mm: Mapping[str, float]
-    tool: ToolSection
-    fixtures: tuple[Obstacle, ...]
-    time_scale: float
-    rehearsed: bool
-    source: str = field(repr=False)
+    @property
+    def source(self) -> str:
+        """The text of the file, kept in the record."""
+        return self._source
 
     @cached_property
     def clearance(self) -> Clearance:
         """The obstacles of arm and tool: the table, keep-out boxes and fixtures."""
         robot, tool = self.robot, self.tool
         arm = CellArm.of(robot.model, robot.coupling, tool.targets, tool.radius_mm)
-        return Clearance.of(arm, (FloorObstacle(robot.table_z_mm), *robot.keep_out, *self.fixtures))
+        return Clearance.of(arm, (FloorObstacle(robot.table_z_mm), *robot.boxes, *self.fixture))
 
     @property
     def unstated(self) -> tuple[str, ...]:
         """The balls whose position uncertainty the file does not state, if the cell has a ballbar."""
-        known = {**self.nests_u_mm, **self.tool.u_mm}
+        known = {**self.nests_u_mm, **self.tool.stated_mm}
         balls = (*self.nests, *self.tool.targets) if self.instrument.declared.measures_lengths else ()
         return tuple(name for name in balls if name not in known)
 
@@ -236,39 +366,9 @@ def cell_from(table: Mapping[str, Any], file: str, *, beside: Path | None = None
     source
         Text that the record keeps. Default: the table as TOML.
     """
-    top = TomlTable(table, file)
-    top.text("format", allowed=(FORMAT,))
-    top.only(("format", "name", "robot", "instrument", "world", "tool", "fixture", "simulation"))
-    world = top.table("world")
-    world.only(("nests", "u_mm", "nests_u_mm"))
-    nests = world.vectors("nests")
-    if len(nests) < 3:
-        raise top.refuse("world.nests", f"names {len(nests)} nests.", "The world frame needs three.")
-    origin, second, third = (np.array(nest) for nest in list(nests.values())[:3])
-    if np.linalg.norm(np.cross(second - origin, third - origin)) < 100.0**2:
-        raise top.refuse(
-            "world.nests", "do not span a frame.", "Put them at least 100 mm apart, not in a row."
-        )
-    tool = _tool(top.table("tool"), nests)
-    simulation = top.table("simulation")
-    for place in simulation.vectors("misplaced_mm"):
-        if place not in nests and place not in tool.targets:
-            raise simulation.refuse(
-                "misplaced_mm", f"names {place}, which is neither nest nor target.", "Correct the name."
-            )
-    robot = read_robot(top.table("robot"), beside)
-    return Cell(
-        name=top.text("name"),
-        robot=robot,
-        instrument=_instrument(top.table("instrument")),
-        nests=nests,
-        nests_u_mm=stated(world, "nests_u_mm", nests),
-        tool=tool,
-        fixtures=tuple(read_fixtures(top)),
-        time_scale=simulation.number("time_scale", 1.0, low=1e-3, high=1e6),
-        rehearsed=simulation.text("operator", "person", ("person", "confirms")) == "confirms",
-        source=_whole(source, table, robot.file),
-    )
+    cell = read_table(Cell, table, file, beside)
+    cell._source = _whole(source, table, cell.robot.file)
+    return cell
 
 
 def _whole(source: str, table: Mapping[str, Any], file: Mapping[str, Any] | None) -> str:
@@ -296,61 +396,6 @@ def cell_of_record(source: str, where: str) -> Cell:
         The text cannot be used.
     """
     return cell_from(parse_toml(source, where), where, beside=Path(where).parent, source=source)
-
-
-def _instrument(table: TomlTable) -> InstrumentSection:
-    driver, noise = table.text("driver"), NoiseFigures()
-    try:
-        declared = instrument_driver(driver)
-    except ConfigError as error:
-        raise table.refuse("driver", f"{error.message}.", "Name one of them.") from error
-    if declared.measures_lengths:
-        figures, others = ("length_mm",), ()
-        station = (0.0, 0.0, 0.0)
-    else:
-        figures = ("range_mm", "range_ppm", "transverse_mm", "transverse_ppm", "rotation_mrad")
-        others = ("station_mm", "one_smr", "expected_within_mm")
-        station = table.vector("station_mm")
-    table.only(("driver", "url", *figures, *others, *(option.key for option in declared.options)))
-    return InstrumentSection(
-        name=declared.instrument,
-        driver=driver,
-        url=read_url(table, by_hand=declared.by_hand),
-        station_mm=station,
-        noise=NoiseFigures(**{name: table.number(name, getattr(noise, name), low=0.0) for name in figures}),
-        one_smr=table.flag("one_smr", False),
-        expected_within_mm=table.number("expected_within_mm", 50.0, low=1.0, high=10_000.0),
-        options=read_options(table, declared.options),
-    )
-
-
-def _tool(table: TomlTable, nests: Mapping[str, Vector]) -> ToolSection:
-    table.only(("targets", "normals", "radius_mm", "mass_kg", "cog_mm", "u_mm", "targets_u_mm"))
-    targets = table.vectors("targets")
-    if not targets:
-        raise table.refuse("targets", "is missing.", "Name the targets on the tool, e.g. T1 = [0, 0, 125].")
-    for name in (*targets, *nests):
-        if not (name.isidentifier() and name.isascii()):
-            raise table.refuse("targets", f"{name!r} is not a name.", "Use letters and digits.")
-    if both := set(targets) & set(nests):
-        raise table.refuse("targets", f"{min(both)} is the name of a nest as well.", "Rename one.")
-    normals = table.vectors("normals")
-    for name in normals:
-        if name not in targets:
-            raise table.refuse("normals", f"names {name}, which is no target.", "Correct the name.")
-        if not any(normals[name]):
-            raise table.refuse("normals", f"of {name} is no direction.", "Give where the target looks.")
-    if ("mass_kg" in table.values) != ("cog_mm" in table.values):
-        raise table.refuse("mass_kg", "and cog_mm belong together.", "Give both or none.")
-    weighed = "mass_kg" in table.values
-    return ToolSection(
-        targets=targets,
-        normals=normals,
-        radius_mm=table.number("radius_mm", TOOL_RADIUS_MM, low=0.1, high=1000.0),
-        mass_kg=table.number("mass_kg", low=1e-6) if weighed else None,
-        cog_mm=table.vector("cog_mm") if weighed else None,
-        u_mm=stated(table, "targets_u_mm", targets),
-    )
 
 
 def moved_by(
@@ -439,7 +484,7 @@ def bar_between(cell: Cell, one: str, other: str) -> Bar | None:
     The uncertainty of the balls in the cell file is taken into account.
     """
     apart = apart_mm(cell, one, other)
-    known, assumed = {**cell.nests_u_mm, **cell.tool.u_mm}, TAUGHT_MM if one in cell.nests else MADE_MM
+    known, assumed = {**cell.nests_u_mm, **cell.tool.stated_mm}, TAUGHT_MM if one in cell.nests else MADE_MM
     stray = float(np.hypot(known.get(one, assumed), known.get(other, assumed)))
     reach = (cell.instrument.declared.stroke_mm or 0.0) + _STRAY * stray
     best = min(bars_of(cell), key=lambda bar: abs(bar.length_mm - apart))
@@ -466,12 +511,19 @@ def moved(fixture: Obstacle, pose: Array) -> Obstacle:
     """
     if isinstance(fixture, Post):
         start, end = taken(np.array([fixture.from_mm, fixture.to_mm]), pose)
-        return replace(fixture, from_mm=point(start), to_mm=point(end))
+        return fixture.model_copy(update={"from_mm": point(start), "to_mm": point(end)})
     if isinstance(fixture, Box):
         corners = np.array(np.meshgrid(*zip(fixture.low_mm, fixture.high_mm, strict=True))).reshape(3, -1).T
         there = taken(corners, pose)
-        return replace(fixture, low_mm=point(there.min(axis=0)), high_mm=point(there.max(axis=0)))
+        ends = {"low_mm": point(there.min(axis=0)), "high_mm": point(there.max(axis=0))}
+        return fixture.model_copy(update=ends)
     return fixture
+
+
+def with_places(cell: Cell, nests_mm: Mapping[str, Vector], fixtures: Iterable[Obstacle]) -> Cell:
+    """Return the cell with some of its nests elsewhere, and with these fixtures."""
+    world = cell.world.model_copy(update={"nests": {**cell.nests, **nests_mm}})
+    return cell.model_copy(update={"world": world, "fixture": tuple(fixtures)})
 
 
 def with_nests(cell: Cell, nests_mm: Mapping[str, Vector]) -> Cell:
@@ -485,7 +537,7 @@ def with_nests(cell: Cell, nests_mm: Mapping[str, Vector]) -> Cell:
             moved(now, pose) if carries(was, ball) else now
             for was, now in zip(cell.fixtures, fixtures, strict=True)
         ]
-    return replace(cell, nests={**cell.nests, **nests_mm}, fixtures=tuple(fixtures))
+    return with_places(cell, nests_mm, fixtures)
 
 
 def taken(points: Array, pose: Array) -> Array:
@@ -579,26 +631,3 @@ def unstated_in_words(names: Sequence[str]) -> str:
         f"The cell file does not state how well {', '.join(names)} are known: {TAUGHT_MM:g} mm is assumed of a cup, "
         f"{MADE_MM:g} mm of a ball on the tool. State u_mm under [world] and [tool] before the campaign begins."
     )
-
-
-def stated(table: TomlTable, key: str, names: Collection[str]) -> dict[str, float]:
-    """Return the uncertainties that a table states, in mm by name.
-
-    The table has `u_mm` for all of them, or an entry for each under `key`. Zero means exact.
-
-    Raises
-    ------
-    ConfigError
-        A number is not plausible, or a name is not one of `names`.
-    """
-    own = table.table(key)
-    own.only(names)
-    common = dict.fromkeys(names, _number(table, "u_mm")) if "u_mm" in table.values else {}
-    return common | {name: _number(own, name) for name in own.values}
-
-
-def _number(table: TomlTable, key: str) -> float:
-    u_mm = table.number(key, low=0.0, high=_MOST_MM)
-    if 0.0 < u_mm < LEAST:
-        raise table.refuse(key, f"is {u_mm!r}: too small to be true.", "Use 0 for exact.")
-    return u_mm

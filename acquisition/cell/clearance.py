@@ -78,7 +78,12 @@ class Clearance:
         near = (arm.links <= 2)[:, None]
         still = np.ptp(lines, axis=0).max(axis=(1, 2)) < _STILL_MM
         feet = tuple(
-            Post(f"the robot's own {capsule.name}", tuple(ends[0]), tuple(ends[1]), capsule.radius_mm)
+            Post.model_construct(  # which may be thinner than one of a cell file
+                name=f"the robot's own {capsule.name}",
+                from_mm=tuple(ends[0]),
+                to_mm=tuple(ends[1]),
+                radius_mm=capsule.radius_mm,
+            )
             for capsule, ends, stays in zip(arm.capsules, lines[0].tolist(), still, strict=True)
             if stays
         )

@@ -8,17 +8,18 @@ beyond the plane that touches it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Annotated, Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Discriminator, Tag, model_validator
 
-from calib.text import TomlTable, Vector
+from acquisition.file_table import Place, Table, Text, refused, told
 
 Array = NDArray[np.float64]
-_KEYS = ("name", "low_mm", "high_mm", "from_mm", "to_mm", "radius_mm")
+Name = Annotated[Text, told("Name of the fixture, in messages.", "pedestal")]
 
 
 class Obstacle(Protocol):
@@ -58,13 +59,19 @@ class FloorObstacle:
         return np.where(directions[:, 2] > 1.0 - 1e-12, self.z_mm, np.inf)
 
 
-@dataclass(frozen=True)
-class Box:
+class Box(Table):
     """A box along the axes of the world."""
 
-    name: str
-    low_mm: Vector
-    high_mm: Vector
+    name: Name
+    low_mm: Annotated[Place, told("The lower one of two opposite corners, mm.", [-150.0, -150.0, -600.0])]
+    high_mm: Annotated[Place, told("The upper corner, mm.", [150.0, 150.0, 0.0])]
+
+    @model_validator(mode="after")
+    def _is_a_box(self) -> Self:
+        if not np.less(self.low_mm, self.high_mm).all():
+            what, do = "is not above low_mm in x, y and z.", "Give two opposite corners."
+            raise refused("high_mm", what, do)
+        return self
 
     def towards(self, lines: Array) -> Array:
         """Compute the vectors from the nearest point of the box to each line.
@@ -97,17 +104,16 @@ class Box:
         return np.sum(np.where(directions > 0.0, self.high_mm, self.low_mm) * directions, axis=1)
 
 
-@dataclass(frozen=True)
-class Post:
+class Post(Table):
     """A straight bar or post of any direction with round ends.
 
     It contains all points within `radius_mm` of a line.
     """
 
-    name: str
-    from_mm: Vector
-    to_mm: Vector
-    radius_mm: float
+    name: Name
+    from_mm: Annotated[Place, told("One end of a post, mm.", [380.0, 80.0, 0.0])]
+    to_mm: Annotated[Place, told("The other end, mm.", [380.0, 80.0, 600.0])]
+    radius_mm: Annotated[float, told("Radius of the post, mm.", 50.0, ge=0.1, le=10_000.0)]
 
     def towards(self, lines: Array) -> Array:
         axis = np.array([self.from_mm, self.to_mm])
@@ -138,59 +144,10 @@ def between_lines(lines: Array, others: Array) -> Array:
     return r + s[:, None] * u - t[:, None] * v
 
 
-def read_keep_out(robot: TomlTable) -> list[Obstacle]:
-    """Read the boxes of `robot.keep_out`.
-
-    Raises
-    ------
-    ConfigError
-        A box is not given by its lower and its upper corner.
-    """
-    boxes: list[Obstacle] = []
-    value = robot.values.get("keep_out", [])
-    if not isinstance(value, list | tuple):
-        raise robot.refuse("keep_out", f"is {value!r}.", "Give a list of boxes, each of two corners.")
-    for i, box in enumerate(value, start=1):
-        corners = TomlTable({"keep_out": box}, robot.file, robot.prefix).rows("keep_out", 3)
-        if len(corners) != 2 or not _is_box(*corners):
-            raise robot.refuse("keep_out", f"box {i} is no box.", "Give two corners, the lower one first.")
-        boxes.append(Box(f"keep-out box {i}", _vector(corners[0]), _vector(corners[1])))
-    return boxes
+def _shape(values: Any) -> str:
+    given = values.keys() if isinstance(values, Mapping) else ()
+    return "Box" if "low_mm" in given or "high_mm" in given else "Post"
 
 
-def read_fixtures(cell: TomlTable) -> list[Obstacle]:
-    """Read the `[[fixture]]` tables of a cell file, each a box or a post with a name.
-
-    Raises
-    ------
-    ConfigError
-        A fixture is incomplete, or two have the same name.
-    """
-    fixtures = [_fixture(table) for table in cell.tables("fixture")]
-    names = [fixture.name for fixture in fixtures]
-    for name in names:
-        if names.count(name) > 1:
-            raise cell.refuse("fixture", f"has the name {name!r} twice.", "Give every fixture its own.")
-    return fixtures
-
-
-def _fixture(table: TomlTable) -> Obstacle:
-    table.only(_KEYS)
-    name = table.text("name")
-    if "low_mm" in table.values or "high_mm" in table.values:
-        table.only(_KEYS[:3])
-        low, high = table.vector("low_mm"), table.vector("high_mm")
-        if not _is_box(low, high):
-            raise table.refuse("high_mm", "is not above low_mm in x, y and z.", "Give two opposite corners.")
-        return Box(name, low, high)
-    start, end = table.vector("from_mm"), table.vector("to_mm")
-    return Post(name, start, end, table.number("radius_mm", low=0.1, high=10_000.0))
-
-
-def _is_box(low: Sequence[float], high: Sequence[float]) -> bool:
-    return all(a < b for a, b in zip(low, high, strict=True))
-
-
-def _vector(row: Sequence[float]) -> Vector:
-    x, y, z = row
-    return x, y, z
+Fixture = Annotated[Annotated[Box, Tag("Box")] | Annotated[Post, Tag("Post")], Discriminator(_shape)]
+"""An obstacle of a cell file: a box if it has a corner, otherwise a post."""

@@ -4,59 +4,194 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import (
+    Field,
+    PlainValidator,
+    Strict,
+    ValidationInfo,
+    WithJsonSchema,
+    model_validator,
+)
 
-from acquisition.cell.obstacles import Obstacle, read_keep_out
-from acquisition.errors import as_config_error
+from acquisition.cell.device_section import DeviceSection, for_driver
+from acquisition.cell.obstacles import Box
+from acquisition.file_table import List, Pair, Place, Text, as_read, folder_of, refused, refused_by, told
 from calib.arm import Robot, built_in_robots, load_robot, own_robot_table, robot_from
-from calib.data import ABSOLUTE_ACCURACY
-from calib.text import TomlTable
-from drivers import Option, RobotDriver, TextOption, robot_driver
+from calib.errors import DataError
+from calib.text import turns_writing
+from drivers import ROBOTS, RobotDriver, robot_driver
 from drivers.errors import ConfigError
 
 SPEED_CAP_MM_S, SPEED_CAP_DEG_S = 500.0, 20.0  # Nubiola, thesis 2.5: faster moves warm and shake the arm
 
 
-@dataclass(frozen=True)
-class RobotSection:
+def _is_robot(robot: Any) -> Robot:
+    if isinstance(robot, str):
+        as_read(robot)
+    if not isinstance(robot, Robot):
+        raise ValueError("no text")
+    return robot
+
+
+def _own_limits(robot: Robot) -> tuple[tuple[float, float], ...]:
+    """Return the limits of the joints of a robot, in deg, or in mm if they slide."""
+    limits = np.column_stack([robot.lower, robot.upper]) / robot.joint_units[:, None]
+    return tuple((low, high) for low, high in limits.tolist())
+
+
+class RobotSection(DeviceSection):
     """The robot of the cell and how fast and how far it may go.
 
     Joints are counted in deg, or in mm if they slide, also if a name ends in `_deg`.
-
-    Attributes
-    ----------
-    coupling
-        Joint matrix of the robot, or `none`.
-    home_deg
-        A posture over which every pose can be reached; None if the cell file has none.
-    options
-        Options that only the driver uses.
-    file
-        The parsed robot file of a robot that is not in the library.
-    absolute_accuracy
-        Whether the controller corrects with its maker's own calibration: "on", "off" or "unknown".
     """
 
-    model: Robot
-    coupling: str
-    driver: str
-    url: str
-    speed_mm_s: float
-    speed_deg_s: float
-    limits_deg: tuple[tuple[float, float], ...]
-    table_z_mm: float
-    keep_out: tuple[Obstacle, ...]
-    home_deg: tuple[float, ...] | None
-    repeatability_deg: float
-    repeatability_mm: float
-    options: Mapping[str, float | str] = field(default_factory=dict)
-    file: Mapping[str, Any] | None = None
-    absolute_accuracy: str = "unknown"
+    drivers = ROBOTS
+
+    driver: Annotated[Text, told(f"Name of the driver: {', '.join(f'`{name}`' for name in ROBOTS)}.", "abb")]
+    model: Annotated[
+        Robot,
+        PlainValidator(_is_robot),
+        WithJsonSchema({"type": "string", "minLength": 1}),
+        told("Name of a built-in robot, or path of a robot file.", "abb-irb120"),
+    ]
+    joint_coupling: Annotated[
+        Text | None,
+        told(
+            "Name of the joint matrix: how the controller counts the joints; left out: the robot file's, else `none`.",
+            "fanuc-j23",
+        ),
+    ] = None
+    speed_mm_s: Annotated[float, told("Speed of the tool, mm/s.", 250.0, ge=1.0, le=SPEED_CAP_MM_S)] = (
+        SPEED_CAP_MM_S
+    )
+    speed_deg_s: Annotated[float, told("Speed of the joints, deg/s.", 15.0, ge=0.1, le=SPEED_CAP_DEG_S)] = (
+        SPEED_CAP_DEG_S
+    )
+    absolute_accuracy: Annotated[
+        Literal["on", "off", "unknown"],
+        told("Whether the controller corrects by its maker's own calibration.", "off"),
+    ] = "unknown"
+    limits_deg: Annotated[
+        tuple[Pair, ...],
+        Strict(False),
+        Field(default_factory=lambda given: _own_limits(given["model"])),
+        told(
+            "One pair of limits for each joint, within those of the robot, deg, or mm for a joint that slides; left "
+            "out: the robot's.",
+            [[-90.0, 90.0]],
+        ),
+    ]
+    table_z_mm: Annotated[float, told("Height of the table; the robot stays above it, mm.", 20.0)] = 0.0
+    keep_out: Annotated[
+        tuple[Annotated[tuple[Place, Place], Strict(False)], ...],
+        Strict(False),
+        told(
+            "Boxes that the robot must not enter, without names: the lower and the upper corner of each, mm.",
+            [[[-900.0, 300.0, 0.0], [900.0, 400.0, 900.0]]],
+            do="Give a list of boxes, each of two corners, the lower one first.",
+        ),
+    ] = ()
+    home_deg: Annotated[
+        List[float] | None,
+        told(
+            "Posture through which the robot moves where the straight move is not clear, deg, or mm for a joint that "
+            "slides; left out: a posture high above the table.",
+            [0.0, 20.0, 0.0, 0.0, 60.0, 0.0],
+        ),
+    ] = None
+    repeatability_deg: Annotated[
+        float, told("Repeatability of each joint that turns, deg.", 0.001, ge=0.0)
+    ] = 0.0008
+    repeatability_mm: Annotated[
+        float, told("Repeatability of each joint that slides, mm.", 0.005, ge=0.0)
+    ] = 0.003
+    file: Annotated[
+        dict[str, Any] | None,
+        told("Written in a record: the content of the robot file that `model` names, as a table.", None),
+    ] = None
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> type[Self]:
+        if cls.of_driver is None and isinstance(name := values.get("driver"), str):
+            with suppress(ConfigError):  # an unknown driver is named when its device is opened
+                return for_driver(cls, robot_driver(name))
+        return cls
+
+    @model_validator(mode="before")
+    @classmethod
+    def _load(cls, values: Any, info: ValidationInfo) -> Any:
+        """Replace the name of the robot by the robot, and add the file of one that is not in the library."""
+        name, given = (values.get("model"), values.get("file")) if isinstance(values, Mapping) else ("", None)
+        if not isinstance(name, str) or not name or turns_writing(name):
+            return values
+        try:
+            file = given if given and isinstance(given, Mapping) else own_robot_table(name, folder_of(info))
+            robot = load_robot(name) if file is None else robot_from(file, Path(name))
+        except DataError as error:
+            raise refused_by(error, "model") from error
+        if robot.name in built_in_robots() and robot.name != name:
+            what = f"is the file of a robot with the name of one of the library, '{robot.name}'."
+            raise refused("model", what, "Give it another name.")
+        return {**values, "model": robot, **({"file": file} if file and not given else {})}
+
+    @model_validator(mode="after")
+    def _fits_the_robot(self) -> Self:
+        robot = self.model
+        self._refuse_undriven()
+        ways = ("none", *robot.joint_matrices)
+        if self.joint_coupling not in (None, *ways):
+            what, do = f"is {self.joint_coupling!r}.", f"Use {' or '.join(repr(way) for way in ways)}."
+            raise refused("joint_coupling", what, do)
+        if (pairs := len(self.limits_deg)) != robot.joints:
+            raise refused("limits_deg", f"has {pairs} pairs for {robot.joints} joints.", "Give one for each.")
+        own = zip(self.limits_deg, _own_limits(robot), strict=True)
+        for i, ((low, high), (least, most)) in enumerate(own, start=1):
+            if not least - 1e-9 <= low < high <= most + 1e-9:
+                what = f"joint {i} [{low:g}, {high:g}] is not within the robot's [{least:g}, {most:g}]."
+                raise refused("limits_deg", what, "Limits of a cell only make those of the robot narrower.")
+        for i, (low, high) in enumerate(self.keep_out, start=1):
+            if not np.less(low, high).all():
+                raise refused("keep_out", f"box {i} is no box.", "Give two corners, the lower one first.")
+        if self.home_deg is not None and len(self.home_deg) != robot.joints:
+            what = f"has {len(self.home_deg)} joints, the robot {robot.joints}."
+            raise refused("home_deg", what, "Give one angle for each.")
+        for i, (q, (low, high)) in enumerate(
+            zip(self.home_deg or (), self.limits_deg, strict=False), start=1
+        ):
+            if not low <= q <= high:
+                what = f"joint {i} at {q:g} is outside limits_deg [{low:g}, {high:g}]."
+                raise refused("home_deg", what, "Correct one of the two.")
+        return self
+
+    def _refuse_undriven(self) -> None:
+        """Refuse a robot with joints that its driver does not drive.
+
+        Otherwise mm could be sent to a joint that expects degrees. A person can drive any joint.
+        """
+        try:
+            declared = self.declared
+        except ConfigError:
+            return  # the code that needs the driver reports it
+        if declared.by_hand:
+            return
+        robot, driver = self.model, self.driver
+        slides = [axis for axis, kind in zip(robot.axes, robot.kinds, strict=True) if kind == "slides"]
+        do = (
+            "Name the driver of a robot that is driven by hand ('truepose docs howto/without-a-driver'); or drive it "
+            "by its own controller, write joints and readings into a data set (NAME.csv, NAME.toml) and identify from "
+            "that; or give the robot file without that axis where it stands still."
+        )
+        if slides:
+            what = f"'{robot.name}' has joints that slide ({', '.join(slides)}), and the driver '{driver}' moves none."
+            raise refused("model", what, do)
+        if robot.joints != declared.joints:
+            what = f"'{robot.name}' has {robot.joints} joints, and the driver '{driver}' moves {declared.joints}."
+            raise refused("model", what, do)
 
     @property
     def declared(self) -> RobotDriver:
@@ -68,6 +203,20 @@ class RobotSection:
             The driver is unknown.
         """
         return robot_driver(self.driver)
+
+    @property
+    def coupling(self) -> str:
+        """The joint matrix of the robot, or `none`; a robot file with only one states the count of its controller."""
+        ways = list(self.model.joint_matrices)
+        return self.joint_coupling or (ways[0] if len(ways) == 1 else "none")
+
+    @property
+    def boxes(self) -> tuple[Box, ...]:
+        """The boxes that the robot must not enter."""
+        return tuple(
+            Box(name=f"keep-out box {i}", low_mm=low, high_mm=high)
+            for i, (low, high) in enumerate(self.keep_out, start=1)
+        )
 
     def model_angles(self, joints_deg: ArrayLike) -> NDArray[np.float64]:
         """Convert joints (n, N) of the controller, deg or mm, to those of the model, rad or mm."""
@@ -99,131 +248,3 @@ class RobotSection:
             return f"{', '.join(numbers)} deg"
         each = zip(self.model.axes, numbers, self.model.units, strict=True)
         return ", ".join(f"{axis} {number} {unit}" for axis, number, unit in each)
-
-
-def read_robot(table: TomlTable, beside: Path | None) -> RobotSection:
-    driver = table.text("driver")
-    declared = None
-    with suppress(ConfigError):  # an unknown driver is named when its device is opened
-        declared = robot_driver(driver)
-    options = () if declared is None else declared.options
-    table.only(
-        (
-            *("model", "joint_coupling", "driver", "url", "speed_mm_s", "speed_deg_s", "limits_deg"),
-            *("table_z_mm", "keep_out", "home_deg", "repeatability_deg", "repeatability_mm", "file"),
-            "absolute_accuracy",
-            *(option.key for option in options),
-        )
-    )
-    model = table.text("model")
-    with as_config_error(f"{table.file}, key 'robot.model': "):
-        file = table.values.get("file") or own_robot_table(model, beside)
-        robot = load_robot(model) if file is None else robot_from(file, Path(model))
-    if robot.name in built_in_robots() and robot.name != model:
-        raise table.refuse(
-            "model",
-            f"is the file of a robot with the name of one of the library, '{robot.name}'.",
-            "Give it another name.",
-        )
-    driver = table.text("driver")
-    _refuse_undriven(table, robot, driver)
-    own = [
-        tuple(pair)
-        for pair in (np.column_stack([robot.lower, robot.upper]) / robot.joint_units[:, None]).tolist()
-    ]
-    rows = table.rows("limits_deg", 2, default=own)
-    if len(rows) != robot.joints:
-        raise table.refuse(
-            "limits_deg", f"has {len(rows)} pairs for {robot.joints} joints.", "Give one for each."
-        )
-    for i, ((low, high), (least, most)) in enumerate(zip(rows, own, strict=True), start=1):
-        if not least - 1e-9 <= low < high <= most + 1e-9:
-            raise table.refuse(
-                "limits_deg",
-                f"joint {i} [{low:g}, {high:g}] is not within the robot's [{least:g}, {most:g}].",
-                "Limits of a cell only make those of the robot narrower.",
-            )
-    # A robot file with one joint matrix states the count of its controller.
-    usual = next(iter(robot.joint_matrices)) if len(robot.joint_matrices) == 1 else "none"
-    return RobotSection(
-        model=robot,
-        coupling=table.text("joint_coupling", usual, allowed=("none", *robot.joint_matrices)),
-        driver=driver,
-        url=read_url(table, by_hand=declared is not None and declared.by_hand),
-        speed_mm_s=table.number("speed_mm_s", SPEED_CAP_MM_S, low=1.0, high=SPEED_CAP_MM_S),
-        speed_deg_s=table.number("speed_deg_s", SPEED_CAP_DEG_S, low=0.1, high=SPEED_CAP_DEG_S),
-        limits_deg=tuple((low, high) for low, high in rows),
-        table_z_mm=table.number("table_z_mm", 0.0),
-        keep_out=tuple(read_keep_out(table)),
-        home_deg=_home(table, rows),
-        repeatability_deg=table.number("repeatability_deg", 0.0008, low=0.0),
-        repeatability_mm=table.number("repeatability_mm", 0.003, low=0.0),
-        absolute_accuracy=table.word("absolute_accuracy", ABSOLUTE_ACCURACY, "unknown"),
-        options=read_options(table, options),
-        file=file,
-    )
-
-
-def _refuse_undriven(table: TomlTable, robot: Robot, driver: str) -> None:
-    """Refuse a robot with joints that its driver does not drive.
-
-    Otherwise mm could be sent to a joint that expects degrees. A person can drive any joint.
-    """
-    try:
-        declared = robot_driver(driver)
-    except ConfigError:
-        return  # the code that needs the driver reports it
-    if declared.by_hand:
-        return
-    slides = [axis for axis, kind in zip(robot.axes, robot.kinds, strict=True) if kind == "slides"]
-    do = (
-        "Name the driver of a robot that is driven by hand ('truepose docs howto/without-a-driver'); or drive it by "
-        "its own controller, write joints and readings into a data set (NAME.csv, NAME.toml) and identify from that; "
-        "or give the robot file without that axis where it stands still."
-    )
-    if slides:
-        raise table.refuse(
-            "model",
-            f"'{robot.name}' has joints that slide ({', '.join(slides)}), and the driver '{driver}' moves none.",
-            do,
-        )
-    if robot.joints != declared.joints:
-        raise table.refuse(
-            "model",
-            f"'{robot.name}' has {robot.joints} joints, and the driver '{driver}' moves {declared.joints}.",
-            do,
-        )
-
-
-def read_url(table: TomlTable, *, by_hand: bool) -> str:
-    """Read the address of a device; a manual one has none."""
-    return table.text("url", "") if by_hand else table.text("url")
-
-
-def read_options(table: TomlTable, options: Sequence[Option | TextOption]) -> dict[str, float | str]:
-    """Read the options of a driver from its table of the cell file; required ones must be there."""
-    return {
-        option.key: table.text(option.key, allowed=option.allowed or None)
-        if isinstance(option, TextOption)
-        else table.number(option.key, low=option.low, high=option.high)
-        for option in options
-        if option.key in table.values or (isinstance(option, Option) and option.needed)
-    }
-
-
-def _home(table: TomlTable, limits_deg: Sequence[Sequence[float]]) -> tuple[float, ...] | None:
-    home = table.numbers("home_deg")
-    if home is None:
-        return None
-    if len(home) != len(limits_deg):
-        raise table.refuse(
-            "home_deg", f"has {len(home)} joints, the robot {len(limits_deg)}.", "Give one angle for each."
-        )
-    for i, (q, (low, high)) in enumerate(zip(home, limits_deg, strict=True), start=1):
-        if not low <= q <= high:
-            raise table.refuse(
-                "home_deg",
-                f"joint {i} at {q:g} is outside limits_deg [{low:g}, {high:g}].",
-                "Correct one of the two.",
-            )
-    return home

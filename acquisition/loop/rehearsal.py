@@ -10,7 +10,6 @@ import csv
 import io
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -96,9 +95,10 @@ def narrow_block(cell: Cell, seed: int, count: int) -> dict[str, Any]:
     low, high = np.array(cell.robot.limits_deg).T
     middle, half = 0.5 * (low + high), 0.5 * NARROW * (high - low)
     limits = tuple(zip((middle - half).tolist(), (middle + half).tolist(), strict=True))
-    robot = replace(cell.robot, limits_deg=limits, table_z_mm=cell.robot.table_z_mm + _ROOM_MM)
+    narrow = {"limits_deg": limits, "table_z_mm": cell.robot.table_z_mm + _ROOM_MM}
+    cell = cell.model_copy(update={"robot": cell.robot.model_copy(update=narrow)})
     rng = np.random.default_rng([seed, _NARROW_STREAM])
-    drawn = draw_poses(replace(cell, robot=robot), count, rng, _APPROACH_DEG, both=False, decimals=DECIMALS)
+    drawn = draw_poses(cell, count, rng, _APPROACH_DEG, both=False, decimals=DECIMALS)
     poses = [list(pose.joints_deg) for pose in drawn]
     return {"kind": "poses", "set": "calibration", "select": "list", "joints_deg": poses}
 

@@ -271,7 +271,7 @@ def _known(cell: Cell, touched: Mapping[str, Vector]) -> dict[str, Any]:
     """
     if not cell.instrument.declared.measures_lengths:
         nests = {"nests": {name: list(point) for name, point in cell.nests.items()}} if cell.nests else {}
-        return ({"tool_targets_u_mm": dict(cell.tool.u_mm)} if cell.tool.u_mm else {}) | nests
+        return ({"tool_targets_u_mm": dict(cell.tool.stated_mm)} if cell.tool.stated_mm else {}) | nests
     unstated = [name for name in cell.unstated if name not in touched]
     return {
         "base_targets": {name: list(touched.get(name, point)) for name, point in cell.nests.items()},
@@ -279,7 +279,7 @@ def _known(cell: Cell, touched: Mapping[str, Vector]) -> dict[str, Any]:
             name: TAUGHT_MM if name in touched else cell.nests_u_mm.get(name, TAUGHT_MM)
             for name in cell.nests
         },
-        "tool_targets_u_mm": {name: cell.tool.u_mm.get(name, MADE_MM) for name in cell.tool.targets},
+        "tool_targets_u_mm": {name: cell.tool.stated_mm.get(name, MADE_MM) for name in cell.tool.targets},
         **({"u_mm_assumed": unstated} if unstated else {}),
     }
 

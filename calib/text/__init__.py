@@ -13,6 +13,7 @@ from calib.text.json_text import parse_json, read_json
 from calib.text.program import written_by
 from calib.text.text_file import decoded, note_files, read_bytes, read_text, replace_file
 from calib.text.toml_table import (
+    FARTHEST_MM,
     TomlTable,
     Vector,
     did_you_mean,
@@ -24,6 +25,7 @@ from calib.text.toml_table import (
 from calib.text.xml_text import parse_xml, read_xml
 
 __all__ = [
+    "FARTHEST_MM",
     "LONGEST_LINE",
     "MOST_COLUMNS",
     "TextTable",

@@ -132,13 +132,6 @@ class TomlTable:
         table = self.table(key)
         return {name: table.vector(name) for name in table.values}
 
-    def rows(self, key: str, width: int, default: Sequence[Sequence[float]] = ()) -> list[tuple[float, ...]]:
-        """Return a list of rows of `width` numbers."""
-        value = self.values.get(key, default)
-        if not isinstance(value, Sequence) or not all(_are_numbers(row, width) for row in value):
-            raise self.refuse(key, f"is {value!r}.", f"Give a list of rows of {width} numbers.")
-        return [tuple(float(x) for x in row) for row in value]
-
     def numbers(self, key: str) -> tuple[float, ...] | None:
         """Return a list of numbers, not empty; None if absent."""
         value = self.values.get(key)

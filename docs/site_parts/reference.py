@@ -1,4 +1,4 @@
-"""Pages of the reference that are made from the program: commands, HTTP, effects."""
+"""Pages of the reference that are made from the program: commands, keys of files, HTTP, effects."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from acquisition import CampaignTable, Cell
+from acquisition.file_table import FileSchema
 from calib.effects import LIBRARY
 from service.commands import app, load
 from service.http.access.roles import ServiceSettings, Tokens
@@ -15,9 +17,10 @@ COLUMNS = 78  # of a terminal of 80
 
 
 def write(folder: Path) -> None:
-    """Write `commands.md`, `http.md` and `effects.md`; a page that would not change is left as it is."""
+    """Write the pages; one that would not change is left as it is."""
     folder.mkdir(exist_ok=True)
-    for name, lines in (("commands", commands()), ("http", http()), ("effects", effects())):
+    pages = {"commands": commands(), "keys": keys(), "http": http(), "effects": effects()}
+    for name, lines in pages.items():
         page, text = folder / f"{name}.md", "\n".join(lines) + "\n"
         if not page.is_file() or page.read_text("utf-8") != text:
             page.write_text(text, "utf-8")
@@ -46,6 +49,18 @@ def _helps(command: Any, words: tuple[str, ...], parent: Any) -> Iterator[tuple[
     yield words, command.get_help(context)
     for name, each in getattr(command, "commands", {}).items():
         yield from _helps(load(name) if parent is None else each, (*words, name), context)
+
+
+def keys() -> Iterator[str]:
+    """Every key of a cell and of a campaign, from the classes that read them."""
+    yield "# Keys of cell and campaign"
+    yield "Every key that these files may have; an unknown key is refused. `truepose cell schema` and"
+    yield "`truepose campaign schema` write the same for editors."
+    for file, model in (("cell.toml", Cell), ("campaign.toml", CampaignTable)):
+        document = model.model_json_schema(schema_generator=FileSchema)
+        yield from ("", f"## {file}")
+        for name, schema in {document["title"]: document, **document["$defs"]}.items():
+            yield from _schema(name, schema)
 
 
 def effects() -> Iterator[str]:
@@ -124,7 +139,11 @@ def _type(schema: Mapping[str, Any]) -> str:
     if "enum" in schema:
         return ", ".join(f"`{each}`" for each in schema["enum"])
     kind = schema.get("type", "anything")
-    return f"list of {_type(schema.get('items', {}))}" if kind == "array" else kind
+    if kind == "array":
+        return f"list of {_type(schema.get('items') or schema.get('prefixItems', [{}])[0])}"
+    ends = {"from": "minimum", "to": "maximum"}
+    limits = [f"{word} {schema[key]:g}" for word, key in ends.items() if key in schema]
+    return " ".join([f"`{schema['const']}`" if "const" in schema else kind, *limits])
 
 
 def _default(schema: Mapping[str, Any]) -> str:

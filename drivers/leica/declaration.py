@@ -23,7 +23,11 @@ DRIVERS = (
         maker="Leica",
         instrument="leica",
         make=LeicaTracker,
-        options=(Option("reflector_mm"),),
+        options=(
+            Option(
+                "reflector_mm", words="`leica`: diameter of the SMR, mm; left out: as set at the tracker."
+            ),
+        ),
         needs_weather=True,
         streams=True,
         unreported=("which SMR is seated",),

@@ -28,7 +28,13 @@ DRIVERS = (
         maker="Renishaw",
         instrument="qc20w",
         make=Qc20w,
-        options=(Option("nominal_mm", needed=True),),
+        options=(
+            Option(
+                "nominal_mm",
+                needed=True,
+                words="`qc20w`, must be given: length of the ballbar with its extensions, mm.",
+            ),
+        ),
         stroke_mm=STROKE_MM,
         body_mm=100.0,
         extensions_mm=(50.0, 150.0, 300.0),

@@ -195,18 +195,19 @@ def test_lines_to_a_box(ends: list[tuple[tuple[float, ...], tuple[float, ...]]])
     """
     low, high = (-50.0, -80.0, -10.0), (60.0, 20.0, 90.0)
     lines = np.array([*ends, *[(a, a) for a, _ in ends], *[(a, (a[0], a[1], b[2])) for a, b in ends]])
-    towards = Box("box", low, high).towards(lines)
+    box = Box(name="box", low_mm=low, high_mm=high)
+    towards = box.towards(lines)
     for line, vector in zip(lines, towards, strict=True):
         assert math.dist(vector, (0, 0, 0)) == pytest.approx(far_from_box(line, low, high), abs=1e-4)
     # What has come apart is separated by the plane across.
     apart = np.linalg.norm(towards, axis=1)
     across = towards[apart > 1e-6] / apart[apart > 1e-6, None]
     height = np.einsum("pkj,pj->pk", lines[apart > 1e-6], across).min(axis=1)
-    assert np.all(height >= Box("box", low, high).reach(across) + apart[apart > 1e-6] - 1e-6)
+    assert np.all(height >= box.reach(across) + apart[apart > 1e-6] - 1e-6)
 
 
 def test_a_line_past_a_corner_and_past_an_edge() -> None:
-    box = Box("box", (0.0, 0.0, 0.0), (10.0, 10.0, 10.0))
+    box = Box(name="box", low_mm=(0.0, 0.0, 0.0), high_mm=(10.0, 10.0, 10.0))
     corner = [[13.0, 14.0, 10.0], [13.0, 14.0, 10.0]]
     past = [[20.0, 10.0, 5.0], [10.0, 20.0, 5.0]]  # its ends are 10 mm away, its middle 7.07 from the edge
     assert np.linalg.norm(box.towards(np.array([corner, past])), axis=1) == pytest.approx([5.0, 50.0**0.5])
@@ -222,7 +223,7 @@ def test_lines_to_lines(ends: tuple[tuple[float, ...], ...]) -> None:
 
 
 def test_a_post_has_a_radius_and_round_ends() -> None:
-    post = Post("post", (0.0, 0.0, 0.0), (0.0, 0.0, 100.0), 20.0)
+    post = Post(name="post", from_mm=(0.0, 0.0, 0.0), to_mm=(0.0, 0.0, 100.0), radius_mm=20.0)
     lines = np.array([[[50.0, -9.0, 50.0], [50.0, 9.0, 50.0]], [[0.0, 0.0, 130.0], [5.0, 0.0, 200.0]]])
     assert np.linalg.norm(post.towards(lines), axis=1) == pytest.approx([30.0, 10.0])
     assert post.reach(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])) == pytest.approx([120.0, 20.0])

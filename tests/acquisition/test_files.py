@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ from acquisition.campaign.campaign import (
     read_campaign,
     read_poses,
 )
-from acquisition.cell.cell import cell_of_record, read_cell
+from acquisition.cell.cell import cell_of_record, read_cell, with_places
+from acquisition.cell.obstacles import Box
 from drivers.errors import ConfigError
 from tests.acquisition.fakes import a_campaign, a_cell
 from tests.calib.machines import machine
@@ -37,6 +39,15 @@ def test_what_the_record_keeps_means_the_same(tmp_path: Path) -> None:
     assert cell_of_record(cell.source, str(tmp_path / "record")) == cell
     assert campaign_of_record(campaign.source, "record") == campaign
     assert campaign_of_record(a_campaign().source, "record").blocks == a_campaign().blocks
+
+
+def test_a_cell_goes_to_another_process_and_its_copies_know_their_own_obstacles() -> None:
+    cell = a_cell()
+    assert pickle.loads(pickle.dumps(cell)) == cell
+    obstacles = cell.clearance.obstacles
+    assert len(
+        with_places(cell, {}, [Box(name="b", low_mm=(2e3, 0, 0), high_mm=(3e3, 1, 1))]).clearance.obstacles
+    ) == (len(obstacles) + 1)
 
 
 @pytest.mark.parametrize(
@@ -75,6 +86,17 @@ def test_what_the_record_keeps_means_the_same(tmp_path: Path) -> None:
         ({"tool__target_u_mm": {}}, "tool.target_u_mm"),
         ({"tool__targets_u_mm": {"T1": [0.1]}}, "tool.targets_u_mm.T1"),
         ({"surprise": 1}, "surprise"),
+        ({"robot__file": 5}, "robot.file"),
+        ({"robot__model": "a\u202eb"}, "robot.model"),
+        ({"robot__speed_mm_s": 10**400}, "robot.speed_mm_s"),
+        ({"robot__keep_out": [[[0, 0]]]}, "robot.keep_out"),
+        ({"instrument__length_mm": 0.1}, "instrument.length_mm"),
+        ({"instrument__driver": "nonesuch"}, "instrument.driver"),
+        ({"instrument__driver": "qc20w"}, "instrument.station_mm"),
+        ({"world__nests": {f"N{i}": "x" for i in range(5000)}}, "world.nests.N0"),
+        ({"fixture": [{}] * 5000}, "fixture[0].name"),
+        ({"fixture": [{"name": "a", "low_mm": [0, 0, 0]}]}, "fixture[0].high_mm"),
+        ({"simulation": {"sed": 3}}, "simulation.sed"),
     ],
 )
 def test_cell_refused(change: dict[str, Any], key: str) -> None:
@@ -82,6 +104,7 @@ def test_cell_refused(change: dict[str, Any], key: str) -> None:
         a_cell(**change)
     assert f"key '{key}'" in str(caught.value)
     assert "cell.toml" in str(caught.value)
+    assert len(str(caught.value)) < 1000
     assert caught.value.exit_code == 2
 
 

@@ -6,7 +6,6 @@ target or a length of approach that is lost between choice and campaign file.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +36,7 @@ def planned(diagnosis: DiagnosisFit) -> FollowUp:
 
 
 def narrowed(limits: tuple[tuple[float, float], ...]) -> Cell:
-    return replace(CELL, robot=replace(CELL.robot, limits_deg=limits))
+    return CELL.model_copy(update={"robot": CELL.robot.model_copy(update={"limits_deg": limits})})
 
 
 def test_the_campaign_drives_what_was_chosen(planned: FollowUp, tmp_path: Path) -> None:
@@ -103,7 +102,8 @@ def test_short_ranges_leave_out_long_approaches(diagnosis: DiagnosisFit) -> None
 def test_a_cell_that_does_not_fit_is_refused(diagnosis: DiagnosisFit) -> None:
     assert diagnosis.follow_up is not None
     rivals = diagnosis.follow_up.rivals
-    others = replace(CELL, tool=replace(CELL.tool, targets={"A": (0.0, 0.0, 100.0)}))
+    tool = CELL.tool.model_copy(update={"targets": {"A": (0.0, 0.0, 100.0)}})
+    others = CELL.model_copy(update={"tool": tool})
     with pytest.raises(DataError, match="has the targets A, the data have T1, T2, T3"):
         in_cell(others, diagnosis.final, rivals)
     with pytest.raises(ConfigError, match="random poses"):

@@ -7,7 +7,6 @@ fixtures carried off. They would also catch a leg through the arm, and an uncert
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -15,7 +14,7 @@ import numpy as np
 import pytest
 
 from acquisition.campaign.placements import BallPlacement, HexapodSurvey, best_first, grid
-from acquisition.cell.cell import Cell, read_cell
+from acquisition.cell.cell import Cell, read_cell, with_places
 from acquisition.cell.obstacles import Box, Post
 from calib.arm.kinematics import forward
 from calib.selection import lengths
@@ -92,9 +91,9 @@ def test_a_proof_takes_away_and_never_adds(cell: Cell) -> None:
 
 
 def test_cups_move_along_and_other_fixtures_stay(cell: Cell) -> None:
-    wall = Box("wall", (-900.0, -900.0, 0.0), (-800.0, 900.0, 900.0))
-    pedestal = Box("pedestal", (340.0, 163.2051, 0.0), (360.0, 183.2051, 55.0))
-    with_all = replace(cell, fixtures=(*cell.fixtures, wall, pedestal))
+    wall = Box(name="wall", low_mm=(-900.0, -900.0, 0.0), high_mm=(-800.0, 900.0, 900.0))
+    pedestal = Box(name="pedestal", low_mm=(340.0, 163.2051, 0.0), high_mm=(360.0, 183.2051, 55.0))
+    with_all = with_places(cell, {}, (*cell.fixtures, wall, pedestal))
     moved = hexapod(with_all).moved(MOVED)
     assert moved.fixtures[3] == wall
     for name, post in zip(("B1", "B2", "B3"), moved.fixtures[:3], strict=True):
@@ -217,7 +216,7 @@ def test_a_tracker_has_no_placement(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_fourth_cup_carries_the_tool_on_every_three_of_four(cell: Cell) -> None:
-    four = replace(cell, nests={**cell.nests, "B4": (500.0, 210.0, 60.0)})
+    four = with_places(cell, {"B4": (500.0, 210.0, 60.0)}, cell.fixtures)
     one, all_of_them = (
         HexapodSurvey(four, ["B1", "B2", "B3"], ["T1", "T2", "T3"]),
         HexapodSurvey(four, list(four.nests), TOOL),

@@ -57,7 +57,7 @@ def test_one_for_all_and_by_name(tmp_path: Path) -> None:
     stated = {"world__u_mm": 0.3, "world__nests_u_mm": {"B2": 0.02}, "tool__targets_u_mm": {"T3": 0.01}}
     cell = a_cell(**BALLBAR, **stated)
     assert cell.nests_u_mm == {"B1": 0.3, "B2": 0.02, "B3": 0.3}
-    assert cell.tool.u_mm == {"T3": 0.01}
+    assert cell.tool.stated_mm == {"T3": 0.01}
     assert cell.unstated == ("T1", "T2")
     header = exported(tmp_path, **BALLBAR, **stated)
     assert header.base_targets_u_mm == cell.nests_u_mm

@@ -6,8 +6,6 @@ and none that passes at 2 mm may be refused.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from acquisition.campaign.plan import check_plan, make_plan
@@ -36,7 +34,7 @@ def run() -> bool:
     campaign = a_campaign(block=[{"count": POSES}])
 
     def plan() -> None:
-        fresh = replace(cell)  # what a cell keeps is worked out anew
+        fresh = cell.model_copy()  # what a cell keeps is worked out anew
         check_plan(fresh, make_plan(fresh, campaign))
 
     line(f"clearance: {POSES} poses drawn and checked, s", f"{seconds(plan):.2f}", "", True)

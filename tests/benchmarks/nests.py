@@ -72,7 +72,7 @@ def truth_of(cell: Cell, seed: int, off_mm: float = OFF_MM) -> Truth:
         name: off_mm * v / np.linalg.norm(v)
         for name, v in zip(cell.nests, rng.normal(size=(3, 3)), strict=True)
     }
-    askew = {name: cell.tool.u_mm[name] * rng.normal(size=3) for name in cell.tool.targets}
+    askew = {name: cell.tool.stated_mm[name] * rng.normal(size=3) for name in cell.tool.targets}
     world = World(
         cell.robot.model.name,
         seed,
@@ -199,7 +199,7 @@ def data_sets(seed: int, folder: Path, cups_u_mm: float | None = None) -> tuple[
     truth = truth_of(cell, seed)
     rows = legs_of(truth, cell, visits)
     cups_u = dict(cell.nests_u_mm) if cups_u_mm is None else dict.fromkeys(cell.nests, cups_u_mm)
-    u_mm = {"base_targets_u_mm": cups_u, "tool_targets_u_mm": dict(cell.tool.u_mm)}
+    u_mm = {"base_targets_u_mm": cups_u, "tool_targets_u_mm": dict(cell.tool.stated_mm)}
     headers = {
         "as they are": header_of(cell, truth.cups, truth.balls),
         "exact": header_of(cell, cell.nests, cell.tool.targets),

@@ -1,4 +1,4 @@
-"""Keys, columns and defaults in `docs/files.md` and `docs/campaign.md`.
+"""Keys, columns and defaults in `docs/files.md`.
 
 The program must read exactly these.
 
@@ -18,8 +18,7 @@ from typing import Any
 
 import pytest
 
-from acquisition import CampaignTable, read_cell
-from acquisition.file_table import FileSchema
+from acquisition.cell.cell import SimulationSection
 from calib import identify, load_robot, read_dataset, save_model
 from calib.arm.robot import BUILT_IN
 from calib.data import read_header
@@ -28,16 +27,14 @@ from calib.foreign.map import map_file
 from calib.foreign.map.map_file import is_quantity
 from calib.robot_file import SCHEMA
 from calib.text import TextTable
-from drivers import INSTRUMENTS, ROBOTS
 from mocks.cell_file import CellFile
 from tests.calib.machines import machine
 from tests.service.campaigns import write_data
 
 ROOT = Path(__file__).parents[2]
 FREE = {  # tables whose keys are names that people give
-    *("tool_targets", "base_targets", "priors", "series", "joint_matrices", "nests", "targets", "normals"),
-    *("columns", "header"),
-    *("misplaced_mm", "nests_u_mm", "targets_u_mm", "tool_targets_u_mm", "base_targets_u_mm"),
+    *("tool_targets", "base_targets", "priors", "series", "joint_matrices", "targets", "columns", "header"),
+    *("tool_targets_u_mm", "base_targets_u_mm"),
 }
 # What no example has
 HEADER = """
@@ -56,16 +53,6 @@ sigma_mm = 0.1
 began = "a"
 ended = "b"
 """
-SIMULATED = (
-    "seed",
-    "effect_size",
-    "readings",
-    "seconds_per_reading",
-    "clock_offset_s",
-    "clock_rate_ppm",
-    "serial",
-)
-
 Asked = dict[str, set[Any]]
 """Key -> defaults that it was asked with."""
 
@@ -192,41 +179,14 @@ def test_robots(asked: dict[str, Asked], tmp_path: Path) -> None:
     hold("Robot file", asked["truepose-robot/1"])
 
 
-def test_cells(asked: dict[str, Asked], tmp_path: Path) -> None:
-    for path in (ROOT / "examples").glob("*/*cell.toml"):
-        read_cell(path)
-    text = (ROOT / "examples" / "irb120_faro" / "cell.toml").read_text("utf-8")
-    fixtures = '[[fixture]]\nname = "a"\nlow_mm = [2e3, 0, 0]\nhigh_mm = [3e3, 1, 1]\n'
-    fixtures += '[[fixture]]\nname = "b"\nfrom_mm = [2e3, 0, 0]\nto_mm = [2e3, 0, 9]\nradius_mm = 1.0\n'
-    (tmp_path / "cell.toml").write_text(f"{text}\n{fixtures}", "utf-8")
-    read_cell(tmp_path / "cell.toml")
-    simulated = {field.name: {field.default} for field in fields(CellFile) if field.name in SIMULATED}
-    options: Asked = {
-        option.key: set() for driver in (*ROBOTS.values(), *INSTRUMENTS.values()) for option in driver.options
+def test_a_simulator_has_the_defaults_of_the_cell_file() -> None:
+    """The simulators have a reader of their own."""
+    simulated = {field.name: field.default for field in fields(CellFile)}
+    given = {key: field.default for key, field in SimulationSection.model_fields.items() if key in simulated}
+    assert len(given) >= 9
+    assert {key: simulated[key] for key in given if key != "misplaced_mm"} == {
+        key: default for key, default in given.items() if key != "misplaced_mm"
     }
-    assert len(simulated) == len(SIMULATED)
-    read = asked["truepose-cell/1"]
-    read["joint_coupling"] -= {"fanuc-j23"}  # what its robot file says
-    hold("The cell: cell.toml", read | simulated | options | {"effects": set()})
-
-
-def test_campaigns() -> None:
-    text = (ROOT / "docs" / "campaign.md").read_text("utf-8")
-    named = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`]+)`", text))))
-    tables = CampaignTable.model_json_schema(schema_generator=FileSchema)
-    keys = {*tables["properties"], *(key for each in tables["$defs"].values() for key in each["properties"])}
-    assert keys - named == set()
-    kinds = (
-        tables["properties"]["block"]["items"]["discriminator"]["mapping"]
-        if "discriminator" in tables["properties"]["block"]["items"]
-        else {
-            each["properties"]["kind"]["const"]: 0
-            for each in tables["$defs"].values()
-            if "kind" in each["properties"]
-        }
-    )
-    assert len(kinds) == 10
-    assert [kind for kind in kinds if f"**{kind}**" not in text] == []
 
 
 def test_models(tmp_path: Path) -> None:

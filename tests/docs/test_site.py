@@ -31,6 +31,7 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     commands = pages["made/commands.html"].read_text("utf-8")
     assert "truepose campaign resume" in commands
     assert "/api/v1/runs/{run_id}/stop" in pages["made/http.html"].read_text("utf-8")
+    assert "table_z_mm" in pages["made/keys.html"].read_text("utf-8")
     assert "truepose.Diagnosis.power" in pages["api.html"].read_text("utf-8")
     assert "backlash_load" in pages["made/effects.html"].read_text("utf-8")
     assert "<math" in pages["theory.html"].read_text("utf-8")

@@ -20,7 +20,7 @@ _LEASE = (
 CHANGES = (
     Change(
         "acquisition/file_table.py",
-        'if parts.get("type") in ("list", "tuple") else {}',
+        'if parts.get("type") in ("list", "tuple", "dict") else {}',
         'if parts.get("type") == "set" else {}',
         "every wrong value of a campaign's list is described, and a stop waits",
         ("tests/acquisition/test_files.py",),

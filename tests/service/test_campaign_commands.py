@@ -17,6 +17,7 @@ import tomllib
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
@@ -307,24 +308,33 @@ def test_serve_simulated_needs_a_cell(capsys: pytest.CaptureFixture[str]) -> Non
     assert "--cell" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("file", "count", "wrong", "needed"),
+    [("campaign", 8, {"samples": 0}, "block"), ("cell", 8, {"fixture": [{"name": "a"}]}, "robot")],
+)
 def test_the_schema_for_editors_takes_every_example_and_marks_mistakes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    file: str,
+    count: int,
+    wrong: dict[str, Any],
+    needed: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    out = tmp_path / "campaign.schema.json"
-    assert main(["campaign", "schema", str(out)]) == 0
+    out = tmp_path / "schema.json"
+    assert main([file, "schema", str(out)]) == 0
     schema = json.loads(out.read_text("utf-8"))
-    assert main(["campaign", "schema"]) == 0
+    assert main([file, "schema"]) == 0
     assert json.loads(capsys.readouterr().out) == schema
     takes = Draft202012Validator(schema).is_valid
     examples = [
         tomllib.loads(path.read_text("utf-8"))
         for path in sorted((ROOT / "examples").glob("*/*.toml"))
-        if "truepose-campaign/1" in path.read_text("utf-8")
+        if f"truepose-{file}/1" in path.read_text("utf-8")
     ]
-    assert len(examples) >= 8
+    assert len(examples) >= count
     for table in examples:
         assert takes(table)
         assert not takes(table | {"surprise": 1})
-        assert not takes(table | {"samples": 0})
-        assert not takes({key: value for key, value in table.items() if key != "block"})
-    assert main(["campaign", "schema", str(tmp_path / "none" / "x.json")]) == 2
+        assert not takes(table | wrong)
+        assert not takes({key: value for key, value in table.items() if key != needed})
+    assert main([file, "schema", str(tmp_path / "none" / "x.json")]) == 2

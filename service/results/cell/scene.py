@@ -102,7 +102,7 @@ def scene_of(cell: Cell, joints_deg: Sequence[float] = ()) -> SceneShown:
         ],
         obstacles=[
             ObstacleShown.model_validate(shape)
-            for each in (FloorObstacle(cell.robot.table_z_mm), *cell.robot.keep_out, *cell.fixtures)
+            for each in (FloorObstacle(cell.robot.table_z_mm), *cell.robot.boxes, *cell.fixtures)
             if (shape := _shape(each)) is not None
         ],
         nests_mm={name: list(place) for name, place in cell.nests.items()},
