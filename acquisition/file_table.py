@@ -164,17 +164,6 @@ def refuse_unknown(key: str, names: Iterable[str], known: Collection[str]) -> No
             raise refused(f"{key}.{name}", "is not known here.", _there_are(known))
 
 
-def refused_by(cause: DataError, key: str) -> PydanticCustomError:
-    """Return the error that a validator raises because of another file."""
-    return refused(key, str(cause).removesuffix(f" {cause.do}"), cause.do)
-
-
-def folder_of(info: ValidationInfo) -> Path | None:
-    """Return the folder of the files that the table names."""
-    context: dict[str, Path | None] = info.context or {}
-    return context.get("folder")
-
-
 def as_read(text: str) -> str:
     if turns_writing(text):
         raise refused("", f"is {text!r}.", _LEAVE_OUT)
@@ -304,7 +293,7 @@ def _place(
     keys: list[Any] = []
     table, field, within = model, None, [model]
     for part in loc:
-        tagged = [each for each in within if part == tag_of(each)] if len(within) > 1 else []
+        tagged = [each for each in within if part == _tag(each)] if len(within) > 1 else []
         if tagged:
             within = tagged
         elif isinstance(part, int):
@@ -319,7 +308,7 @@ def _place(
     return keys, table, field
 
 
-def tag_of(table: type[Table]) -> str:
+def _tag(table: type[Table]) -> str:
     """Return what distinguishes a class from the others of a union: its kind, or its name."""
     field = table.model_fields.get("kind")
     return table.__name__ if field is None else get_args(field.annotation)[0]

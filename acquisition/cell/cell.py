@@ -115,8 +115,7 @@ class WorldSection(Table):
     nests: Annotated[
         dict[str, Place],
         told(
-            "Three or more named points that define the world frame, mm: the first is the origin, the second is on the "
-            "x axis.",
+            "Three named points or more, mm: the first is the origin, the second on the x axis.",
             {"N1": [0.0, 0.0, 0.0], "N2": [600.0, 0.0, 0.0], "N3": [0.0, 600.0, 0.0]},
         ),
     ] = {}  # noqa: RUF012 pydantic copies it
@@ -141,22 +140,19 @@ class WorldSection(Table):
         return self
 
 
+_NAME_THEM = "Name the targets on the tool, e.g. T1 = [0, 0, 125]."
+
+
 class ToolSection(Table):
     """Targets on the tool, in the flange frame."""
 
     targets: Annotated[
         dict[str, Place],
-        told(
-            "Named points, mm.",
-            {"T1": [0.0, 0.0, 125.0]},
-            missing="Name the targets on the tool, e.g. T1 = [0, 0, 125].",
-        ),
+        told("Named points, mm.", {"T1": [0.0, 0.0, 125.0]}, missing=_NAME_THEM),
     ]
     normals: Annotated[
         dict[str, Place],
-        told(
-            "Direction in which a target faces; left out: visible from everywhere.", {"T1": [0.0, 0.0, 1.0]}
-        ),
+        told("Where a target faces; left out: visible from everywhere.", {"T1": [0.0, 0.0, 1.0]}),
     ] = {}  # noqa: RUF012
     radius_mm: Annotated[
         float, told("Radius of the capsules from the flange to the targets, mm.", 25.0, ge=0.1, le=1000.0)
@@ -168,9 +164,7 @@ class ToolSection(Table):
     cog_mm: Annotated[Place | None, told("Centre of gravity of the tool, mm.", [50.0, 25.0, 100.0])] = None
     u_mm: Annotated[
         Uncertainty | None,
-        told(
-            "Standard uncertainty of all targets per axis, mm; 0: exact; left out: not stated.", 0.05, do=_DO
-        ),
+        told("Standard uncertainty of targets per axis, mm; 0: exact; left out: not stated.", 0.05, do=_DO),
     ] = None
     targets_u_mm: Annotated[
         dict[str, Uncertainty],
@@ -180,7 +174,7 @@ class ToolSection(Table):
     @model_validator(mode="after")
     def _names_targets(self) -> Self:
         if not self.targets:
-            raise refused("targets", "is missing.", "Name the targets on the tool, e.g. T1 = [0, 0, 125].")
+            raise refused("targets", "is missing.", _NAME_THEM)
         for name, normal in self.normals.items():
             if name not in self.targets:
                 raise refused("normals", f"names {name}, which is no target.", "Correct the name.")
@@ -207,13 +201,12 @@ class SimulationSection(Table):
     seed: Annotated[int, told("Seed from which the simulated robot is drawn.", 7, ge=0, le=2**53)] = 1
     time_scale: Annotated[float, told("Simulated seconds per second.", 200.0, ge=1e-3, le=1e6)] = 1.0
     operator: Annotated[
-        Literal["person", "confirms"], told("`confirms`: prompts are confirmed automatically.", "confirms")
+        Literal["person", "confirms"], told("`confirms`: prompts confirm themselves.", "confirms")
     ] = "person"
     misplaced_mm: Annotated[
         dict[str, Place],
         told(
-            "True displacement of nests and targets from their stated positions, mm; left out: drawn from `u_mm` and "
-            "the seed.",
+            "True errors of nests and targets, mm; left out: drawn from `u_mm` and the seed.",
             {"B2": [0.3, 0.0, 0.0]},
         ),
     ] = {}  # noqa: RUF012
@@ -221,27 +214,20 @@ class SimulationSection(Table):
         tuple[Text, ...],
         Strict(False),
         told(
-            'Labels of the hidden effects, or `["none"]`; left out: drawn from the seed.',
+            'Labels of hidden effects, or `["none"]`; left out: by the seed.',
             ["backlash:j4"],
             do="Give a list of labels.",
         ),
     ] = ()
-    effect_size: Annotated[
-        float, told("Size of an effect, as a multiple of the noise.", 5.0, ge=0.0, le=1e6)
-    ] = 3.0
-    readings: Annotated[
-        int, told("Length of the session to which drifts are scaled, in readings.", 310, ge=1, le=1_000_000)
-    ] = 300
+    effect_size: Annotated[float, told("Size of an effect over the noise.", 5.0, ge=0.0, le=1e6)] = 3.0
+    readings: Annotated[int, told("Readings to which drifts are scaled.", 310, ge=1, le=1_000_000)] = 300
     seconds_per_reading: Annotated[float, told("Time of one of them, s.", 30.0, ge=0.0, le=1e6)] = 20.0
-    clock_offset_s: Annotated[
-        float, told("Largest offset of the devices' clocks, s.", 2.0, ge=0.0, le=1e9)
-    ] = 0.0
+    clock_offset_s: Annotated[float, told("Largest offset of devices' clocks, s.", 2.0, ge=0.0, le=1e9)] = 0.0
     clock_rate_ppm: Annotated[float, told("Largest error of their rate, ppm.", 50.0, ge=0.0, le=1e6)] = 0.0
     serial: Annotated[
         Written,
         told(
-            "Serial number that a simulated ABB or UR controller reports; left out: the same in every cell.",
-            "120-500001",
+            "Serial number of a simulated ABB or UR controller; left out: the same in every cell.", "120-501"
         ),
     ] = ""
 
@@ -258,11 +244,7 @@ class Cell(Table):
     fixture: Annotated[tuple[Fixture, ...], Strict(False), told("Obstacles: each a box or a post.", [])] = ()
     simulation: Annotated[
         SimulationSection,
-        told(
-            "What a simulated cell is like; read only with `--simulate`.",
-            {"seed": 7},
-            json_schema_extra=no_default,
-        ),
+        told("Read only with `--simulate`.", {"seed": 7}, json_schema_extra=no_default),
     ] = SimulationSection()
     _source: str = PrivateAttr("")
 

@@ -42,7 +42,7 @@ class DeviceSection(Table):
     def options(self) -> dict[str, float | str]:
         """The values of the keys that only the driver uses, as far as they are given."""
         known = () if self.of_driver is None else self.of_driver.options
-        found = {option.key: getattr(self, option.key) for option in known}
+        found = {option.key: vars(self)[option.key] for option in known}
         return {key: value for key, value in found.items() if value is not None}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -95,27 +95,12 @@ class NoiseFigures(Table):
     Points in mm and in ppm of the distance, rotations in mrad, lengths in mm.
     """
 
-    range_mm: Annotated[float, told("Declared noise along the beam, 1 sigma, mm.", 0.005, ge=0.0)] = 0.010
-    range_ppm: Annotated[
-        float, told("What is added to it in proportion to the distance, ppm.", 1.0, ge=0.0)
-    ] = 2.0
-    transverse_mm: Annotated[
-        float, told("Declared noise across the beam, 1 sigma per axis, mm.", 0.005, ge=0.0)
-    ] = 0.010
-    transverse_ppm: Annotated[
-        float, told("What is added to it in proportion to the distance, ppm.", 2.5, ge=0.0)
-    ] = 6.0
-    rotation_mrad: Annotated[
-        float,
-        told(
-            "Noise of orientations per axis, mrad; if 0, orientations are recorded but not fitted.",
-            0.05,
-            ge=0.0,
-        ),
-    ] = 0.0
-    length_mm: Annotated[
-        float, told("Noise of the distances of a ballbar; only for a ballbar, mm.", 0.001, ge=0.0)
-    ] = 0.0005
+    range_mm: Annotated[float, told("Noise along the beam, 1 sigma, mm.", 0.005, ge=0.0)] = 0.010
+    range_ppm: Annotated[float, told("Its share of the distance, added, ppm.", 1.0, ge=0.0)] = 2.0
+    transverse_mm: Annotated[float, told("Noise across the beam, per axis, mm.", 0.005, ge=0.0)] = 0.010
+    transverse_ppm: Annotated[float, told("Its share of the distance, added, ppm.", 2.5, ge=0.0)] = 6.0
+    rotation_mrad: Annotated[float, told("Noise of orientations, mrad; 0: not fitted.", 0.05, ge=0.0)] = 0.0
+    length_mm: Annotated[float, told("Noise of distances, mm; only for a ballbar.", 0.001, ge=0.0)] = 0.0005
 
 
 class InstrumentSection(DeviceSection, NoiseFigures):
@@ -126,9 +111,7 @@ class InstrumentSection(DeviceSection, NoiseFigures):
 
     drivers = INSTRUMENTS
 
-    driver: Annotated[
-        Text, told(f"Name of the driver: {', '.join(f'`{name}`' for name in INSTRUMENTS)}.", "faro")
-    ]
+    driver: Annotated[Text, told(f"Name of the driver: {', '.join(INSTRUMENTS)}.", "faro")]
     station_mm: Annotated[
         Place,
         told(
@@ -137,17 +120,10 @@ class InstrumentSection(DeviceSection, NoiseFigures):
             json_schema_extra=no_default,
         ),
     ] = (0.0, 0.0, 0.0)
-    one_smr: Annotated[
-        bool, told("Whether there is a single SMR, which a person moves from nest to nest.", True)
-    ] = False
+    one_smr: Annotated[bool, told("A person moves the only SMR from nest to nest.", True)] = False
     expected_within_mm: Annotated[
         float,
-        told(
-            "A target that is seen farther than this from its expected position is not accepted, mm.",
-            20.0,
-            ge=1.0,
-            le=10_000.0,
-        ),
+        told("A target seen farther than this from its place is not accepted, mm.", 20.0, ge=1.0, le=1e4),
     ] = 50.0
 
     if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from pydantic import (
 
 from acquisition.cell.device_section import DeviceSection, for_driver
 from acquisition.cell.obstacles import Box
-from acquisition.file_table import List, Pair, Place, Text, as_read, folder_of, refused, refused_by, told
+from acquisition.file_table import List, Pair, Place, Text, as_read, refused, told
 from calib.arm import Robot, built_in_robots, load_robot, own_robot_table, robot_from
 from calib.errors import DataError
 from calib.text import turns_writing
@@ -52,7 +52,7 @@ class RobotSection(DeviceSection):
 
     drivers = ROBOTS
 
-    driver: Annotated[Text, told(f"Name of the driver: {', '.join(f'`{name}`' for name in ROBOTS)}.", "abb")]
+    driver: Annotated[Text, told(f"Name of the driver: {', '.join(ROBOTS)}.", "abb")]
     model: Annotated[
         Robot,
         PlainValidator(_is_robot),
@@ -62,27 +62,25 @@ class RobotSection(DeviceSection):
     joint_coupling: Annotated[
         Text | None,
         told(
-            "Name of the joint matrix: how the controller counts the joints; left out: the robot file's, else `none`.",
-            "fanuc-j23",
+            "Name of the joint matrix of the controller; left out: the robot file's, or `none`.", "fanuc-j23"
         ),
     ] = None
     speed_mm_s: Annotated[float, told("Speed of the tool, mm/s.", 250.0, ge=1.0, le=SPEED_CAP_MM_S)] = (
         SPEED_CAP_MM_S
     )
-    speed_deg_s: Annotated[float, told("Speed of the joints, deg/s.", 15.0, ge=0.1, le=SPEED_CAP_DEG_S)] = (
+    speed_deg_s: Annotated[float, told("Speed of the joints, deg/s.", 9.0, ge=0.1, le=SPEED_CAP_DEG_S)] = (
         SPEED_CAP_DEG_S
     )
     absolute_accuracy: Annotated[
         Literal["on", "off", "unknown"],
-        told("Whether the controller corrects by its maker's own calibration.", "off"),
+        told("Whether the controller corrects by its maker's calibration.", "off"),
     ] = "unknown"
     limits_deg: Annotated[
         tuple[Pair, ...],
         Strict(False),
         Field(default_factory=lambda given: _own_limits(given["model"])),
         told(
-            "One pair of limits for each joint, within those of the robot, deg, or mm for a joint that slides; left "
-            "out: the robot's.",
+            "Limits of each joint within the robot's, deg, or mm if it slides; left out: the robot's.",
             [[-90.0, 90.0]],
         ),
     ]
@@ -99,20 +97,16 @@ class RobotSection(DeviceSection):
     home_deg: Annotated[
         List[float] | None,
         told(
-            "Posture through which the robot moves where the straight move is not clear, deg, or mm for a joint that "
-            "slides; left out: a posture high above the table.",
+            "Posture over which the robot moves where the straight move is not clear, deg, or mm if a joint slides; "
+            "left out: one high above the table.",
             [0.0, 20.0, 0.0, 0.0, 60.0, 0.0],
         ),
     ] = None
-    repeatability_deg: Annotated[
-        float, told("Repeatability of each joint that turns, deg.", 0.001, ge=0.0)
-    ] = 0.0008
-    repeatability_mm: Annotated[
-        float, told("Repeatability of each joint that slides, mm.", 0.005, ge=0.0)
-    ] = 0.003
+    repeatability_deg: Annotated[float, told("Repeatability of turning joints, deg.", 0.001, ge=0.0)] = 0.0008
+    repeatability_mm: Annotated[float, told("Repeatability of sliding joints, mm.", 0.005, ge=0.0)] = 0.003
     file: Annotated[
         dict[str, Any] | None,
-        told("Written in a record: the content of the robot file that `model` names, as a table.", None),
+        told("Written in a record: the content of the robot file `model`, as a table.", None),
     ] = None
 
     @classmethod
@@ -129,11 +123,12 @@ class RobotSection(DeviceSection):
         name, given = (values.get("model"), values.get("file")) if isinstance(values, Mapping) else ("", None)
         if not isinstance(name, str) or not name or turns_writing(name):
             return values
+        folder = (info.context or {}).get("folder")
         try:
-            file = given if given and isinstance(given, Mapping) else own_robot_table(name, folder_of(info))
+            file = given if given and isinstance(given, Mapping) else own_robot_table(name, folder)
             robot = load_robot(name) if file is None else robot_from(file, Path(name))
         except DataError as error:
-            raise refused_by(error, "model") from error
+            raise refused("model", str(error).removesuffix(f" {error.do}"), error.do) from error
         if robot.name in built_in_robots() and robot.name != name:
             what = f"is the file of a robot with the name of one of the library, '{robot.name}'."
             raise refused("model", what, "Give it another name.")

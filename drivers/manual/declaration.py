@@ -8,25 +8,17 @@ from drivers.manual.meter import MM_OF, ManualMeter
 
 _SERIAL = TextOption("serial", words="`manual`: serial number of the robot or the instrument.")
 
+_RESOLUTION = f"`manual`: resolution of the pendant, deg or mm; left out: {RESOLUTION_DEG:g}."
+_WITHIN = "`manual`: largest distance of a joint from the pose, deg or mm; left out: the resolution."
+
 ROBOTS = (
     RobotDriver(
         name="manual",
         make=ManualArm,
         by_hand=True,
         options=(
-            Option(
-                "resolution_deg",
-                low=1e-5,
-                high=1.0,
-                default=RESOLUTION_DEG,
-                words=f"`manual`: resolution of the angles on the pendant, deg or mm; left out: {RESOLUTION_DEG:g}.",
-            ),
-            Option(
-                "within_deg",
-                low=1e-5,
-                high=10.0,
-                words="`manual`: largest distance of a joint from the pose, deg or mm; left out: the resolution.",
-            ),
+            Option("resolution_deg", False, 1e-5, 1.0, RESOLUTION_DEG, _RESOLUTION),
+            Option("within_deg", False, 1e-5, 10.0, words=_WITHIN),
             _SERIAL,
         ),
     ),
@@ -40,12 +32,7 @@ INSTRUMENTS = (
         by_hand=True,
         takes_within=True,
         options=(
-            TextOption(
-                "unit",
-                allowed=tuple(MM_OF),
-                default="mm",
-                words="`manual`: unit of the numbers on the instrument; left out: mm.",
-            ),
+            TextOption("unit", tuple(MM_OF), "mm", "`manual`: unit of its numbers; left out: mm."),
             _SERIAL,
         ),
     ),
