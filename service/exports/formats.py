@@ -70,12 +70,15 @@ class Format:
         Returns the poses (n, 4, 4) of the flange that a text gives at `carried.joints`, mm.
     says : str
         Content of the format, for people.
+    suits : callable
+        Raises DataError for a robot for which the format is not made.
     """
 
     holds: Callable[[Robot], tuple[str, ...]]
     writes: Callable[[ExportRequest], str]
     reads: Callable[[str, ExportRequest], Array]
     says: str
+    suits: Callable[[Robot], None] = lambda robot: None
 
 
 def _dh_slots(robot: Robot) -> tuple[str, ...]:
@@ -95,14 +98,18 @@ def _ur_slots(robot: Robot) -> tuple[str, ...]:
     return tuple(s for s in constant_slots(robot) if s not in behind and not s.startswith("tool."))
 
 
-def _ur_yaml(export: ExportRequest) -> str:
-    robot = export.robot
+def _refuse_others(robot: Robot) -> None:
     if not robot.maker.casefold().startswith("universal robots") or robot.joints != 6:
         raise DataError(
             f"the model is of {robot.name} by {robot.maker}.",
             do="This format is for UR robots.",
             key="--format",
         )
+
+
+def _ur_yaml(export: ExportRequest) -> str:
+    robot = export.robot
+    _refuse_others(robot)
     if export.hash is None or not export.hash.startswith("calib_"):
         raise DataError(
             "the robot's own hash is missing: its driver would complain at every start.",
@@ -299,7 +306,9 @@ def _table(lines: Sequence[str], export: ExportRequest) -> str:
 
 
 FORMATS: Mapping[str, Format] = {
-    "ur-yaml": Format(_ur_slots, _ur_yaml, _ur_yaml_read, "the joint origins up to the last joint"),
+    "ur-yaml": Format(
+        _ur_slots, _ur_yaml, _ur_yaml_read, "the joint origins up to the last joint", _refuse_others
+    ),
     "urdf": Format(constant_slots, _urdf, _urdf_read, "all frames between base and flange"),
     "dh-csv": Format(_dh_slots, _dh_csv, _dh_csv_read, "DH numbers, beta and the pose of the base"),
     "dh-md": Format(_dh_slots, _dh_markdown, _dh_markdown_read, "DH numbers, beta and the pose of the base"),

@@ -1,4 +1,4 @@
-"""Model written in another program's format, with the lost content and its error."""
+"""Model written in another program's format, with the lost content and its error; every format side by side."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ from calib.saved import SIMULATED, CalibratedModel
 from service.exports.formats import FORMATS, ExportRequest
 from service.programs.compensation import of_carried
 from service.programs.conditions import stated_conditions
+from service.results.common import ErrorStatisticsResponse
+from service.results.models.exported import ExportChoice, ExportChoices, few
 
 FORMAT = "truepose-model-export/1"
 _DRAWN = 1000
 _LEAST_POSTURES = 12  # six numbers of each; a chain of six joints shows some 36
-_NAMED = 6  # parameters named in one line; the document names all
+_ANY_HASH = "calib_"  # a hash changes no number
 
 
 @dataclass(frozen=True)
@@ -92,18 +94,12 @@ def written(
     held_out = saved.held_out_rms_mm
     # Reading the file back gives the error of its own numbers; no reader minds the lines about it
     export = ExportRequest(robot, saved.coupling, found, (), robot_hash, saved.simulated)
-    loss, nominal = (
-        found.off(form.reads(form.writes(export), export)),
-        found.off(poses_with(robot, found.joints, {})),
-    )
-    parts = [held_out, loss.rms, 0.0 if usable.loss is None else usable.loss.rms]
-    predicted = None if held_out is None else math.hypot(*(part for part in parts if part is not None))
+    loss, nominal = _read_back(kind, export), found.off(poses_with(robot, found.joints, {}))
+    predicted = _left(saved, usable, loss)
     about = _about(
         found,
         (loss, nominal),
-        f"postures of {data.name}"
-        if data is not None
-        else f"random poses within the {'joint limits' if _measured(saved) is None else 'measured joint ranges'}",
+        _judged_at(saved, data),
         form.says,
         stated.in_words,
         held_out,
@@ -137,6 +133,91 @@ def written(
         "warnings": list(stated.notes),
     }
     return ExportedFile(text, document, about, stated.notes)
+
+
+def listed(
+    saved: CalibratedModel,
+    usable: Usable,
+    name: str,
+    conditions: str | None = None,
+    data: Dataset | None = None,
+) -> ExportChoices:
+    """List what every format carries, what it leaves out, and the error that its file leaves.
+
+    The parameters are those of `written`; every error is that of the file which `written` would make.
+
+    Raises
+    ------
+    DataError
+        No format can hold the model, or the conditions or the readings cannot be used.
+    """
+    stated, robot = stated_conditions(conditions, saved), saved.model.robot
+    refuse_slides(robot, "tables of constants hold")
+    joints = _measured(saved) if data is None else _postures(data, saved)
+    fitted: dict[tuple[str, ...], RepresentableModel] = {}
+    choices = []
+    for kind, form in FORMATS.items():
+        try:
+            form.suits(robot)
+        except DataError as error:
+            choices.append(
+                ExportChoice(
+                    kind=kind,
+                    carries=form.says,
+                    left_out=[],
+                    left_mm=None,
+                    loss_mm=None,
+                    refused=f"{error.what[:1].upper()}{error.what[1:]} {error.do}",
+                )
+            )
+            continue
+        slots = form.holds(robot)
+        if slots not in fitted:  # two formats may hold the same
+            fitted[slots] = carried(
+                saved.model, saved.estimate, stated.stated, slots, coupling=saved.coupling, joints=joints
+            )
+        export = ExportRequest(robot, saved.coupling, fitted[slots], (), _ANY_HASH, saved.simulated)
+        loss = _read_back(kind, export)
+        choices.append(
+            ExportChoice(
+                kind=kind,
+                carries=form.says,
+                left_out=list(fitted[slots].left_out),
+                left_mm=_left(saved, usable, loss),
+                loss_mm=ErrorStatisticsResponse.model_validate(loss),
+                refused=None,
+            )
+        )
+    return ExportChoices(
+        format="truepose-model-exports/1",
+        model=name,
+        robot=robot.name,
+        simulated=saved.simulated,
+        held_out_rms_mm=saved.held_out_rms_mm,
+        holds_for=stated.in_words,
+        judged_at=_judged_at(saved, data),
+        exports=choices,
+    )
+
+
+def _read_back(kind: str, export: ExportRequest) -> ErrorStatistics:
+    """Return the errors of the numbers in a file against the whole model, mm."""
+    form = FORMATS[kind]
+    return export.carried.off(form.reads(form.writes(export), export))
+
+
+def _left(saved: CalibratedModel, usable: Usable, loss: ErrorStatistics) -> float | None:
+    """Return the RMS error that a file leaves, mm; None if the model's own error is not known."""
+    if saved.held_out_rms_mm is None:
+        return None
+    return math.hypot(saved.held_out_rms_mm, loss.rms, 0.0 if usable.loss is None else usable.loss.rms)
+
+
+def _judged_at(saved: CalibratedModel, data: Dataset | None) -> str:
+    if data is not None:
+        return f"postures of {data.name}"
+    within = "joint limits" if saved.holds_for.get("joints") is None else "measured joint ranges"
+    return f"random poses within the {within}"
 
 
 def _measured(saved: CalibratedModel) -> Array | None:
@@ -192,10 +273,8 @@ def _about(
     loss, nominal = off
     lines = [f"Carries {says}. Holds for: {holds_for}."]
     if found.left_out:
-        more = len(found.left_out) - _NAMED
-        names = ", ".join(found.left_out[:_NAMED]) + (f" and {more} more" if more > 0 else "")
         lines.append(
-            f"Leaves out {names}: its numbers are fitted to the whole model and take over what they can."
+            f"Leaves out {few(found.left_out)}: its numbers are fitted to the whole model and take over what they can."
         )
     lines.append(
         f"Against the whole model: {loss.rms:.3f} mm RMS, {loss.max:.3f} mm at most, at "

@@ -30,7 +30,7 @@ from calib.robot_file.serial_chain import chain_of
 from calib.robot_file.urdf import read_urdf
 from calib.saved import load_model
 from service.cli import main
-from service.exports import FORMATS, ExportRequest
+from service.exports import FORMATS, ExportRequest, listed
 from tests.calib.chain import chain, shift, turn
 from tests.service.campaigns import write_data
 from tests.service.robot_programs import model_of, real_flange
@@ -282,6 +282,49 @@ def test_the_command_says_what_is_lost(
     assert "c2" in figures["urdf"]["left_out"]
     assert figures["urdf"]["loss_mm"]["rms"] < figures["mastering"]["loss_mm"]["rms"]
     assert figures["urdf"]["predicted_rms_mm"] > figures["urdf"]["held_out_rms_mm"]
+
+
+def test_every_format_says_what_it_leaves_before_one_is_chosen(
+    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = tmp_path / "all.json"
+    assert main(["export", str(model), "--list", "--json", str(result)]) == 0
+    shown = capsys.readouterr().out
+    listed = json.loads(result.read_text("utf-8"))
+    assert [each["kind"] for each in listed["exports"]] == list(FORMATS)
+    for each in listed["exports"]:
+        out, one = tmp_path / f"file.{each['kind']}", tmp_path / "one.json"
+        done = main(
+            ["export", str(model), str(out), "--as", each["kind"], "--hash", HASH, "--json", str(one)]
+        )
+        assert (done == 0) == (each["refused"] is None) == out.exists()
+        if done == 0:
+            document = json.loads(one.read_text("utf-8"))
+            assert each["left_mm"] == pytest.approx(document["predicted_rms_mm"], rel=1e-12)
+            assert each["loss_mm"]["rms"] == pytest.approx(document["loss_mm"]["rms"], rel=1e-12)
+            assert each["left_out"] == document["left_out"]
+            assert f"{each['left_mm']:.3f}" in shown
+        else:
+            assert each["left_mm"] is each["loss_mm"] is None
+            assert "for UR robots" in each["refused"]
+
+
+def test_a_ur_is_listed_without_its_hash_and_an_unjudged_model_leaves_nobody_knows_what() -> None:
+    saved = model_of("ur10")
+    choices = {each.kind: each for each in listed(*saved.for_use(), "m", "temperature=22").exports}
+    assert choices["ur-yaml"].refused is None
+    assert choices["ur-yaml"].loss_mm is not None
+    assert saved.held_out_rms_mm is None
+    assert [each.left_mm for each in choices.values()] == [None] * len(FORMATS)
+
+
+@pytest.mark.parametrize("rest", [[], ["OUT"], ["OUT", "--as", "urdf", "--list"], ["--as", "urdf", "--list"]])
+def test_a_file_is_asked_for_or_a_list(
+    model: Path, tmp_path: Path, rest: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["export", str(model), *rest]) == 2
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_postures_of_readings_are_where_the_file_is_close(

@@ -141,6 +141,19 @@ def test_a_model_is_exported_as_by_the_command(here: Here, tmp_path: Path, kind:
     assert told["as"] == kind
 
 
+def test_every_export_says_in_one_call_what_it_leaves(here: Here) -> None:
+    listed = here.client.get(f"/models/{here.model}/exports").json()
+    kinds = {each["kind"]: each for each in listed["exports"]}
+    for kind in ("urdf", "mastering"):
+        one = here.client.get(f"/models/{here.model}/exports/{kind}").json()
+        assert kinds[kind]["loss_mm"] == one["loss_mm"]
+        assert kinds[kind]["left_mm"] == one["predicted_rms_mm"]
+        assert (kinds[kind]["carries"], kinds[kind]["left_out"]) == (one["carries"], one["left_out"])
+    assert kinds["ur-yaml"]["left_mm"] is None
+    assert "ABB" in kinds["ur-yaml"]["refused"]
+    problem(here.client.get("/models/x/exports"), 404)
+
+
 def test_an_export_that_does_not_suit_is_refused(here: Here) -> None:
     assert "ABB" in problem(here.client.get(f"/models/{here.model}/exports/ur-yaml"), 422)["detail"]
     problem(here.client.get(f"/models/{here.model}/exports/doc"), 422)

@@ -17,7 +17,7 @@ from calib.compensate import Bounds, Usable
 from calib.errors import DataError
 from calib.saved import CalibratedModel, load_model
 from calib.text import meant_by
-from service.exports import written
+from service.exports import listed, written
 from service.http.work.campaigns import refuse_null
 from service.json_values import finite
 from service.programs import Compensation, KnownFrames, compensate, compensation, named_frames, pulses_of
@@ -26,6 +26,7 @@ from service.programs.conditions import ProgramConditions, stated_conditions
 from service.programs.program import RobotProgram
 from service.programs.read import parse
 from service.programs.text import bytes_of, text_of
+from service.results.shape import document_of
 
 NAME = Path("targets.csv")  # the table as messages call it
 ID = "target_id"
@@ -183,3 +184,15 @@ def exported(model_file: Path, model_id: str, kind: str, order: Mapping[str, Any
     saved, usable = for_use(model_file, order)
     done = written(saved, usable, model_id, kind, order["conditions"], order["robot_hash"] or None)
     return finite(done.document | {"text": done.text, "about": list(done.about)})
+
+
+def exports_listed(model_file: Path, model_id: str, order: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what every format of an export leaves; `order` is the query of the request.
+
+    Raises
+    ------
+    DataError
+        No format can hold the model.
+    """
+    saved, usable = for_use(model_file, order)
+    return finite(document_of(listed(saved, usable, model_id, order["conditions"])))

@@ -30,3 +30,10 @@ def exported(model_file: Path, model_id: str, kind: str, order: Mapping[str, Any
     from service.http.work import corrections
 
     return corrections.exported(model_file, model_id, kind, order)
+
+
+def exports_listed(model_file: Path, model_id: str, order: Mapping[str, Any]) -> dict[str, Any]:
+    """List the exports of a model in a worker, as `corrections.exports_listed`."""
+    from service.http.work import corrections
+
+    return corrections.exports_listed(model_file, model_id, order)

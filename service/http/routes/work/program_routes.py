@@ -11,9 +11,9 @@ from calib.compensate import Bounds
 from service.http.routes.json_route import JsonRoute
 from service.http.routes.work.target_routes import refuse
 from service.http.state import Here
-from service.http.wire.bodies import CorrectedProgram, ExportKind, ModelExport
+from service.http.wire.bodies import CorrectedProgram, ExportChoices, ExportKind, ModelExport
 from service.http.wire.headers import JobId
-from service.http.work.worker_calls import corrected_program, exported
+from service.http.work.worker_calls import corrected_program, exported, exports_listed
 
 router = APIRouter(route_class=JsonRoute, tags=["results"])
 _CONDITIONS = (
@@ -24,6 +24,7 @@ _BOUNDS = Bounds()
 _NAMED_ONLY = "Leave out the carried terms of the model: correct named causes only."
 _FRAME = "{} that is not in the program, [NAME=]x,y,z,w,p,r, mm and deg."
 Conditions = Annotated[str, Form(max_length=1000, description=_CONDITIONS, examples=["side=below"])]
+ExportConditions = Annotated[str, Query(max_length=1000, description=_CONDITIONS, examples=["side=below"])]
 LargestDeg = Annotated[
     float,
     Query(
@@ -121,12 +122,34 @@ def correct_program(
     return document
 
 
+@router.get("/models/{job_id}/exports", operation_id="listExports", response_model=ExportChoices)
+def list_exports(
+    here: Here,
+    job_id: JobId,
+    conditions: ExportConditions = "",
+    named_only: Annotated[bool, Query(description=_NAMED_ONLY, examples=[False])] = False,
+    largest_deg: LargestDeg = _BOUNDS.turn_deg,
+    largest_mm: LargestMm = _BOUNDS.shift_mm,
+) -> dict[str, Any]:
+    """Return what every format of an export carries, what it leaves out, and the error it leaves.
+
+    `left_mm` of a format is the `predicted_rms_mm` of its file.
+    """
+    order = {
+        "conditions": conditions,
+        "named_only": named_only,
+        "largest_deg": largest_deg,
+        "largest_mm": largest_mm,
+    }
+    return here.workers.call(exports_listed, here.jobs.model_file(job_id), job_id, order)
+
+
 @router.get("/models/{job_id}/exports/{kind}", operation_id="exportModel", response_model=ModelExport)
 def export_model(
     here: Here,
     job_id: JobId,
     kind: Annotated[ExportKind, Path(description="As what the model is written.", examples=["urdf"])],
-    conditions: Annotated[str, Query(max_length=1000, description=_CONDITIONS, examples=["side=below"])] = "",
+    conditions: ExportConditions = "",
     robot_hash: Annotated[
         str,
         Query(

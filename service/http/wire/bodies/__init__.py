@@ -64,6 +64,7 @@ from service.http.wire.bodies.runs import (
 )
 from service.http.wire.bodies.targets import CorrectedProgram, CorrectedTargets, ExportKind, ModelExport
 from service.results.common import ModelShown
+from service.results.models.exported import ExportChoices
 
 __all__ = [
     "AlignmentShown",
@@ -84,6 +85,7 @@ __all__ = [
     "EventKind",
     "EventShown",
     "ExportBody",
+    "ExportChoices",
     "ExportKind",
     "Health",
     "IdentificationShown",
