@@ -300,8 +300,7 @@ def verdict_in_words(diagnosis: DiagnosisFit) -> str:
     if not names:
         found = "Effects were added to the model, but none of them exceeds its uncertainty."
     imitated = f" It may only be imitated by: {listed}." if names else ""
-    before, after = diagnosis.error_before, diagnosis.error_after
-    lost = bool(diagnosis.effects) and before is not None and after is not None and after.rms > before.rms
+    before, after, lost = diagnosis.error_before, diagnosis.error_after, is_lost(diagnosis)
     surprised = diagnosis.surprise is not None and diagnosis.surprise.real
     where = "; ".join(f"{s.where}, acting on {s.acts_on}" for s in diagnosis.structure[:2])
     noise = "noise" if names else "the noise"
@@ -335,6 +334,22 @@ def verdict_in_words(diagnosis: DiagnosisFit) -> str:
     parts.insert(0 if contradicted else len(parts), _held_out_against(diagnosis.stretch, diagnosis.surprise))
     parts.append(held_out_faults_in_words(diagnosis.held_out_faults))
     return " ".join(part for part in parts if part)
+
+
+def is_lost(diagnosis: DiagnosisFit) -> bool:
+    """Return whether held-out readings are worse with the effects found than without."""
+    before, after = diagnosis.error_before, diagnosis.error_after
+    return bool(diagnosis.effects) and before is not None and after is not None and after.rms > before.rms
+
+
+def doubts_of(diagnosis: DiagnosisFit) -> list[str]:
+    """List in sentences what held-out readings say against a diagnosis."""
+    said = (
+        _not_carried(is_lost(diagnosis), diagnosis.harmful, len(diagnosis.effects)),
+        _held_out_against(None, diagnosis.surprise),
+        held_out_faults_in_words(diagnosis.held_out_faults),
+    )
+    return [text for text in said if text]
 
 
 def held_out_faults_in_words(found: HeldOutFaults) -> str:

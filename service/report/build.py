@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import cache
@@ -15,14 +16,18 @@ from acquisition.loop import FollowUpResult
 from acquisition.record import Verification
 from calib.array import Array
 from calib.comparison import RegressionComparison
+from calib.compensate import Bounds, refuse_unlikely
 from calib.data import Dataset
 from calib.diagnose import CarryOver, DiagnosisFit
 from calib.effects import words_of
+from calib.errors import DataError
 from calib.fit import ErrorStatistics, IdentificationFit, errors_on, left_out, statistics_of
 from calib.model import Effect, ModelStructure
-from calib.saved import CalibratedModel, save_model
+from calib.saved import CalibratedModel, as_saved, save_model
 from service import wording
-from service.report import certificate, scope
+from service.exports import listed
+from service.report import certificate, front, scope
+from service.report.certificate import CertificateParties
 from service.report.figures import drawing, errors, panels, scatter
 from service.report.figures.residuals import PlotSample
 from service.report.sections import (
@@ -45,11 +50,13 @@ from service.results.models.parameters import rows_of
 from service.results.models.regressed import RegressionResult
 from service.results.shape import document_of
 
+_HEADING = re.compile(r"<h2>(.*?)</h2>")
 _LEFT_OUT_SHOWN = 30  # readings, largest errors first
 _ABSENT: Mapping[str, Any] = {
     **dict.fromkeys(("ladder", "error_tables", "effects", "groups", "structure", "power", "notes"), ()),
     **dict.fromkeys(("unconfirmed", "carried", "next_measurements"), ()),
     "causes_known": True,
+    "exports": None,
     **dict.fromkeys(("figures", "error_after", "follow_up", "middle", "patch", "p_lack_of_fit", "misfit")),
     **dict.fromkeys(("verification", "regression", "acceptance", "repeats", "judged", "ballbar")),
     **dict.fromkeys(("trust", "joints", "fit_count")),
@@ -68,6 +75,7 @@ def diagnosis_report(
     followed_up: FollowUpResult | None = None,
     acceptance: AcceptanceResult | None = None,
     model_sha256: str | None = None,
+    parties: CertificateParties | None = None,
 ) -> str:
     """Build the report of a diagnosis as HTML.
 
@@ -85,6 +93,8 @@ def diagnosis_report(
         Results for the limits, if limits were given.
     model_sha256 : str, optional
         Hash of a saved model, to avoid making its file again.
+    parties : CertificateParties, optional
+        Laboratory, customer, place and who signs, for the first page.
     """
     dataset, final = diagnosis.dataset, diagnosis.final
     found = tuple(f.effect for f in diagnosis.effects)
@@ -111,24 +121,39 @@ def diagnosis_report(
         )
     effects = effects_of(diagnosis, sample)
     joints = _joints(sample, final.model, found)
+    rungs = ladder.ladder_of(
+        {
+            ladder.NOMINAL: diagnosis.error_nominal,
+            ladder.BASE: diagnosis.error_before,
+            ladder.EFFECTS: diagnosis.error_named if found else None,  # otherwise the base model again
+            ladder.CARRIED: diagnosis.error_after if diagnosis.carried else None,
+        },
+        None if verified is None else verified.verified,
+    )
+    exports = _exports(final, diagnosis)
+    page = front.of_diagnosis(
+        diagnosis,
+        rungs,
+        effects,
+        sample,
+        space=judged.in_space(dataset, models),
+        acceptance=acceptance,
+        verified=verified,
+        likely=exports is None or exports["refused"] is None,
+    )
     return _render(
         dataset,
         final,
         document,
         model_sha256 or (save_model(None, final, diagnosis) if final.converged else None),
+        page,
         kind="Diagnosis",
+        parties=parties,
+        exports=exports,
         verdict=wording.VERDICT_NAMES[diagnosis.verdict],
         verdict_key=_colour_of(diagnosis),
         sentence=wording.verdict_in_words(diagnosis),
-        ladder=ladder.ladder_of(
-            {
-                ladder.NOMINAL: diagnosis.error_nominal,
-                ladder.BASE: diagnosis.error_before,
-                ladder.EFFECTS: diagnosis.error_named if found else None,  # otherwise the base model again
-                ladder.CARRIED: diagnosis.error_after if diagnosis.carried else None,
-            },
-            None if verified is None else verified.verified,
-        ),
+        ladder=rungs,
         error_tables=[table for table in tables if table["rows"]],
         figures=_error_figures(measured),
         judged=judged.section_of(dataset, models, measured),
@@ -167,6 +192,7 @@ def identification_report(
     acceptance: AcceptanceResult | None = None,
     model_sha256: str | None = None,
     preliminary: CalibratedModel | None = None,
+    parties: CertificateParties | None = None,
 ) -> str:
     """Build the report of an identification as HTML.
 
@@ -178,6 +204,8 @@ def identification_report(
         Hash of the model; None if the fit did not converge.
     preliminary : CalibratedModel, optional
         A model of stage 1, for the section of the ballbar.
+    parties : CertificateParties, optional
+        Laboratory, customer, place and who signs, for the first page.
     """
     models = {
         "nominal robot": (nominal, placed, drawing.NOMINAL),
@@ -186,17 +214,24 @@ def identification_report(
     measured = _held_out(dataset, models)
     before, after = [statistics_of(e.distances) for e in measured] or [None, None]
     joints = _joints(PlotSample.of(dataset, found), found.model, ())
+    rungs = ladder.ladder_of({ladder.NOMINAL: before, ladder.BASE: after})
+    page = front.of_identification(
+        rungs, judged.in_space(dataset, models), acceptance, converged=bool(found.converged)
+    )
     return _render(
         dataset,
         found,
         document,
         model_sha256,
+        page,
         kind="Identification",
+        parties=parties,
+        exports=_exports(found),
         verdict="Identified",
         verdict_key="identified",
         sentence="Parameters of the base model; nothing was searched for beyond them. "
         + wording.gain_in_words(before, after),
-        ladder=ladder.ladder_of({ladder.NOMINAL: before, ladder.BASE: after}),
+        ladder=rungs,
         acceptance=acceptance,
         repeats=repeats.section_of(dataset, found.model, found.estimate),
         figures=_error_figures(measured),
@@ -210,11 +245,14 @@ def validation_report(validated: ValidationOutcome) -> str:
     """Build the report of a saved model on the validation rows of a data set, as HTML."""
     dataset, rows = validated.dataset, validated.dataset.validation_rows
     measured, section = judged_in(validated)
+    drawn = {each.name: (*validated.models[each.name][1:], each.colour) for each in measured}
+    space = judged.in_space(dataset, dict(list(drawn.items())[:2]))
     return _render(
         dataset,
         None,
         document_of(validated.result),
         validated.model_sha256,
+        front.of_validation(validated, space),
         kind="Validation",
         verdict="Judged",
         verdict_key="identified",
@@ -227,9 +265,7 @@ def validation_report(validated: ValidationOutcome) -> str:
         figures=_error_figures(measured),
         judged=section,
         warnings=validated.result.warnings,
-        ballbar=ballbar.section_of(
-            dataset, {each.name: (*validated.models[each.name][1:], each.colour) for each in measured}
-        ),
+        ballbar=ballbar.section_of(dataset, drawn),
     )
 
 
@@ -253,9 +289,7 @@ def _colour_of(diagnosis: DiagnosisFit) -> str:
 
     It is a warning if held-out readings are worse with the effects found than without.
     """
-    before, after = diagnosis.error_before, diagnosis.error_after
-    worse = bool(diagnosis.effects) and before is not None and after is not None and after.rms > before.rms
-    return "not_carried" if worse else diagnosis.verdict
+    return "not_carried" if wording.is_lost(diagnosis) else diagnosis.verdict
 
 
 def _with(preliminary: CalibratedModel | None, models: ballbar.Models) -> ballbar.Models:
@@ -278,15 +312,17 @@ def regression_report(
     assert asked.found is not None  # of the requested predictors only the nominal robot has none
     dataset, found = comparison.dataset, asked.found
     joints = _joints(PlotSample.of(dataset, found), found.model, ())
+    sentence = " ".join(regression.foremost(result.findings, asked.name))
     return _render(
         dataset,
         found,
         document_of(result),
         model_sha256,
+        front.of_regression(sentence),
         kind="Regression",
         verdict="Compared",
         verdict_key="identified",
-        sentence=" ".join(regression.foremost(result.findings, asked.name)),
+        sentence=sentence,
         joints=joints,
         regression=regression.section_of(comparison, result),
     )
@@ -314,6 +350,7 @@ def _template() -> Template:
         "chance": wording.chance,
         "capitalize_first": _begun,
         "words": words_of,
+        "with_contents": _with_contents,
     }
     return environment.get_template("report.html.j2")
 
@@ -323,10 +360,14 @@ def _render(
     found: IdentificationFit | None,
     document: Mapping[str, Any],
     model_sha256: str | None,
+    page: front.FrontPage,
+    *,
+    parties: CertificateParties | None = None,
     **parts: Any,
 ) -> str:
     """Render a report as HTML; a report that only judges has no fit in `found`."""
     fitted = {} if found is None else _of_fit(dataset, found)
+    parties = parties or CertificateParties()
     return _template().render(
         dataset=dataset,
         robot=dataset.header.robot,
@@ -343,8 +384,33 @@ def _render(
         acceptance_names=NAMES,
         acceptance_rule=RULE,
         document=_embedded(document),
+        front=page.shown(dataset),
+        who=front.who_of(dataset, parties, fitted=fitted.get("fit_count")),
+        laboratory=parties.stated("laboratory"),
+        responsible=parties.stated("responsible"),
+        model_sha256=model_sha256,
         **{**_ABSENT, **fitted, **parts},
     )
+
+
+def _with_contents(details: Markup) -> tuple[Markup, list[tuple[str, Markup]]]:
+    """Give every heading of the details an id; also return ids and headings, for the table of contents."""
+    titles = _HEADING.findall(details)
+    names = iter([f"section-{number}" for number in range(1, len(titles) + 1)])
+    text = _HEADING.sub(lambda found: f'<h2 id="{next(names)}">{found[1]}</h2>', details)
+    return Markup(text), [(f"section-{k}", Markup(title)) for k, title in enumerate(titles, start=1)]
+
+
+def _exports(found: IdentificationFit, diagnosis: DiagnosisFit | None = None) -> dict[str, Any] | None:
+    """Return what every format of an export leaves, or why there is none; None if the model cannot be saved."""
+    if not found.converged:
+        return None
+    saved = as_saved(found, diagnosis)
+    try:
+        refuse_unlikely(saved.model, saved.estimate, saved.usual, Bounds(), coupling=saved.coupling)
+        return {"listed": listed(*saved.for_use(), ""), "refused": None}
+    except DataError as error:
+        return {"listed": None, "refused": f"None is written: the model {error.what} {error.do}"}
 
 
 def _of_fit(dataset: Dataset, found: IdentificationFit) -> dict[str, Any]:

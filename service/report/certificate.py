@@ -58,6 +58,7 @@ COVERAGE, PROBABILITY = 2.0, 0.95
 _NOT_TEXT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _ROOMS = ("service", "acquisition", "drivers", "calib")
 _DIGITS = 12
+_NOT_STATED = "not stated"
 _MISSING = "not recorded in the data set"
 _OF_THE_RUN = ("seconds",)  # keys of a result that differ each time it is worked out
 
@@ -69,11 +70,16 @@ class CertificateParties:
     `country` has two letters (ISO 3166-1); it is `ZZ` if it is not stated.
     """
 
-    laboratory: str = "not stated"
-    city: str = "not stated"
+    laboratory: str = _NOT_STATED
+    city: str = _NOT_STATED
     country: str = "ZZ"
-    customer: str = "not stated"
-    responsible: str = "not stated"
+    customer: str = _NOT_STATED
+    responsible: str = _NOT_STATED
+
+    def stated(self, name: str) -> str:
+        """Return an entry; empty if nobody stated it."""
+        value = getattr(self, name)
+        return "" if value == _NOT_STATED else value
 
     def refuse_unusable(self) -> CertificateParties:
         """Return the same entries, after a check that they fit a certificate.

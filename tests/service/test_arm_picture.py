@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from calib.arm import Robot, built_in_robots, forward, load_robot
-from service.report.figures.arm_picture import _skeleton, arm_svg
+from service.report.figures.arm_picture import arm_svg, skeleton_of
 from tests.calib.machines import MACHINES, machine
 
 _TEXT = re.compile(
@@ -49,7 +49,7 @@ def test_the_lengths_are_those_of_the_file_and_lead_to_the_flange(tmp_path: Path
     for robot in arms(tmp_path):
         low, high = np.array(robot.lower), np.array(robot.upper)
         joints = rng.uniform(low, high)
-        corners, _ = _skeleton(robot, joints)
+        corners, _ = skeleton_of(robot, joints)
         assert corners[-1] == pytest.approx(forward(robot, joints[None])[0, :3, 3], abs=1e-9)
         of_file = {f"{abs(x):.5g}" for x in (*robot.a, *robot.d)}
         bold = {text for words in views(robot, joints) for *_, size, text in words if size == 11.0} - set(

@@ -54,7 +54,7 @@ def test_a_report_opens_with_the_robot_as_found_and_names_every_model_once(sound
     page = diagnosis_report(sound, DiagnosisOutcome(sound).document())
     ladder = table_of(page)
     assert f"{sound.error_nominal.rms:.3f}</td>" in ladder
-    assert page.index("ladder") < page.index("<main>")
+    assert page.index(f"{sound.error_nominal.rms:.3f} mm</span>") < page.index('<table class="ladder">')
     assert (page.count(NOMINAL), page.count(BASE), page.count(EFFECTS)) == (1, 1, 0)
 
 

@@ -1,4 +1,7 @@
-"""`--dcc` and `--dcc-parties` of identify and diagnose: a digital calibration certificate beside the report."""
+"""`--dcc` and `--dcc-parties` of identify and diagnose: a digital calibration certificate beside the report.
+
+The parties are also on the first page of the report.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ DccAbout = Annotated[
         "--dcc-parties",
         "--dcc-about",
         metavar="ABOUT.toml",
-        help="Whose certificate: laboratory, city, country (two letters), customer, responsible.",
+        help="Whose certificate and report: laboratory, city, country (two letters), customer, responsible.",
     ),
 ]
 
@@ -39,19 +42,11 @@ class CertificateRequest:
     about: CertificateParties
 
     @staticmethod
-    def of(dcc: Path | None, about: Path | None) -> CertificateRequest | None:
-        """Return the certificate that the options request; None without --dcc.
+    def of(dcc: Path | None, parties: CertificateParties | None) -> CertificateRequest | None:
+        """Return the certificate that the options request; None without --dcc."""
+        from service.report.certificate import CertificateParties
 
-        Raises
-        ------
-        DataError
-            An option is wrong; the message names file and key.
-        """
-        if dcc is not None:
-            return CertificateRequest(dcc, _read_about(about))
-        if about is not None:
-            raise DataError("is stated in a certificate.", do="Give --dcc as well.", key="--dcc-parties")
-        return None
+        return None if dcc is None else CertificateRequest(dcc, parties or CertificateParties())
 
     def refuse_undated(self, dataset: Dataset) -> None:
         """Refuse a data set that cannot have a certificate, before a long fit and not after it.
@@ -85,12 +80,24 @@ class CertificateRequest:
         replace_file(self.file, certificate_xml(certified, self.about))
 
 
-def _read_about(path: Path | None) -> CertificateParties:
-    """The file of --dcc-parties; without one nothing is stated."""
+def read_parties(path: Path | None, dcc: Path | None, report: Path | None) -> CertificateParties | None:
+    """Read the file of --dcc-parties; None without one.
+
+    Raises
+    ------
+    DataError
+        Neither a certificate nor a report states them, or the file is wrong; the message names file and key.
+    """
     from service.report.certificate import CertificateParties
 
     if path is None:
-        return CertificateParties()
+        return None
+    if dcc is None and report is None:
+        raise DataError(
+            "is stated in a certificate and on a report.",
+            do="Give --dcc or --report as well.",
+            key="--dcc-parties",
+        )
     _, values = read_toml(path)
     table = TomlTable(values, path)
     names = [each.name for each in fields(CertificateParties)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,7 +16,7 @@ from calib.saved import save_model
 from calib.text import replace_file
 from service import wording
 from service.commands import options
-from service.commands.models.certificate import CertificateRequest, Dcc, DccAbout
+from service.commands.models.certificate import CertificateRequest, Dcc, DccAbout, read_parties
 from service.files import STANDARD_OUTPUT
 from service.gc_pause import left_alone
 from service.printed import tables, type_tables
@@ -26,6 +26,9 @@ from service.results.models.parameters import rows_of
 from service.results.models.predictions import predictions_csv
 from service.results.shape import document_of
 from service.results.typed import TypeAgreementResponse
+
+if TYPE_CHECKING:
+    from service.report.certificate import CertificateParties
 
 
 def diagnose_command(
@@ -82,7 +85,8 @@ def diagnose_command(
         inputs=(*options.files_of(data), *options.files_of(carry_to), cell, dcc_about, accept_zones, prior),
     )
     limits = options.limits_of(accept_rms, accept_max, accept_zones)
-    certificate = CertificateRequest.of(dcc, dcc_about)
+    parties = read_parties(dcc_about, dcc, report)
+    certificate = CertificateRequest.of(dcc, parties)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
         dataset, of_type = read_dataset(data), options.read_prior(prior)
@@ -109,6 +113,7 @@ def diagnose_command(
             save_anyway=save_anyway,
             report=report,
             certified=certificate is not None,
+            parties=parties,
         )
         if certificate is not None:
             parameters = [document_of(row) for row in rows_of(diagnosis.final)]
@@ -150,6 +155,7 @@ def write_results(
     model: Path | None = None,
     save_anyway: bool = False,
     certified: bool = False,
+    parties: CertificateParties | None = None,
 ) -> str | None:
     """Write the requested predictions, model and report.
 
@@ -176,6 +182,7 @@ def write_results(
                 outcome.patched,
                 acceptance=outcome.acceptance,
                 model_sha256=sealed,
+                parties=parties,
             )
         replace_file(report, page)
     return sealed

@@ -15,7 +15,7 @@ from calib.text import replace_file
 from calib.validation import refuse_other_robot
 from service import wording
 from service.commands import options
-from service.commands.models.certificate import CertificateRequest, Dcc, DccAbout
+from service.commands.models.certificate import CertificateRequest, Dcc, DccAbout, read_parties
 from service.files import STANDARD_OUTPUT
 from service.printed import tables, type_tables
 from service.printed.terminal import Terminal
@@ -52,7 +52,8 @@ def identify_command(
     if preliminary is not None and report is None:
         raise DataError("is shown in a report.", do="Give --report.", key="--preliminary")
     limits = options.limits_of(accept_rms, accept_max, accept_zones)
-    certificate = CertificateRequest.of(dcc, dcc_about)
+    parties = read_parties(dcc_about, dcc, report)
+    certificate = CertificateRequest.of(dcc, parties)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")
         dataset = read_dataset(data)
@@ -70,7 +71,7 @@ def identify_command(
         sealed = save_model(model if fit_to_save else None, found) if named and found.converged else None
         if report is not None:
             terminal.say("drawing the report")
-            replace_file(report, result.report(sealed, stage))
+            replace_file(report, result.report(sealed, stage, parties))
         if certificate is not None:
             certificate.write(dataset, document, document["parameters"], sealed)
         terminal.rest()

@@ -38,18 +38,10 @@ _ASIDE = [
 
 def arm_svg(robot: Robot, joints: Array, title: str) -> str:
     """Draw the arm at model joints (N,), rad or mm, as an SVG document."""
-    frames = propagate(Chain.of(robot), nominal_values(robot, joints[None, :]), BasePoses())
-    at = [tuple(np.broadcast_to(v, (3, 1))[:, 0] for v in frame) for frame in frames.link_frames]
-    lines, radii = [], []
-    for capsule in robot.body:
-        x, y, z, p = at[capsule.link - 1]
-        axes = np.stack([x, y, z], axis=1)
-        lines.append([p + axes @ np.array(end) for end in (capsule.from_mm, capsule.to_mm)])
-        radii.append(capsule.radius_mm)
+    body, radii = body_of(robot, joints)
     directions, points = axes_of(robot, joints)
-    skeleton, fixed = _skeleton(robot, joints)
+    skeleton, fixed = skeleton_of(robot, joints)
     written = _written(skeleton, fixed)
-    body = np.array(lines).reshape(-1, 2, 3)
     everything = np.concatenate([skeleton, points, body.reshape(-1, 3)])
     size = float(np.ptp(everything, axis=0).max()) + 2.0 * max(radii, default=0.0)
     scale = (_SIZE - 2.0 * _EDGE) / max(size, 1e-6)
@@ -71,7 +63,19 @@ def arm_svg(robot: Robot, joints: Array, title: str) -> str:
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 
-def _skeleton(robot: Robot, joints: Array) -> tuple[Array, list[bool]]:
+def body_of(robot: Robot, joints: Array) -> tuple[Array, list[float]]:
+    """Return the lines (c, 2, 3) and radii of the capsules at model joints (N,), mm, base frame."""
+    frames = propagate(Chain.of(robot), nominal_values(robot, joints[None, :]), BasePoses())
+    at = [tuple(np.broadcast_to(v, (3, 1))[:, 0] for v in frame) for frame in frames.link_frames]
+    lines = []
+    for capsule in robot.body:
+        x, y, z, p = at[capsule.link - 1]
+        axes = np.stack([x, y, z], axis=1)
+        lines.append([p + axes @ np.array(end) for end in (capsule.from_mm, capsule.to_mm)])
+    return np.array(lines).reshape(-1, 2, 3), [capsule.radius_mm for capsule in robot.body]
+
+
+def skeleton_of(robot: Robot, joints: Array) -> tuple[Array, list[bool]]:
     """Trace a line from the base to the flange along every a and d of the robot file.
 
     Returns its corners (n + 1, 3), mm. For each of its n parts, also returns whether the file gives its length; it
@@ -95,7 +99,7 @@ def _written(skeleton: Array, fixed: Sequence[bool]) -> dict[int, int]:
     depends on a sliding joint has none.
     """
     lines = np.diff(skeleton, axis=0)
-    seen = np.stack([np.linalg.norm(lines @ _turn(*eye)[:2].T, axis=1) for eye in _VIEWS.values()], axis=1)
+    seen = np.stack([np.linalg.norm(lines @ eye_axes(*eye)[:2].T, axis=1) for eye in _VIEWS.values()], axis=1)
     best = seen.max(axis=1)
     return {
         line: int(np.argmax(seen[line] > 0.999 * best[line])) for line in range(len(lines)) if fixed[line]
@@ -139,7 +143,7 @@ def _view(
     written: Sequence[int],
 ) -> Iterator[str]:
     """Draw one view; the links `written` have their lengths here."""
-    turn = _turn(*eye)
+    turn = eye_axes(*eye)
 
     def paper(place: Array) -> Array:
         right, up, depth = (place - centre) @ turn.T
@@ -151,19 +155,19 @@ def _view(
     )
     for a, b, radius in shown:
         width = 2.0 * scale * radius
-        yield _line(a, b, f'stroke="{QUIET}" stroke-width="{width + 2:.1f}" stroke-linecap="round"')
-        yield _line(a, b, f'stroke="{GRID}" stroke-width="{width:.1f}" stroke-linecap="round"')
+        yield line_of(a, b, f'stroke="{QUIET}" stroke-width="{width + 2:.1f}" stroke-linecap="round"')
+        yield line_of(a, b, f'stroke="{GRID}" stroke-width="{width:.1f}" stroke-linecap="round"')
     for start, end in pairwise(skeleton):
-        yield _line(paper(start), paper(end), f'stroke="{AFTER}" stroke-width="2.5" stroke-linecap="round"')
+        yield line_of(paper(start), paper(end), f'stroke="{AFTER}" stroke-width="2.5" stroke-linecap="round"')
     reach, words, base = 42.0 / scale, _Words(), []
     for axis, letter in zip(np.eye(3), "xyz", strict=True):
         end = paper(reach * axis)
-        yield _line(paper(np.zeros(3)), end, f'stroke="{NOMINAL}" stroke-width="1.5"')
+        yield line_of(paper(np.zeros(3)), end, f'stroke="{NOMINAL}" stroke-width="1.5"')
         base.append(words.put(end[0] + 6.0, end[1], letter, 11.0, f'fill="{QUIET}"'))
     tip, said = paper(skeleton[-1]), []
     for number, (point, direction) in enumerate(zip(points, directions, strict=True), start=1):
         start, end = paper(point - 0.7 * reach * direction), paper(point + 0.7 * reach * direction)
-        yield _line(start, end, f'stroke="{FITTED}" stroke-width="1.5" stroke-dasharray="5 3"')
+        yield line_of(start, end, f'stroke="{FITTED}" stroke-width="1.5" stroke-dasharray="5 3"')
         out = paper(point + 0.85 * reach * direction)
         said.append(words.put(out[0], out[1], str(number), 12.0, f'fill="{FITTED}"'))
     for link in written:
@@ -180,13 +184,13 @@ def _view(
     yield from (*base, *said)  # no line crosses a word
 
 
-def _turn(azimuth: float, elevation: float) -> Array:
+def eye_axes(azimuth: float, elevation: float) -> Array:
     """Return the axes of a view as rows (3, 3): right, up and towards the eye."""
     ca, sa, ce, se = np.cos(azimuth), np.sin(azimuth), np.cos(elevation), np.sin(elevation)
     return np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
 
 
-def _line(a: Array, b: Array, look: str) -> str:
+def line_of(a: Array, b: Array, look: str) -> str:
     # A line seen from its end has no length, and some viewers no round caps for it.
     return f'<line x1="{a[0]:.1f}" y1="{a[1]:.1f}" x2="{b[0] + 0.01:.2f}" y2="{b[1]:.1f}" {look}/>'
 

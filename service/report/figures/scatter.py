@@ -12,19 +12,20 @@ from service.report.figures.panels import PlotPanel
 from service.report.figures.residuals import binned
 
 MOST_DOTS = 500  # a panel: enough to see the cloud, few enough for a file that opens at once
+_LEGEND_COLUMN = 1.6  # inches
 _SIDE_ROOM = 0.02  # of the width: dots at the edge are seen whole
 _UNSEEN_MDEG, _UNSEEN_UM = 500.0, 5000.0  # standard error of one reading
 _SIDE_COLOURS = {0.0: drawing.DOT, 1.0: "#2563a8", -1.0: "#8a5a00"}
 _SIDE_NAMES = {1.0: "arrived from below", -1.0: "from above"}
 
 
-def effect_figure(panel: PlotPanel, name: str) -> str:
-    """Draw one effect, large, as SVG."""
-    drawn, (axes,) = drawing.figure(5.0, 2.9)
+def effect_figure(panel: PlotPanel, name: str, width: float = 5.0, height: float = 2.9) -> str:
+    """Draw one effect, large, as SVG; width and height are in inches."""
+    drawn, (axes,) = drawing.figure(width, height)
     _draw(axes, panel, large=True)
     axes.set_xlabel(panel.x_label)
     axes.set_ylabel(panel.y_label)
-    drawing.legend(drawn, axes, 3)
+    drawing.legend(drawn, axes, int(width / _LEGEND_COLUMN))
     return drawing.as_svg(drawn, name, panel.described)
 
 

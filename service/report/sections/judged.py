@@ -14,14 +14,17 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from calib.array import Array
 from calib.data import Dataset
 from calib.fit import statistics_of
 from calib.model import BoundModel, ModelStructure
+from calib.validation import targets_in_base
 from service.report.figures import drawing
 from service.report.figures.errors import ErrorSample
 from service.report.figures.scatter import thinned
+from service.report.figures.space_picture import ErrorsInSpace
 from service.wording import millimetres
 
 Models = Mapping[str, tuple[ModelStructure, Array, str]]
@@ -31,6 +34,7 @@ _STRETCHES = 40  # of the readings in order of time, for the line
 _PAUSE = 0.2  # of the whole time: two evenings in one data set
 _LONGEST = 0.16  # of the workspace, which the longest arrow but the wildest takes
 _TARGETS = 24  # rows of the table
+_FLAT_MM, _SPANNED = 1.0, 2  # points on a line do not show how the base stands
 
 
 @dataclass(frozen=True)
@@ -49,9 +53,9 @@ def section_of(dataset: Dataset, models: Models, measured: Sequence[ErrorSample]
     """
     if not measured:
         return {}
-    rows = np.flatnonzero(dataset.validation_rows)
+    rows, found = np.flatnonzero(dataset.validation_rows), errors_in(dataset, models)
     return {
-        "arrows": _arrows_of(dataset, models),
+        "arrows": None if found is None else Markup(arrows(dataset.points[found[0]], found[1])),
         "over_time": Markup(over_time(dataset, rows, measured)),
         "by_clock": _known_time(dataset, rows),
         "models": [each.name for each in measured],
@@ -65,23 +69,42 @@ def _known_time(dataset: Dataset, rows: NDArray[np.int64]) -> bool:
     )
 
 
-def _arrows_of(dataset: Dataset, models: Models) -> Markup | None:
-    """Return the arrows of the first model and of the last; None without held-out points."""
+def errors_in(dataset: Dataset, models: Models) -> tuple[NDArray[np.bool_], list[Vectors]] | None:
+    """Return a mask (n,) of held-out points, and there the errors of the first model and of the last.
+
+    It is None without held-out points.
+    """
     taken = np.zeros(len(dataset), dtype=bool)
     taken[thinned(np.flatnonzero(dataset.validation_rows & dataset.pointed), _ARROWS)] = True
     if not taken.any():
         return None
     conditions, points = dataset.conditions.take(taken), dataset.points[taken]
     ends = [list(models.items())[k] for k in (0, -1)]
-    return Markup(
-        arrows(
-            points,
-            [
-                Vectors(name, points - BoundModel(model, conditions).predict(estimate), colour)
-                for name, (model, estimate, colour) in ends
-            ],
-        )
-    )
+    return taken, [
+        Vectors(name, points - BoundModel(model, conditions).predict(estimate), colour)
+        for name, (model, estimate, colour) in ends
+    ]
+
+
+def in_space(dataset: Dataset, models: Models) -> ErrorsInSpace | None:
+    """Return the same errors in the frame of the robot's base; None where they do not show how it stands."""
+    found = errors_in(dataset, models)
+    if found is None:
+        return None
+    taken, (before, after) = found
+    model, estimate, _ = list(models.values())[-1]
+    conditions, at = dataset.conditions.take(taken), targets_in_base(dataset, model, estimate)[taken]
+    seen = dataset.points[taken] - after.errors
+    turned = [np.zeros_like(at), np.zeros_like(at)]
+    for series in np.unique(conditions.series):
+        mine = conditions.series == series
+        away = [places[mine] - places[mine].mean(axis=0) for places in (at, seen)]
+        if np.linalg.matrix_rank(away[0], tol=_FLAT_MM) < _SPANNED:
+            return None
+        base = Rotation.align_vectors(*away)[0]
+        for out, each in zip(turned, (before, after), strict=True):
+            out[mine] = base.apply(each.errors[mine])
+    return ErrorsInSpace(model.robot, conditions.joints, at, *turned)
 
 
 def arrows(points: Array, models: Sequence[Vectors]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import SkipValidation
@@ -39,6 +39,9 @@ from service.results.common import (
 from service.results.judgement.acceptance import BASE, AcceptanceLimits, AcceptanceResult, decide
 from service.results.models.parameters import high_leverage, rows_of, strong_correlations
 from service.results.shape import Real, ResponseBody, document_of, told
+
+if TYPE_CHECKING:
+    from service.report.certificate import CertificateParties
 
 
 class Correlation(ResponseBody):
@@ -191,7 +194,12 @@ class IdentificationReport:
         )
         return document_of(result)
 
-    def report(self, model_sha256: str | None, preliminary: CalibratedModel | None = None) -> str:
+    def report(
+        self,
+        model_sha256: str | None,
+        preliminary: CalibratedModel | None = None,
+        parties: CertificateParties | None = None,
+    ) -> str:
         """Create the report as HTML.
 
         Parameters
@@ -200,8 +208,12 @@ class IdentificationReport:
             Hash that `save_model` returned; None if the fit did not converge.
         preliminary : CalibratedModel, optional
             Model of stage 1 of a ballbar campaign, compared with the other two models.
+        parties : CertificateParties, optional
+            Laboratory, customer, place and who signs, for the first page.
         """
         from service.report import identification_report  # drawing takes long to import
 
         models = (self.dataset, self.found, self.nominal, self.placed)
-        return identification_report(*models, self.document(), self.acceptance, model_sha256, preliminary)
+        return identification_report(
+            *models, self.document(), self.acceptance, model_sha256, preliminary, parties
+        )
