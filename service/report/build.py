@@ -386,8 +386,8 @@ def _render(
         document=_embedded(document),
         front=page.shown(dataset),
         who=front.who_of(dataset, parties, fitted=fitted.get("fit_count")),
-        laboratory=parties.stated("laboratory"),
-        responsible=parties.stated("responsible"),
+        laboratory=front.clipped(parties.stated("laboratory"), front.ENTRY),
+        responsible=front.clipped(parties.stated("responsible"), front.ENTRY),
         model_sha256=model_sha256,
         **{**_ABSENT, **fitted, **parts},
     )

@@ -33,7 +33,7 @@ Advice = tuple[str, str]
 
 # What has room on the page; all of it is in the sections.
 _MEMBERS, _OTHERS, _DOUBTS, _ADVICE, _LIMITS, _STEPS = 4, 2, 2, 3, 3, 5
-_ENTRY, _NAME, _DOUBT, _ADVISED, _SENTENCE = 60, 48, 230, 130, 420  # characters
+ENTRY, _NAME, _DOUBT, _ADVISED, _SENTENCE = 44, 44, 200, 130, 420  # characters
 _PICTURE = (4.0, 2.3)  # inches
 _SHORT = {
     ladder.NOMINAL: "As found (nominal robot)",
@@ -94,9 +94,9 @@ class FrontPage:
         first, last = (self.steps[0][1], self.steps[-1][1]) if self.steps else (None, None)
         rungs = [(name, errors, errors is last) for name, errors in self.steps]
         if self.verified is not None:
-            rungs.append((_SHORT[ladder.VERIFIED], self.verified.verified, False))
+            rungs.append((_SHORT[ladder.VERIFIED], self.verified.verified, True))
         largest = max((_known(errors.rms) for _, errors, _ in rungs), default=0.0) or 1.0
-        doubts = [_clipped(doubt, _DOUBT) for doubt in self.doubts[:_DOUBTS]]
+        doubts = [clipped(doubt, _DOUBT) for doubt in self.doubts[:_DOUBTS]]
         if more := len(self.doubts) - len(doubts):
             doubts.append(f"And {more} more: see the sections.")
         criteria = () if self.acceptance is None else self.acceptance.criteria
@@ -106,14 +106,16 @@ class FrontPage:
             "said": _said(first, last, dataset),
             "proof": _proof(self.verified, dataset, judged=bool(self.steps)),
             "rungs": [
-                (_clipped(name, _NAME), f"{100.0 * _known(errors.rms) / largest:.1f}", errors.rms, best)
+                (clipped(name, _NAME), f"{100.0 * _known(errors.rms) / largest:.1f}", errors.rms, best)
                 for name, errors, best in rungs[-_STEPS:]
                 if errors.rms is not None
             ],
-            "space": None if self.space is None or not self.steps else _space(self.space, self.steps),
+            "space": None
+            if self.space is None or not self.steps or len(doubts) > 1
+            else _space(self.space, self.steps),
             "cause": self.cause,
             "doubts": doubts,
-            "advice": [(title, _clipped(text, _ADVISED)) for title, text in self.advice[:_ADVICE]],
+            "advice": [(title, clipped(text, _ADVISED)) for title, text in self.advice[:_ADVICE]],
             "verdict": None if self.acceptance is None else self.acceptance.verdict,
             "criteria": criteria[:_LIMITS],
             "more_criteria": max(len(criteria) - _LIMITS, 0),
@@ -202,7 +204,7 @@ def of_validation(validated: ValidationOutcome, space: ErrorsInSpace | None) -> 
 
 def of_regression(sentence: str) -> FrontPage:
     """Build the page of a comparison, which has no error before and after."""
-    cause = FrontCause("The finding", "Regression beside identification", (_clipped(sentence, _SENTENCE),))
+    cause = FrontCause("The finding", "Regression beside identification", (clipped(sentence, _SENTENCE),))
     return FrontPage("Robot regression report", (), cause, (), (_PROVE,))
 
 
@@ -236,15 +238,18 @@ def who_of(dataset: Dataset, parties: CertificateParties, *, fitted: int | None)
             f"{held} that judge" if fitted is None else f"{fitted} + {held} kept aside",
         ),
     ]
-    return [(what, _clipped(value, _ENTRY)) for what, value in entries]
+    return [(what, clipped(value, ENTRY)) for what, value in entries]
 
 
-def _clipped(text: str, most: int) -> str:
+def clipped(text: str, most: int) -> str:
     """Shorten a text to whole sentences, or words where the first is too long; the rest is in the sections."""
     if len(text) <= most:
         return text
     end = text.rfind(". ", 0, most - 2)
-    return f"{text[: end + 1]} …" if end > most // 2 else textwrap.shorten(text, most, placeholder=" …")
+    if end > most // 2:
+        return f"{text[: end + 1]} …"
+    words = textwrap.shorten(text, most, placeholder=" …")
+    return words if len(words) > most // 2 else f"{text[: most - 1]}…"
 
 
 def _named(devices: Sequence[Any]) -> str:
@@ -328,7 +333,7 @@ def _cause(diagnosis: DiagnosisFit, effects: Sequence[dict[str, Any]], sample: P
         return FrontCause(
             "The cause" if diagnosis.causes_known else "Not explained",
             _FOUND[diagnosis.verdict],
-            (_clipped(wording.verdict_in_words(diagnosis), _SENTENCE),),
+            (clipped(wording.verdict_in_words(diagnosis), _SENTENCE),),
             picture=None if picture is None else Markup(picture),
             wide=True,
         )
@@ -356,7 +361,7 @@ def _cause(diagnosis: DiagnosisFit, effects: Sequence[dict[str, Any]], sample: P
     return FrontCause(
         "The cause" if len(found) == 1 else f"The largest of {len(found)} causes",
         title,
-        tuple(_clipped(text, _SENTENCE // 2) for text in said),
+        tuple(clipped(text, _SENTENCE // 2) for text in said),
         tuple((words, percent(weight)) for words, _, weight in members[:_MEMBERS])
         if len(members) > 1
         else (),
@@ -368,7 +373,7 @@ def _cause(diagnosis: DiagnosisFit, effects: Sequence[dict[str, Any]], sample: P
 def _usual(found: DiagnosedEffect) -> str:
     if found.beyond_usual or found.impossible:
         return ""
-    return f"Nothing: robots usually have as much ({wording.usual_size(found)})."
+    return f"Nothing: the size is usual (up to {wording.usual_size(found)})."
 
 
 _CORRECT = (

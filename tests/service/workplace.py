@@ -87,16 +87,20 @@ def reachable(page: Page, selector: str) -> bool:
     )
 
 
+def violations(page: Page) -> list[Any]:
+    """Return what axe finds on the page as it is."""
+    if not page.value("typeof axe === 'object'"):
+        page.do("Runtime.evaluate", expression=AXE.read_text("utf-8"))
+    return page.value(_VIOLATIONS)
+
+
 def audit(page: Page) -> None:
     """Check the current view: axe finds nothing, a telephone shows it whole, fingers hit it.
 
     Stop must be in reach.
     """
-    if not page.value("typeof axe === 'object'"):
-        page.do("Runtime.evaluate", expression=AXE.read_text("utf-8"))
     where = page.value("location.hash")
-    violations: list[Any] = page.value(_VIOLATIONS)
-    assert not violations, (where, violations)
+    assert not (found := violations(page)), (where, found)
     page.width(390)
     try:
         wide = page.value("document.documentElement.scrollWidth")
