@@ -278,6 +278,20 @@ CHANGES = (
         ("tests/service/test_acceptance_zones.py",),
     ),
     Change(
+        "service/report/front.py",
+        "_pair(first.rms, last.rms)",
+        "_pair(last.rms, first.rms)",
+        "the first page exchanges the error before and after",
+        ("tests/service/test_report_front.py",),
+    ),
+    Change(
+        "service/report/front.py",
+        "if not (found and diagnosis.causes_known):",
+        "if not found:",
+        "the first page names a cause that is not known",
+        ("tests/service/test_report_front.py",),
+    ),
+    Change(
         "service/report/scope.py",
         'names = {1.0: "from below", 0.0: "from above"}',
         'names = {0.0: "from below", 1.0: "from above"}',
