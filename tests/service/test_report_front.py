@@ -239,7 +239,7 @@ def named(data: Dataset) -> Dataset:
 def test_it_prints_on_one_sheet_and_axe_finds_nothing(
     known: DiagnosisFit, narrow: DiagnosisFit, tmp_path: Path
 ) -> None:
-    zones = tuple(Zone(f"table {k}", (-1e3,) * 3, (1e3,) * 3, 0.1, 0.3) for k in range(3))
+    zones = tuple(Zone(f"table {k}", (-1e3, -1e3, -1e3), (1e3, 1e3, 1e3), 0.1, 0.3) for k in range(3))
     parties = CertificateParties(LONG, LONG, "DE", LONG, LONG)
     left = (ResidualStructure("side of approach of joint 4", 1e-9, 0.4, "joint 4"),)
     long = replace(narrow, dataset=named(narrow.dataset), harmful=("periodic:j5:n2", "base_shift") * 3)
