@@ -97,7 +97,8 @@ def validate(
     ----------
     place :
         Fit base, and tool if the model frees it, to the calibration rows first, for readings in another frame. Without
-        calibration rows, the rows that are judged place the model and the nominal robot, which flatters.
+        calibration rows, the rows that are judged place the model and the nominal robot, which flatters. Distances
+        place the balls, by half of the poses if all rows judge, also unasked if the model does not know them.
     everything :
         Judge on all measured rows.
     compare :

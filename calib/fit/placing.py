@@ -10,7 +10,7 @@ taken. This matters if the tool is unknown and as long as the arm, and the poses
 alignment and averaging then end in a wrong place.
 
 `place_nominal` fits base and tool alone. The result is the nominal robot at its best, with which every
-report compares.
+report compares. It places a calibrated robot in the same way.
 """
 
 from __future__ import annotations
@@ -317,17 +317,38 @@ def _adapted(effects: tuple[Effect, ...], dataset: Dataset) -> tuple[Effect, ...
         ) from error
 
 
-def place_nominal(dataset: Dataset, model: ModelStructure) -> tuple[ModelStructure, Array]:
-    """Fit only the base (and the tool, if freed) of the nominal robot.
+def place_nominal(
+    dataset: Dataset, model: ModelStructure, robot: tuple[ModelStructure, Array] | None = None
+) -> tuple[ModelStructure, Array]:
+    """Fit only the base of the nominal robot, the tool if freed, and the base targets.
 
-    Returns model and estimate.
+    Parameters
+    ----------
+    dataset : Dataset
+        Readings; those of `fit_rows` are fitted.
+    model : ModelStructure
+        Base model of the data set.
+    robot : (ModelStructure, array of shape (m,)), optional
+        Effects and estimate of a calibrated robot, which is placed instead. They are held, and what is
+        fitted is the same as for the nominal robot.
+
+    Returns
+    -------
+    model : ModelStructure
+    estimate : array
+        Model and estimate for predictions.
     """
-    of_place = (e for e in model.effects if e.group == "base model" and e.places <= _OF_PLACE)
-    placed = replace(model, effects=tuple(of_place))
+    of_place = tuple(e for e in model.effects if e.group == "base model" and e.places <= _OF_PLACE)
+    placed = replace(model, effects=of_place)
     start = np.zeros(len(placed.parameters))
     readings = readings_of(dataset, dataset.fit_rows, placed, start)
     at = Linearisation(BoundModel(placed, readings.conditions), readings.observed.alone, start)
     active, dropped = find_dependent(at)
+    if robot is not None:
+        held, values = robot
+        placed = replace(placed, effects=(*of_place, *held.effects))
+        active, start = np.append(active, np.zeros(len(values), dtype=bool)), np.append(start, values)
+        at = Linearisation(BoundModel(placed, readings.conditions), readings.observed.alone, start)
     for _ in range(2):
         at = solve(at, active, dropped, weights=robust.huber(at.residual, readings.observed.freedom)).at
     return placed, at.estimate

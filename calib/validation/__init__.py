@@ -5,7 +5,7 @@ from calib.validation.compare import Difference, apart, differences, refuse_inco
 from calib.validation.holdout import HoldOutErrors, hold_outs
 from calib.validation.iso9283 import VISITS_OF_THE_STANDARD, DistanceFigures, PoseFigures
 from calib.validation.judge import Grouping, Judgement, Repeats, judge, judge_repeats, refuse_other_robot
-from calib.validation.place import place, targets_in_base
+from calib.validation.place import balls_of, halved, knows_ends, of_the_robot, place, targets_in_base
 from calib.validation.summary import Summary
 
 __all__ = [
@@ -20,10 +20,14 @@ __all__ = [
     "SphereTest",
     "Summary",
     "apart",
+    "balls_of",
     "differences",
+    "halved",
     "hold_outs",
     "judge",
     "judge_repeats",
+    "knows_ends",
+    "of_the_robot",
     "over_the_fixture",
     "place",
     "refuse_incomparable",

@@ -7,6 +7,10 @@ left out. For every series, with x_i the flange of the calibrated robot in its b
 
 by Gauss-Newton with Huber weights, from the start that the identification uses. All readings have the same weight,
 except gross errors: the residual after a calibration is due to the robot, not to the instrument.
+
+Distances have no frame. Balls that a model does not know, since another instrument identified it, are placed by the
+distances themselves (`balls_of`), with the robot unchanged. If every row judges, `halved` gives half of the poses to
+this purpose, so that no distance judges a place that was fitted to it. Source: Nubiola, thesis, section 2.6.3.
 """
 
 from __future__ import annotations
@@ -20,10 +24,13 @@ from calib.arm.start import base_and_tool, settled, tool_turn
 from calib.array import Array
 from calib.data.dataset import Dataset
 from calib.errors import DataError
+from calib.fit.placing import base_model_of
 from calib.model.model import BoundModel, ModelStructure
 from calib.text.toml_table import Vector
 
 FEWEST = 3
+_LOOSELY_MM = 5.0  # of a ball that was put down by rule, if its header states no uncertainty
+_FEWEST_DISTANCES = 4  # three coordinates of a ball, and one to spare
 
 
 def frees_tool(model: ModelStructure) -> bool:
@@ -89,6 +96,74 @@ def place(
         if free and turned.any():
             turns[name] = tool_turn(flange[turned], pose, dataset.orientation[turned])
     return replace(held, targets=targets, placements=placements, turns=turns), values
+
+
+def knows_ends(model: ModelStructure, dataset: Dataset, rows: NDArray[np.bool_]) -> bool:
+    """Check if a model has the tool target, in its series, and the base target of every distance of a mask."""
+    conditions = dataset.conditions.take(rows & dataset.spanned)
+    ends = np.unique(np.column_stack([conditions.series, conditions.target, conditions.anchor]), axis=0)
+    return all(
+        conditions.target_names[t] in model.targets.get(conditions.series_names[s], {})
+        and conditions.anchor_names[a] in model.anchors
+        for s, t, a in ends.tolist()
+    )
+
+
+def halved(dataset: Dataset) -> Dataset:
+    """Move every second pose with distances from the validation to the calibration set.
+
+    Poses whose first distances have the same ends alternate in the order of measuring. All distances of a pose stay
+    together.
+    """
+    conditions = dataset.conditions
+    rows = np.flatnonzero(dataset.validation_rows & dataset.spanned)
+    first = rows[np.unique(conditions.pose[rows], return_index=True)[1]]
+    keys = (conditions.order, conditions.anchor, conditions.target, conditions.series)
+    alternate = first[np.lexsort([key[first] for key in keys])][::2]
+    given = np.isin(conditions.pose, conditions.pose[alternate]) & (dataset.sets == "validation")
+    return replace(dataset, sets=np.where(given, "calibration", dataset.sets))
+
+
+def balls_of(dataset: Dataset) -> ModelStructure:
+    """Build the base model whose balls `calib.fit.place_nominal` places by distances.
+
+    The balls of the tool and of the base are free. Uncertainties in the header hold them to its positions. Without
+    one, a base target is held loosely.
+
+    Raises
+    ------
+    DataError
+        A series or a base target has too few distances to be placed, or distances from too few places.
+    """
+    conditions, spanned = dataset.conditions, dataset.usable & dataset.spanned
+    fitted = spanned & dataset.fit_rows
+    judged = spanned & ~fitted
+    for what, names, index in (
+        ("series", conditions.series_names, conditions.series),
+        ("base target", conditions.anchor_names, conditions.anchor),
+    ):
+        counts = np.bincount(index[fitted], minlength=len(names))
+        for k in np.unique(index[judged]):
+            if counts[k] < _FEWEST_DISTANCES:
+                raise DataError(
+                    f"{what} '{names[k]}' has {counts[k]} distances that place its balls and do not judge.",
+                    do=f"Measure {_FEWEST_DISTANCES} or more with set = calibration, or more that judge.",
+                    file=dataset.path,
+                    key="set",
+                )
+    header, own = dataset.header, dataset.header.groups
+    loosely = dict.fromkeys(header.base_targets, _LOOSELY_MM) | dict(header.base_targets_u_mm)
+    free = replace(dataset, header=replace(header, base_targets_u_mm=loosely))
+    model = base_model_of(free, own if "tool" in own else (*own, "tool"))
+    lost = [name for name, at in model.anchors.items() if name not in header.base_targets and not any(at)]
+    if lost:
+        raise DataError(
+            f"has distances that leave open where the base target '{lost[0]}' is.",
+            do="Give its position in [base_targets], if only roughly, or measure it from more places.",
+            file=dataset.path,
+            key="base_target",
+        )
+    return model
 
 
 def targets_in_base(dataset: Dataset, model: ModelStructure, estimate: Array) -> Array:

@@ -36,6 +36,16 @@ def validation(result: ValidationResult) -> Iterator[RenderableType]:
         yield from _held_out(result.hold_outs)
         return
     yield from _judged(result.judgements, result.holdout)
+    if result.balls is not None:
+        which = (
+            "calibration rows"
+            if result.balls.by == "calibration"
+            else "half of the poses, which do not judge"
+        )
+        yield Text(
+            f"{wording.counted(result.balls.distances, 'distance')} ({which}) placed the balls, for every robot alike.",
+            "dim",
+        )
     if result.length_repeatability is not None:
         found = result.length_repeatability
         yield Text(

@@ -62,6 +62,13 @@ CHANGES = (
         ("tests/calib/test_hexapod_legs.py",),
     ),
     Change(
+        "calib/validation/place.py",
+        "[key[first] for key in keys])][::2]",
+        "[key[first] for key in keys])]",
+        "distances that placed the balls judge them",
+        ("tests/service/test_validate_balls.py",),
+    ),
+    Change(
         "calib/validation/ballbar.py",
         "                length_differences(dataset, sphere, model, estimate),\n",
         "                np.abs(length_differences(dataset, sphere, model, estimate)),\n",

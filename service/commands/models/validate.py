@@ -39,7 +39,8 @@ def validate_command(
         bool,
         typer.Option(
             "--place",
-            help="Fit base (and tool, where the model frees it) to the calibration rows, or without any to the others.",
+            help="Fit base (and tool, where the model frees it) to the calibration rows, or without any to the others; "
+            "of distances the balls.",
         ),
     ] = False,
     everything: Annotated[

@@ -27,10 +27,14 @@ from calib.validation import (
     PoseFigures,
     Summary,
     apart,
+    balls_of,
     differences,
+    halved,
     hold_outs,
     judge,
     judge_repeats,
+    knows_ends,
+    of_the_robot,
     place,
     refuse_incomparable,
     refuse_other_robot,
@@ -237,6 +241,18 @@ class HoldOutShown(ResponseBody):
     left_out: Annotated[int, told("Number of readings that nothing can be said about.", 0)]
 
 
+class BallsPlaced(ResponseBody):
+    """Balls that the model did not know: distances placed them, with the robot as it is."""
+
+    by: Annotated[
+        Literal["calibration", "half"],
+        told(
+            "Calibration rows, or half of the poses where all rows judge. `half`: the others judge.", "half"
+        ),
+    ]
+    distances: Annotated[int, told("Number of distances that placed them.", 40)]
+
+
 class ValidationResult(ResponseBody):
     """A model judged on readings, or kinds of hold-out side by side."""
 
@@ -247,6 +263,9 @@ class ValidationResult(ResponseBody):
     ] = None
     holdout: Annotated[str | None, told("How readings were held out.", "random")] = None
     placed: Annotated[bool, told("Base and tool were fitted to the calibration rows.", False)] = False
+    balls: Annotated[
+        BallsPlaced | None, told("Where distances placed balls, for every robot alike; null elsewhere.", None)
+    ] = None
     judgements: Annotated[list[JudgementShown], told("The nominal robot, then the model.", [])] = Field(
         default_factory=list
     )
@@ -278,7 +297,7 @@ class ValidationRequest:
     Attributes
     ----------
     place : bool
-        Whether base and tool are first fitted to the calibration rows.
+        Whether base and tool are first fitted to the calibration rows; of distances, the balls.
     everything : bool
         Whether to judge on all measured rows.
     point : tuple of float or None
@@ -348,13 +367,28 @@ def validate(
         refuse_incomparable(saved, second, other)
     rows = dataset.usable if asked.everything else dataset.validation_rows
     placed = asked.place or (second is not None and bool(dataset.pointed.any()))
+    balls, both = None, [each.model for each in (saved, second) if each is not None]
+    if (rows & dataset.spanned).any() and (
+        (asked.place and not dataset.pointed.any())
+        or not all(knows_ends(each, dataset, rows) for each in both)
+    ):
+        say("placing the balls by distances")
+        by: Literal["calibration", "half"] = "calibration" if dataset.fit_rows.any() else "half"
+        if by == "half":
+            as_read, dataset = halved(as_read), halved(dataset)
+            rows = dataset.usable if asked.everything else dataset.validation_rows
+        balls = BallsPlaced(by=by, distances=int((dataset.fit_rows & dataset.spanned).sum()))
+        placed = True
+    base = base_model_of(dataset.placing) if balls is None else balls_of(dataset)
 
     def in_place(model: CalibratedModel) -> tuple[ModelStructure, Array]:
         own = (model.model, model.estimate)
+        if balls is not None:
+            return place_nominal(dataset, base, of_the_robot(*own))
         return place(dataset.placing, *own) if placed else own
 
     models = {
-        "nominal robot, placed": place_nominal(dataset.placing, base_model_of(dataset.placing)),
+        "nominal robot, placed": place_nominal(dataset.placing, base),
         _name(path): in_place(saved),
     }
     if second is not None and other is not None:
@@ -393,6 +427,7 @@ def validate(
         judged_on="all" if asked.everything else "validation",
         holdout=None if asked.everything else dataset.header.holdout,
         placed=placed,
+        balls=balls,
         judgements=[JudgementShown.of(each) for each in judgements],
         length_repeatability=(
             None if repeats.lengths is None else LengthRepeatability.model_validate(repeats.lengths)
@@ -405,6 +440,8 @@ def validate(
         comparison=comparison,
         warnings=_warnings(dataset, saved, second, judgements, placed=placed, everything=asked.everything),
     )
+    if balls is not None and asked.everything:
+        result.warnings.append("The distances that placed the balls are among those judged: flatters.")
     if accepted is not None:
         result.acceptance = AcceptanceShown.model_validate(accepted)
     return ValidationOutcome(dataset, result, saved.sha256, under, accepted)

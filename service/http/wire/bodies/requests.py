@@ -390,7 +390,8 @@ class ValidationAsked(JudgeRequest):
     place: Annotated[
         bool,
         told(
-            "Fit base, and tool where the model frees it, to the calibration rows, or without any to all.",
+            "Fit base, and tool where the model frees it, to the calibration rows, or without any to all. Of "
+            "distances: the balls, by half of the poses where all rows judge.",
             False,
         ),
     ] = False
