@@ -6,7 +6,7 @@ from acquisition.campaign.check_poses import ApproachRule, drawn_poses, stance_p
 from acquisition.campaign.observability import setup_of
 from acquisition.campaign.placement_views import placement_picture
 from acquisition.campaign.placements import BallPlacement, HexapodSurvey, ReachResult, best_first, grid
-from acquisition.campaign.plan import Visit, make_plan
+from acquisition.campaign.plan import Visit, left_out, make_plan
 from acquisition.campaign.poses import Pose, draw_poses
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "draw_poses",
     "drawn_poses",
     "grid",
+    "left_out",
     "make_plan",
     "placement_picture",
     "read_campaign",

@@ -19,6 +19,7 @@ Times in s of the campaign, angles in deg, lengths in mm.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -27,6 +28,7 @@ from typing import Literal
 import numpy as np
 
 from acquisition.campaign.blocks import AnyBlock
+from acquisition.campaign.blocks.ballbar_geometry import BallbarGeometryBlock
 from acquisition.campaign.blocks.block import (
     DECIMALS,
     Approach,
@@ -35,8 +37,10 @@ from acquisition.campaign.blocks.block import (
     Joints,
     RandomStream,
     Site,
+    rounded,
 )
 from acquisition.campaign.campaign import Campaign
+from acquisition.campaign.driven import commanded
 from acquisition.campaign.poses import draw_poses, moves_s
 from acquisition.cell.cell import Cell
 from acquisition.cell.transit import Transit, clear_moves
@@ -48,6 +52,8 @@ __all__ = ["DECIMALS", "Visit", "make_plan"]
 Kind = Literal["nest", "pose"]
 READING_S = 1.0  # beam and reply, in addition to the samples
 SAMPLES_PER_S = 1000.0
+_NUMBERED = re.compile(r"(\d+) of block")
+_NAMED = 20  # poses that a sentence names
 
 
 @dataclass(frozen=True)
@@ -138,7 +144,74 @@ def make_plan(cell: Cell, campaign: Campaign) -> list[Visit]:
         poses = [visit for unit in units for visit in unit]
         for group in _one_target_each(poses, cell) if cell.instrument.one_smr else [poses]:
             visits += group if reference is None else _with_references(campaign, group, reference)
+    for number in numbers:
+        visits = _driven(cell, campaign, number, visits)
     return [replace(visit, number=i) for i, visit in enumerate(visits)]
+
+
+def _driven(cell: Cell, campaign: Campaign, number: int, visits: list[Visit]) -> list[Visit]:
+    """Bring the visits of a block to the joints of its model; the approach moves with the pose.
+
+    Visits that the real robot does not reach are left out (`left_out`). Reference poses stay.
+
+    Raises
+    ------
+    ConfigError
+        The model cannot be used, or the real robot reaches no pose of the block.
+    """
+    block = campaign.blocks[number]
+    those = [visit for visit in visits if visit.block == number and visit.kind == "pose"]
+    stops = [stop.joints_deg for visit in those if visit.set != "reference" for stop in visit.stops]
+    if block.model_file is None or not stops:
+        return visits
+    where = f"block {number + 1}, key 'model'"
+    touched = [
+        i
+        for i, each in enumerate(campaign.blocks, 1)
+        if isinstance(each, BallbarGeometryBlock) and each.touch_with
+    ]
+    if touched:
+        raise ConfigError(
+            f"{where}: does not go with touch_with of block {touched[0]}, whose positions are those of the robot as "
+            "delivered; measure the cups, or leave touch_with out"
+        )
+    there = dict(zip(stops, commanded(cell, block.model_file, where, stops, block.approach), strict=True))
+    if not any(there.values()):
+        raise ConfigError(
+            f"{where}: {block.model_file}: the real robot reaches no pose of the block within its limits"
+        )
+
+    def driven(visit: Visit) -> Visit | None:
+        pose, *waypoints = (there[stop.joints_deg] for stop in visit.stops)
+        if pose is None or None in waypoints:
+            return None
+        shift = np.subtract(pose, visit.joints_deg)
+        approach = there.get(visit.approach_deg) or rounded(np.add(visit.approach_deg, shift))
+        name = f"{visit.name}, through {block.model}"
+        return replace(
+            visit, name=name, joints_deg=pose, approach_deg=approach, waypoints=tuple(filter(None, waypoints))
+        )
+
+    moved = [driven(visit) if visit in those and visit.set != "reference" else visit for visit in visits]
+    return [visit for visit in moved if visit is not None]
+
+
+def left_out(campaign: Campaign, visits: Sequence[Visit]) -> list[str]:
+    """Return a sentence for every block of whose poses some are not in a plan, since the arm does not reach them.
+
+    The poses of a block are numbered from 1; those that were left out are missing in the names of its visits.
+    """
+    out = []
+    for number, block in enumerate(campaign.blocks):
+        own = [visit.name for visit in visits if visit.block == number and visit.set != "reference"]
+        found = {int(match[1]) for name in own if (match := _NUMBERED.search(name))}
+        wanted = block.wanted or max(found, default=0)
+        if missing := sorted({*range(1, wanted + 1)} - found):
+            which = ", ".join(map(str, missing[:_NAMED])) + (", ..." if len(missing) > _NAMED else "")
+            out.append(
+                f"Block {number + 1}: the arm does not reach {len(missing)} of {wanted} poses. Left out: {which}."
+            )
+    return out
 
 
 def _fits_instrument(cell: Cell, campaign: Campaign) -> None:

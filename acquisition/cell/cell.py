@@ -130,12 +130,11 @@ class WorldSection(Table):
 
     @model_validator(mode="after")
     def _spans_a_frame(self) -> Self:
-        if len(self.nests) < 3:
-            raise refused("nests", f"names {len(self.nests)} nests.", "The world frame needs three.")
-        origin, second, third = np.array(list(self.nests.values())[:3])
-        if np.linalg.norm(np.cross(second - origin, third - origin)) < 100.0**2:
-            do = "Put them at least 100 mm apart, not in a row."
-            raise refused("nests", "do not span a frame.", do)
+        if len(self.nests) >= 3:
+            origin, second, third = np.array(list(self.nests.values())[:3])
+            if np.linalg.norm(np.cross(second - origin, third - origin)) < 100.0**2:
+                do = "Put them at least 100 mm apart, not in a row."
+                raise refused("nests", "do not span a frame.", do)
         refuse_unknown("nests_u_mm", self.nests_u_mm, self.nests)
         return self
 
@@ -251,6 +250,9 @@ class Cell(Table):
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         nests, targets = self.world.nests, self.tool.targets
+        fewest = 1 if self.instrument.declared.measures_lengths else 3  # distances need no frame
+        if len(nests) < fewest:
+            raise refused("world.nests", f"names {len(nests)} nests.", "The world frame needs three.")
         for name in (*targets, *nests):
             if not (name.isidentifier() and name.isascii()):
                 key = "tool.targets" if name in targets else "world.nests"

@@ -22,7 +22,7 @@ from tests.acquisition.test_blocks import TAUGHT, plan_of
         ({"kind": "sphere", "centre_deg": [170.0, *TAUGHT[1:]], "targets": ["T1"]}, "outside the limits"),
         (
             {"kind": "sphere", "centre_deg": TAUGHT, "targets": ["T1"], "radius_mm": 2000.0},
-            "too few points",
+            "reaches no point",
         ),
     ],
 )

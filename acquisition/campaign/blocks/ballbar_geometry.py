@@ -51,7 +51,9 @@ class BallbarGeometryBlock(Block):
             raise ConfigError(
                 f"block {site.number + 1}: touch_with = {self.touch_with!r} is none of {', '.join(cell.tool.targets)}"
             )
-        if self.touch_with is not None and not set(list(cell.nests)[:3]) <= set(base):
+        if self.touch_with is not None and (
+            len(cell.nests) < 3 or not set(list(cell.nests)[:3]) <= set(base)
+        ):
             raise ConfigError(
                 f"block {site.number + 1}: touch_with needs the first three of {', '.join(cell.nests)} in its base"
             )

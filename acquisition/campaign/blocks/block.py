@@ -12,13 +12,14 @@ from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, model_validator
+from pydantic import BeforeValidator, PrivateAttr, ValidationInfo, model_validator
 
 from acquisition.cell.cell import Cell
-from acquisition.file_table import List, Once, Table, Text, no_default, refused, told
+from acquisition.file_table import List, Once, OnlyInFiles, Table, Text, no_default, refused, told
 from drivers.errors import ConfigError
 
 DECIMALS = 4  # a stock open_abb request carries four
@@ -241,6 +242,7 @@ class Block(Table):
     ordered: ClassVar[bool] = True
     of_lengths: ClassVar[bool] = False
     usual_settle_s: ClassVar[float | None] = None
+    _model_file: Path | None = PrivateAttr(None)
 
     targets: Annotated[
         Once[Text] | None, told("Names of targets of the cell; left out: all.", ["T1", "T3"])
@@ -271,9 +273,33 @@ class Block(Table):
             json_schema_extra=no_default,
         ),
     ] = False
+    model: Annotated[
+        Text | None,
+        OnlyInFiles(),
+        told(
+            "A saved model beside the campaign: the real robot, by the model, takes the poses of this block.",
+            "m.json",
+        ),
+    ] = None
     new_station: Annotated[bool, told("A person sets the instrument up anew before this block.", False)] = (
         False
     )
+
+    @model_validator(mode="after")
+    def _has_a_model(self, info: ValidationInfo) -> Self:
+        folder: Path | None = (info.context or {}).get("folder")
+        self._model_file = None if self.model is None or folder is None else folder / self.model
+        return self
+
+    @property
+    def model_file(self) -> Path | None:
+        """The file of `model`; None if there is none, or if the campaign is that of a record."""
+        return self._model_file
+
+    @property
+    def wanted(self) -> int | None:
+        """Number of poses that the block asks for; None if it depends on the cell."""
+        return None
 
     @property
     def lengths(self) -> bool:

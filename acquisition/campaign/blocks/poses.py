@@ -144,6 +144,10 @@ class PosesBlock(Chosen):
     def given_sides(self) -> tuple[tuple[int, ...], ...]:
         return self.approach_sides
 
+    @property
+    def wanted(self) -> int | None:
+        return self.number
+
     def visits_at(self, site: Site) -> list[BlockVisit]:
         drawn = self.select in DRAWN
         longest = site.approach.usual_longest_deg if drawn else site.approach.longest_deg

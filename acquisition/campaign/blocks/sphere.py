@@ -65,6 +65,10 @@ class SphereBlock(Block):
         """Whether the block is measured with a ballbar."""
         return self.base is not None
 
+    @property
+    def wanted(self) -> int | None:
+        return self.count
+
     def visits_at(self, site: Site) -> list[BlockVisit]:
         if len(site.targets) != 1:
             raise ConfigError(f"block {site.number + 1}: a sphere is measured with one target, name it")
@@ -81,7 +85,7 @@ class SphereBlock(Block):
         poses = self._poses(site)
         sides = site.sides()
         distances = [] if self.base is None else [(site.targets[0], self.base)]
-        visits = [site.visit(f"point {i}", pose, sides, distances) for i, pose in enumerate(poses, start=1)]
+        visits = [site.visit(f"point {i}", pose, sides, distances) for i, pose in poses.items()]
         if self._suppress:
             return visits
         return visits[:1] + [
@@ -89,30 +93,38 @@ class SphereBlock(Block):
             for before, visit in ((a.joints_deg, b) for a, b in pairwise(visits))
         ]
 
-    def _poses(self, site: Site) -> list[Joints]:
-        """Select poses evenly among those that the arm and its limits allow.
+    def _poses(self, site: Site) -> dict[int, Joints]:
+        """Select poses evenly among those that the arm and its limits allow; keys are the numbers of the points.
+
+        If the arm reaches fewer than `count`, every point is measured at the nearest place that it reaches, or is left
+        out if that place is nearer to another point.
 
         Raises
         ------
         ConfigError
-            The arm reaches too few points of the sphere.
+            The arm reaches no point of the sphere.
         """
         taught = np.array([site.posture("centre_deg", self.centre_deg)])
-        found = np.zeros((0, taught.shape[1]))
+        found, places = np.zeros((0, taught.shape[1])), np.zeros((0, 3))
         tried = self.count
         while len(found) < self.count and tried <= _MOST * self.count:
-            found = self._reached(site, taught, cap(tried, self.above_deg))
+            found, places = self._reached(site, taught, cap(tried, self.above_deg))
             tried *= 2
-        if len(found) < self.count:
+        if not len(found):
             raise ConfigError(
-                f"block {site.number + 1}: the arm reaches too few points of the sphere, {len(found)} of "
-                f"{self.count}; teach another centre, raise above_deg, or turn {site.targets[0]} to the instrument"
+                f"block {site.number + 1}: the arm reaches no point of the sphere; teach another centre, raise "
+                f"above_deg, or turn {site.targets[0]} to the instrument"
             )
-        chosen = np.round(np.linspace(0, len(found) - 1, self.count)).astype(int)
-        return [rounded(row) for row in found[chosen]]
+        if len(found) >= self.count:
+            chosen = np.round(np.linspace(0, len(found) - 1, self.count)).astype(int)
+            return {number: rounded(row) for number, row in enumerate(found[chosen], start=1)}
+        near = places @ cap(self.count, self.above_deg).T  # (k, count) cosines
+        owner, best = np.argmax(near, axis=1), np.argmax(near, axis=0)
+        kept = np.flatnonzero(owner[best] == np.arange(self.count))
+        return {int(point) + 1: rounded(found[best[point]]) for point in kept}
 
-    def _reached(self, site: Site, taught: Array, directions: Array) -> Array:
-        """Return the joints (k, N), deg, of the directions that the arm reaches.
+    def _reached(self, site: Site, taught: Array, directions: Array) -> tuple[Array, Array]:
+        """Return the joints (k, N), deg, of the directions that the arm reaches, and these directions (k, 3).
 
         All are in the branch of the taught pose.
         """
@@ -124,11 +136,12 @@ class SphereBlock(Block):
             branch = nearest_branch(configurations(site.cell, flange, taught[0]), taught)[0]
             if branch < 0:
                 raise ConfigError(f"block {site.number + 1}: centre_deg is outside the limits of the cell")
-            joints = configurations(site.cell, goals, taught[0])[:, branch]
-        joints = np.round(joints[np.all(np.isfinite(joints), axis=1)], DECIMALS)
+            joints = np.round(configurations(site.cell, goals, taught[0])[:, branch], DECIMALS)
+        good = np.all(np.isfinite(joints), axis=1)
         offset = abs(site.approach.offset_deg) * np.array(site.sides()) if self._suppress else 0.0
-        clear = facing(site.cell, joints, site.targets) & may_visit(site.cell, joints, joints - offset)
-        return joints[clear]
+        known = joints[good]
+        good[good] = facing(site.cell, known, site.targets) & may_visit(site.cell, known, known - offset)
+        return joints[good], directions[good]
 
 
 def cap(count: int, above_deg: float) -> Array:

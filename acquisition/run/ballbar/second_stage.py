@@ -54,7 +54,10 @@ class SecondStage:
         self._blocks = {
             i
             for i, block in enumerate(campaign.blocks)
-            if isinstance(block, HexapodBlock | SphereBlock) and block.lengths and block.stages == 2
+            if isinstance(block, HexapodBlock | SphereBlock)
+            and block.lengths
+            and block.stages == 2
+            and block.model is None  # its joints are corrected already
         }
 
     def plan(self) -> None:

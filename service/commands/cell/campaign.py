@@ -26,7 +26,7 @@ from acquisition import (
     read_cell,
     read_status,
 )
-from acquisition.campaign import CampaignTable
+from acquisition.campaign import CampaignTable, left_out
 from acquisition.cell import unstated_in_words
 from acquisition.errors import RecordError, RecordInUse, UnsafePlan
 from acquisition.examination import note_low_priority
@@ -359,12 +359,15 @@ def created(record: Path, cell: Cell, campaign: Campaign, file: Path, *, simulat
         The record cannot be created.
     """
     try:
-        run = Run.create(record, cell, campaign, simulated=simulate)
+        visits = acquisition.checked_plan(cell, campaign)
+        run = Run.create(record, cell, campaign, simulated=simulate, visits=visits)
     except RecordError:
         raise
     except (ConfigError, UnsafePlan) as error:  # of the plan, which does not know its file
         raise type(error)(f"{file}: {error.message}", what_to_do=error.what_to_do) from error
     note_if_others_read(record)
+    for sentence in left_out(campaign, visits):
+        sys.stderr.write(f"truepose: {sentence}\n")
     if cell.unstated:
         sys.stderr.write(f"truepose: {unstated_in_words(cell.unstated)}\n")
     return run

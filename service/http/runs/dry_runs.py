@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from acquisition import Campaign, Cell, RunStatus, State, checked_plan
-from acquisition.campaign import Visit
+from acquisition.campaign import Visit, left_out
 from acquisition.loop import calibration_campaign
 from calib.errors import DataError
 from calib.text import parse_toml, read_json, replace_file
@@ -101,7 +101,12 @@ def keep(folder: Path, cell: Cell, table: Mapping[str, Any], name: str, simulate
         state=done.value,
         state_code=done.code,
         seconds_left=plan.seconds,
-        reason=f"Checked only: {counted(len(visits), 'visit')}, {counted(total, 'reading')}; nothing has moved.",
+        reason=" ".join(
+            (
+                f"Checked only: {counted(len(visits), 'visit')}, {counted(total, 'reading')}; nothing has moved.",
+                *left_out(campaign, visits),
+            )
+        ),
         version=1,
         done=0,
         total=total,

@@ -36,6 +36,10 @@ def campaign_of(table: Mapping[str, Any]) -> Campaign:
             continue
         if block.get("select") == "file":
             raise ConfigError("campaign, key 'block': select = 'file' reads files of the server; send a list")
+        if "model" in block:
+            raise ConfigError(
+                "campaign, key 'block': model reads a file of the server; drive such a block with truepose campaign run"
+            )
         count += block["count"] if isinstance(block.get("count"), int) else 0
     if count > MOST_POSES:
         raise ConfigError(f"campaign, key 'block': has {count} poses, at most {MOST_POSES} are taken")
