@@ -278,6 +278,10 @@ def export_command(
             terminal.note(found)
         if assumed := assumed_in_words(dataset.header):
             terminal.note(assumed)
+        if not dataset.fit_rows.any():
+            terminal.note(
+                f"All of them judge. Next: truepose validate {out} --model M.json --report judged.html"
+            )
     write_json(
         {"format": "truepose-export/1", "record": str(record)} | document_of(DataShown.of(dataset)), json
     )
