@@ -265,7 +265,7 @@ def visit_of(block: AnyBlock, site: Site, visit: BlockVisit) -> Visit:
         block.set,
         site.number,
         tuple(target for target, _ in visit.distances)
-        or tuple(target for target in site.targets for _ in range(visit.readings)),
+        or tuple(target for target in visit.targets or site.targets for _ in range(visit.readings)),
         visit.joints_deg,
         visit.sides,
         visit.approach_deg,

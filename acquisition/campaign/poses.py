@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from acquisition.cell.cell import Cell
 from acquisition.cell.transit import may_visit
-from acquisition.cell.workspace import facing, is_allowed
+from acquisition.cell.workspace import beyond_cone, is_allowed
 from calib.arm import forward
 from calib.array import Array
 from drivers.errors import ConfigError
@@ -51,6 +51,7 @@ def draw_poses(
     decimals: int = 4,
     targets: Sequence[str] | None = None,
     fewest: int | None = None,
+    one_target: bool = False,
     within: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> list[Pose]:
     """Draw random poses with their approach.
@@ -70,6 +71,8 @@ def draw_poses(
         |offset_deg|.
     targets
         Targets that must be visible at the pose. Default: all of the cell.
+    one_target
+        Whether it is enough if one of them is visible.
     within
         Tells of joint angles (n, N) whether the poses are wanted. Default: all.
 
@@ -105,7 +108,8 @@ def draw_poses(
             # Rounded down, so that the limits hold; the shortest is what it is.
             lengths = np.maximum(np.floor(drawn * 10**decimals) / 10**decimals, reach)
         before = joints - sides * lengths[:, None]
-        seen = facing(cell, joints, targets)
+        inside = beyond_cone(cell, joints, targets) >= 0.0
+        seen = inside.any(axis=1) if one_target else inside.all(axis=1)
         seen = seen if within is None else seen & within(joints)
         joints, sides, lengths, before = joints[seen], sides[seen], lengths[seen], before[seen]
         # They were drawn within the limits, but rounding may have left them.
@@ -124,16 +128,19 @@ def draw_poses(
                 ]
         found = found[:most]
     if len(found) < fewest:
-        raise too_few(cell, len(found), fewest, targets)
+        raise too_few(cell, len(found), fewest, targets, one_target=one_target)
     return found
 
 
-def too_few(cell: Cell, found: int, needed: int, targets: Sequence[str] | None) -> ConfigError:
+def too_few(
+    cell: Cell, found: int, needed: int, targets: Sequence[str] | None, *, one_target: bool = False
+) -> ConfigError:
     """Return the error for too few random poses; it names the normals if they are the reason."""
     names = cell.tool.targets if targets is None else targets
     looking = [name for name in names if name in cell.tool.normals]
+    named = (" or " if one_target else ", ").join(looking)
     seen = (
-        f" and turn {', '.join(looking)} to the instrument within {cell.instrument.declared.cone_deg:g} deg"
+        f" and turn {named} to the instrument within {cell.instrument.declared.cone_deg:g} deg"
         if looking
         else ""
     )

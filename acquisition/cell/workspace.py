@@ -54,15 +54,24 @@ def is_allowed(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
 
 def facing(cell: Cell, joints_deg: Array, targets: Sequence[str]) -> NDArray[np.bool_]:
     """Check that `targets` with a normal face the instrument, within its cone, mask (n,)."""
+    return np.all(beyond_cone(cell, joints_deg, targets) >= 0.0, axis=1)
+
+
+def beyond_cone(cell: Cell, joints_deg: Array, targets: Sequence[str]) -> Array:
+    """Compute how much better than at the edge of its cone the instrument sees each of m targets, (n, m).
+
+    It is the difference of the cosines of the angles between normal and beam: negative outside the cone, 0 for a target
+    without a normal, which is visible from everywhere.
+    """
     poses = forward(cell.robot.model, cell.robot.model_angles(joints_deg))
     least = np.cos(cell.instrument.declared.cone_deg * DEG)
-    seen = np.ones(len(poses), dtype=bool)
-    for name in targets:
+    out = np.zeros((len(poses), len(targets)))
+    for k, name in enumerate(targets):
         if name not in cell.tool.normals:
             continue
         normal = np.array(cell.tool.normals[name])
         place = poses[:, :3, :3] @ np.array(cell.tool.targets[name]) + poses[:, :3, 3]
         beam = np.array(cell.instrument.station_mm) - place
         along = np.sum((poses[:, :3, :3] @ normal) * beam, axis=1)
-        seen &= along >= least * np.linalg.norm(normal) * np.linalg.norm(beam, axis=1)
-    return seen
+        out[:, k] = along / (np.linalg.norm(normal) * np.linalg.norm(beam, axis=1)) - least
+    return out

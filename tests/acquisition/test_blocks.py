@@ -339,3 +339,37 @@ def test_distances_need_a_ballbar() -> None:
         ConfigError, match="block 1: kind = 'hexapod' does not go with the faro-ion; it needs"
     ):
         plan_of({"kind": "hexapod"})
+
+
+ONE = {"count": 40, "one_target": True}
+LOOKING = a_cell(tool__normals={"T1": [0.0, 0.0, 1.0], "T2": [0.0, 1.0, 0.0], "T3": [0.0, -1.0, 0.0]})
+
+
+def test_one_target_that_faces_the_instrument_is_measured_in_each_pose() -> None:
+    visits = plan_of(ONE, cell=LOOKING)
+    assert len(visits) == 40
+    joints = np.array([visit.joints_deg for visit in visits])
+    seen = np.column_stack([facing(LOOKING, joints, (name,)) for name in ("T1", "T2", "T3")])
+    assert not seen.all(axis=1).any()  # T2 and T3 look to opposite sides
+    assert {visit.targets for visit in visits} == {("T1",), ("T2",), ("T3",)}
+    for visit, row in zip(visits, seen, strict=True):
+        assert row[int(visit.targets[0][1]) - 1]
+    with pytest.raises(ConfigError, match="turn T1, T2, T3 to the instrument"):
+        plan_of({"count": 5}, cell=LOOKING)
+    with pytest.raises(ConfigError, match="observability"):
+        plan_of({**ONE, "select": "observability"}, cell=LOOKING)
+
+
+def test_a_target_that_faces_the_instrument_comes_before_one_without_a_normal() -> None:
+    cell = a_cell(tool__normals={"T1": [0.0, 0.0, 1.0]})
+    visits = plan_of(ONE | {"targets": ["T3", "T1"], "readings": 2}, cell=cell)
+    joints = np.array([visit.joints_deg for visit in visits])
+    seen = facing(cell, joints, ("T1",))
+    assert 0 < seen.sum() < len(visits)
+    assert [visit.targets for visit in visits] == [("T1",) * 2 if one else ("T3",) * 2 for one in seen]
+
+
+def test_with_one_smr_a_pose_is_visited_once_for_its_target() -> None:
+    visits = plan_of(ONE, cell=a_cell(instrument__one_smr=True, tool__normals=dict(LOOKING.tool.normals)))
+    assert len(visits) == 40
+    assert [visit.targets[0] for visit in visits] == sorted(visit.targets[0] for visit in visits)

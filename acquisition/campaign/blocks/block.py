@@ -161,6 +161,8 @@ class BlockVisit:
         The further waypoints of a path.
     readings
         Number of readings of every target while the arm rests.
+    targets
+        The targets that are measured, if not all of the block.
     """
 
     what: str
@@ -170,6 +172,7 @@ class BlockVisit:
     distances: Sequence[tuple[str, str]] = ()
     waypoints: tuple[Joints, ...] = ()
     readings: int = 1
+    targets: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

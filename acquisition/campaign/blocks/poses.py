@@ -11,12 +11,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from acquisition.campaign.blocks.block import DECIMALS, Block, BlockVisit, Joints, RandomStream, Set, Site
 from acquisition.campaign.blocks.legs import SidesOfPoses, refuse_other_shape
 from acquisition.campaign.observability import CANDIDATES, select_poses
 from acquisition.campaign.poses import Pose, draw_poses
+from acquisition.cell.workspace import beyond_cone
 from acquisition.errors import as_config_error
 from acquisition.file_table import OnlyInFiles, Rows, Text, refused, told
 from calib.text import read_text, rows_of
@@ -76,8 +78,8 @@ class Chosen(Block):
     def given_sides(self) -> tuple[tuple[int, ...], ...]:
         return ()
 
-    def poses(self, site: Site, longest_deg: float | None) -> list[Pose]:
-        """Return the poses with their approach; `longest_deg` as in `campaign.poses.draw_poses`.
+    def poses(self, site: Site, longest_deg: float | None, *, one_target: bool = False) -> list[Pose]:
+        """Return the poses with their approach; `longest_deg` and `one_target` as in `campaign.poses.draw_poses`.
 
         Raises
         ------
@@ -99,6 +101,7 @@ class Chosen(Block):
                 decimals=DECIMALS,
                 targets=site.targets,
                 fewest=number,
+                one_target=one_target,
             )
             return select_poses(site.cell, drawn, number, rng, site.targets) if chosen else drawn
 
@@ -132,9 +135,19 @@ class PosesBlock(Chosen):
     readings: Annotated[
         int, told("Number of readings of every target while the arm rests there.", 3, ge=1, le=100)
     ] = 1
+    one_target: Annotated[
+        bool,
+        told(
+            "Measure in each pose the one of `targets` that faces the instrument best, by its normal in the cell.",
+            True,
+        ),
+    ] = False
 
     @model_validator(mode="after")
     def _sides_of_given_poses(self) -> Self:
+        if self.one_target and self.select == "observability":
+            what = "does not go with select = 'observability', which counts on every target in every pose."
+            raise refused("one_target", what, "Use select = 'random', or give the poses.")
         if self.approach_sides and self.select != "list":
             raise refused("approach_sides", "goes with given poses only.", "Use select = 'list'.")
         refuse_other_shape(self.approach_sides, self._given)
@@ -153,9 +166,16 @@ class PosesBlock(Chosen):
         longest = site.approach.usual_longest_deg if drawn else site.approach.longest_deg
         visits = [
             site.visit(f"pose {i}", pose.joints_deg, pose.sides, reach_deg=pose.reach_deg)
-            for i, pose in enumerate(self.poses(site, longest), start=1)
+            for i, pose in enumerate(self.poses(site, longest, one_target=self.one_target), start=1)
         ]
-        return [replace(visit, readings=self.readings) for visit in visits]
+        if not self.one_target:
+            return [replace(visit, readings=self.readings) for visit in visits]
+        joints = np.array([visit.joints_deg for visit in visits])
+        best = np.argmax(beyond_cone(site.cell, joints, site.targets), axis=1)
+        return [
+            replace(visit, readings=self.readings, targets=(site.targets[k],))
+            for visit, k in zip(visits, best.tolist(), strict=True)
+        ]
 
 
 @as_config_error()
