@@ -235,7 +235,7 @@ def _fits_instrument(cell: Cell, campaign: Campaign) -> None:
                 "this cell cannot be recorded in motion; use kind = 'poses', which stops to measure"
             )
         if block.lengths != lengths:
-            blocks = "use kind = 'hexapod' or 'ballbar_geometry', or 'sphere' with its base"
+            blocks = "use kind = 'hexapod' or 'ballbar_geometry', or 'sphere' with its base, or 'repeat' with its legs"
             hint = blocks if lengths else "it needs a ballbar"
             raise ConfigError(
                 f"block {number}: kind = {block.kind!r} does not go with the {cell.instrument.name}; {hint}"

@@ -297,13 +297,19 @@ def judge_repeats(dataset: Dataset, model: ModelStructure, estimate: Array) -> R
     """Compute the ISO 9283 results of every pose visited twice or more.
 
     The visits have one target and one series, and may belong to any set. Repeatability needs no model. Accuracy is
-    relative to the position where `model` expects the target. Distances are those from every such pose to the next, in
-    the order of their first visits.
+    relative to the position where `model` expects the target. Poses of the set `repeat` come first, reference poses
+    last, and among equals those with more visits first. Distances are those from every pose to the next.
     """
     usable = dataset.usable & dataset.pointed
     rows, conditions = np.flatnonzero(usable), dataset.conditions
     same = conditions.take(usable)
-    poses = [rows[visits] for visits in repeated_poses(same.joints, same.series, same.target)]
+    found = [rows[visits] for visits in repeated_poses(same.joints, same.series, same.target)]
+    kinds = [set(dataset.sets[visits].tolist()) for visits in found]
+    keys = [
+        ("repeat" not in kind, kind == {"reference"}, -len(visits))
+        for kind, visits in zip(kinds, found, strict=True)
+    ]
+    poses = [found[k] for k in sorted(range(len(found)), key=keys.__getitem__)]
     lengths = repeats_of_lengths(dataset)
     if not poses:
         return Repeats((), (), lengths)

@@ -5,7 +5,8 @@ frame of the reference body on the robot's base, so that the cameras may move. A
 the requested one:
 
 - body and reference by name, and the number of frames
-- enough targets visible on both: at least 12 on the base, 4 on the tool, whose body has 9 or 20
+- enough targets visible on both: `min_visible_base` (12) on the base, `min_visible` (4) on any other body; the bodies
+  of Nubiola's thesis have 9 or 20
 - a unit quaternion, little scatter
 - recent, with a device clock that advances (for steps of the clock see `drivers.bridge.session`)
 
@@ -33,6 +34,7 @@ from drivers.errors import (
 from drivers.interfaces import Identity, InstrumentStatus, PoseReading
 
 REFERENCE, LEAST_ON_REFERENCE = "base", 12  # the body on the robot's foot, and the targets that it needs
+LEAST_ON_BODY = 4
 _FARTHEST_MM = 20_000.0  # beyond the volume of any C-Track
 _VOID: Mapping[str, type[AcquisitionError]] = {
     "TARGET_LOST": TargetNotSeen,
@@ -53,8 +55,8 @@ class CTrack:
         name: str = "ctrack",
         reference: str = REFERENCE,
         rate_hz: float = 29.0,
-        min_visible: int = 4,
-        min_visible_base: int = LEAST_ON_REFERENCE,
+        min_visible: float = LEAST_ON_BODY,
+        min_visible_base: float = LEAST_ON_REFERENCE,
         age_limit_s: float = 1.0,
         scatter_limit_mm: float = 0.25,
         scatter_limit_mrad: float = 1.0,
@@ -63,13 +65,17 @@ class CTrack:
     ) -> None:
         if not rate_hz > 0:
             raise ConfigError(f"rate_hz {rate_hz} must be positive", device=name)
-        if min_visible < 4 or min_visible_base < 4:
-            raise ConfigError("a pose needs at least 4 visible targets on either body", device=name)
+        if any(least < LEAST_ON_BODY or least % 1 for least in (min_visible, min_visible_base)):
+            raise ConfigError(
+                f"min_visible {min_visible:g} and min_visible_base {min_visible_base:g} must be whole numbers from "
+                f"{LEAST_ON_BODY} on, which a pose needs",
+                device=name,
+            )
         _word(reference, name)
         self.name = name
         self._reference = reference
         self._rate_hz = rate_hz
-        self._least = (min_visible, min_visible_base)
+        self._least = (int(min_visible), int(min_visible_base))
         self._age_limit_s = age_limit_s
         self._scatter_limits = (scatter_limit_mm, scatter_limit_mrad)
         self.deadlines = deadlines or InstrumentDeadlines()
@@ -137,6 +143,11 @@ class CTrack:
     def disarm(self) -> None:
         """Allow no more measurements until armed again; never raises."""
         self.session.armed = False
+
+    @property
+    def least_on_reference(self) -> int:
+        """Number of targets of the reference that must be visible."""
+        return self._least[1]
 
     @property
     def bodies(self) -> Mapping[str, int]:

@@ -23,6 +23,7 @@ from acquisition.record import export_together
 from acquisition.record.store import PlannedReading
 from acquisition.run.prompts.manual_steps import ManualSteps
 from calib import identify, read_dataset
+from calib.validation.ballbar import repeats_of_lengths
 from drivers import Answer, ConfigError, LinkLost, NotReady, OutOfRange
 from tests.acquisition.bars import OFF_DEG, TWO_STAGES, Bar, made
 from tests.acquisition.fakes import (
@@ -363,3 +364,34 @@ def test_a_ballbar_has_no_station(bars: Any) -> None:
         bars().run.restation(by="anna")
     with pytest.raises(ConfigError, match="new_station need"):
         make_plan(a_cell(**BALLBAR), a_campaign(block=[*HEXAPOD, HEXAPOD[0] | {"new_station": True}]))
+
+
+def test_distances_are_repeated(bars: Any) -> None:
+    """Nubiola 3.5: two poses in turn, three visits each, one leg."""
+    legs = [visit.readings[:1] for visit in make_plan(a_cell(**BALLBAR), a_campaign(block=HEXAPOD))]
+    poses = [list(visit.joints_deg) for visit in make_plan(a_cell(**BALLBAR), a_campaign(block=HEXAPOD))]
+    block = {"kind": "repeat", "select": "list", "joints_deg": poses, "visits": 3}
+    bar = bars(block=[block | {"legs": [[list(leg) for leg in row] for row in legs]}])
+    assert bar.execute() == "succeeded"
+    dataset = read_dataset(export(bar.folder, bar.folder / "out.csv"))
+    assert list(dataset.sets) == ["repeat"] * 6
+    assert len(np.unique(dataset.conditions.pose)) == 2
+    repeats = repeats_of_lengths(dataset)
+    assert repeats is not None
+    assert (repeats.poses, repeats.readings) == (2, 6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"legs": [[["T1", "B1"]]]}, r"block\[0\]\.legs"),
+        ({"select": "random", "count": 1, "legs": [[["T1", "B1"]]]}, r"block\[0\]\.legs"),
+        ({"legs": [[["T1", "B9"]], [["T1", "B1"]]]}, "a leg from 'T1' to 'B9'"),
+        ({}, "'repeat' with its legs"),
+    ],
+)
+def test_distances_that_cannot_be_repeated(changes: dict[str, Any], words: str) -> None:
+    pose = [0.0, 20.0, 0.0, 0.0, 60.0, 0.0]
+    block = {"kind": "repeat", "select": "list", "joints_deg": [pose, pose]} | changes
+    with pytest.raises(ConfigError, match=words):
+        make_plan(a_cell(**BALLBAR), a_campaign(block=[block]))

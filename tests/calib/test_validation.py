@@ -360,3 +360,22 @@ def test_distances_are_held_out_like_points() -> None:
         assert (
             0.01 < each.errors.rms < 0.03
         )  # noise of 2 um and repeatability of 0.8 mdeg, through a fit of few rows
+
+
+def test_poses_of_iso_9283_come_before_others_that_repeat(tmp_path: Path) -> None:
+    """The reference pose is measured first and most often; a repeat block is what the standard asks for."""
+    campaign = make_campaign(seed=4, n=20, n_validation=4, effects=[], reference_every=2)
+    rows, header = exact(campaign)
+    single = [row for row in rows if (row["set"], row["tool_target"]) == ("calibration", "T2")][:2]
+    more = [row | {"set": "repeat"} for _ in range(3) for row in single]
+    for k, row in enumerate([*rows, *more]):
+        row["reading_id"] = k
+    read = read_dataset(write_files(tmp_path, [*rows, *more], header))
+    found = identify(read)
+    repeats = judge_repeats(read, found.model, found.estimate)
+    sets = [str(read.sets[pose.reading]) for pose in repeats.poses]
+    assert sets[-1] == "reference"
+    assert len(repeats.poses) == 3
+    assert [each.visits for each in repeats.poses[:2]] == [4, 4]
+    assert repeats.poses[-1].visits > 4
+    assert repeats.distances[0].readings == tuple(each.reading for each in repeats.poses[:2])

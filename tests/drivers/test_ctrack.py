@@ -11,6 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from acquisition.cell import cell_from
+from calib.text import read_toml
 from drivers import ConfigError, CTrack, NotReady, PoseReading, TargetNotSeen
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
@@ -19,6 +21,7 @@ from mocks.shared.mbp import line
 from mocks.world.transforms import turn
 from tests.drivers.expected import Pair, converse, shapes
 from tests.drivers.instrument_bench import CTRACK, FACING, ONE_SIDED
+from tests.end_to_end.simulated import ROOT
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +105,7 @@ def test_turned_away(shared: CellThread, meter: CTrack) -> None:
 def test_bad_requests(shared: CellThread, meter: CTrack) -> None:
     with pytest.raises(ConfigError, match="T9"):
         meter.measure("T9")
-    for options in ({"rate_hz": 0.0}, {"min_visible": 3}, {"reference": "a b"}):
+    for options in ({"rate_hz": 0.0}, {"min_visible": 3}, {"min_visible": 9.5}, {"reference": "a b"}):
         with pytest.raises(ConfigError):
             CTrack("tcp://127.0.0.1:1", **options)  # type: ignore[arg-type]
     picky = CTrack(shared.url("ctrack"), heartbeat_s=None, min_visible_base=25)
@@ -111,6 +114,28 @@ def test_bad_requests(shared: CellThread, meter: CTrack) -> None:
     with pytest.raises(NotReady, match="24 targets"):
         picky.arm()
     picky.disconnect()
+
+
+def test_a_cell_says_how_many_targets_must_be_visible(shared: CellThread, meter: CTrack) -> None:
+    """Nubiola asks for 9, 20 and 12."""
+    meter.disconnect()
+    table = read_toml(ROOT / "examples" / "irb120_ctrack" / "cell.toml")[1]
+    table["instrument"] |= {"min_visible": 9, "min_visible_base": 12}
+    section = cell_from(table, "cell.toml").instrument
+    strict = section.declared.make(shared.url("ctrack"), heartbeat_s=None, **section.options)
+    assert isinstance(strict, CTrack)
+    assert strict.least_on_reference == 12
+    strict.connect()
+    strict.arm()
+    shared.do("cover", body="T1", count=11)
+    assert strict.measure("T1").visible_tool == 9
+    shared.do("cover", body="T1", count=12)
+    with pytest.raises(TargetNotSeen):
+        strict.measure("T1")
+    strict.disconnect()
+    table["instrument"]["min_visible"] = 3
+    with pytest.raises(ConfigError, match="min_visible"):
+        cell_from(table, "cell.toml")
 
 
 def test_quaternion_of_every_turn() -> None:

@@ -260,3 +260,18 @@ def test_gates_and_drift_were_told(kinds: tuple[Cell, Dataset, Path]) -> None:
     assert drift is not None
     assert drift.readings == int(np.sum((dataset.sets == "reference") & dataset.usable))
     assert 0.0 < drift.off_mm <= drift.most_mm < 0.3
+
+
+def test_tracker_and_cameras_measure_the_same_arm() -> None:
+    """So that a user can compare both calibrations of it."""
+    tracker, cameras = (
+        make_world(read_mock_cell(EXAMPLES / f"irb120_{name}" / "cell.toml")) for name in ("faro", "ctrack")
+    )
+    for field in ("alpha", "a", "theta", "d", "beta", "base_mm", "base_rad"):
+        assert getattr(tracker.geometry, field) == getattr(cameras.geometry, field)
+    assert tracker.compliance == cameras.compliance
+    assert tracker.targets == cameras.targets
+    (one,), (other,) = (world.truth for world in (tracker, cameras))
+    assert one["label"] == other["label"]
+    for name, parameter in one["parameters"].items():
+        assert other["parameters"][name]["value"] == pytest.approx(parameter["value"], rel=1e-5)

@@ -6,6 +6,7 @@ there is no second stage. As for a hexapod, a person moves the bar, and the robo
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Strict, model_validator
@@ -31,6 +32,22 @@ def refuse_other_shape(sides: tuple[tuple[int, ...], ...], poses: tuple[tuple[fl
     """Raise the error of `refused` unless the given sides have one row per pose."""
     if sides and [len(row) for row in sides] != [len(row) for row in poses]:
         raise refused("approach_sides", "is not one row a pose.", ASide)
+
+
+def refuse_unknown_legs(site: Site, rows: Iterable[Iterable[tuple[str, str]]]) -> None:
+    """Refuse legs, per pose, of targets or balls that the cell does not have.
+
+    Raises
+    ------
+    ConfigError
+        The cell does not have one of them.
+    """
+    for target, base in (leg for legs in rows for leg in legs):
+        if target not in site.cell.tool.targets or base not in site.cell.nests:
+            raise ConfigError(
+                f"block {site.number + 1}: a leg from {target!r} to {base!r}; the cell has the targets "
+                f"{', '.join(site.cell.tool.targets)} and the balls {', '.join(site.cell.nests)}"
+            )
 
 
 class LegsBlock(Block):
@@ -60,12 +77,7 @@ class LegsBlock(Block):
         return self
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
-        for target, base in (leg for legs in self.legs for leg in legs):
-            if target not in site.cell.tool.targets or base not in site.cell.nests:
-                raise ConfigError(
-                    f"block {site.number + 1}: a leg from {target!r} to {base!r}; the cell has the targets "
-                    f"{', '.join(site.cell.tool.targets)} and the balls {', '.join(site.cell.nests)}"
-                )
+        refuse_unknown_legs(site, self.legs)
         sides = self.approach_sides or (site.sides(),) * len(self.legs)
         return [
             site.visit(f"pose {i}", site.posture(f"pose {i}", pose), side, legs)
