@@ -93,6 +93,11 @@ class FrontPage:
         """Return the values of the template."""
         first, last = (self.steps[0][1], self.steps[-1][1]) if self.steps else (None, None)
         rungs = [(name, errors, errors is last) for name, errors in self.steps]
+        said, proof = _said(first, last, dataset), _proof(self.verified, dataset, judged=bool(self.steps))
+        if not self.steps and self.verified is not None and self.verified.uncorrected is not None:
+            # nothing was kept aside, because new targets were driven
+            first, last, said, proof = self.verified.uncorrected, self.verified.verified, proof, ""
+            rungs.append(("Measured, uncorrected", first, False))
         if self.verified is not None:
             rungs.append((_SHORT[ladder.VERIFIED], self.verified.verified, True))
         largest = max((_known(errors.rms) for _, errors, _ in rungs), default=0.0) or 1.0
@@ -103,8 +108,8 @@ class FrontPage:
         return {
             "title": self.title,
             "answer": None if first is None or last is None else _pair(first.rms, last.rms),
-            "said": _said(first, last, dataset),
-            "proof": _proof(self.verified, dataset, judged=bool(self.steps)),
+            "said": said,
+            "proof": proof,
             "rungs": [
                 (clipped(name, _NAME), f"{100.0 * _known(errors.rms) / largest:.1f}", errors.rms, best)
                 for name, errors, best in rungs[-_STEPS:]
@@ -436,7 +441,7 @@ def _advice(
     ]
     if checks:
         out.append((f"Check: {checks[0]}", "A correction hides such an error. It does not repair it."))
-    if not diagnosis.dataset.validation_rows.any():
+    if not diagnosis.dataset.validation_rows.any() and verified is None:
         out.append(_JUDGE)
     if usable and (acceptance is None or acceptance.verdict != "rejected"):
         out.append(_CORRECT if likely else _UNLIKELY)

@@ -132,6 +132,17 @@ def test_what_was_not_measured_is_not_stated(tmp_path: Path) -> None:
     assert "Not looked for" in text
 
 
+def test_a_calibration_without_readings_kept_aside_is_judged_by_what_the_robot_showed(tmp_path: Path) -> None:
+    data = write_data(tmp_path)
+    edit_rows(data, lambda rows: [row.update(set="calibration") for row in rows])
+    text = front_of(page_of(diagnose(read_dataset(data)), verified=driven()))
+    assert "1.64 → 0.04 mm" in text
+    assert "at 20 new poses: 1.642 → 0.044 mm RMS" in text
+    assert "Measured, uncorrected" in text
+    for without in ("Not judged", "Keep readings aside", "Kept aside:", "Prove it"):
+        assert without not in text
+
+
 def test_a_report_without_limits_or_proof_says_so_and_simulation_is_marked(known: DiagnosisFit) -> None:
     text = front_of(page_of(known))
     assert "No limits set Neither accepted nor rejected." in text

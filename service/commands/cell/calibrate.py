@@ -42,7 +42,7 @@ from drivers.errors import ConfigError
 from service import exit_codes
 from service.commands import options
 from service.commands.cell.doctor import quiet_drivers, table_of
-from service.commands.models.certificate import CertificateRequest, DccAbout
+from service.commands.models.certificate import CertificateRequest, DccAbout, read_parties
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed.looped import show_loop
 from service.printed.progress import RunProgress, terminal_operator
@@ -96,13 +96,14 @@ def calibrate_command(
     plan_only: Annotated[
         bool, typer.Option("--plan-only", help="Say how many poses and minutes are expected, and end.")
     ] = False,
-    parties: DccAbout = None,
+    dcc_about: DccAbout = None,
     json: options.Json = None,
 ) -> None:
     """Calibrate the robot of a cell and verify it. Give the same command again to continue one that was interrupted."""
     options.check_outputs({"--json": json}, inputs=(cell, *([program] if program is not None else [])))
     the_cell = read_cell(cell)
     folder = record or Path(f"{the_cell.name}-calibration")
+    parties = read_parties(dcc_about, folder / CERTIFICATE, folder / loop_results.REPORT)
     certificate = CertificateRequest.of(folder / CERTIFICATE, parties)
     assert certificate is not None
     campaign, outlook = calibration_campaign(
@@ -177,7 +178,7 @@ def calibrate_command(
             terminal.note(f"Give the same command again to continue{'' if record else f' in {folder}'}.")
             raise typer.Exit(ended.outcome.exit_code) from ended
         terminal.say("drawing the report")
-        document, sealed = loop_results.write(result, folder)
+        document, sealed = loop_results.write(result, folder, parties=parties)
         parameters = [document_of(row) for row in rows_of(result.diagnosis.final)]
         certificate.write(result.diagnosis.dataset, document, parameters, sealed)
         terminal.rest()

@@ -6,7 +6,7 @@ result.json  model.json  targets.csv  report.html, next to data.csv and data.tom
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from acquisition.loop import FollowUpResult, LoopResult, targets_csv
 from calib.saved import save_model
@@ -25,6 +25,9 @@ from service.results.models.diagnosed import (
     Verdict,
 )
 from service.results.shape import Real, ResponseBody, document_of, told
+
+if TYPE_CHECKING:
+    from service.report.certificate import CertificateParties
 
 TARGETS = "targets.csv"
 FILES = (RESULT, MODEL, TARGETS, REPORT, ARROWS)
@@ -98,8 +101,12 @@ class LoopResponse(DiagnosisResult):
     ] = None
 
 
-def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> tuple[dict[str, Any], str | None]:
+def write(
+    result: LoopResult, folder: Path, *, name: str = RESULT, parties: CertificateParties | None = None
+) -> tuple[dict[str, Any], str | None]:
     """Write the results of a loop; return the document of the result, and the hash of the model if there is one.
+
+    `parties` fill in the first page of the report.
 
     The result is written last, as `name`: if it exists, all other files do too.
 
@@ -127,6 +134,7 @@ def write(result: LoopResult, folder: Path, *, name: str = RESULT) -> tuple[dict
             verified=result.verification,
             followed_up=result.followed_up,
             model_sha256=sealed,
+            parties=parties,
         ),
     )
     replace_file(folder / ARROWS, as_json(document_of(ArrowsShown.of(result.diagnosis.dataset, final))))
