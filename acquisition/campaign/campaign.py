@@ -15,6 +15,7 @@ import tomli_w
 from pydantic import PrivateAttr, Strict, model_validator
 
 from acquisition.campaign.blocks import AnyBlock
+from acquisition.campaign.blocks.adaptive import AdaptiveBlock
 from acquisition.campaign.blocks.block import Approach, ApproachTable, Block, Settle
 from acquisition.campaign.blocks.path import PathBlock
 from acquisition.campaign.blocks.poses import read_poses
@@ -126,6 +127,12 @@ class CampaignTable(Table):
         if self.block[0].new_station:
             what = "is true in the first block."
             raise refused("block[0].new_station", what, "The nests are measured there anyway.")
+        adaptive = [i for i, each in enumerate(self.block) if isinstance(each, AdaptiveBlock)]
+        for i, each in enumerate(self.block):
+            if adaptive and i > adaptive[0] and (i in adaptive or each.new_station):
+                key = f"block[{i}].{'kind' if i in adaptive else 'new_station'}"
+                what = f"comes after block[{adaptive[0]}], which adds its poses to the end of the campaign."
+                raise refused(key, what, "Put the adaptive block last, or make two campaigns.")
         approach = self.approach.within(ApproachTable(), "approach.")
         settle = Settle(self.settle_s, self.settle_check)
         blocks = tuple(each.within(approach, settle, f"block[{i}].") for i, each in enumerate(self.block))

@@ -14,7 +14,8 @@ anywhere in the zone would: then only poses that were drawn at random count for 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -43,6 +44,7 @@ from acquisition.cell.cell import cell_of_record
 from acquisition.errors import RecordError, as_config_error
 from acquisition.record.export import table_of
 from acquisition.record.readings import readings_of
+from acquisition.record.states import State
 from acquisition.record.store import RecordStore
 from acquisition.run.clock import Clock
 from acquisition.run.duration import Begin
@@ -86,7 +88,7 @@ class Accuracy:
     poses
         Number of poses measured.
     minutes
-        Time since the campaign began, to which the figures refer; without the time of computations.
+        Time since the campaign began, to which the figures refer; without pauses.
     rms_mm, bound_mm
         RMS error of a reading in the zone, and its upper limit (95 %); None before a visit was predicted.
     floor_mm
@@ -264,7 +266,7 @@ def _diagnosed(sight: Sight) -> tuple[DiagnosisFit, list[Miss]]:
         return now, []
     earlier = replace(dataset, sets=np.where(held_out, "validation", dataset.sets))
     before = diagnose(earlier)
-    rows = earlier.validation_rows & ~before.held_out_faults.rows
+    rows = held_out & ~before.held_out_faults.rows
     if not rows.any():
         return now, []
     found = misses(before.final, earlier, rows)
@@ -341,6 +343,11 @@ def _batch(
 
 
 _BATCHES, _LOOKS = "batch", "accuracy"
+# A program that is killed notes its pause when it is opened again, without a time.
+_STATES = """
+SELECT data, coalesce(t_s, (SELECT max(t_s) FROM event AS earlier WHERE earlier.id < event.id), 0) AS t_s
+FROM event WHERE kind = 'state' ORDER BY id
+"""
 Found = tuple[Accuracy, tuple[Visit, ...], tuple[int, ...]]
 
 
@@ -363,7 +370,7 @@ def look_at(record_dir: Path) -> Found:
         plan = list(dict.fromkeys(planned.visit for planned in store.plan()))
         batches, looks = store.data_of_events(_BATCHES), store.data_of_events(_LOOKS)
         of_reading = {str(reading.id): reading.visit for reading in readings_of(store)}
-        now_s = store.database.query("SELECT coalesce(max(t_s), 0) FROM event")[0][0]
+        elapsed_s = _measuring_s(store, looks)
     cell, campaign = cell_of_record(row["cell"], where), campaign_of_record(row["campaign"], where)
     found_block = block_of(campaign)
     if found_block is None:
@@ -388,7 +395,7 @@ def look_at(record_dir: Path) -> Found:
         judged=tuple(Miss(**miss) for each in looks for miss in each["misses"]),
         taken=frozenset(each.joints_deg for each in own),
         here_deg=np.array(plan[-1].joints_deg),
-        elapsed_s=now_s - sum(each["waited_s"] for each in looks),
+        elapsed_s=elapsed_s,
     )
     found = look(sight, pool)
     first, last = len(own) + 1, plan[-1]
@@ -399,6 +406,23 @@ def look_at(record_dir: Path) -> Found:
     drawn = tuple(visit.number for visit, i in zip(added, found.chosen, strict=True) if i in found.drawn)
     check_plan(cell, [last, *_with_reference(campaign, plan, added)])
     return found.accuracy, tuple(_with_reference(campaign, plan, added)), drawn
+
+
+def _measuring_s(store: RecordStore, looks: Sequence[Mapping[str, Any]]) -> float:
+    """Return the campaign time since the beginning, s, without pauses.
+
+    A simulated robot, whose clock is faster than the computer, does not wait for a look either.
+    """
+    (now_s,) = store.database.query("SELECT coalesce(max(t_s), 0) FROM event")[0]
+    rested_s, since_s = 0.0, None
+    for row in store.database.query(_STATES):
+        if State(json.loads(row["data"])["state"]).active:
+            rested_s += 0.0 if since_s is None else row["t_s"] - since_s
+            since_s = None
+        elif since_s is None:
+            since_s = row["t_s"]
+    waited_s = sum(each["waited_s"] for each in looks) if store.campaign["simulated"] else 0.0
+    return now_s - rested_s - waited_s
 
 
 def block_of(campaign: Campaign) -> tuple[int, AdaptiveBlock] | None:

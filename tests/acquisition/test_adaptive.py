@@ -173,6 +173,76 @@ def test_the_time_is_kept(tmp_path: Path) -> None:
     assert reached["minutes"] < 3.0
 
 
+def a_pause_of_a_day(folder: Path, campaign: Campaign) -> dict[str, Any] | None:
+    """Pause after some poses, go on the next day, and return the accuracy at the end."""
+    bench, clock = Bench(a_cell()), JumpingClock()
+    with Run.create(folder, bench.cell, campaign, simulated=True) as run:
+        bench.faults[60] = run.pause
+        assert run.execute(devices_of(bench), clock).state.value == "paused"
+    clock.calendar += 86_400.0
+    with Run.open(folder) as run:
+        run.resume()
+        assert run.execute(devices_of(bench), clock).state.value == "succeeded"
+        return run.status().accuracy
+
+
+def test_a_pause_takes_no_time(tmp_path: Path, undisturbed: Path) -> None:
+    """A calibration that goes on next morning still has its minutes."""
+    reached = a_pause_of_a_day(tmp_path / "record", a_campaign(minutes=60.0))
+    with Run.open(undisturbed) as run:
+        usual = run.status().accuracy
+    assert reached is not None
+    assert usual is not None
+    assert reached["reached"]
+    assert reached["minutes"] == pytest.approx(usual["minutes"], abs=2.0)
+
+
+def test_what_a_real_robot_waits_for_is_time_at_the_cell(tmp_path: Path) -> None:
+    """Only a simulated one, whose minutes last a fraction of a second, is not charged with computations."""
+    clocks = [JumpingClock(), JumpingClock()]
+    minutes: list[float] = []
+    for clock, simulated in zip(clocks, (True, False), strict=True):
+
+        def slow(
+            function: Callable[[Path], Any], record: Path, /, clock: JumpingClock = clock
+        ) -> Future[Any]:
+            if function is look_at:
+                clock.wait(600.0, threading.Event())
+            return at_once(function, record)
+
+        bench, folder = Bench(a_cell()), tmp_path / str(simulated)
+        with Run.create(folder, bench.cell, a_campaign(), simulated=simulated) as run:
+            assert run.execute(devices_of(bench), clock, begin=slow).state.value == "succeeded"
+            accuracy = run.status().accuracy
+            assert accuracy is not None
+            minutes.append(accuracy["minutes"])
+    assert minutes[1] > minutes[0] + 10.0
+
+
+def test_validation_poses_of_the_campaign_are_not_judged_again_in_every_look(tmp_path: Path) -> None:
+    validation = {"kind": "poses", "set": "validation", "count": 5}
+    table = TABLE | {"block": [validation, TABLE["block"][0]]}
+    measured(tmp_path / "record", campaign_from(table, "campaign.toml")).close()
+    with RecordStore.reading(tmp_path / "record") as store:
+        judged = [miss["visit"] for each in store.data_of_events("accuracy") for miss in each["misses"]]
+        added = [number for each in store.data_of_events("batch") for number in each["visits"]]
+    assert judged
+    assert len(set(judged)) == len(judged)
+    assert set(judged) <= set(added)
+
+
+@pytest.mark.parametrize(
+    ("later", "words"),
+    [
+        (TABLE["block"][0], "kind"),
+        ({"kind": "poses", "set": "validation", "count": 5, "new_station": True}, "new_station"),
+    ],
+)
+def test_what_cannot_follow_an_adaptive_block_is_refused(later: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        campaign_from(TABLE | {"block": [*TABLE["block"], later]}, "campaign.toml")
+
+
 def test_the_reference_pose_comes_again_in_batches(tmp_path: Path) -> None:
     measured(tmp_path / "record", a_campaign(reference_every=15)).close()
     visits = [each for each in plan_of(tmp_path / "record") if each.kind == "pose"]
